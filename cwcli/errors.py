@@ -1,0 +1,74 @@
+"""Known errors: one line for the user, one documented exit code.
+
+Every error that a user can cause, and every fault of a file, is a `CwcliError`. Anything else that escapes is a bug and
+leaves with exit code 70 and a traceback (see `cwcli.cli.main`).
+"""
+
+from __future__ import annotations
+
+EXIT_DONE = 0
+EXIT_GATE_FAILED = 1
+EXIT_USAGE = 2
+EXIT_BAD_INPUT = 3
+EXIT_MISSING_SIGNAL = 4
+EXIT_BAD_DATA = 5
+EXIT_OUTPUT = 6
+EXIT_BUG = 70
+EXIT_INTERRUPTED = 130
+EXIT_PIPE_CLOSED = 141
+
+
+class CwcliError(Exception):
+    """An error with a user-facing line.
+
+    Args:
+        what: What is wrong, in one line, without a trailing full stop.
+        where: File, topic or time that it concerns (`drive.mcap`, `drive.mcap: /gps/fix at 12.3 s`), or "".
+        found: What was found instead, one entry a line, or ().
+        hint: What to do next, or "".
+    """
+
+    exit_code = EXIT_BUG
+
+    def __init__(self, what: str, *, where: str = "", found: tuple[str, ...] = (), hint: str = "") -> None:
+        super().__init__(f"{where}: {what}" if where else what)
+        self.what = what
+        self.where = where
+        self.found = found
+        self.hint = hint
+
+
+class UsageError(CwcliError):
+    """The command line or a configuration file is wrong."""
+
+    exit_code = EXIT_USAGE
+
+
+class InputError(CwcliError):
+    """The input can't be read, or is damaged."""
+
+    exit_code = EXIT_BAD_INPUT
+
+
+class MissingSignalError(CwcliError):
+    """The log lacks a signal that the command needs, or holds more than one candidate for it."""
+
+    exit_code = EXIT_MISSING_SIGNAL
+
+
+class DataError(CwcliError):
+    """The data breaks its contract (units, ranges, order) and `--strict` or the need for it forbids a repair."""
+
+    exit_code = EXIT_BAD_DATA
+
+
+class OutputError(CwcliError):
+    """The output can't be written."""
+
+    exit_code = EXIT_OUTPUT
+
+
+class GateFailedError(CwcliError):
+    """The work is done, and a requested gate failed."""
+
+    exit_code = EXIT_GATE_FAILED

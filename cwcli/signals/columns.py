@@ -1,0 +1,103 @@
+"""A decoded channel: one array per leaf field.
+
+This is the common language of the file formats (which produce it), the role bindings (which give it a meaning) and the
+stages (which publish it). Nothing here knows of MCAP.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Int64Array = npt.NDArray[np.int64]
+FloatArray = npt.NDArray[np.float64]
+NumericArray = npt.NDArray[np.generic]
+
+
+@dataclass(frozen=True)
+class Ragged:
+    """Numeric sequences of varying length: row `i` is `values[offsets[i]:offsets[i + 1]]`.
+
+    Attributes:
+        values: Shape (total,).
+        offsets: Shape (n + 1,), int64, from 0 to total.
+    """
+
+    values: NumericArray
+    offsets: Int64Array
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+
+@dataclass(frozen=True)
+class Strings:
+    """Dictionary-coded strings: row `i` is `values[codes[i]]`; a code of -1 means absent.
+
+    Attributes:
+        codes: Shape (n,), int32.
+        values: The distinct strings, in order of first appearance.
+    """
+
+    codes: npt.NDArray[np.int32]
+    values: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.codes)
+
+
+Field = NumericArray | Ragged | Strings
+
+
+@dataclass(frozen=True)
+class Columns:
+    """One channel as columns, in log-time order.
+
+    Attributes:
+        topic: Channel topic.
+        schema_name: Schema name as the file gives it, e.g. `sensor_msgs/msg/NavSatFix` or `foxglove.LocationFix`.
+        message_encoding: `cdr`, `protobuf` or `json`.
+        log_time_ns: Shape (n,), int64.
+        publish_time_ns: Shape (n,), int64.
+        sequence: Shape (n,), uint32.
+        fields: Dotted leaf path -> array with n rows. Numeric scalars are (n,), fixed-size numeric arrays (n, k);
+            strings are `Strings`; numeric sequences of varying length, and leaves inside a sequence of messages
+            (`returns.range`), are `Ragged`. Absent JSON and protobuf values are NaN in a float column.
+            Byte blobs (image data) are never here: see `Log.frames`.
+        n_undecodable: Messages of the channel that could not be decoded and are left out of every array.
+    """
+
+    topic: str
+    schema_name: str
+    message_encoding: str
+    log_time_ns: Int64Array
+    publish_time_ns: Int64Array
+    sequence: npt.NDArray[np.uint32]
+    fields: Mapping[str, Field]
+    n_undecodable: int = 0
+
+    def __len__(self) -> int:
+        return len(self.log_time_ns)
+
+
+@dataclass(frozen=True)
+class OutputChannel:
+    """A channel that a stage publishes, as columns named like the fields of its protobuf message.
+
+    Attributes:
+        topic: Where it is published, e.g. `/cwcli/ego/state`.
+        schema_name: A message of `schemas/`, e.g. `cwcli.v1.VehicleState`, or a standard `foxglove.*` one.
+        log_time_ns: Shape (n,), int64, non-decreasing.
+        fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated fields.
+    """
+
+    topic: str
+    schema_name: str
+    log_time_ns: Int64Array
+    fields: Mapping[str, Field] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.log_time_ns)
