@@ -1,0 +1,107 @@
+"""What a stage returns: channels for the log, tables for the metrics files, a summary for people and for `--json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from cwcli.metrics.table import Table
+from cwcli.signals.columns import OutputChannel
+
+Cell = str | float | int | None
+
+
+@dataclass(frozen=True)
+class Section:
+    """One table of the summary.
+
+    Attributes:
+        key: Name in the JSON output.
+        title: Heading on the terminal.
+        columns: Column headings, units included.
+        rows: One tuple a row, as long as `columns`.
+    """
+
+    key: str
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+@dataclass(frozen=True)
+class InputCount:
+    """What became of one input channel: nothing is dropped uncounted.
+
+    Attributes:
+        topic: The channel.
+        role: What it was used as.
+        read, used: Numbers of messages.
+        rejected, repaired: Reason -> number of messages.
+    """
+
+    topic: str
+    role: str
+    read: int
+    used: int
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    repaired: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What the user is told at the end of a stage."""
+
+    title: str
+    sections: tuple[Section, ...] = ()
+    inputs: tuple[InputCount, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The summary as JSON-ready values; NaN and infinity become null."""
+        return {
+            "title": self.title,
+            "sections": {
+                section.key: [
+                    dict(zip(section.columns, map(_json_cell, row), strict=True)) for row in section.rows
+                ]
+                for section in self.sections
+            },
+            "inputs": [
+                {
+                    "topic": count.topic,
+                    "role": count.role,
+                    "read": count.read,
+                    "used": count.used,
+                    "rejected": dict(count.rejected),
+                    "repaired": dict(count.repaired),
+                }
+                for count in self.inputs
+            ],
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True)
+class StageResult:
+    """The outcome of one stage.
+
+    Attributes:
+        stage: Its name, e.g. `estimate`.
+        channels: New channels for the log.
+        tables: Metrics by name; the first is the stage's main table (what `--metrics` writes).
+        summary: For people and `--json`.
+        metadata: The record `cwcli.run.<stage>`: version, resolved configuration, input hash, counts.
+    """
+
+    stage: str
+    channels: tuple[OutputChannel, ...]
+    tables: Mapping[str, Table]
+    summary: Summary
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+def _json_cell(cell: Cell) -> Cell:
+    if isinstance(cell, float) and (cell != cell or cell in (float("inf"), float("-inf"))):
+        return None
+    return cell
