@@ -1,6 +1,7 @@
 """Canonical signals: what the numbers of a log mean, in SI units, radians, int64 ns and named frames.
 
-Frames: `map` is local east-north-up; `body` is x forward, y left, z up (REP-103). Heading is counter-clockwise from east.
+Frames: `map` is local east-north-up; `body` is x forward, y left, z up (REP-103). Heading is
+counter-clockwise from east.
 A value that the message does not carry is NaN. Variances that the message does not carry are NaN.
 Rows are sorted by `stamp_ns` and finite in their key fields once `signals.clocks` and the builders have run.
 """
@@ -79,7 +80,7 @@ class VelocitySignal:
 
 @dataclass(frozen=True)
 class SpeedSignal:
-    """Longitudinal speed in the body frame (wheel speed, odometer), with the yaw rate where the message has one.
+    """Longitudinal speed in the body frame (wheel speed, odometer), with the yaw rate where it is given.
 
     Attributes:
         source: Topic.

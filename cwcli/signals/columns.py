@@ -1,7 +1,7 @@
 """A decoded channel: one array per leaf field.
 
-This is the common language of the file formats (which produce it), the role bindings (which give it a meaning) and the
-stages (which publish it). Nothing here knows of MCAP.
+This is the common language of the file formats (which produce it), the role bindings (which give it a meaning) and
+the stages (which publish it). Nothing here knows of MCAP.
 """
 
 from __future__ import annotations
@@ -58,15 +58,15 @@ class Columns:
 
     Attributes:
         topic: Channel topic.
-        schema_name: Schema name as the file gives it, e.g. `sensor_msgs/msg/NavSatFix` or `foxglove.LocationFix`.
+        schema_name: Schema name as the file gives it: `sensor_msgs/msg/NavSatFix`, `foxglove.LocationFix`.
         message_encoding: `cdr`, `protobuf` or `json`.
         log_time_ns: Shape (n,), int64.
         publish_time_ns: Shape (n,), int64.
         sequence: Shape (n,), uint32.
-        fields: Dotted leaf path -> array with n rows. Numeric scalars are (n,), fixed-size numeric arrays (n, k);
-            strings are `Strings`; numeric sequences of varying length, and leaves inside a sequence of messages
-            (`returns.range`), are `Ragged`. Absent JSON and protobuf values are NaN in a float column.
-            Byte blobs (image data) are never here: see `Log.frames`.
+        fields: Dotted leaf path -> array with n rows. Numeric scalars are (n,), fixed-size numeric arrays
+            (n, k); strings are `Strings`; numeric sequences of varying length, and leaves inside a sequence of
+            messages (`returns.range`), are `Ragged`. Absent JSON and protobuf values are NaN in a float
+            column. Byte blobs (image data) are never here: see `Log.frames`.
         n_undecodable: Messages of the channel that could not be decoded and are left out of every array.
     """
 

@@ -1,0 +1,78 @@
+"""Angles: wrapping, unwrapping, and the one place where compass degrees and map headings meet.
+
+A heading inside cwcli is in radians, counter-clockwise from east.
+A compass course is in degrees, clockwise from north.
+"""
+
+from __future__ import annotations
+
+from typing import overload
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+TWO_PI = 2.0 * np.pi
+
+
+@overload
+def wrap_angle(angle_rad: float) -> float: ...
+@overload
+def wrap_angle(angle_rad: FloatArray) -> FloatArray: ...
+def wrap_angle(angle_rad: FloatArray | float) -> FloatArray | float:
+    """Bring angles into (-pi, pi]; NaN stays NaN.
+
+    An angle that is inside already comes back with its bits unchanged.
+
+    Args:
+        angle_rad: A scalar or any shape, radians. Infinity gives NaN.
+
+    Returns:
+        The same shape, in (-pi, pi].
+    """
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    is_inside = (angle > -np.pi) & (angle <= np.pi)
+    with np.errstate(invalid="ignore"):
+        reduced = np.pi - np.mod(np.pi - angle, TWO_PI)
+    reduced = np.where(reduced <= -np.pi, np.pi, reduced)  # rounding of mod can reach 2 pi itself
+    wrapped = np.where(is_inside, angle, reduced)
+    return float(wrapped) if wrapped.ndim == 0 else wrapped
+
+
+def unwrap(angle_rad: FloatArray) -> FloatArray:
+    """Make a sequence of angles continuous along its last axis; NaN entries stay NaN and are stepped over.
+
+    Args:
+        angle_rad: Shape (n,), radians.
+
+    Returns:
+        Shape (n,): each finite entry differs from the finite one before it by at most pi.
+    """
+    angle = np.array(angle_rad, dtype=np.float64)
+    is_finite = np.isfinite(angle)
+    angle[is_finite] = np.unwrap(angle[is_finite])
+    return angle
+
+
+@overload
+def heading_from_compass_deg(compass_deg: float) -> float: ...
+@overload
+def heading_from_compass_deg(compass_deg: FloatArray) -> FloatArray: ...
+def heading_from_compass_deg(compass_deg: FloatArray | float) -> FloatArray | float:
+    """Heading (radians ccw from east, in (-pi, pi]) of a compass course (degrees clockwise from north)."""
+    course = np.asarray(compass_deg, dtype=np.float64)
+    heading = wrap_angle(np.deg2rad(90.0 - course))
+    return float(heading) if course.ndim == 0 else heading
+
+
+@overload
+def compass_deg_from_heading(heading_rad: float) -> float: ...
+@overload
+def compass_deg_from_heading(heading_rad: FloatArray) -> FloatArray: ...
+def compass_deg_from_heading(heading_rad: FloatArray | float) -> FloatArray | float:
+    """Compass course (degrees clockwise from north, in [0, 360)) of a heading (radians ccw from east)."""
+    heading = np.asarray(heading_rad, dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        course = np.mod(90.0 - np.rad2deg(heading), 360.0)
+    course = np.where(course >= 360.0, 0.0, course)  # mod of a tiny negative number rounds to 360
+    return float(course) if course.ndim == 0 else course
