@@ -1,0 +1,98 @@
+"""What the estimator takes in: time series of measured quantities as plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+
+
+class Kind(IntEnum):
+    """What a measurement measures. Every kind has a fixed width (`WIDTH`).
+
+    Attributes:
+        POSITION: x, y in the map frame, metres.
+        VELOCITY: East and north velocity over ground, m/s.
+        SPEED: Longitudinal speed, m/s, negative in reverse.
+        HEADING: Counter-clockwise from east, rad; any number of turns may be added.
+        ACCEL: Longitudinal acceleration, m/s^2.
+        YAW_RATE: Counter-clockwise yaw rate, rad/s.
+        IMU: Accelerometer (forward, left, up, m/s^2; about +9.8 on up at rest) and gyroscope (rad/s) as mounted. The
+            estimator levels it and uses it as one ACCEL and one YAW_RATE series.
+    """
+
+    POSITION = 0
+    VELOCITY = 1
+    SPEED = 2
+    HEADING = 3
+    ACCEL = 4
+    YAW_RATE = 5
+    IMU = 6
+
+
+WIDTH: dict[Kind, int] = {
+    Kind.POSITION: 2,
+    Kind.VELOCITY: 2,
+    Kind.SPEED: 1,
+    Kind.HEADING: 1,
+    Kind.ACCEL: 1,
+    Kind.YAW_RATE: 1,
+    Kind.IMU: 6,
+}
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """One source's measurements of one kind.
+
+    Rows need not be sorted and may hold NaN: a row with a value that is not finite is counted and left out.
+
+    Attributes:
+        source: Name for messages, usually the topic. Several kinds may share one source.
+        kind: What is measured.
+        stamp_ns: Shape (n,), int64.
+        values: Shape (n, d) with d = WIDTH[kind]; (n,) is accepted where d is 1.
+        covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not positive, means
+            that the message does not say.
+    """
+
+    source: str
+    kind: Kind
+    stamp_ns: Int64Array
+    values: FloatArray
+    covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        """Check the shapes.
+
+        Raises:
+            ValueError: If an array has a shape other than the documented ones.
+        """
+        n, d = len(self.stamp_ns), WIDTH[self.kind]
+        values = np.asarray(self.values, dtype=np.float64)
+        if values.ndim == 1 and d == 1:
+            values = values[:, None]
+        if values.shape != (n, d):
+            raise ValueError(
+                f"{self.source}: values of {self.kind.name} have shape {values.shape}, expected {(n, d)}"
+            )
+        object.__setattr__(self, "stamp_ns", np.asarray(self.stamp_ns, dtype=np.int64))
+        object.__setattr__(self, "values", values)
+        if self.covariance is None:
+            return
+        covariance = np.asarray(self.covariance, dtype=np.float64)
+        if covariance.ndim == 1 and d == 1:
+            covariance = covariance[:, None]
+        if covariance.shape == (n, d):
+            covariance = covariance[:, :, None] * np.eye(d)
+        if covariance.shape != (n, d, d):
+            raise ValueError(
+                f"{self.source}: covariance of {self.kind.name} has shape {covariance.shape}, expected {(n, d, d)}"
+            )
+        object.__setattr__(self, "covariance", covariance)
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
