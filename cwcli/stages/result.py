@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -62,9 +63,7 @@ class Summary:
         return {
             "title": self.title,
             "sections": {
-                section.key: [
-                    dict(zip(section.columns, map(_json_cell, row), strict=True)) for row in section.rows
-                ]
+                section.key: [dict(zip(section.columns, map(_json_cell, row), strict=True)) for row in section.rows]
                 for section in self.sections
             },
             "inputs": [
@@ -102,6 +101,4 @@ class StageResult:
 
 
 def _json_cell(cell: Cell) -> Cell:
-    if isinstance(cell, float) and (cell != cell or cell in (float("inf"), float("-inf"))):
-        return None
-    return cell
+    return None if isinstance(cell, float) and not math.isfinite(cell) else cell

@@ -1,0 +1,62 @@
+"""The longitudinal response of the host: actuator lags, a pressure-to-deceleration gain, jerk and friction limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+STANDARD_GRAVITY_MPS2 = 9.80665
+
+
+@dataclass(frozen=True)
+class CarResponse:
+    """A mid-size passenger car. The paper prints none of these; each is a usual value, chosen once.
+
+    Attributes:
+        brake_gain_mps2_per_mpa: 0.9, so that 10 MPa asks for about the friction limit.
+        throttle_gain_mps2: Acceleration at full throttle.
+        brake_lag_s, throttle_lag_s: First-order time constants of the hydraulics and the engine.
+        max_jerk_mps3: Limit of the change of acceleration.
+        friction: Coefficient between tyre and dry road.
+    """
+
+    brake_gain_mps2_per_mpa: float = 0.9
+    throttle_gain_mps2: float = 3.0
+    brake_lag_s: float = 0.15
+    throttle_lag_s: float = 0.3
+    max_jerk_mps3: float = 25.0
+    friction: float = 0.85
+
+
+@dataclass(frozen=True)
+class CarState:
+    """Shape (n,) each: realised brake pressure and throttle, acceleration, speed, distance travelled."""
+
+    pressure_mpa: FloatArray
+    throttle: FloatArray
+    accel_mps2: FloatArray
+    speed_mps: FloatArray
+    travelled_m: FloatArray
+
+
+def advance(car: CarResponse, state: CarState, throttle: FloatArray, pressure_mpa: FloatArray, dt_s: float) -> CarState:
+    """One step of the car under the given commands.
+
+    The lags are discretised exactly for a command held over the step. A car that reaches standstill stays there
+    while it is braked: speed never turns negative, and the acceleration of a standing car is zero.
+    """
+    pressure = state.pressure_mpa + (pressure_mpa - state.pressure_mpa) * -np.expm1(-dt_s / car.brake_lag_s)
+    opening = state.throttle + (throttle - state.throttle) * -np.expm1(-dt_s / car.throttle_lag_s)
+    limit = car.friction * STANDARD_GRAVITY_MPS2
+    wanted = np.clip(car.throttle_gain_mps2 * opening - car.brake_gain_mps2_per_mpa * pressure, -limit, limit)
+    step = car.max_jerk_mps3 * dt_s
+    accel = state.accel_mps2 + np.clip(wanted - state.accel_mps2, -step, step)
+    stop_time_s = np.where(accel < 0.0, state.speed_mps / np.where(accel < 0.0, -accel, 1.0), np.inf)
+    moving_s = np.minimum(dt_s, stop_time_s)
+    speed = np.maximum(state.speed_mps + accel * moving_s, 0.0)
+    travelled = state.travelled_m + state.speed_mps * moving_s + 0.5 * accel * moving_s**2
+    standing = (speed <= 0.0) & (accel <= 0.0)
+    return CarState(pressure, opening, np.where(standing, 0.0, accel), np.where(standing, 0.0, speed), travelled)

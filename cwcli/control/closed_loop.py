@@ -1,0 +1,220 @@
+"""Closed loop: the host's recorded motion until the warning, a policy at the wheel's pedals from then on.
+
+The host keeps to its recorded path (only its speed along it changes) and the other car is unaffected, as in song2016,
+section 4. Every warning moment of a study is run at once: the arrays have one row a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.control.car import CarResponse, CarState, advance
+from cwcli.control.controller import command, speed_difference
+from cwcli.signals.columns import FloatArray
+
+COLLISION_DISTANCE_M = 2.5  # song2016, section 4: two cars nearer than this have collided
+DRIVER_REACTION_S = 1.5
+DRIVER_PRESSURE_MPA = 7.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One car's motion in the map frame.
+
+    Attributes:
+        time_s: Shape (k,), strictly increasing.
+        x_m, y_m, heading_rad, speed_mps: Shape (k,); heading unwrapped, speed not negative.
+    """
+
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+
+    def at(self, time_s: FloatArray) -> Motion:
+        """The motion on another time grid, linear in between, held at the ends."""
+        columns = (self.x_m, self.y_m, self.heading_rad, self.speed_mps)
+        return Motion(time_s, *(np.interp(time_s, self.time_s, column) for column in columns))
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a policy sees at one instant, shape (n,) each.
+
+    Attributes:
+        since_warning_s: Negative before the warning.
+        ttc_s: (distance - collision distance) / closing speed; infinity when the gap does not close.
+        speed_difference_mps: Eq. 11.
+    """
+
+    since_warning_s: FloatArray
+    ttc_s: FloatArray
+    speed_difference_mps: FloatArray
+
+
+Policy = Callable[[Situation], tuple[FloatArray, FloatArray]]
+
+
+def fuzzy_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
+    """The fuzzy controller, from the warning on (song2016, section 4)."""
+    return command(situation.ttc_s, situation.speed_difference_mps)
+
+
+def driver_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
+    """A driver who brakes hard and steadily `DRIVER_REACTION_S` after the warning."""
+    braking = situation.since_warning_s >= DRIVER_REACTION_S
+    return np.zeros(len(braking)), np.where(braking, DRIVER_PRESSURE_MPA, 0.0)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What would have happened, one row a run.
+
+    Attributes:
+        time_s: Shape (k,).
+        x_m, y_m, heading_rad, speed_mps, accel_mps2, throttle, pressure_mpa: The host, shape (n, k).
+        distance_m: Between the two cars' reference points, shape (n, k).
+        min_distance_m, min_distance_time_s: Shape (n,).
+        collided: Shape (n,), bool: the distance fell below `COLLISION_DISTANCE_M`.
+        peak_deceleration_mps2, peak_jerk_mps3: Shape (n,), magnitudes after the warning.
+    """
+
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    throttle: FloatArray
+    pressure_mpa: FloatArray
+    distance_m: FloatArray
+    min_distance_m: FloatArray
+    min_distance_time_s: FloatArray
+    collided: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    peak_deceleration_mps2: FloatArray
+    peak_jerk_mps3: FloatArray
+
+
+def replay(
+    host: Motion,
+    other: Motion,
+    warning_time_s: FloatArray,
+    policy: Policy,
+    *,
+    car: CarResponse | None = None,
+    step_s: float = 0.01,
+) -> Outcome:
+    """Replay the encounter with the policy at the pedals after each warning moment.
+
+    Args:
+        host, other: Recorded motions; they are compared where both are known.
+        warning_time_s: Shape (n,), on the motions' clock; infinity for "never warned" (the recorded motion itself).
+        policy: Pedals as a function of the situation.
+        car: The host's response.
+        step_s: Time step.
+
+    Raises:
+        ValueError: The two motions do not overlap in time.
+    """
+    response = car or CarResponse()
+    start_s = max(host.time_s[0], other.time_s[0])
+    end_s = min(host.time_s[-1], other.time_s[-1])
+    if not end_s > start_s:
+        raise ValueError("the two motions do not overlap in time")
+    time_s = start_s + step_s * np.arange(int((end_s - start_s) / step_s + 1e-9) + 1)
+    recorded, obstacle = host.at(time_s), other.at(time_s)
+    path = _Path(recorded)
+    recorded_accel = np.gradient(recorded.speed_mps, time_s) if len(time_s) > 1 else np.zeros(1)
+
+    n, k = len(warning_time_s), len(time_s)
+    rows = {name: np.empty((n, k)) for name in ("x", "y", "h", "v", "a", "u", "p", "d")}
+    zeros = np.zeros(n)
+    state = CarState(zeros, zeros, zeros, zeros, zeros)
+    for i, now_s in enumerate(time_s):
+        free = now_s < warning_time_s
+        state = CarState(
+            state.pressure_mpa,
+            state.throttle,
+            np.where(free, recorded_accel[i], state.accel_mps2),
+            np.where(free, recorded.speed_mps[i], state.speed_mps),
+            np.where(free, path.travelled_m[i], state.travelled_m),
+        )
+        x, y, heading = path.at(state.travelled_m)
+        dx, dy = obstacle.x_m[i] - x, obstacle.y_m[i] - y
+        distance = np.hypot(dx, dy)
+        situation = _situation(now_s - warning_time_s, dx, dy, distance, heading, state.speed_mps, obstacle, i)
+        throttle, pressure = policy(situation)
+        throttle, pressure = np.where(free, 0.0, throttle), np.where(free, 0.0, pressure)
+        for name, value in zip(
+            rows,
+            (x, y, heading, state.speed_mps, state.accel_mps2, throttle, state.pressure_mpa, distance),
+            strict=True,
+        ):
+            rows[name][:, i] = value
+        state = advance(response, state, throttle, pressure, step_s)
+
+    after = time_s[None, :] >= warning_time_s[:, None]
+    nearest = rows["d"].argmin(axis=1)
+    jerk = np.abs(np.diff(rows["a"], axis=1, prepend=rows["a"][:, :1])) / step_s
+    # The step from the recorded acceleration to the controlled one, and to standstill, is not the controller's jerk.
+    own = after & np.roll(after, 1, axis=1) & (rows["v"] > 0.0)
+    return Outcome(
+        time_s=time_s,
+        x_m=rows["x"],
+        y_m=rows["y"],
+        heading_rad=rows["h"],
+        speed_mps=rows["v"],
+        accel_mps2=rows["a"],
+        throttle=rows["u"],
+        pressure_mpa=rows["p"],
+        distance_m=rows["d"],
+        min_distance_m=rows["d"].min(axis=1),
+        min_distance_time_s=time_s[nearest],
+        collided=rows["d"].min(axis=1) < COLLISION_DISTANCE_M,
+        peak_deceleration_mps2=np.where(after, -rows["a"], 0.0).max(axis=1, initial=0.0),
+        peak_jerk_mps3=np.where(own, jerk, 0.0).max(axis=1, initial=0.0),
+    )
+
+
+def _situation(
+    since_warning_s: FloatArray,
+    dx_m: FloatArray,
+    dy_m: FloatArray,
+    distance_m: FloatArray,
+    heading_rad: FloatArray,
+    speed_mps: FloatArray,
+    obstacle: Motion,
+    i: int,
+) -> Situation:
+    other_vx = obstacle.speed_mps[i] * np.cos(obstacle.heading_rad[i])
+    other_vy = obstacle.speed_mps[i] * np.sin(obstacle.heading_rad[i])
+    relative_vx = other_vx - speed_mps * np.cos(heading_rad)
+    relative_vy = other_vy - speed_mps * np.sin(heading_rad)
+    closing = -(dx_m * relative_vx + dy_m * relative_vy) / np.maximum(distance_m, 1e-6)
+    gap = np.maximum(distance_m - COLLISION_DISTANCE_M, 0.0)
+    ttc = np.divide(gap, closing, out=np.full_like(gap, np.inf), where=closing > 1e-6)
+    dv = speed_difference(speed_mps, obstacle.speed_mps[i], heading_rad - obstacle.heading_rad[i])
+    return Situation(since_warning_s, ttc, dv)
+
+
+class _Path:
+    """The recorded path by distance travelled; straight on beyond its end."""
+
+    def __init__(self, motion: Motion) -> None:
+        chords = np.hypot(np.diff(motion.x_m), np.diff(motion.y_m))
+        self.travelled_m = np.concatenate(([0.0], np.cumsum(chords)))
+        moved = np.concatenate(([True], chords > 0.0))
+        self._s = self.travelled_m[moved]
+        self._x, self._y = motion.x_m[moved], motion.y_m[moved]
+        self._heading = motion.heading_rad[moved]
+
+    def at(self, travelled_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        heading = np.interp(travelled_m, self._s, self._heading)
+        beyond = np.maximum(travelled_m - self._s[-1], 0.0)
+        x = np.interp(travelled_m, self._s, self._x) + beyond * np.cos(heading)
+        y = np.interp(travelled_m, self._s, self._y) + beyond * np.sin(heading)
+        return x, y, heading

@@ -1,0 +1,114 @@
+"""Mamdani inference over vectors of inputs: minimum for AND, clipped consequents, maximum to aggregate, centroid out.
+
+Own code, because the loop asks a thousand times per run for a hundred seeds at once: scikit-fuzzy takes one
+operating point at a time and milliseconds for each. The tests compare this one with an integral
+worked out by hand and with scikit-fuzzy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+
+@dataclass(frozen=True)
+class FuzzySet:
+    """A trapezoid: 0 up to `left`, 1 from `top_left` to `top_right`, 0 from `right` on.
+
+    A set whose `left` equals its `top_left` is 1 from minus infinity; one whose `right` equals its `top_right`, to plus
+    infinity. So inputs outside the drawn range keep the meaning of its end.
+    """
+
+    left: float
+    top_left: float
+    top_right: float
+    right: float
+
+    def __call__(self, value: FloatArray) -> FloatArray:
+        """Membership of each value, 0 to 1, the shape of `value`."""
+        rising = (
+            np.ones_like(value)
+            if self.top_left == self.left
+            else np.clip((value - self.left) / (self.top_left - self.left), 0.0, 1.0)
+        )
+        falling = (
+            np.ones_like(value)
+            if self.right == self.top_right
+            else np.clip((self.right - value) / (self.right - self.top_right), 0.0, 1.0)
+        )
+        return np.minimum(rising, falling)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A linguistic variable.
+
+    Attributes:
+        low, high: The range over which an output's centroid is taken; inputs are clipped to it.
+        sets: Term -> membership function.
+    """
+
+    low: float
+    high: float
+    sets: Mapping[str, FuzzySet]
+
+
+class Mamdani:
+    """Two inputs and a rule table to one output.
+
+    Args:
+        first, second: The inputs.
+        output: The output.
+        rules: (term of first, term of second) -> term of output. Every pair must be there.
+        n_points: Points at which the aggregated output set is sampled for its centroid.
+
+    Raises:
+        ValueError: A pair of terms has no rule, or a rule names an unknown term.
+    """
+
+    def __init__(
+        self,
+        first: Variable,
+        second: Variable,
+        output: Variable,
+        rules: Mapping[tuple[str, str], str],
+        n_points: int = 201,
+    ) -> None:
+        wanted = {(a, b) for a in first.sets for b in second.sets}
+        if set(rules) != wanted or not set(rules.values()) <= set(output.sets):
+            raise ValueError(f"the rule table does not match the terms: {sorted(wanted ^ set(rules))}")
+        self._first = first
+        self._second = second
+        self._terms = tuple(output.sets)
+        self._rules = dict(rules)
+        self._points = np.linspace(output.low, output.high, n_points)
+        self._shapes = np.array([output.sets[term](self._points) for term in self._terms])
+
+    def __call__(self, first: FloatArray, second: FloatArray) -> FloatArray:
+        """The crisp output for each operating point.
+
+        Args:
+            first, second: Shape (n,). Infinity is allowed and takes the end of the range; NaN is not.
+
+        Returns:
+            Shape (n,), within the output's range.
+        """
+        a = {term: shape(np.clip(first, self._first.low, self._first.high)) for term, shape in self._first.sets.items()}
+        b = {
+            term: shape(np.clip(second, self._second.low, self._second.high))
+            for term, shape in self._second.sets.items()
+        }
+        strength = np.zeros((len(self._terms), len(first)))
+        for (term_a, term_b), consequent in self._rules.items():
+            row = self._terms.index(consequent)
+            strength[row] = np.maximum(strength[row], np.minimum(a[term_a], b[term_b]))
+        aggregated = np.zeros((len(first), len(self._points)))
+        for row, shape in enumerate(self._shapes):
+            np.maximum(aggregated, np.minimum(strength[row][:, None], shape[None, :]), out=aggregated)
+        area = aggregated.sum(axis=1)
+        moment = aggregated @ self._points
+        return np.asarray(np.divide(moment, area, out=np.zeros_like(moment), where=area > 0.0))
