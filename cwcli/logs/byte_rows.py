@@ -1,0 +1,114 @@
+"""Rows of bytes of varying length, and moving them without a Python object per row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import Int64Array
+
+ByteArray = npt.NDArray[np.uint8]
+
+MAX_VARINT_BYTES = 10
+MIN_ROWS_PER_LENGTH = 8  # below it, a copy per row is cheaper than a vectorised copy per distinct length
+
+
+@dataclass(frozen=True)
+class ByteRows:
+    """Row `i` is `data[offsets[i]:offsets[i + 1]]`.
+
+    Attributes:
+        data: Shape (total,), uint8.
+        offsets: Shape (n + 1,), int64, non-decreasing.
+    """
+
+    data: ByteArray
+    offsets: Int64Array
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @property
+    def sizes(self) -> Int64Array:
+        """Shape (n,): length of each row."""
+        return np.diff(self.offsets)
+
+    def rows(self, start: int, stop: int) -> ByteRows:
+        """Rows `start` to `stop` as a view."""
+        return ByteRows(self.data, self.offsets[start : stop + 1])
+
+
+def offsets_of(sizes: Int64Array) -> Int64Array:
+    """Shape (n + 1,): where each of n rows begins, and the total."""
+    offsets = np.zeros(len(sizes) + 1, np.int64)
+    np.cumsum(sizes, out=offsets[1:])
+    return offsets
+
+
+def join_rows(rows: list[bytes]) -> ByteRows:
+    """The given strings of bytes as rows."""
+    sizes = np.fromiter(map(len, rows), np.int64, len(rows))
+    return ByteRows(np.frombuffer(b"".join(rows), np.uint8), offsets_of(sizes))
+
+
+def windows(data: ByteArray, size: int) -> npt.NDArray[np.void]:
+    """Element `i` is the `size` bytes that begin at `i`: overlapping views, for one fancy index over rows of equal length."""
+    return np.ndarray((max(len(data) - size + 1, 0),), np.dtype((np.void, size)), data, 0, (1,))
+
+
+def copy_rows(
+    target: ByteArray, target_starts: Int64Array, source: ByteArray, source_starts: Int64Array, sizes: Int64Array
+) -> None:
+    """Copy `sizes[i]` bytes from `source_starts[i]` to `target_starts[i]` for all i.
+
+    Args:
+        target: Written in place.
+        source: Read.
+        target_starts, source_starts, sizes: Shape (n,).
+    """
+    if not len(sizes):
+        return
+    first_size = int(sizes[0])
+    if (sizes == first_size).all():
+        if first_size:
+            windows(target, first_size)[target_starts] = windows(source, first_size)[source_starts]
+        return
+    distinct, group, counts = np.unique(sizes, return_inverse=True, return_counts=True)
+    order = np.argsort(group, kind="stable")
+    stops = np.cumsum(counts)
+    for size, start, stop in zip(distinct.tolist(), (stops - counts).tolist(), stops.tolist(), strict=True):
+        rows = order[start:stop]
+        if size and stop - start >= MIN_ROWS_PER_LENGTH:
+            windows(target, size)[target_starts[rows]] = windows(source, size)[source_starts[rows]]
+        else:
+            for to, at in zip(target_starts[rows].tolist(), source_starts[rows].tolist(), strict=True):
+                target[to : to + size] = source[at : at + size]
+
+
+def varints(values: npt.NDArray[np.uint64]) -> ByteRows:
+    """Protobuf varints, base 128, least significant group first.
+
+    Args:
+        values: Shape (n,).
+
+    Returns:
+        n rows of 1 to 10 bytes.
+    """
+    n = len(values)
+    if not n:
+        return ByteRows(np.zeros(0, np.uint8), np.zeros(1, np.int64))
+    width = max((int(values.max()).bit_length() + 6) // 7, 1)
+    shifts = np.arange(width, dtype=np.uint64) * np.uint64(7)
+    groups = (values[:, None] >> shifts).astype(np.uint64)
+    sizes = np.maximum((groups != 0).sum(axis=1), 1).astype(np.int64)
+    more = np.arange(width) < sizes[:, None] - 1
+    encoded = ((groups & np.uint64(0x7F)) | (more.astype(np.uint64) << np.uint64(7))).astype(np.uint8)
+    kept = np.arange(width) < sizes[:, None]
+    return ByteRows(encoded[kept], offsets_of(sizes))
+
+
+def varint(value: int) -> bytes:
+    """One varint of a non-negative number."""
+    return varints(np.array([value], np.uint64)).data.tobytes()

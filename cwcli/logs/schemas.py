@@ -1,0 +1,95 @@
+"""Message schemas that cwcli writes: its own `cwcli.v1.*`, and the standard `foxglove.*` ones.
+
+The standard schemas come from Foxglove's own package `foxglove-schemas-protobuf`, so that they are exactly what viewers know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module, resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from google.protobuf.descriptor import Descriptor, FileDescriptor
+    from google.protobuf.descriptor_pool import DescriptorPool
+
+DESCRIPTOR_SET_NAME = "cwcli_v1.binpb"
+
+
+@dataclass(frozen=True)
+class MessageSchema:
+    """A protobuf message as an MCAP schema.
+
+    Attributes:
+        name: Full name, e.g. `cwcli.v1.VehicleState`.
+        data: Serialised `FileDescriptorSet` with everything that the message needs, dependencies first.
+        descriptor: For the encoder.
+    """
+
+    name: str
+    data: bytes
+    descriptor: Descriptor
+
+
+@cache
+def message_schema(name: str) -> MessageSchema:
+    """The schema of a message by its full name.
+
+    Raises:
+        KeyError: There is no such message.
+    """
+    if name.startswith("foxglove."):
+        descriptor = _foxglove_descriptor(name)
+    else:
+        descriptor = _own_pool().FindMessageTypeByName(name)
+    return MessageSchema(name, _descriptor_set(descriptor.file), descriptor)
+
+
+def schema_folder() -> Traversable:
+    """Where the `.proto` files and the descriptor set are: in the installed package, or in the checkout beside it."""
+    try:
+        return resources.files("cwcli.schemas")
+    except ModuleNotFoundError:
+        return Path(__file__).parents[2] / "schemas"
+
+
+@cache
+def _own_pool() -> DescriptorPool:
+    from google.protobuf.descriptor_pb2 import FileDescriptorSet
+    from google.protobuf.descriptor_pool import DescriptorPool
+
+    pool = DescriptorPool()
+    for file in FileDescriptorSet.FromString((schema_folder() / DESCRIPTOR_SET_NAME).read_bytes()).file:
+        pool.Add(file)
+    return pool
+
+
+def _foxglove_descriptor(name: str) -> Descriptor:
+    short_name = name.removeprefix("foxglove.")
+    try:
+        module = import_module(f"foxglove_schemas_protobuf.{short_name}_pb2")
+    except ModuleNotFoundError as error:
+        raise KeyError(name) from error
+    descriptor: Descriptor = module.DESCRIPTOR.message_types_by_name[short_name]
+    return descriptor
+
+
+def _descriptor_set(file: FileDescriptor) -> bytes:
+    """The file and all that it imports, dependencies first, each once."""
+    from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+    ordered: dict[str, FileDescriptor] = {}
+
+    def visit(node: FileDescriptor) -> None:
+        for dependency in node.dependencies:
+            visit(dependency)
+        ordered.setdefault(node.name, node)
+
+    visit(file)
+    descriptor_set = FileDescriptorSet()
+    for node in ordered.values():
+        node.CopyToProto(descriptor_set.file.add())
+    return descriptor_set.SerializeToString(deterministic=True)

@@ -1,0 +1,1 @@
+"""Seconds-long logs made by `cwcli simulate`, each with its scenario file and seed."""
