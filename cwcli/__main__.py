@@ -1,0 +1,5 @@
+"""`python -m cwcli`."""
+
+from cwcli.cli.main import main
+
+main()

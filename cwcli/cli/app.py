@@ -1,0 +1,140 @@
+"""The Typer app: which commands there are, loaded one by one.
+
+`cwcli --help` imports no command; `cwcli info` imports `cwcli.cli.commands.info` only. Help is plain text: typer's
+rich help costs 60 ms of import and breaks lines differently on a terminal and in a pipe.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from typing import Annotated, Any
+
+import typer
+import typer.core
+import typer.main
+
+from cwcli import __version__
+from cwcli.cli.options.expand import expand
+from cwcli.cli.options.fast import skip_coercion
+from cwcli.errors import UsageError
+
+COMMANDS = {
+    "info": "List what a log holds and what cwcli can do with it.",
+    "estimate": "Estimate the states of the ego and the remote vehicles.",
+    "predict": "Predict the vehicles' paths from their states.",
+    "warn": "Warn of collisions from the predicted paths.",
+    "run": "Estimate, predict and warn in one pass.",
+    "simulate": "Make a log with known truth from a scenario.",
+    "demo": "Run everything on a bundled log.",
+}
+"""Name -> one line of help, in the order of `cwcli --help`. The code is in `cwcli/cli/commands/<name>.py`."""
+
+ENVIRONMENT_PREFIX = "CWCLI"
+EPILOG = """\b
+Exit codes: 0 done, 1 a requested gate failed, 2 usage, 3 unreadable or corrupt
+input, 4 a required signal is missing, 5 data breaks its contract, 6 output
+could not be written, 70 a bug, 130 interrupted, 141 pipe closed.
+
+\b
+Example:
+  cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/
+"""
+
+
+class PlainCommand(typer.core.TyperCommand):
+    """A command whose plain values need no pydantic."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """The parameters, `--help` included."""
+        return skip_coercion(super().get_params(ctx))
+
+
+class LazyGroup(typer.core.TyperGroup):
+    """A group whose commands are imported when they are invoked."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        for name, line in COMMANDS.items():
+            self.commands[name] = typer.core.TyperCommand(name, help=line, rich_markup_mode=None)
+
+    def get_params(self, ctx: Any) -> Any:
+        """The parameters, `--help` included."""
+        return skip_coercion(super().get_params(ctx))
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command, with its options; None if there is none of this name."""
+        return load_command(cmd_name) if cmd_name in COMMANDS else None
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The list of commands, without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+def load_command(name: str) -> Any:
+    """Import one command module and make its Typer command."""
+    module = importlib.import_module(f"cwcli.cli.commands.{name}")
+    single = typer.Typer(add_completion=False, rich_markup_mode=None)
+    examples = "\n".join(f"  {example}" for example in module.EXAMPLES)
+    heading = "Example:" if len(module.EXAMPLES) == 1 else "Examples:"
+    epilog = f"\b\n{heading}\n{examples}"
+    single.command(name, cls=PlainCommand, epilog=epilog)(expand(module.command, name))
+    return typer.main.get_command(single)
+
+
+def _print_version(value: bool) -> None:
+    if value:
+        typer.echo(f"cwcli {__version__}")
+        raise typer.Exit
+
+
+app = typer.Typer(
+    cls=LazyGroup,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    epilog=EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."""
+
+
+def dispatch(arguments: list[str]) -> int:
+    """Run the command line and return its exit code.
+
+    Typer's own `main` is used for shell completion only: it would turn a closed pipe into exit code 1.
+
+    Raises:
+        CwcliError: Known errors; wrong usage is a `UsageError`.
+    """
+    group = typer.main.get_command(app)
+    if os.environ.get(f"_{ENVIRONMENT_PREFIX}_COMPLETE"):
+        group.main(arguments, prog_name="cwcli")
+    try:
+        with group.make_context("cwcli", arguments) as context:
+            if not arguments:
+                sys.stderr.write(context.get_help() + "\n")
+                return UsageError.exit_code
+            code = group.invoke(context)
+    except typer.Exit as done:
+        return done.exit_code
+    except typer.TyperException as error:
+        raise _usage_error(error, arguments) from error
+    return code if isinstance(code, int) else 0
+
+
+def _usage_error(error: typer.TyperException, arguments: list[str]) -> UsageError:
+    context = getattr(error, "ctx", None)
+    named = [argument for argument in arguments[:1] if argument in COMMANDS]
+    command = context.command_path if context is not None else " ".join(["cwcli", *named])
+    what = " ".join(error.format_message().split()).removesuffix(".")
+    return UsageError(what[:1].lower() + what[1:], hint=f"see `{command} --help`")

@@ -1,0 +1,118 @@
+"""Where words go: stdout is data, stderr is talk.
+
+No colour but bold headings, and those only on a terminal and when `NO_COLOR` is not set.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from dataclasses import dataclass
+from typing import TextIO
+
+from cwcli.cli.text import WIDTH, join_names, paragraph, printable
+from cwcli.errors import CwcliError, OutputError
+
+
+@dataclass(frozen=True)
+class Console:
+    """Prints a command's words.
+
+    Attributes:
+        quiet: Only errors and what was asked for by name (`--json`, `-o -`) are printed.
+        summary_to_stderr: stdout carries the log (`-o -`) or JSON, so tables are talk.
+    """
+
+    quiet: bool = False
+    summary_to_stderr: bool = False
+
+    def data(self, text: str) -> None:
+        """A line of data, whatever the options say."""
+        write(sys.stdout, text)
+
+    def summary(self, text: str) -> None:
+        """A table or a line that tells the result."""
+        if not self.quiet:
+            write(sys.stderr if self.summary_to_stderr else sys.stdout, text)
+
+    def heading(self, text: str) -> None:
+        """A heading of the summary."""
+        stream = sys.stderr if self.summary_to_stderr else sys.stdout
+        self.summary(bold(printable(text), stream))
+
+    def note(self, text: str) -> None:
+        """Something the user should know, which is not the result."""
+        if not self.quiet:
+            write(sys.stderr, paragraph(printable(text), first="note: ", rest="      "))
+
+
+def write(stream: TextIO | None, text: str) -> None:
+    """Write a line.
+
+    Raises:
+        BrokenPipeError: The reader is gone.
+        OutputError: Standard output can't be written (a full disk behind `>`).
+    """
+    if stream is None:  # the process was started with the stream closed
+        return
+    try:
+        stream.write(text + "\n")
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise stream_error(error) from error
+
+
+def stream_error(error: OSError) -> OutputError:
+    """What a failed write to standard output means to the user."""
+    return OutputError(f"can't write to standard output: {error.strerror}", where="<stdout>")
+
+
+def uses_style(stream: TextIO | None) -> bool:
+    """Whether escape sequences may be written: a terminal that is not dumb, and no `NO_COLOR`."""
+    return bool(
+        stream is not None and stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    )
+
+
+def bold(text: str, stream: TextIO | None) -> str:
+    """`text`, bold where the stream can show it."""
+    return f"\x1b[1m{text}\x1b[0m" if uses_style(stream) else text
+
+
+def format_error(error: CwcliError) -> str:
+    """The error as `error:`, `found:` and `hint:` lines.
+
+    ```
+    error: drive.mcap: no channel holds the ego state (needed by `cwcli predict`)
+      found: /gps/fix (sensor_msgs/msg/NavSatFix), /camera/front (foxglove.CompressedImage)
+      hint:  run `cwcli estimate drive.mcap -o estimated.mcap` first
+    ```
+    """
+    where = f"{printable(error.where)}: " if error.where else ""
+    lines = [f"error: {where}{printable(error.what)}"]
+    if error.found:
+        entries = [printable(entry) for entry in error.found]
+        joined = "  found: " + ", ".join(entries)
+        if len(joined) <= WIDTH + 20 or len(entries) == 1:
+            lines.append(joined)
+        else:
+            lines.extend(("  found: " if i == 0 else "         ") + entry for i, entry in enumerate(entries))
+    if error.hint:
+        lines.append(f"  hint:  {printable(error.hint)}")
+    return "\n".join(lines)
+
+
+def report_error(error: CwcliError) -> None:
+    """Print a known error on stderr. A closed stderr is no reason to fail again."""
+    with contextlib.suppress(OSError, OutputError):
+        write(sys.stderr, format_error(error))
+
+
+def closest(name: str, known: list[str]) -> str:
+    """A hint for a misspelt name: the closest known ones, else all of them."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, known, n=2)
+    return f"did you mean {join_names(near)}?" if near else f"known: {', '.join(known)}"

@@ -1,0 +1,113 @@
+"""The entry point: runs the command line and turns whatever happens into a documented exit code.
+
+0 done, 1 a requested gate failed, 2 usage, 3 unreadable or corrupt input, 4 a required signal is missing, 5 data breaks
+its contract, 6 output could not be written, 70 a bug, 130 interrupted, 141 pipe closed, 143 terminated.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from cwcli.errors import EXIT_BUG, EXIT_INTERRUPTED, EXIT_PIPE_CLOSED, CwcliError
+
+EXIT_TERMINATED = 143
+
+
+def main() -> NoReturn:
+    """Run `cwcli` with the process's arguments and leave with its exit code."""
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run `cwcli` with `arguments` and return the exit code. Prints; does not raise but for `SystemExit`."""
+    try:
+        _make_streams_robust()
+        from cwcli.cli.app import dispatch
+
+        code = dispatch(list(arguments))
+        _flush()
+    except CwcliError as error:
+        code = error.exit_code
+        _report(error)
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+        _say("interrupted")
+    except BrokenPipeError:
+        code = EXIT_PIPE_CLOSED
+    except Exception:
+        code = EXIT_BUG
+        _report_bug()
+    try:
+        _flush()
+    except BrokenPipeError:
+        _drop_stdout()
+        code = code or EXIT_PIPE_CLOSED
+    except CwcliError as error:
+        _drop_stdout()
+        if not code:
+            code = error.exit_code
+            _report(error)
+    return code
+
+
+def _terminate(number: int, frame: object) -> NoReturn:
+    """Leave through the `finally` blocks, so that temporary files go."""
+    raise SystemExit(EXIT_TERMINATED)
+
+
+def _make_streams_robust() -> None:
+    """A character that the terminal's encoding lacks is escaped; it never ends the run."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="backslashreplace")
+
+
+def _flush() -> None:
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        from cwcli.cli.console import stream_error
+
+        raise stream_error(error) from error
+
+
+def _drop_stdout() -> None:
+    """Send what is still buffered to nowhere, so that the interpreter's own flush at exit stays silent."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def _report(error: CwcliError) -> None:
+    from cwcli.cli.console import report_error
+
+    report_error(error)
+
+
+def _say(text: str) -> None:
+    with contextlib.suppress(OSError):
+        print(text, file=sys.stderr)
+
+
+def _report_bug() -> None:
+    import traceback
+
+    from cwcli import __version__
+
+    with contextlib.suppress(OSError):
+        traceback.print_exc()
+    kind, value = sys.exc_info()[:2]
+    _say(f"error: a bug in cwcli {__version__}: {kind.__name__ if kind else ''}: {str(value)[:200]}")
+    _say("  hint:  please report it with the lines above and your command (README.md, section Bugs)")

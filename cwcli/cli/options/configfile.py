@@ -1,0 +1,118 @@
+"""The configuration file: TOML, defaults for the options, below flags and environment.
+
+    topic = ["ego_position=/gps/fix"]
+    strict = true
+
+    [estimate]
+    model = "song2016"
+
+Keys at the top are options that commands share; a command takes those that it has. A table holds the options of one
+command, and `cwcli run` reads the tables of its stages. A name that no command knows is an error.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+from cwcli.errors import UsageError
+
+
+def read_config(ctx: typer.Context, value: str | None) -> str | None:
+    """Take the file's values as the command's defaults (Typer callback of `--config`).
+
+    Raises:
+        UsageError: The file can't be read, is no TOML, or holds an unknown or unfit key.
+    """
+    if value is None or ctx.resilient_parsing:
+        return value
+    document = _load(value)
+    options = {parameter.name: parameter for parameter in ctx.command.params if parameter.name is not None}
+    defaults: dict[str, Any] = {}
+    for key, entry in _top_level(value, document).items():
+        if key in options:
+            defaults[key] = _checked(value, key, entry, options[key])
+    command = str(ctx.info_name)
+    for table, entries in document.items():
+        if not isinstance(entries, dict):
+            continue
+        for key, entry in entries.items():
+            name = _name(key)
+            option = name if table == command else f"{table}_{name}"
+            if option in options:
+                defaults[option] = _checked(value, f"{table}.{key}", entry, options[option])
+            elif table == command or any(known.startswith(f"{table}_") for known in options):
+                known = (
+                    sorted(options)
+                    if table == command
+                    else [other.removeprefix(f"{table}_") for other in sorted(options) if other.startswith(f"{table}_")]
+                )
+                raise _unknown(value, f"{table}.{key}", known)
+    ctx.default_map = defaults
+    return value
+
+
+def _load(path: str) -> dict[str, Any]:
+    import tomllib
+
+    try:
+        with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
+            return tomllib.load(file)
+    except OSError as error:
+        raise UsageError(f"can't read the configuration: {error.strerror}", where=path) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"the configuration is not TOML: {error}", where=path) from error
+
+
+def _top_level(path: str, document: dict[str, Any]) -> dict[str, Any]:
+    """The shared options of the document, by parameter name."""
+    from cwcli.cli.app import COMMANDS
+
+    shared = shared_names()
+    found = {}
+    for key, entry in document.items():
+        if isinstance(entry, dict):
+            if key not in COMMANDS:
+                raise _unknown(path, f"[{key}]", list(COMMANDS))
+        elif _name(key) in shared:
+            found[_name(key)] = entry
+        else:
+            raise _unknown(path, key, sorted(shared))
+    return found
+
+
+def shared_names() -> set[str]:
+    """Names of the options that commands share."""
+    import dataclasses
+
+    from cwcli.cli.options import shared
+
+    kinds = (shared.ReadingOptions, shared.WritingOptions, shared.TalkOptions)
+    names = {field.name for kind in kinds for field in dataclasses.fields(kind)}
+    return (names | {"metrics", "metrics_dir"}) - {"config"}
+
+
+def _name(key: str) -> str:
+    return key.replace("-", "_")
+
+
+def _unknown(path: str, key: str, known: list[str]) -> UsageError:
+    from cwcli.cli.console import closest
+
+    return UsageError(f"unknown key {key} in the configuration", where=path, hint=closest(key, known))
+
+
+def _checked(path: str, key: str, entry: Any, option: Any) -> Any:
+    """The entry, if its TOML type fits the option."""
+    takes_list = bool(getattr(option, "multiple", False))
+    is_flag = bool(getattr(option, "is_flag", False))
+    items = entry if isinstance(entry, list) else [entry]
+    if isinstance(entry, list) != takes_list:
+        raise UsageError(f"{key} must {'' if takes_list else 'not '}be a list", where=path)
+    if any(isinstance(item, bool) != is_flag for item in items):
+        raise UsageError(f"{key} must {'' if is_flag else 'not '}be true or false", where=path)
+    if is_flag:
+        return entry
+    text = [str(item) for item in items]
+    return text if takes_list else text[0]

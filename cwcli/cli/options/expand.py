@@ -1,0 +1,125 @@
+"""Lets a command take its options as dataclasses.
+
+`def command(log: LogArgument, reading: ReadingOptions)` becomes a function with one keyword per field of
+`ReadingOptions`, which is what Typer reads. So an option is declared once, and a command's signature stays short.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import typing
+from collections.abc import Callable
+from copy import copy
+from typing import Annotated, Any
+
+from typer.models import OptionInfo
+
+ENVIRONMENT_PREFIX = "CWCLI"
+
+
+class StageOptions:
+    """Base of options that belong to one stage.
+
+    Their environment variables and their table in the configuration file carry the stage's name. In a command that
+    runs several stages their flags do too: `--model` of `cwcli estimate` is `--estimate-model` of `cwcli run`.
+    """
+
+    stage: typing.ClassVar[str]
+
+
+def expand(function: Callable[..., Any], command: str) -> Callable[..., Any]:
+    """`function` with its dataclass parameters replaced by their fields."""
+    hints = typing.get_type_hints(function, include_extras=True)
+    hints.pop("return", None)
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, tuple[type[Any], dict[str, str]]] = {}
+    plain: list[str] = []
+    for name, hint in hints.items():
+        if not dataclasses.is_dataclass(hint):
+            default = inspect.signature(function).parameters[name].default
+            parameters.append(_parameter(name, _with_environment(hint, ENVIRONMENT_PREFIX, name), default))
+            plain.append(name)
+            continue
+        assert isinstance(hint, type)
+        fields: dict[str, str] = {}
+        for field_name, parameter in _fields(hint, command):
+            parameters.append(parameter)
+            fields[field_name] = parameter.name
+        groups[name] = (hint, fields)
+
+    @functools.wraps(function)
+    def expanded(**values: Any) -> Any:
+        arguments = {name: values[name] for name in plain}
+        for name, (kind, fields) in groups.items():
+            arguments[name] = kind(**{field: values[parameter] for field, parameter in fields.items()})
+        return function(**arguments)
+
+    signature = inspect.Signature(sorted(parameters, key=lambda parameter: parameter.kind))
+    expanded.__dict__["__signature__"] = signature
+    expanded.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return expanded
+
+
+def _fields(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]]:
+    """The dataclass's fields as parameters, by field name."""
+    stage = kind.stage if issubclass(kind, StageOptions) else None
+    hints = typing.get_type_hints(kind, include_extras=True)
+    found = []
+    for field in dataclasses.fields(kind):
+        hint = hints[field.name]
+        default = field.default
+        if field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
+        if stage is None:
+            name, hint = field.name, _with_environment(hint, ENVIRONMENT_PREFIX, field.name)
+        else:
+            hint = _with_environment(hint, f"{ENVIRONMENT_PREFIX}_{stage}", field.name)
+            name = field.name if stage == command else f"{stage}_{field.name}"
+            if stage != command:
+                hint = _with_stage(hint, stage)
+        found.append((field.name, _parameter(name, hint, default)))
+    return found
+
+
+def _parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
+    if default is dataclasses.MISSING:
+        default = inspect.Parameter.empty
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)
+
+
+def _with_environment(hint: Any, prefix: str, name: str) -> Any:
+    """`hint` with the option's environment variable: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
+
+    def change(option: OptionInfo) -> None:
+        option.envvar = f"{prefix}_{name}".upper()
+        option.show_envvar = False
+
+    return _changed(hint, change)
+
+
+def _with_stage(hint: Any, stage: str) -> Any:
+    """`hint` with the stage's name in the flags and the help panel."""
+
+    def change(option: OptionInfo) -> None:
+        flags = (option.default, *(option.param_decls or ())) if isinstance(option.default, str) else ()
+        long = [flag for part in flags for flag in part.split("/") if flag.startswith("--")]
+        renamed = [f"--no-{stage}-{flag[5:]}" if flag.startswith("--no-") else f"--{stage}-{flag[2:]}" for flag in long]
+        option.default = "/".join(renamed)
+        option.param_decls = ()
+
+    return _changed(hint, change)
+
+
+def _changed(hint: Any, change: Callable[[OptionInfo], None]) -> Any:
+    if typing.get_origin(hint) is not Annotated:
+        return hint
+    kind, *extras = typing.get_args(hint)
+    changed = []
+    for extra in extras:
+        if isinstance(extra, OptionInfo):
+            extra = copy(extra)  # noqa: PLW2901
+            change(extra)
+        changed.append(extra)
+    return Annotated[(kind, *changed)]

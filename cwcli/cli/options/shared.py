@@ -1,0 +1,111 @@
+"""The shared options: one name, one meaning, everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import typer
+
+from cwcli.cli.options.configfile import read_config
+
+LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="MCAP file; - is standard input.")]
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """How the input is read, and which part of it is used."""
+
+    topic: Annotated[
+        list[str],
+        typer.Option(
+            "--topic",
+            metavar="ROLE=/NAME",
+            show_default=False,
+            help="Use this topic for a role, e.g. ego_position=/gps/fix. Repeatable.",
+        ),
+    ] = field(default_factory=list)
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--start",
+            metavar="TIME",
+            show_default=False,
+            help="Use messages from here on: seconds from the log's start, or ISO 8601 (UTC if it names no zone).",
+        ),
+    ] = None
+    end: Annotated[
+        str | None,
+        typer.Option("--end", metavar="TIME", show_default=False, help="Use messages before here; as --start."),
+    ] = None
+    clock: Annotated[
+        Literal["stamp", "log"],
+        typer.Option("--clock", help="Time of a measurement: its header stamp, or when it was logged."),
+    ] = "stamp"
+    ego_station: Annotated[
+        str | None,
+        typer.Option(
+            "--ego-station",
+            metavar="ID",
+            show_default=False,
+            help="V2X station id of the ego vehicle, so that its own messages are not a remote vehicle.",
+        ),
+    ] = None
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
+    ] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
+        False
+    )
+
+
+@dataclass(frozen=True)
+class WritingOptions:
+    """Where the annotated log goes."""
+
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            show_default=False,
+            help="Write the log with the new channels here; - is standard output.",
+        ),
+    ] = None
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
+    ] = False
+    force: Annotated[bool, typer.Option("--force", "-f", help="Overwrite files that exist.")] = False
+
+
+@dataclass(frozen=True)
+class TalkOptions:
+    """What is printed, and where further settings come from."""
+
+    json: Annotated[
+        bool, typer.Option("--json", help="Print the summary as JSON on standard output instead of tables.")
+    ] = False
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False
+    config: Annotated[
+        str | None,
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            is_eager=True,
+            callback=read_config,
+            show_default=False,
+            help="TOML file with defaults for these options.",
+        ),
+    ] = None
+
+
+MetricsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--metrics",
+        metavar="FILE",
+        show_default=False,
+        help="Write the metrics table here (.parquet or .csv).",
+    ),
+]

@@ -1,0 +1,69 @@
+"""A progress line for anything longer than a second: on stderr, and only on a terminal."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from types import TracebackType
+
+from cwcli.cli.text import WIDTH, printable
+
+SHOW_AFTER_S = 1.0
+REFRESH_S = 0.2
+
+
+class Progress:
+    """Tells on one line what is being done, for how long, and how much of it is done where that is known.
+
+    A background thread redraws the line, so a long call that reports nothing still shows its time. An instance is
+    passed on as a plain callable: `progress(done, total)`.
+    """
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self._enabled = not quiet and sys.stderr is not None and sys.stderr.isatty()
+        self._what = ""
+        self._fraction: float | None = None
+        self._begin = time.monotonic()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def step(self, what: str) -> None:
+        """Begin the next step."""
+        self._what = printable(what)
+        self._fraction = None
+
+    def __call__(self, done: float, total: float) -> None:
+        """Report how much of the step is done, in any unit."""
+        self._fraction = min(max(done / total, 0.0), 1.0) if total > 0 else None
+
+    def __enter__(self) -> Progress:
+        if self._enabled:
+            self._thread = threading.Thread(target=self._draw, daemon=True)
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._thread is not None:
+            self._stop.set()
+            self._thread.join()
+            self._thread = None
+
+    def line(self, elapsed_s: float) -> str:
+        """The line as it is shown, at most 79 cells."""
+        done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
+        return f"{self._what}{done} ({elapsed_s:.0f} s)"[: WIDTH - 1]
+
+    def _draw(self) -> None:
+        drawn = False
+        while not self._stop.wait(REFRESH_S):
+            elapsed_s = time.monotonic() - self._begin
+            if elapsed_s >= SHOW_AFTER_S and self._what:
+                sys.stderr.write(f"\r{self.line(elapsed_s)}\x1b[K")
+                sys.stderr.flush()
+                drawn = True
+        if drawn:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

@@ -1,0 +1,112 @@
+"""Tables that fit 80 columns, on a terminal and in a pipe alike."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from cwcli.cli.text import WIDTH, display_width, number, pad, printable, wrap
+
+Cell = str | float | int | None
+
+GAP = "  "
+MIN_TEXT_WIDTH = 12
+
+_NUMBER_LIKE = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ?%)?|-")
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int = WIDTH) -> str:
+    """A table as lines of at most `width` cells: headings, a rule, one line a row.
+
+    Numbers are right-aligned. A table that is too wide first wraps its headings and its text cells; if that is not
+    enough, it is cut into several tables that repeat the first column.
+    """
+    heads = [printable(column) for column in columns]
+    cells = [[_cell(value) for value in row] for row in rows]
+    right = [bool(cells) and all(_NUMBER_LIKE.fullmatch(row[i]) for row in cells) for i in range(len(heads))]
+    blocks = [_block(heads, cells, right, part, width) for part in _parts(heads, cells, right, width)]
+    return "\n\n".join(blocks)
+
+
+def _cell(value: Cell) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return number(value)
+    return printable(str(value))
+
+
+def _narrowest(head: str, column: Sequence[str], right: bool) -> int:
+    """The fewest cells into which a column can be squeezed."""
+    widest_cell = max((display_width(cell) for cell in column), default=0)
+    longest_word = max((display_width(word) for word in head.split()), default=0)
+    return max(longest_word, widest_cell if right else min(widest_cell, MIN_TEXT_WIDTH))
+
+
+def _natural(head: str, column: Sequence[str]) -> int:
+    return max(display_width(head), max((display_width(cell) for cell in column), default=0))
+
+
+def _parts(heads: Sequence[str], cells: Sequence[Sequence[str]], right: Sequence[bool], width: int) -> list[list[int]]:
+    """Column numbers of each block: as many as fit when squeezed, the first column in every block."""
+    narrowest = [_narrowest(head, [row[i] for row in cells], right[i]) for i, head in enumerate(heads)]
+    parts: list[list[int]] = []
+    part: list[int] = []
+    used = 0
+    for i, needed in enumerate(narrowest):
+        if len(part) > 1 and used + len(GAP) + needed > width:
+            parts.append(part)
+            part, used = [0], narrowest[0]
+        used += needed + (len(GAP) if part else 0)
+        part.append(i)
+    parts.append(part)
+    return parts
+
+
+def _block(
+    heads: Sequence[str],
+    cells: Sequence[Sequence[str]],
+    right: Sequence[bool],
+    part: Sequence[int],
+    width: int,
+) -> str:
+    widths = _widths(
+        [_natural(heads[i], [row[i] for row in cells]) for i in part],
+        [_narrowest(heads[i], [row[i] for row in cells], right[i]) for i in part],
+        width - len(GAP) * (len(part) - 1),
+    )
+    lines = _row([heads[i] for i in part], widths, [right[i] for i in part], bottom=True)
+    lines.append(GAP.join("-" * column_width for column_width in widths))
+    for row in cells:
+        lines.extend(_row([row[i] for i in part], widths, [right[i] for i in part]))
+    return "\n".join(lines)
+
+
+def _widths(natural: list[int], narrowest: list[int], available: int) -> list[int]:
+    """Take cells from the column that can spare most until the sum fits."""
+    widths = list(natural)
+    while sum(widths) > available:
+        spare = [current - least for current, least in zip(widths, narrowest, strict=True)]
+        if max(spare) <= 0:
+            break
+        widest = max((i for i, cells in enumerate(spare) if cells > 0), key=lambda i: widths[i])
+        widths[widest] -= 1
+    if sum(widths) > available:  # one word wider than the terminal: it is cut
+        widths[widths.index(max(widths))] -= sum(widths) - available
+    return widths
+
+
+def _row(cells: Sequence[str], widths: Sequence[int], right: Sequence[bool], *, bottom: bool = False) -> list[str]:
+    wrapped = [wrap(cell, width) for cell, width in zip(cells, widths, strict=True)]
+    height = max(len(lines) for lines in wrapped)
+    for lines in wrapped:
+        missing = [""] * (height - len(lines))
+        lines[:] = missing + lines if bottom else lines + missing
+    return [
+        GAP.join(
+            pad(lines[i], width, right=is_right) for lines, width, is_right in zip(wrapped, widths, right, strict=True)
+        ).rstrip()
+        for i in range(height)
+    ]
