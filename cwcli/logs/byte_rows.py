@@ -111,4 +111,9 @@ def varints(values: npt.NDArray[np.uint64]) -> ByteRows:
 
 def varint(value: int) -> bytes:
     """One varint of a non-negative number."""
-    return varints(np.array([value], np.uint64)).data.tobytes()
+    encoded = bytearray()
+    while value > 0x7F:
+        encoded.append(value & 0x7F | 0x80)
+        value >>= 7
+    encoded.append(value)
+    return bytes(encoded)

@@ -84,6 +84,25 @@ class Columns:
 
 
 @dataclass(frozen=True)
+class Repeated:
+    """Messages inside messages: row `i` holds the elements `offsets[i]` to `offsets[i + 1]`. Only for output.
+
+    Attributes:
+        offsets: Shape (n + 1,), int64, from 0 to total.
+        fields: Field path inside the element -> total rows.
+    """
+
+    offsets: Int64Array
+    fields: Mapping[str, OutputField]
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+
+OutputField = Field | Repeated
+
+
+@dataclass(frozen=True)
 class OutputChannel:
     """A channel that a stage publishes, as columns named like the fields of its protobuf message.
 
@@ -91,13 +110,14 @@ class OutputChannel:
         topic: Where it is published, e.g. `/cwcli/ego/state`.
         schema_name: A message of `schemas/`, e.g. `cwcli.v1.VehicleState`, or a standard `foxglove.*` one.
         log_time_ns: Shape (n,), int64, non-decreasing.
-        fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated fields.
+        fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated numbers, `Repeated` fills repeated messages.
+            A field that is not named is left out of the message.
     """
 
     topic: str
     schema_name: str
     log_time_ns: Int64Array
-    fields: Mapping[str, Field] = field(default_factory=dict)
+    fields: Mapping[str, OutputField] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.log_time_ns)
