@@ -1,0 +1,264 @@
+"""Clocks: from the stamps that messages carry to one increasing time per row, with every repair counted.
+
+The rules, in order, for the rows of one sender (docs/signals.md has the table):
+
+1. A row without a stamp (zero, not a number, before 1970 or after 2261) takes its log time, less the channel's usual
+   delay where other rows have one.
+2. A stamp that jumps by more than `MAX_CLOCK_STEP_S` against the log time while the log time runs on has left its
+   clock. The rows of that stretch are moved back onto the clock that most rows keep, so their spacing stays.
+3. A stamp that repeats with the same values is the same message: dropped. With other values (a clock of one second for
+   a ten-hertz sensor, a frozen clock) the later rows are spaced by their log times after the first.
+4. Rows that arrive out of order are sorted by stamp.
+5. What still shares a stamp cannot be placed in time: the first that arrived stays, the others are rejected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.quality import S_PER_NS, BoolArray, Gap, Quality, RowLedger
+
+Clock = Literal["stamp", "log"]
+
+NS_PER_S = 1_000_000_000
+MAX_CLOCK_STEP_S = 30.0
+"""A larger change of (stamp - log time) between neighbours is a clock fault, not a delay. Recorders are known to stall
+for seconds, receivers to switch from GPS time to UTC by 18 s; both stay below."""
+MIN_STAMP_NS = 1
+MAX_STAMP_NS = 9_200_000_000 * NS_PER_S
+
+NO_STAMP = "no stamp, log time used"
+CLOCK_JUMP = "stamp jumps, moved back by log time"
+REPEATED_SPACED = "repeated stamp, spaced by log time"
+OUT_OF_ORDER = "out of order, sorted"
+DUPLICATE = "duplicate message"
+REPEATED_REJECTED = "repeated stamp with other values"
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Rows of a channel in time order.
+
+    Attributes:
+        rows: Shape (m,), indices into the channel's rows.
+        stamp_ns: Shape (m,), strictly increasing for one sender.
+    """
+
+    rows: npt.NDArray[np.intp]
+    stamp_ns: Int64Array
+
+
+def settle(
+    ledger: RowLedger,
+    stamp_ns: Int64Array,
+    has_stamp: BoolArray,
+    clock: Clock,
+    values: Sequence[FloatArray],
+    *,
+    sender: npt.NDArray[np.integer] | None = None,
+    max_step_s: float = MAX_CLOCK_STEP_S,
+) -> Timeline:
+    """Give each kept row of a channel its time, in order, and book what was repaired or rejected.
+
+    Args:
+        ledger: The channel's ledger; rows already rejected take no part. Fills `quality.used` and `quality.delay_s`.
+        stamp_ns: Shape (n,), the stamps of all rows of the channel; any value where `has_stamp` is false.
+        has_stamp: Shape (n,).
+        clock: `stamp`, or `log` to use the log time throughout (steps 3 to 5 still apply).
+        values: Arrays of n rows that tell a repeated message from a new one.
+        sender: Shape (n,): a code per row; each sender has a clock of its own. None means one sender.
+        max_step_s: See `MAX_CLOCK_STEP_S`.
+
+    Returns:
+        The rows that remain, sorted by time (by time, then file order, over all senders).
+    """
+    log_ns = ledger.columns.log_time_ns
+    time_ns = log_ns.copy() if clock == "log" else np.where(has_stamp, stamp_ns, 0).astype(np.int64)
+    has_time = np.ones(len(log_ns), dtype=np.bool_) if clock == "log" else has_stamp
+    table = _value_table(values, len(log_ns))
+    parts = [_settle_sender(ledger, rows, time_ns, has_time, table, max_step_s) for rows in _by_sender(ledger, sender)]
+    rows = np.concatenate(parts) if parts else np.zeros(0, dtype=np.intp)
+    rows = rows[np.lexsort((rows, time_ns[rows]))]
+    stamps = time_ns[rows]
+    ledger.quality.used = len(rows)
+    if len(rows):
+        ledger.quality.delay_s = float(np.median(log_ns[rows] - stamps)) * S_PER_NS
+        ledger.quality.gaps = find_gaps(stamps)
+    return Timeline(rows=rows, stamp_ns=stamps)
+
+
+def find_gaps(
+    stamp_ns: Int64Array, *, start_ns: int | None = None, end_ns: int | None = None, min_gap_s: float | None = None
+) -> tuple[Gap, ...]:
+    """List the stretches without data.
+
+    Args:
+        stamp_ns: Shape (n,), non-decreasing.
+        start_ns, end_ns: The log's first and last time: a channel that starts late or dies early then has a gap there.
+        min_gap_s: Shortest gap to list; None means five median intervals, but at least one second.
+
+    Returns:
+        Gaps in time order.
+    """
+    if len(stamp_ns) == 0:
+        return (Gap(start_ns, end_ns),) if start_ns is not None and end_ns is not None and end_ns > start_ns else ()
+    if min_gap_s is None:
+        median_s = float(np.median(np.diff(stamp_ns))) * S_PER_NS if len(stamp_ns) > 1 else 0.0
+        min_gap_s = max(1.0, 5.0 * median_s)
+    edges = np.concatenate(
+        [
+            [] if start_ns is None else [min(start_ns, int(stamp_ns[0]))],
+            stamp_ns,
+            [] if end_ns is None else [max(end_ns, int(stamp_ns[-1]))],
+        ]
+    ).astype(np.int64)
+    is_gap = np.diff(edges) * S_PER_NS > min_gap_s
+    return tuple(Gap(int(edges[i]), int(edges[i + 1])) for i in np.flatnonzero(is_gap))
+
+
+def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S) -> tuple[str, ...]:
+    """Find channels whose stamps count from another epoch than the others' (a time since boot beside UTC).
+
+    Args:
+        qualities: Of the channels to be used together.
+        tolerance_s: Largest difference of the median delays.
+
+    Returns:
+        One line for each channel that is not with the majority, with its offset; () when all agree.
+    """
+    delays = [quality.delay_s for quality in qualities if np.isfinite(quality.delay_s)]
+    if not delays:
+        return ()
+    usual_s = float(np.sort(delays)[(len(delays) - 1) // 2])
+    return tuple(
+        f"{quality.source}: stamps are {usual_s - quality.delay_s:+.1f} s against the other channels' (try --clock log)"
+        for quality in qualities
+        if np.isfinite(quality.delay_s) and abs(quality.delay_s - usual_s) > tolerance_s
+    )
+
+
+def repair_jumps(
+    stamp_ns: Int64Array, log_time_ns: Int64Array, *, max_step_s: float = MAX_CLOCK_STEP_S
+) -> tuple[Int64Array, BoolArray]:
+    """Move stretches whose clock has jumped back onto the clock that most rows keep.
+
+    A stretch begins where (stamp - log time) changes by more than `max_step_s` and the stamp itself did not simply run
+    on (then it was the log time that jumped). A stretch is moved when its median offset is more than `max_step_s` from the
+    median offset of all rows.
+
+    Args:
+        stamp_ns, log_time_ns: Shape (n,), in log-time order.
+        max_step_s: Seconds.
+
+    Returns:
+        The stamps, shape (n,), and which of them were moved, shape (n,).
+    """
+    max_step_ns = int(max_step_s * NS_PER_S)
+    moved = np.zeros(len(stamp_ns), dtype=np.bool_)
+    if len(stamp_ns) < 2:
+        return stamp_ns, moved
+    offset_ns = stamp_ns - log_time_ns
+    step_ns = np.diff(stamp_ns)
+    runs_on = (step_ns >= 0) & (step_ns <= max_step_ns)
+    is_boundary = (np.abs(np.diff(offset_ns)) > max_step_ns) & ~runs_on
+    if not is_boundary.any():
+        return stamp_ns, moved
+    starts = np.concatenate([[0], np.flatnonzero(is_boundary) + 1, [len(stamp_ns)]])
+    usual_ns = _lower_median(offset_ns)
+    repaired_ns = stamp_ns.copy()
+    for start, end in pairwise(starts):
+        shift_ns = usual_ns - _lower_median(offset_ns[start:end])
+        if abs(shift_ns) > max_step_ns:
+            repaired_ns[start:end] += shift_ns
+            moved[start:end] = True
+    return repaired_ns, moved
+
+
+def _settle_sender(
+    ledger: RowLedger,
+    rows: npt.NDArray[np.intp],
+    time_ns: Int64Array,
+    has_time: BoolArray,
+    table: FloatArray,
+    max_step_s: float,
+) -> npt.NDArray[np.intp]:
+    """Steps 1 to 5 for one sender: writes the times into `time_ns`, returns the rows that stay, in time order."""
+    log_ns = ledger.columns.log_time_ns[rows]
+    stamp_ns = time_ns[rows]
+    given = has_time[rows]
+
+    delay_ns = _lower_median(log_ns[given] - stamp_ns[given]) if given.any() else 0
+    if abs(delay_ns) > max_step_s * NS_PER_S and 2 * np.count_nonzero(given) <= len(given):
+        delay_ns = 0  # a few stamps of another epoch say nothing about the rest
+    stamp_ns = np.where(given, stamp_ns, log_ns - delay_ns)
+    ledger.repair_rows(rows[~given], NO_STAMP)
+
+    stamp_ns, moved = repair_jumps(stamp_ns, log_ns, max_step_s=max_step_s)
+    ledger.repair_rows(rows[moved], CLOCK_JUMP)
+
+    repeats = np.flatnonzero(np.diff(stamp_ns) == 0) + 1
+    is_duplicate = np.zeros(len(rows), dtype=np.bool_)
+    is_duplicate[repeats] = _same_rows(table[rows[repeats]], table[rows[repeats - 1]])
+    ledger.reject_rows(rows[is_duplicate], DUPLICATE)
+    rows, stamp_ns, log_ns = rows[~is_duplicate], stamp_ns[~is_duplicate], log_ns[~is_duplicate]
+
+    is_repeat = np.concatenate([[False], np.diff(stamp_ns) == 0]) if len(rows) else np.zeros(0, dtype=np.bool_)
+    if is_repeat.any():
+        first = np.maximum.accumulate(np.where(is_repeat, 0, np.arange(len(rows))))
+        spaced_ns = stamp_ns[first] + (log_ns - log_ns[first])
+        is_spaced = is_repeat & (spaced_ns > stamp_ns[first])
+        stamp_ns = np.where(is_spaced, spaced_ns, stamp_ns)
+        ledger.repair_rows(rows[is_spaced], REPEATED_SPACED)
+
+    if len(rows):
+        latest_ns = np.maximum.accumulate(stamp_ns)
+        ledger.repair_rows(rows[stamp_ns < latest_ns], OUT_OF_ORDER)
+    order = np.argsort(stamp_ns, kind="stable")
+    rows, stamp_ns = rows[order], stamp_ns[order]
+    time_ns[rows] = stamp_ns
+
+    is_repeat = np.concatenate([[False], np.diff(stamp_ns) == 0]) if len(rows) else np.zeros(0, dtype=np.bool_)
+    if is_repeat.any():
+        first = np.maximum.accumulate(np.where(is_repeat, 0, np.arange(len(rows))))
+        is_same = is_repeat & _same_rows(table[rows], table[rows[first]])
+        ledger.reject_rows(rows[is_same], DUPLICATE)
+        ledger.reject_rows(rows[is_repeat & ~is_same], REPEATED_REJECTED)
+        rows = rows[~is_repeat]
+    return rows
+
+
+def _by_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> list[npt.NDArray[np.intp]]:
+    rows = ledger.rows
+    if not len(rows):
+        return []
+    if sender is None:
+        return [rows]
+    order = np.argsort(sender[rows], kind="stable")
+    grouped = rows[order]
+    edges = np.flatnonzero(np.diff(sender[grouped])) + 1
+    return np.split(grouped, edges)
+
+
+def _value_table(values: Sequence[FloatArray], n_rows: int) -> FloatArray:
+    """The values side by side, shape (n, k)."""
+    if not values:
+        return np.zeros((n_rows, 0))
+    return np.concatenate([np.asarray(value, dtype=np.float64).reshape(n_rows, -1) for value in values], axis=1)
+
+
+def _same_rows(a: FloatArray, b: FloatArray) -> BoolArray:
+    same: BoolArray = np.all((a == b) | (np.isnan(a) & np.isnan(b)), axis=1)
+    return same
+
+
+def _lower_median(values: Int64Array) -> int:
+    """The median, or the lower of the two middle values: always one of the values."""
+    middle = (len(values) - 1) // 2
+    return int(np.partition(values, middle)[middle])

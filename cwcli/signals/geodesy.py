@@ -1,0 +1,92 @@
+"""The local map: east-north-up about an origin on the WGS84 ellipsoid.
+
+The transformation is PROJ's geocentric-to-topocentric one (EPSG method 9837), exact up to rounding at any distance; it
+is not a map projection, so distances near the origin are not scaled.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
+
+
+class LocalMap:
+    """Plane tangent to the WGS84 ellipsoid at an origin: x east, y north, z up, in metres.
+
+    Attributes:
+        origin_lat_deg, origin_lon_deg: WGS84, degrees.
+        origin_alt_m: Height above the ellipsoid, metres.
+    """
+
+    def __init__(self, origin_lat_deg: float, origin_lon_deg: float, origin_alt_m: float = 0.0) -> None:
+        """Set the origin.
+
+        Raises:
+            ValueError: When the origin is not a finite place on the ellipsoid. An altitude of NaN becomes 0.
+        """
+        if not (abs(origin_lat_deg) <= 90.0 and abs(origin_lon_deg) <= 180.0):  # also False for NaN
+            raise ValueError(f"not a place on the ellipsoid: latitude {origin_lat_deg}, longitude {origin_lon_deg}")
+        self.origin_lat_deg = float(origin_lat_deg)
+        self.origin_lon_deg = float(origin_lon_deg)
+        self.origin_alt_m = float(origin_alt_m) if np.isfinite(origin_alt_m) else 0.0
+
+    def __repr__(self) -> str:
+        return f"LocalMap({self.origin_lat_deg!r}, {self.origin_lon_deg!r}, {self.origin_alt_m!r})"
+
+    @cached_property
+    def _transformer(self) -> Transformer:
+        from pyproj import Transformer
+
+        return Transformer.from_pipeline(
+            "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
+            f"+step +proj=topocentric +ellps=WGS84 +lat_0={self.origin_lat_deg!r} +lon_0={self.origin_lon_deg!r} "
+            f"+h_0={self.origin_alt_m!r}"
+        )
+
+    def map_from_wgs84(
+        self, lat_deg: FloatArray, lon_deg: FloatArray, alt_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Place WGS84 positions on the map.
+
+        Args:
+            lat_deg, lon_deg: Shape (n,), degrees.
+            alt_m: Shape (n,), metres above the ellipsoid. Where it is NaN the origin's is assumed and z is NaN.
+
+        Returns:
+            x (east), y (north), z (up), each of shape (n,), metres. NaN where latitude or longitude is not finite.
+        """
+        has_alt = np.isfinite(alt_m)
+        x_m, y_m, z_m = self._apply(lon_deg, lat_deg, np.where(has_alt, alt_m, self.origin_alt_m), inverse=False)
+        return x_m, y_m, np.where(has_alt, z_m, np.nan)
+
+    def wgs84_from_map(
+        self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The inverse of `map_from_wgs84`.
+
+        Args:
+            x_m, y_m, z_m: Shape (n,), metres. Where z is NaN, 0 is assumed and the altitude is NaN.
+
+        Returns:
+            Latitude (degrees), longitude (degrees), altitude (metres), each of shape (n,).
+        """
+        has_z = np.isfinite(z_m)
+        lon_deg, lat_deg, alt_m = self._apply(x_m, y_m, np.where(has_z, z_m, 0.0), inverse=True)
+        return lat_deg, lon_deg, np.where(has_z, alt_m, np.nan)
+
+    def _apply(
+        self, a: FloatArray, b: FloatArray, c: FloatArray, *, inverse: bool
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        a, b, c = (np.array(values, dtype=np.float64) for values in np.broadcast_arrays(a, b, c))
+        is_finite = np.isfinite(a) & np.isfinite(b)
+        direction = "INVERSE" if inverse else "FORWARD"
+        result = self._transformer.transform(a, b, c, direction=direction)
+        first, second, third = (np.where(is_finite, values, np.nan) for values in result)
+        return first, second, third

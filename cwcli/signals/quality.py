@@ -1,0 +1,155 @@
+"""What happened to a channel's messages: read, used, rejected by reason, repaired by reason.
+
+Nothing is dropped uncounted: `read == used + rejected + set aside` holds for every channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import DataError
+from cwcli.signals.columns import Columns
+
+BoolArray = npt.NDArray[np.bool_]
+
+S_PER_NS = 1e-9
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A stretch without messages: from the last one before it to the first one after it (or the log's end)."""
+
+    start_ns: int
+    end_ns: int
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return (self.end_ns - self.start_ns) * S_PER_NS
+
+
+@dataclass
+class Quality:
+    """Counts for one channel in one role.
+
+    Attributes:
+        source: Topic.
+        role: Role value (`ego_position`).
+        read: Messages in the channel, the undecodable ones included.
+        used: Rows in the signal.
+        rejected: Reason -> messages left out because they break their contract.
+        repaired: Reason -> messages kept with a changed time or a field taken away. A message can be in several.
+        set_aside: Reason -> sound messages that belong to another role (the ego's own messages, a roadside unit).
+        first_fault_ns: Reason (of `rejected` and `repaired`) -> log time of the first message concerned.
+        notes: One line each, for the user.
+        delay_s: Median of log time minus stamp over the used rows, NaN when there are none.
+        gaps: Stretches without used rows, see `signals.clocks.find_gaps`.
+    """
+
+    source: str
+    role: str
+    read: int = 0
+    used: int = 0
+    rejected: dict[str, int] = field(default_factory=dict)
+    repaired: dict[str, int] = field(default_factory=dict)
+    set_aside: dict[str, int] = field(default_factory=dict)
+    first_fault_ns: dict[str, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    delay_s: float = float("nan")
+    gaps: tuple[Gap, ...] = ()
+
+    @property
+    def n_faults(self) -> int:
+        """Rejections and repairs together."""
+        return sum(self.rejected.values()) + sum(self.repaired.values())
+
+
+class RowLedger:
+    """Keeps the rows of one channel and books why a row leaves or changes.
+
+    A row is rejected once, for the first reason given; repairs are counted on rows that are still kept.
+    """
+
+    def __init__(self, columns: Columns, role: str) -> None:
+        self.columns = columns
+        self.keep: BoolArray = np.ones(len(columns), dtype=np.bool_)
+        self.quality = Quality(source=columns.topic, role=role, read=len(columns) + columns.n_undecodable)
+        if columns.n_undecodable:
+            self.quality.rejected["undecodable"] = columns.n_undecodable
+
+    @property
+    def rows(self) -> npt.NDArray[np.intp]:
+        """Indices of the rows that are still kept, in file order."""
+        return np.flatnonzero(self.keep)
+
+    def reject(self, is_faulty: BoolArray, reason: str) -> None:
+        """Leave out the rows where `is_faulty` (shape (n,)) holds and that are still kept."""
+        self.reject_rows(np.flatnonzero(self.keep & is_faulty), reason)
+
+    def reject_rows(self, rows: npt.NDArray[np.intp], reason: str) -> None:
+        """Leave out these rows (indices of kept rows)."""
+        self._book(self.quality.rejected, rows, reason)
+        self.keep[rows] = False
+
+    def repair(self, is_repaired: BoolArray, reason: str) -> None:
+        """Count the kept rows where `is_repaired` (shape (n,)) holds."""
+        self.repair_rows(np.flatnonzero(self.keep & is_repaired), reason)
+
+    def repair_rows(self, rows: npt.NDArray[np.intp], reason: str) -> None:
+        """Count these rows (indices of kept rows) as repaired."""
+        self._book(self.quality.repaired, rows, reason)
+
+    def set_aside(self, is_other: BoolArray, reason: str) -> None:
+        """Leave out sound rows that belong to another role."""
+        rows = np.flatnonzero(self.keep & is_other)
+        if len(rows):
+            self.quality.set_aside[reason] = self.quality.set_aside.get(reason, 0) + len(rows)
+        self.keep[rows] = False
+
+    def note(self, text: str) -> None:
+        """Tell the user something about the whole channel."""
+        self.quality.notes.append(text)
+
+    def _book(self, counts: dict[str, int], rows: npt.NDArray[np.intp], reason: str) -> None:
+        if not len(rows):
+            return
+        counts[reason] = counts.get(reason, 0) + len(rows)
+        first_ns = int(self.columns.log_time_ns[rows.min()])
+        self.quality.first_fault_ns[reason] = min(first_ns, self.quality.first_fault_ns.get(reason, first_ns))
+
+
+def require_clean(qualities: Sequence[Quality], *, log_name: str = "", log_start_ns: int = 0) -> None:
+    """Turn counted faults into an error (`--strict`).
+
+    Args:
+        qualities: One per channel and role.
+        log_name: File name for the message.
+        log_start_ns: Times in the message are seconds after this.
+
+    Raises:
+        DataError: When any message was rejected or repaired. It names the topic, the time of the first fault and its
+            count, and lists every other fault.
+    """
+    faults: list[tuple[int, str, str]] = []
+    for quality in qualities:
+        for verb, counts in (("rejected", quality.rejected), ("repaired", quality.repaired)):
+            for reason, count in counts.items():
+                first_ns = quality.first_fault_ns.get(reason, log_start_ns)
+                messages = "message" if count == 1 else "messages"
+                faults.append((first_ns, quality.source, f"{count} {messages} {verb} ({reason})"))
+    if not faults:
+        return
+    faults.sort()
+    first_ns, source, what = faults[0]
+    at_s = (first_ns - log_start_ns) * S_PER_NS
+    prefix = f"{log_name}: " if log_name else ""
+    raise DataError(
+        what,
+        where=f"{prefix}{source} at {at_s:.3f} s",
+        found=tuple(f"{topic}: {text}" for _, topic, text in faults),
+        hint="leave out --strict to go on with these counted instead",
+    )

@@ -1,0 +1,97 @@
+"""Values of a signal at other times, without inventing any across a gap: what is not covered is NaN."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.columns import FloatArray, Int64Array
+
+Method = Literal["linear", "previous", "nearest"]
+
+S_PER_NS = 1e-9
+
+
+def resample(
+    stamp_ns: Int64Array,
+    values: FloatArray,
+    at_ns: Int64Array,
+    *,
+    max_gap_s: float,
+    method: Method = "linear",
+    is_angle: bool = False,
+) -> FloatArray:
+    """Give a signal's values at the times `at_ns`.
+
+    A sample that holds NaN is no sample: it neither counts as a neighbour nor bridges a gap. A time that a sample has
+    exactly takes that sample, however wide the gaps beside it.
+
+    Args:
+        stamp_ns: Shape (n,), non-decreasing; of samples with one stamp the last one counts.
+        values: Shape (n,) or (n, k).
+        at_ns: Shape (m,), in any order.
+        max_gap_s: `linear`: largest distance between the two neighbours. `previous`: greatest age of the sample.
+            `nearest`: largest distance to the sample.
+        method: See above. Beyond the first and last sample `linear` is NaN.
+        is_angle: Values are radians: interpolate along the shortest arc, result in (-pi, pi].
+
+    Returns:
+        Shape (m,) or (m, k); NaN where the signal does not cover the time.
+    """
+    samples = np.asarray(values, dtype=np.float64)
+    if samples.ndim == 2:
+        columns = [
+            resample(stamp_ns, samples[:, i], at_ns, max_gap_s=max_gap_s, method=method, is_angle=is_angle)
+            for i in range(samples.shape[1])
+        ]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(at_ns), 0))
+    is_sample = np.isfinite(samples)
+    stamps, samples = np.asarray(stamp_ns, dtype=np.int64)[is_sample], samples[is_sample]
+    if not len(stamps):
+        return np.full(len(at_ns), np.nan)
+    max_gap_ns = max_gap_s / S_PER_NS
+    after = np.searchsorted(stamps, at_ns, side="right")
+    before = after - 1
+    if method == "previous":
+        index, distance_ns = _clip(before, stamps), at_ns - stamps[_clip(before, stamps)]
+        result = np.where((before >= 0) & (distance_ns <= max_gap_ns), samples[index], np.nan)
+    elif method == "nearest":
+        index = _nearest(stamps, at_ns, before)
+        result = np.where(np.abs(at_ns - stamps[index]) <= max_gap_ns, samples[index], np.nan)
+    else:
+        result = _linear(stamps, samples, at_ns, before, max_gap_ns, is_angle=is_angle)
+    return wrap_angle(result) if is_angle else result
+
+
+def _linear(
+    stamps: Int64Array,
+    samples: FloatArray,
+    at_ns: Int64Array,
+    before: npt.NDArray[np.intp],
+    max_gap_ns: float,
+    *,
+    is_angle: bool,
+) -> FloatArray:
+    left, right = _clip(before, stamps), _clip(before + 1, stamps)
+    gap_ns = stamps[right] - stamps[left]
+    since_ns = at_ns - stamps[left]
+    is_exact = (before >= 0) & (since_ns == 0)
+    is_between = (before >= 0) & (before + 1 < len(stamps)) & (gap_ns <= max_gap_ns)
+    change = samples[right] - samples[left]
+    if is_angle:
+        change = wrap_angle(change)
+    fraction = since_ns / np.where(gap_ns == 0, 1, gap_ns)
+    between = samples[left] + fraction * change
+    return np.where(is_exact, samples[left], np.where(is_between, between, np.nan))
+
+
+def _nearest(stamps: Int64Array, at_ns: Int64Array, before: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    left, right = _clip(before, stamps), _clip(before + 1, stamps)
+    return np.where(np.abs(stamps[right] - at_ns) < np.abs(at_ns - stamps[left]), right, left)
+
+
+def _clip(index: npt.NDArray[np.intp], stamps: Int64Array) -> npt.NDArray[np.intp]:
+    return np.clip(index, 0, len(stamps) - 1)
