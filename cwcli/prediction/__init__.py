@@ -1,1 +1,1 @@
-"""TODO: replaced by its room."""
+"""Where a vehicle will be: motion models, rollout of paths with their covariance, errors against what then happened."""

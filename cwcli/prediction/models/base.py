@@ -1,0 +1,85 @@
+"""What a motion model is.
+
+Every model here moves a car along its heading with a speed and a heading that respond linearly to the four
+derivatives of its state:
+
+    v(t)   = v0   + a0 A(t) + j0 J(t)            A, J: response to acceleration and jerk
+    phi(t) = phi0 + w0 W(t) + dw0 D(t)           W, D: response to yaw rate and yaw acceleration
+
+A model is these four functions of time, and how far it trusts the derivatives that the filter gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cwcli.prediction.driver import DriverPrior
+from cwcli.signals.columns import FloatArray
+
+X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
+DERIVATIVES = (ACCEL, JERK, YAW_RATE, YAW_ACCEL)
+
+
+class Responses(NamedTuple):
+    """Responses at the times asked for, each of the shape of the times.
+
+    Attributes:
+        speed_to_accel (s), speed_to_jerk (s^2): A(t), J(t).
+        heading_to_yaw_rate (s), heading_to_yaw_accel (s^2): W(t), D(t).
+    """
+
+    speed_to_accel: FloatArray
+    speed_to_jerk: FloatArray
+    heading_to_yaw_rate: FloatArray
+    heading_to_yaw_accel: FloatArray
+
+
+Trust = Callable[[FloatArray, FloatArray | None, DriverPrior], FloatArray]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A motion model.
+
+    Attributes:
+        name: Key in the registry and on the command line.
+        summary: One line for `--help` and the docs.
+        uses: Which of (accel, jerk, yaw rate, yaw accel) move it.
+        responses: Times (any shape), prior -> `Responses`.
+        trust: State (n, 8), covariance (n, 8, 8) or None, prior -> shape (n, 4): the factor in [0, 1] put on each
+            of (accel, jerk, yaw rate, yaw accel).
+        in_paper: Whether song2016's recursion (eq. 2, 9, 10) covers it.
+    """
+
+    name: str
+    summary: str
+    uses: tuple[bool, bool, bool, bool]
+    responses: Callable[[FloatArray, DriverPrior], Responses]
+    trust: Trust
+    in_paper: bool = True
+
+
+def full_trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
+    """The derivatives as the filter gives them, shape (n, 4) of ones."""
+    return np.ones((len(state), 4))
+
+
+def polynomial(name: str, summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
+    """A model in which the derivatives it uses stay constant: A = t, J = t^2/2, W = t, D = t^2/2, or 0."""
+
+    def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
+        none = np.zeros_like(time_s)
+        half_square = 0.5 * time_s**2
+        accel, jerk, yaw_rate, yaw_accel = uses
+        return Responses(
+            time_s if accel else none,
+            half_square if jerk else none,
+            time_s if yaw_rate else none,
+            half_square if yaw_accel else none,
+        )
+
+    return Model(name=name, summary=summary, uses=uses, responses=responses, trust=full_trust)

@@ -1,0 +1,5 @@
+"""Constant acceleration and heading: straight driving with the pedal held."""
+
+from cwcli.prediction.models.base import polynomial
+
+MODEL = polynomial("ca", "constant acceleration and heading", (True, False, False, False))

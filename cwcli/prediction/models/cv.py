@@ -1,0 +1,5 @@
+"""Constant speed and heading (song2016 eq. 9): the baseline that every other model has to beat."""
+
+from cwcli.prediction.models.base import polynomial
+
+MODEL = polynomial("cv", "constant speed and heading", (False, False, False, False))

@@ -1,0 +1,29 @@
+"""Predicted paths as plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cwcli.signals.columns import FloatArray
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Predicted paths of n starts over k points with a common step, in the map frame.
+
+    Attributes:
+        time_s: Shape (k,), from the start: 0, step, 2 step, ...
+        x_m, y_m, heading_rad, speed_mps: Shape (n, k). Column 0 is the start itself. Headings are continuous
+            along a path (not wrapped).
+        position_covariance_m2: Shape (n, k, 3): xx, xy, yy.
+    """
+
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    position_covariance_m2: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.x_m)

@@ -1,0 +1,179 @@
+"""Rolling states forward: n starts at once, with the covariance of the position along each path."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.prediction.driver import DriverPrior, displacement_variance
+from cwcli.prediction.integrate import Integral, integrate
+from cwcli.prediction.models import MODELS
+from cwcli.prediction.models.base import DERIVATIVES, HEADING, SPEED, Model
+from cwcli.prediction.paths import Paths
+from cwcli.signals.columns import FloatArray
+
+Discretisation = Literal["exact", "paper"]
+
+ROWS_AT_ONCE = 256  # keeps the working arrays of one batch inside the processor's cache
+
+__all__ = ["Discretisation", "Paths", "path_jacobian", "rollout", "time_grid"]
+
+
+def time_grid(horizon_s: float, step_s: float) -> FloatArray:
+    """0, step, 2 step, ... up to the first point that reaches the horizon, shape (k,).
+
+    Raises:
+        UsageError: Horizon or step is not positive and finite, or they give more than 100,000 points.
+    """
+    if not (np.isfinite(step_s) and step_s > 0.0):
+        raise UsageError(f"a step of {step_s:g} s is not a positive number of seconds")
+    if not (np.isfinite(horizon_s) and horizon_s > 0.0):
+        raise UsageError(f"a horizon of {horizon_s:g} s is not a positive number of seconds")
+    steps = int(np.ceil(horizon_s / step_s - 1e-9))
+    if steps > 100_000:
+        raise UsageError(
+            f"a horizon of {horizon_s:g} s in steps of {step_s:g} s is {steps} points", hint="take a longer step"
+        )
+    return np.arange(max(steps, 1) + 1) * step_s
+
+
+def rollout(
+    model: str,
+    state: FloatArray,
+    covariance: FloatArray | None,
+    *,
+    horizon_s: float = 2.5,
+    step_s: float = 0.05,
+    discretisation: Discretisation = "exact",
+    prior: DriverPrior | None = None,
+) -> Paths:
+    """Predict the paths of n starts.
+
+    A car that stops on its path stays where it is and turns no further; a braking car doesn't reverse, a reversing
+    one doesn't go forward. The covariance at a point is J P J' (J: Jacobian of the point to the start state, P: the
+    start's covariance) plus what the driver may do beyond the model (`DriverPrior`), along and across the heading.
+
+    Args:
+        model: A key of `MODELS`.
+        state: Shape (n, 8): x_m, y_m, speed_mps, heading_rad, accel_mps2, yaw_rate_radps, jerk_mps3, yaw_accel_radps2.
+        covariance: Shape (n, 8, 8), same order; None: the start is taken as known, only the driver's noise grows.
+        horizon_s, step_s: The last point is the first that reaches the horizon.
+        discretisation: "exact" integrates the model; "paper" is song2016's recursion (eq. 2, 9, 10) with its step.
+        prior: What drivers do; None: the default.
+
+    Returns:
+        Paths of shape (n, k). A row that is not finite in its state gives a row of NaN.
+
+    Raises:
+        UsageError: Unknown model, a bad horizon or step, or "paper" for a model that the paper doesn't have.
+        ValueError: Shapes that don't fit.
+    """
+    chosen = _model(model, discretisation)
+    prior = prior or DriverPrior()
+    _check_shapes(state, covariance)
+    time_s = time_grid(horizon_s, step_s)
+    n, k = len(state), len(time_s)
+    x, y, heading, speed = (np.empty((n, k)) for _ in range(4))
+    position_covariance = np.empty((n, k, 3))
+    along, cross = _driver_variance(chosen, time_s, prior)
+    for first in range(0, n, ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        start = state[rows]
+        start_covariance = None if covariance is None else covariance[rows]
+        trust = chosen.trust(start, start_covariance, prior) * np.array(chosen.uses)
+        path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation)
+        x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
+        out = _driver_noise(path, start[:, SPEED], time_s, along, cross, prior)
+        if start_covariance is not None:
+            out += _carried(path.jacobian, _shrunk(start_covariance, trust))
+        position_covariance[rows] = out
+    return Paths(time_s, x, y, heading, speed, position_covariance)
+
+
+def path_jacobian(
+    model: str,
+    state: FloatArray,
+    *,
+    horizon_s: float = 2.5,
+    step_s: float = 0.05,
+    discretisation: Discretisation = "exact",
+    prior: DriverPrior | None = None,
+) -> FloatArray:
+    """Derivative of every predicted (x, y) with respect to the start state, shape (n, k, 2, 8)."""
+    chosen = _model(model, discretisation)
+    prior = prior or DriverPrior()
+    _check_shapes(state, None)
+    trust = chosen.trust(state, None, prior) * np.array(chosen.uses)
+    path = integrate(chosen, _trusted(state, trust), time_grid(horizon_s, step_s), prior, discretisation)
+    jacobian = np.moveaxis(path.jacobian, 0, 2)
+    jacobian[..., DERIVATIVES] *= trust[:, None, None, :]
+    return jacobian
+
+
+def _model(name: str, discretisation: Discretisation) -> Model:
+    if name not in MODELS:
+        raise UsageError(f"there is no motion model '{name}'", hint=f"one of: {', '.join(MODELS)}")
+    if discretisation == "paper" and not MODELS[name].in_paper:
+        raise UsageError(f"model '{name}' has no form in song2016", hint="use --discretisation exact")
+    return MODELS[name]
+
+
+def _check_shapes(state: FloatArray, covariance: FloatArray | None) -> None:
+    if state.ndim != 2 or state.shape[1] != 8:
+        raise ValueError(f"state has shape {state.shape}, not (n, 8)")
+    if covariance is not None and covariance.shape != (len(state), 8, 8):
+        raise ValueError(f"covariance has shape {covariance.shape}, not ({len(state)}, 8, 8)")
+
+
+def _trusted(state: FloatArray, trust: FloatArray) -> FloatArray:
+    """The state with each derivative multiplied by its trust; one that is not used may be NaN."""
+    out = state.copy()
+    out[:, DERIVATIVES] = np.where(trust == 0.0, 0.0, state[:, DERIVATIVES] * trust)
+    return out
+
+
+def _shrunk(covariance: FloatArray, trust: FloatArray) -> FloatArray:
+    """The covariance after trust: variance P becomes g P (the posterior's), correlations stay; (n, 8, 8)."""
+    scale = np.ones(covariance.shape[:2])
+    scale[:, DERIVATIVES] = np.sqrt(trust)
+    both = scale[:, :, None] * scale[:, None, :]
+    return np.where(both == 0.0, 0.0, covariance * both)
+
+
+def _carried(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+    """J P J' as (n, k, 3): xx, xy, yy. `jacobian` is (2, n, k, 8)."""
+    to_x, to_y = jacobian
+    by_x = np.matmul(to_x, covariance)
+    xx = np.einsum("nks,nks->nk", by_x, to_x)
+    xy = np.einsum("nks,nks->nk", by_x, to_y)
+    yy = np.einsum("nks,nks->nk", np.matmul(to_y, covariance), to_y)
+    return np.stack([xx, xy, yy], axis=-1)
+
+
+def _driver_variance(model: Model, time_s: FloatArray, prior: DriverPrior) -> tuple[FloatArray, FloatArray]:
+    """Displacement variance per unit acceleration variance beyond the model, along and across, each (k,) in s^4."""
+    out = model.responses(time_s, prior)
+    along = displacement_variance(time_s, _running_integral(out.speed_to_accel, time_s), prior.accel_time_s)
+    cross = displacement_variance(time_s, _running_integral(out.heading_to_yaw_rate, time_s), prior.yaw_time_s)
+    return along, cross
+
+
+def _running_integral(values: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Trapezoidal running integral from 0, shape (k,)."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time_s)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _driver_noise(
+    path: Integral, speed_mps: FloatArray, time_s: FloatArray, along: FloatArray, cross: FloatArray, prior: DriverPrior
+) -> FloatArray:
+    """The driver's noise in map axes, (n, k, 3): grows while the car moves, along and across its heading."""
+    along_m2 = np.interp(path.moving_s, time_s, along) * prior.along_sigma_mps2(speed_mps)[:, None] ** 2
+    cross_m2 = np.interp(path.moving_s, time_s, cross) * prior.cross_sigma_mps2(speed_mps)[:, None] ** 2
+    cosine, sine = np.cos(path.heading_rad), np.sin(path.heading_rad)
+    xx = along_m2 * cosine**2 + cross_m2 * sine**2
+    yy = along_m2 * sine**2 + cross_m2 * cosine**2
+    xy = (along_m2 - cross_m2) * cosine * sine
+    return np.stack([xx, xy, yy], axis=-1)
