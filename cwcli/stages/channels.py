@@ -24,8 +24,6 @@ EGO_ID = "ego"
 
 COVARIANCE_TYPE_KNOWN = 3  # foxglove.LocationFix: KNOWN
 
-NANOSECONDS = 1_000_000_000
-
 
 def constant_strings(value: str, n: int) -> Strings:
     """`n` rows of one string."""
@@ -116,14 +114,12 @@ def viewer_channels(
         altitude_m: Height of the map's origin.
     """
     n = len(stamp_ns)
-    seconds, nanos = np.divmod(stamp_ns, NANOSECONDS)
-    time: dict[str, Field] = {"timestamp.seconds": seconds, "timestamp.nanos": nanos.astype(np.int32)}
     zeros = np.zeros(n)
     half = state[:, 3] / 2.0
     position_covariance = np.zeros((n, 9))
     position_covariance[:, [0, 1, 3, 4]] = covariance[:, :2, :2].reshape(n, 4)
     fix: dict[str, Field] = {
-        **time,
+        "timestamp": stamp_ns,
         "frame_id": constant_strings(BODY_FRAME, n),
         "latitude": latitude_deg,
         "longitude": longitude_deg,
@@ -132,7 +128,7 @@ def viewer_channels(
         "position_covariance_type": np.full(n, COVARIANCE_TYPE_KNOWN, np.int32),
     }
     pose: dict[str, Field] = {
-        **time,
+        "timestamp": stamp_ns,
         "frame_id": constant_strings(MAP_FRAME, n),
         "pose.position.x": state[:, 0],
         "pose.position.y": state[:, 1],
@@ -143,7 +139,7 @@ def viewer_channels(
         "pose.orientation.w": np.cos(half),
     }
     transform: dict[str, Field] = {
-        **time,
+        "timestamp": stamp_ns,
         "parent_frame_id": constant_strings(MAP_FRAME, n),
         "child_frame_id": constant_strings(BODY_FRAME, n),
         "translation.x": state[:, 0],

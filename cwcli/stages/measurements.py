@@ -1,0 +1,126 @@
+"""Canonical signals as the estimator's measurements: geodesy is done here, once, for the whole stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.signals.canonical import (
+    HeadingSignal,
+    ImuSignal,
+    PoseSignal,
+    PositionSignal,
+    RemoteSignal,
+    SpeedSignal,
+    VelocitySignal,
+)
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.geodesy import LocalMap
+
+EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
+
+
+def ego_measurements(signal: EgoSignal, local_map: LocalMap) -> list[Measurements]:
+    """One ego signal as measurements, one per quantity that it carries.
+
+    Args:
+        signal: A canonical signal of the ego.
+        local_map: The map frame.
+    """
+    stamp_ns = signal.stamp_ns
+    match signal:
+        case PositionSignal():
+            x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
+            covariance = _symmetric(signal.covariance_m2)
+            return [Measurements(signal.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance)]
+        case PoseSignal():
+            return _pose_measurements(signal)
+        case VelocitySignal():
+            values = np.column_stack([signal.east_mps, signal.north_mps])
+            return [
+                Measurements(signal.source, Kind.VELOCITY, stamp_ns, values, _symmetric(signal.covariance_m2ps2))
+            ]
+        case SpeedSignal():
+            return _given(
+                signal.source,
+                stamp_ns,
+                {
+                    Kind.SPEED: (signal.speed_mps, signal.speed_variance_m2ps2),
+                    Kind.YAW_RATE: (signal.yaw_rate_radps, signal.yaw_rate_variance_rad2ps2),
+                },
+            )
+        case HeadingSignal():
+            return _given(
+                signal.source, stamp_ns, {Kind.HEADING: (signal.heading_rad, signal.variance_rad2)}
+            )
+        case ImuSignal():
+            values = np.column_stack([signal.accel_mps2, signal.gyro_radps])
+            variances = np.column_stack([signal.accel_variance, signal.gyro_variance])
+            return [Measurements(signal.source, Kind.IMU, stamp_ns, values, variances)]
+
+
+def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: LocalMap) -> list[Measurements]:
+    """What one station says of itself, as measurements.
+
+    Args:
+        remote: The V2X signal.
+        rows: Indices of the station's messages, in stamp order.
+        local_map: The map frame.
+    """
+    x_m, y_m, _ = local_map.map_from_wgs84(
+        remote.latitude_deg[rows], remote.longitude_deg[rows], remote.altitude_m[rows]
+    )
+    stamp_ns = remote.stamp_ns[rows]
+    source = remote.source
+    position = Measurements(
+        source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), _symmetric(remote.position_covariance_m2[rows])
+    )
+    return [
+        position,
+        *_given(
+            source,
+            stamp_ns,
+            {
+                Kind.SPEED: (remote.speed_mps[rows], remote.speed_sigma_mps[rows] ** 2),
+                Kind.HEADING: (remote.heading_rad[rows], remote.heading_sigma_rad[rows] ** 2),
+                Kind.ACCEL: (remote.accel_mps2[rows], remote.accel_sigma_mps2[rows] ** 2),
+                Kind.YAW_RATE: (remote.yaw_rate_radps[rows], remote.yaw_rate_sigma_radps[rows] ** 2),
+            },
+        ),
+    ]
+
+
+def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
+    values = np.column_stack([pose.x_m, pose.y_m])
+    unknown = np.full(len(pose.stamp_ns), np.nan)
+    return [
+        Measurements(pose.source, Kind.POSITION, pose.stamp_ns, values, _symmetric(pose.covariance_m2)),
+        *_given(
+            pose.source,
+            pose.stamp_ns,
+            {
+                Kind.HEADING: (pose.yaw_rad, unknown),
+                Kind.SPEED: (pose.speed_mps, unknown),
+                Kind.YAW_RATE: (pose.yaw_rate_radps, unknown),
+            },
+        ),
+    ]
+
+
+def _given(
+    source: str, stamp_ns: Int64Array, columns: Mapping[Kind, tuple[FloatArray, FloatArray]]
+) -> list[Measurements]:
+    """The quantities that the source carries at all: rows without a value are not measurements."""
+    found = []
+    for kind, (values, variances) in columns.items():
+        given = np.isfinite(values)
+        if given.any():
+            found.append(Measurements(source, kind, stamp_ns[given], values[given], variances[given]))
+    return found
+
+
+def _symmetric(packed: FloatArray) -> FloatArray:
+    """(n, 3) columns xx, xy, yy as (n, 2, 2) matrices."""
+    return packed[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
