@@ -1,0 +1,219 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Inline parts of the target-tracking kernels: motion models and the prediction.
+
+State (xiang2019 eq. 15, extended): x, y, vx, vy in the tracking frame, then the model's own: turn rate (model 2) or
+ax, ay (model 1). Matrices are row-major, packed by their own size.
+Both filters go through the same code: a filter is a way to linearise. The extended filter takes Jacobians; the
+unscented one takes the statistical linearisation by the sigma points, z = H (x - mean) + z_mean + e with the
+covariance of e, which is algebraically the unscented transform (xiang2019 eq. 7-13) and lets the Joseph form keep
+the covariance symmetric and positive (eq. 14 corrected).
+"""
+from libc.math cimport cos, fabs, sin, sqrt
+
+cdef struct Tuning:
+    int model          # 0 constant velocity, 1 constant acceleration, 2 constant turn rate and velocity
+    int d              # number of states: 4, 6, 5
+    bint unscented
+    double q_main      # density of acceleration noise (models 0, 2) or of jerk noise (model 1), squared
+    double q_turn      # density of turn-rate noise (model 2), squared
+    double speed_var   # start: variance of each velocity component
+    double extra_var   # start: variance of turn rate or acceleration
+    double kappa       # sigma-point spread: sqrt(n + kappa) sigma
+    double convert     # radar update in Cartesian form when position sigma / range exceeds this; 0 = never
+
+
+cdef inline void zero(double* a, int n) noexcept nogil:
+    cdef int i
+    for i in range(n):
+        a[i] = 0.0
+
+
+cdef inline int cholesky(const double* a, int n, int stride, double* l) noexcept nogil:
+    """Lower factor of the leading n x n block of `a` into `l` (packed n x n). 0 = done, -1 = not positive."""
+    cdef int i, j, k
+    cdef double s
+    for i in range(n):
+        for j in range(i + 1):
+            s = a[i * stride + j]
+            for k in range(j):
+                s -= l[i * n + k] * l[j * n + k]
+            if i == j:
+                if not (s > 0.0):
+                    return -1
+                l[i * n + i] = sqrt(s)
+            else:
+                l[i * n + j] = s / l[j * n + j]
+    return 0
+
+
+cdef inline void turn_terms(double w, double dt, double* s, double* c, double* ds, double* dc) noexcept nogil:
+    """s = sin(w dt)/w, c = (1 - cos(w dt))/w and their derivatives by w, safe at w = 0."""
+    cdef double a = w * dt
+    if fabs(a) < 1e-4:
+        s[0] = dt * (1.0 - a * a / 6.0)
+        c[0] = dt * a * 0.5
+        ds[0] = -dt * dt * a / 3.0
+        dc[0] = dt * dt * (0.5 - a * a / 8.0)
+    else:
+        s[0] = sin(a) / w
+        c[0] = (1.0 - cos(a)) / w
+        ds[0] = (dt * cos(a) - s[0]) / w
+        dc[0] = (dt * sin(a) - c[0]) / w
+
+
+cdef inline void motion(const Tuning* t, const double* x, double dt, double* out) noexcept nogil:
+    cdef double s, c, ds, dc, h
+    if t.model == 2:
+        turn_terms(x[4], dt, &s, &c, &ds, &dc)
+        out[0] = x[0] + s * x[2] - c * x[3]
+        out[1] = x[1] + c * x[2] + s * x[3]
+        out[2] = (1.0 - x[4] * c) * x[2] - x[4] * s * x[3]
+        out[3] = x[4] * s * x[2] + (1.0 - x[4] * c) * x[3]
+        out[4] = x[4]
+        return
+    out[0] = x[0] + dt * x[2]
+    out[1] = x[1] + dt * x[3]
+    out[2] = x[2]
+    out[3] = x[3]
+    if t.model == 1:
+        h = 0.5 * dt * dt
+        out[0] += h * x[4]
+        out[1] += h * x[5]
+        out[2] += dt * x[4]
+        out[3] += dt * x[5]
+        out[4] = x[4]
+        out[5] = x[5]
+
+
+cdef inline void motion_jacobian(const Tuning* t, const double* x, double dt, double* f) noexcept nogil:
+    cdef int i, d = t.d
+    cdef double s, c, ds, dc, w, cosa, sina, dcos, dsin
+    for i in range(d * d):
+        f[i] = 0.0
+    for i in range(d):
+        f[i * d + i] = 1.0
+    if t.model == 2:
+        w = x[4]
+        turn_terms(w, dt, &s, &c, &ds, &dc)
+        cosa = 1.0 - w * c
+        sina = w * s
+        dcos = -c - w * dc
+        dsin = s + w * ds
+        f[0 * d + 2] = s
+        f[0 * d + 3] = -c
+        f[0 * d + 4] = ds * x[2] - dc * x[3]
+        f[1 * d + 2] = c
+        f[1 * d + 3] = s
+        f[1 * d + 4] = dc * x[2] + ds * x[3]
+        f[2 * d + 2] = cosa
+        f[2 * d + 3] = -sina
+        f[2 * d + 4] = dcos * x[2] - dsin * x[3]
+        f[3 * d + 2] = sina
+        f[3 * d + 3] = cosa
+        f[3 * d + 4] = dsin * x[2] + dcos * x[3]
+        return
+    f[0 * d + 2] = dt
+    f[1 * d + 3] = dt
+    if t.model == 1:
+        f[0 * d + 4] = 0.5 * dt * dt
+        f[1 * d + 5] = 0.5 * dt * dt
+        f[2 * d + 4] = dt
+        f[3 * d + 5] = dt
+
+
+cdef inline void add_process_noise(const Tuning* t, double dt, double* p) noexcept nogil:
+    """White acceleration (or jerk) in continuous time, integrated over the step."""
+    cdef int d = t.d, k
+    cdef double q = t.q_main, d2 = dt * dt, d3 = d2 * dt
+    for k in range(2):
+        if t.model == 1:
+            p[k * d + k] += q * d3 * d2 / 20.0
+            p[k * d + k + 2] += q * d2 * d2 / 8.0
+            p[(k + 2) * d + k] += q * d2 * d2 / 8.0
+            p[k * d + k + 4] += q * d3 / 6.0
+            p[(k + 4) * d + k] += q * d3 / 6.0
+            p[(k + 2) * d + k + 2] += q * d3 / 3.0
+            p[(k + 2) * d + k + 4] += q * d2 * 0.5
+            p[(k + 4) * d + k + 2] += q * d2 * 0.5
+            p[(k + 4) * d + k + 4] += q * dt
+        else:
+            p[k * d + k] += q * d3 / 3.0
+            p[k * d + k + 2] += q * d2 * 0.5
+            p[(k + 2) * d + k] += q * d2 * 0.5
+            p[(k + 2) * d + k + 2] += q * dt
+    if t.model == 2:
+        p[4 * d + 4] += t.q_turn * dt
+
+
+cdef inline void congruence(const double* f, const double* p, int d, double* out) noexcept nogil:
+    """out = f p f^T, exactly symmetric."""
+    cdef double[36] fp
+    cdef int i, j, k
+    cdef double s
+    for i in range(d):
+        for j in range(d):
+            s = 0.0
+            for k in range(d):
+                s += f[i * d + k] * p[k * d + j]
+            fp[i * d + j] = s
+    for i in range(d):
+        for j in range(i + 1):
+            s = 0.0
+            for k in range(d):
+                s += fp[i * d + k] * f[j * d + k]
+            out[i * d + j] = s
+            out[j * d + i] = s
+
+
+cdef inline void predict(const Tuning* t, const double* x, const double* p, double dt,
+                         double* xp, double* pp, double* f) noexcept nogil:
+    """State and covariance after `dt`, and the (statistical) Jacobian `f` that the smoother needs.
+
+    Models 0 and 1 are linear, so both filters take the closed form; the sigma points are for model 2.
+    """
+    cdef int i, j, k, d = t.d
+    cdef double[36] l
+    cdef double[36] e
+    cdef double[6] at
+    cdef double[6] up
+    cdef double[6] down
+    cdef double[6] centre
+    cdef double spread, w, w0, s
+    if t.model == 2 and t.unscented and dt != 0.0 and cholesky(p, d, d, l) == 0:
+        spread = sqrt(d + t.kappa)
+        w = 0.5 / (d + t.kappa)
+        w0 = t.kappa / (d + t.kappa)
+        motion(t, x, dt, centre)
+        for i in range(d):
+            xp[i] = w0 * centre[i]
+        for j in range(d):
+            for i in range(d):
+                at[i] = x[i] + spread * (l[i * d + j] if i >= j else 0.0)
+            motion(t, at, dt, up)
+            for i in range(d):
+                at[i] = x[i] - spread * (l[i * d + j] if i >= j else 0.0)
+            motion(t, at, dt, down)
+            for i in range(d):
+                xp[i] += w * (up[i] + down[i])
+                f[i * d + j] = (up[i] - down[i]) / (2.0 * spread)     # f L for now
+                e[i * d + j] = 0.5 * (up[i] + down[i])
+        for i in range(d):                                            # f = (f L) L^-1, row by row from the right
+            for j in range(d - 1, -1, -1):
+                s = f[i * d + j]
+                for k in range(j + 1, d):
+                    s -= f[i * d + k] * l[k * d + j]
+                f[i * d + j] = s / l[j * d + j]
+        congruence(f, p, d, pp)
+        for i in range(d):
+            for k in range(i + 1):
+                s = w0 * (centre[i] - xp[i]) * (centre[k] - xp[k])
+                for j in range(d):
+                    s += 2.0 * w * (e[i * d + j] - xp[i]) * (e[k * d + j] - xp[k])
+                pp[i * d + k] += s
+                if k != i:
+                    pp[k * d + i] += s
+    else:
+        motion(t, x, dt, xp)
+        motion_jacobian(t, x, dt, f)
+        congruence(f, p, d, pp)
+    add_process_noise(t, dt, pp)
