@@ -1,0 +1,66 @@
+"""Tables fit 80 columns, whatever is in them."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cwcli.cli.tables import table
+from cwcli.cli.text import display_width
+
+
+def test_table_aligns_numbers_right_and_text_left() -> None:
+    shown = table(("sensor", "n", "error m"), [("gnss", 12, 0.5), ("imu", 3456, None)])
+    assert shown.split("\n") == [
+        "sensor     n  error m",
+        "------  ----  -------",
+        "gnss      12   0.5000",
+        "imu     3456        -",
+    ]
+
+
+def test_table_wraps_long_text_cells() -> None:
+    shown = table(("topic", "schema", "n"), [("/a" * 30, "package/msg/" + "Long" * 15, 5)])
+    lines = shown.split("\n")
+    assert max(map(display_width, lines)) <= 80
+    assert "".join(line[:38].rstrip() for line in lines[2:]).startswith("/a/a/a")
+
+
+def test_table_with_too_many_columns_repeats_the_first_in_each_part() -> None:
+    columns = ("name", *(f"value {i}" for i in range(30)))
+    shown = table(columns, [("row", *(1000.25 + i for i in range(30)))])
+    blocks = shown.split("\n\n")
+    assert len(blocks) > 1
+    assert all(block.split("\n")[-1].startswith("row ") for block in blocks)
+    assert shown.count("10") >= 30
+
+
+def test_table_without_rows_shows_its_headings() -> None:
+    assert table(("a", "b"), []) == "a  b\n-  -"
+
+
+def test_table_escapes_control_characters() -> None:
+    assert "\x1b" not in table(("topic\x1b",), [("/evil\x1b[2J",)])
+
+
+@given(
+    st.lists(st.text(min_size=1, max_size=60), min_size=1, max_size=12).flatmap(
+        lambda heads: st.tuples(
+            st.just(heads),
+            st.lists(
+                st.tuples(*(st.one_of(st.none(), st.text(max_size=120), st.integers(), st.floats()) for _ in heads)),
+                max_size=4,
+            ),
+        )
+    )
+)
+def test_table_fits_80_columns(made: tuple[list[str], list[tuple[str | float | int | None, ...]]]) -> None:
+    heads, rows = made
+    lines = table(heads, rows).split("\n")
+    assert max(display_width(line) for line in lines) <= 80
+
+
+@pytest.mark.parametrize("width", [20, 40, 120])
+def test_table_fits_other_widths(width: int) -> None:
+    rows = [("/v2x/cam/front/left", "etsi_its_cam_msgs/msg/CAM", 330, 9.98)]
+    shown = table(("topic", "schema", "messages", "Hz"), rows, width=width)
+    assert max(map(len, shown.split("\n"))) <= width
