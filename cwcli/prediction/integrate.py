@@ -5,8 +5,8 @@ Until the car stops, x(t) = x0 + int v cos(phi), y likewise. Speed and heading a
 d/da0 = int A cos(phi), d/dphi0 = -(y - y0), d/dw0 = -int v W sin(phi), ... A car that stops at ts stays there:
 every integral ends at min(t, ts). The moment ts itself adds nothing to the derivatives, as v(ts) = 0.
 
-"exact" takes three Gauss-Legendre points per step. "paper" is song2016's recursion (eq. 2, 10): along the old heading with
-v dT + a dT^2/2, then v += a dT, phi += w dT, a += j dT, w += dw dT, with the values of step n-1 on every right side.
+"exact" takes three Gauss-Legendre points per step. "paper" is song2016's recursion (eq. 2, 10): along the old
+heading with v dT + a dT^2/2, then v += a dT, phi += w dT, a += j dT, w += dw dT, with the values of step n-1 on every right side.
 Written out for step n -> n+1 it is one node per step with v = v0 + a0 (n + 1/2) dT + j0 dT^2 n^2/2.
 """
 
@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models.base import (
@@ -123,10 +124,7 @@ def _stopping(
 ) -> Integral:
     """Paths of cars that stop: every integral ends at the stop."""
     moving = np.minimum(time_s[None, :], stop_s[:, None])
-    if discretisation == "paper":
-        grid = _paper_at(model, moving, time_s)
-    else:
-        grid = model.responses(moving, prior)
+    grid = _paper_at(model, moving, time_s) if discretisation == "paper" else model.responses(moving, prior)
     path = _path(model, state, moving, grid, time_s, prior, discretisation)
     speed = np.where(time_s[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
     return Integral(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
@@ -215,22 +213,21 @@ def _masked(model: Model, at: Responses) -> Responses:
     return Responses(*(value if used else np.zeros_like(value) for used, value in zip(model.uses, at, strict=True)))
 
 
-def _merge(stops: np.ndarray, stopping: Integral, going: Integral) -> Integral:
+def _merge(stops: npt.NDArray[np.bool_], stopping: Integral, going: Integral) -> Integral:
     """Rows of the two groups back in their order."""
 
-    def rows(a: FloatArray, b: FloatArray, axis: int = 0) -> FloatArray:
-        shape = list(a.shape)
-        shape[axis] = len(stops)
-        out = np.empty(shape)
-        index: tuple[slice, ...] = (slice(None),) * axis
-        out[(*index, stops)], out[(*index, ~stops)] = a, b
+    def rows(a: FloatArray, b: FloatArray) -> FloatArray:
+        out = np.empty((len(stops), *a.shape[1:]))
+        out[stops], out[~stops] = a, b
         return out
 
+    jacobian = np.empty((2, len(stops), *going.jacobian.shape[2:]))
+    jacobian[:, stops], jacobian[:, ~stops] = stopping.jacobian, going.jacobian
     return Integral(
         rows(stopping.x_m, going.x_m),
         rows(stopping.y_m, going.y_m),
         rows(stopping.heading_rad, going.heading_rad),
         rows(stopping.speed_mps, going.speed_mps),
         rows(stopping.moving_s, going.moving_s),
-        rows(stopping.jacobian, going.jacobian, axis=1),
+        jacobian,
     )

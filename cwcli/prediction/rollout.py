@@ -10,7 +10,7 @@ from cwcli.errors import UsageError
 from cwcli.prediction.driver import DriverPrior, displacement_variance
 from cwcli.prediction.integrate import Integral, integrate
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.models.base import DERIVATIVES, HEADING, SPEED, Model
+from cwcli.prediction.models.base import DERIVATIVES, SPEED, Model
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 
@@ -36,7 +36,7 @@ def time_grid(horizon_s: float, step_s: float) -> FloatArray:
         raise UsageError(
             f"a horizon of {horizon_s:g} s in steps of {step_s:g} s is {steps} points", hint="take a longer step"
         )
-    return np.arange(max(steps, 1) + 1) * step_s
+    return np.arange(max(steps, 1) + 1, dtype=np.float64) * step_s
 
 
 def rollout(

@@ -51,7 +51,7 @@ def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) 
     )
     columns = [ACCEL, JERK, YAW_RATE, YAW_ACCEL]
     noise = np.maximum(covariance[:, columns, columns], 0.0)
-    return sigma**2 / (sigma**2 + noise)
+    return np.asarray(sigma**2 / (sigma**2 + noise), dtype=np.float64)
 
 
 MODEL = Model(
