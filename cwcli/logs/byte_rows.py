@@ -54,7 +54,7 @@ def join_rows(rows: list[bytes]) -> ByteRows:
 
 
 def windows(data: ByteArray, size: int) -> npt.NDArray[np.void]:
-    """Element `i` is the `size` bytes that begin at `i`: overlapping views, for one fancy index over rows of equal length."""
+    """Element `i` is the `size` bytes from `i` on: overlapping views, for one fancy index over rows of equal length."""
     return np.ndarray((max(len(data) - size + 1, 0),), np.dtype((np.void, size)), data, 0, (1,))
 
 

@@ -1,22 +1,22 @@
 """Columns to protobuf messages, without a Python object per message.
 
-A message is a row of pieces: tags and numbers of fixed width, and strings, packed sequences and lengths whose size differs
-from row to row. Every field that the channel names is written in each message, zero or not, in order of field number, so
-messages whose strings and sequences are equally long are equally long themselves.
+A message is a row of pieces: tags and numbers of fixed width, and strings, packed sequences and lengths whose size
+differs from row to row. Every field that the channel names is written in each message, zero or not, in order of field
+number, so messages whose strings and sequences are equally long are equally long themselves.
 
 Wire format: https://protobuf.dev/programming-guides/encoding/
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.logs.byte_rows import ByteArray, ByteRows, copy_rows, join_rows, offsets_of, varint, varints, windows
+from cwcli.logs.byte_rows import ByteRows, join_rows, varint, varints
+from cwcli.logs.pieces import Fixed, Piece, Varying, assemble, constant, length_pieces, varint_piece
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 WIRE_VARINT, WIRE_64_BIT, WIRE_LENGTH, WIRE_32_BIT = 0, 1, 2, 5
 NANOSECONDS = 1_000_000_000
-MAX_BLOCK_PIECE_BYTES = 64  # a wider piece is copied straight to its place: once instead of twice
 
 # Field types by their number in google.protobuf.FieldDescriptorProto.Type.
 FIXED_DTYPES = {1: "<f8", 2: "<f4", 6: "<u8", 7: "<u4", 15: "<i4", 16: "<i8"}
@@ -33,28 +32,13 @@ ZIGZAG_TYPES = frozenset({17, 18})
 TYPE_STRING, TYPE_MESSAGE, TYPE_BYTES, TYPE_ENUM = 9, 11, 12, 14
 
 
-@dataclass(frozen=True)
-class _Fixed:
-    """The same number of bytes in every row: `values` is (n,) or (n, k); a constant is (1, k) bytes."""
+TIME_MESSAGES = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 
-    values: NumericArray
-
-    @property
-    def size(self) -> int:
-        return self.values.itemsize * (self.values.shape[1] if self.values.ndim == 2 else 1)
-
-
-@dataclass(frozen=True)
-class _Varying:
-    """`sizes[i]` bytes of `data` from `starts[i]`, for row i."""
-
-    data: ByteArray
-    starts: Int64Array
-    sizes: Int64Array
-
-
-_Piece = _Fixed | _Varying
 _Tree = Mapping[str, "OutputField | _Tree"]
+
+
+class ColumnError(ValueError):
+    """The columns don't fit the message."""
 
 
 def encode_columns(message: Descriptor, fields: Mapping[str, OutputField], n: int) -> ByteRows:
@@ -62,17 +46,17 @@ def encode_columns(message: Descriptor, fields: Mapping[str, OutputField], n: in
 
     Args:
         message: Descriptor of the message.
-        fields: Dotted field path -> n rows. A `google.protobuf.Timestamp` or `Duration` may be given as int64 ns under its
-            own name, an enum as numbers or as the names of its values (`raised` for `STATE_RAISED` in any case), a repeated
-            message as `Repeated` or as `Ragged` leaves (`poses.position.x`).
+        fields: Dotted field path -> n rows. A `google.protobuf.Timestamp` or `Duration` may be given as int64 ns under
+            its own name, an enum as numbers or as the names of its values (`raised` for `STATE_RAISED`, in any case), a
+            repeated message as `Repeated` or as `Ragged` leaves (`poses.position.x`).
 
     Returns:
         n rows, each a message.
 
     Raises:
-        ValueError: A path names no field of the message, or a column has the wrong kind or length for it.
+        ColumnError: A path names no field of the message, or a column has the wrong kind or length for it.
     """
-    return _assemble(_message_pieces(message, _tree(fields), n), n)
+    return assemble(_message_pieces(message, _tree(fields), n), n)
 
 
 def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
@@ -103,63 +87,66 @@ def _tree(fields: Mapping[str, OutputField]) -> _Tree:
             tree[head] = column
     for head, inner in below.items():
         if head in tree:
-            raise ValueError(f"both {head} and {head}.* are given")
+            raise ColumnError(f"both {head} and {head}.* are given")
         tree[head] = _tree(inner)
     return tree
 
 
-def _message_pieces(message: Descriptor, tree: _Tree, n: int) -> list[_Piece]:
+def _message_pieces(message: Descriptor, tree: _Tree, n: int) -> list[Piece]:
     unknown = sorted(set(tree) - set(message.fields_by_name))
     if unknown:
-        raise ValueError(f"{message.full_name} has no field {', '.join(unknown)}")
-    pieces: list[_Piece] = []
+        raise ColumnError(f"{message.full_name} has no field {', '.join(unknown)}")
+    pieces: list[Piece] = []
     for descriptor in sorted(message.fields, key=lambda each: each.number):
         if descriptor.name in tree:
             try:
                 pieces += _field_pieces(descriptor, tree[descriptor.name], n)
-            except ValueError as error:
-                raise ValueError(f"{descriptor.full_name}: {error}") from error
+            except ColumnError as error:
+                raise ColumnError(f"{descriptor.full_name}: {error}") from error
     return pieces
 
 
-def _field_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[_Piece]:
+def _field_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[Piece]:
     if not isinstance(column, Mapping) and len(column) != n:
-        raise ValueError(f"{len(column)} rows instead of {n}")
+        raise ColumnError(f"{len(column)} rows instead of {n}")
     if descriptor.type == TYPE_MESSAGE:
         return _submessage_pieces(descriptor, column, n)
     if isinstance(column, Mapping | Repeated):
-        raise ValueError("it is not a message")
+        raise ColumnError("it is not a message")
     if descriptor.is_repeated:
         return _packed_pieces(descriptor, column)
     if descriptor.type in (TYPE_STRING, TYPE_BYTES):
         if not isinstance(column, Strings):
-            raise ValueError("it needs strings")
+            raise ColumnError("it needs strings")
         return _string_pieces(descriptor, column)
     if isinstance(column, Strings):
         column = _enum_numbers(descriptor, column)
     if isinstance(column, Ragged) or column.ndim != 1:
-        raise ValueError("it holds one number, not a sequence")
-    tag = _constant(_tag(descriptor, _wire_type(descriptor)))
+        raise ColumnError("it holds one number, not a sequence")
+    tag = constant(_tag(descriptor, _wire_type(descriptor)))
     return [tag, _number_piece(descriptor, column)]
 
 
-def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[_Piece]:
+def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[Piece]:
     message = descriptor.message_type
-    tag = _constant(_tag(descriptor, WIRE_LENGTH))
+    tag = constant(_tag(descriptor, WIRE_LENGTH))
     if descriptor.is_repeated:
         elements = column if isinstance(column, Repeated) else _elements(column)
         total = int(elements.offsets[-1])
         inner = _message_pieces(message, _tree(elements.fields), total)
-        rows = _assemble([tag, *_length_pieces(inner, total), *inner], total)
+        rows = assemble([tag, *length_pieces(inner, total), *inner], total)
         bounds = rows.offsets[elements.offsets]
-        return [_Varying(rows.data, bounds[:-1], np.diff(bounds))]
-    if isinstance(column, np.ndarray) and message.full_name in ("google.protobuf.Timestamp", "google.protobuf.Duration"):
+        return [Varying(rows.data, bounds[:-1], np.diff(bounds))]
+    if isinstance(column, np.ndarray) and message.full_name in (
+        "google.protobuf.Timestamp",
+        "google.protobuf.Duration",
+    ):
         seconds, nanos = np.divmod(column, NANOSECONDS)
         column = {"seconds": seconds, "nanos": nanos}
     if not isinstance(column, Mapping):
-        raise ValueError("it is a message: name the fields inside")
+        raise ColumnError("it is a message: name the fields inside")
     inner = _message_pieces(message, column, n)
-    return [tag, *_length_pieces(inner, n), *inner]
+    return [tag, *length_pieces(inner, n), *inner]
 
 
 def _elements(column: OutputField | _Tree) -> Repeated:
@@ -169,13 +156,13 @@ def _elements(column: OutputField | _Tree) -> Repeated:
     fields: dict[str, OutputField] = {}
     for path, leaf in leaves.items():
         if not isinstance(leaf, Ragged):
-            raise ValueError(f"{path} must be ragged: it lies inside a repeated message")
+            raise ColumnError(f"{path} must be ragged: it lies inside a repeated message")
         if offsets is not None and not np.array_equal(offsets, leaf.offsets):
-            raise ValueError("its fields differ in their number of elements")
+            raise ColumnError("its fields differ in their number of elements")
         offsets = leaf.offsets
         fields[path] = leaf.values
     if offsets is None:
-        raise ValueError("it is a repeated message: name the fields inside")
+        raise ColumnError("it is a repeated message: name the fields inside")
     return Repeated(offsets, fields)
 
 
@@ -186,28 +173,28 @@ def _leaves(tree: _Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
     return leaves
 
 
-def _string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[_Piece]:
+def _string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
     """Tag, length and text; nothing where the string is absent."""
     prefix = _tag(descriptor, WIRE_LENGTH)
     texts = [text.encode() for text in column.values]
     entries = join_rows([prefix + varint(len(text)) + text for text in texts] + [b""])
     codes = np.where(column.codes < 0, len(texts), column.codes)
     if len(codes) and (codes == codes[0]).all():
-        return [_constant(entries.data[entries.offsets[codes[0]] : entries.offsets[codes[0] + 1]].tobytes())]
-    return [_Varying(entries.data, entries.offsets[codes], entries.sizes[codes])]
+        return [constant(entries.data[entries.offsets[codes[0]] : entries.offsets[codes[0] + 1]].tobytes())]
+    return [Varying(entries.data, entries.offsets[codes], entries.sizes[codes])]
 
 
-def _packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | Strings) -> list[_Piece]:
+def _packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | Strings) -> list[Piece]:
     """Tag, length and all numbers of a repeated numeric field."""
     if isinstance(column, Strings) or descriptor.type in (TYPE_STRING, TYPE_BYTES):
-        raise ValueError("repeated strings are not supported")
+        raise ColumnError("repeated strings are not supported")
     if isinstance(column, np.ndarray) and column.ndim != 2:
-        raise ValueError("it is repeated: it needs an (n, k) array or a ragged column")
-    tag = _constant(_tag(descriptor, WIRE_LENGTH))
+        raise ColumnError("it is repeated: it needs an (n, k) array or a ragged column")
+    tag = constant(_tag(descriptor, WIRE_LENGTH))
     dtype = FIXED_DTYPES.get(descriptor.type)
     if dtype is not None and isinstance(column, np.ndarray):
         values = np.ascontiguousarray(column, dtype)
-        return [tag, _constant(varint(values.shape[1] * values.itemsize)), _Fixed(values)]
+        return [tag, constant(varint(values.shape[1] * values.itemsize)), Fixed(values)]
     if isinstance(column, np.ndarray):
         column = Ragged(column.ravel(), np.arange(len(column) + 1, dtype=np.int64) * column.shape[1])
     if dtype is not None:
@@ -216,39 +203,15 @@ def _packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | 
     else:
         numbers = varints(_varint_values(descriptor, column.values))
         rows = ByteRows(numbers.data, numbers.offsets[column.offsets])
-    packed = _Varying(rows.data, rows.offsets[:-1], rows.sizes)
-    return [tag, *_length_pieces([packed], len(rows)), packed]
+    packed = Varying(rows.data, rows.offsets[:-1], rows.sizes)
+    return [tag, *length_pieces([packed], len(rows)), packed]
 
 
-def _number_piece(descriptor: FieldDescriptor, column: NumericArray) -> _Piece:
+def _number_piece(descriptor: FieldDescriptor, column: NumericArray) -> Piece:
     dtype = FIXED_DTYPES.get(descriptor.type)
     if dtype is not None:
-        return _Fixed(np.ascontiguousarray(column, dtype))
-    return _varint_piece(_varint_values(descriptor, column))
-
-
-def _varint_piece(values: npt.NDArray[np.uint64]) -> _Piece:
-    """The numbers as varints: a constant or of fixed width where they allow it."""
-    n = len(values)
-    if n and (values == values[0]).all():
-        return _constant(varint(int(values[0])))
-    rows = varints(values)
-    sizes = rows.sizes
-    if n and (sizes == sizes[0]).all():
-        return _Fixed(rows.data.reshape(n, int(sizes[0])))
-    return _Varying(rows.data, rows.offsets[:-1], sizes)
-
-
-def _length_pieces(pieces: Sequence[_Piece], n: int) -> list[_Piece]:
-    """The varint that says how many bytes the pieces take in each row."""
-    fixed_size = sum(piece.size for piece in pieces if isinstance(piece, _Fixed))
-    varying = [piece.sizes for piece in pieces if isinstance(piece, _Varying)]
-    if not varying:
-        return [_constant(varint(fixed_size))]
-    sizes = np.full(n, fixed_size, np.int64)
-    for each in varying:
-        sizes += each
-    return [_varint_piece(sizes.astype(np.uint64))]
+        return Fixed(np.ascontiguousarray(column, dtype))
+    return varint_piece(_varint_values(descriptor, column))
 
 
 def _varint_values(descriptor: FieldDescriptor, values: NumericArray) -> npt.NDArray[np.uint64]:
@@ -264,14 +227,14 @@ def _varint_values(descriptor: FieldDescriptor, values: NumericArray) -> npt.NDA
 def _enum_numbers(descriptor: FieldDescriptor, column: Strings) -> Int64Array:
     """Names of an enum's values as their numbers; an absent name is 0."""
     if descriptor.type != TYPE_ENUM:
-        raise ValueError("it holds numbers, not strings")
+        raise ColumnError("it holds numbers, not strings")
     numbers: dict[str, int] = {}
     prefix = f"{_upper_snake(descriptor.enum_type.name)}_"
     for value in descriptor.enum_type.values:
         numbers[value.name] = numbers[value.name.removeprefix(prefix)] = value.number
     unknown = [name for name in column.values if name.upper() not in numbers]
     if unknown:
-        raise ValueError(f"{descriptor.enum_type.full_name} has no value {unknown[0]}")
+        raise ColumnError(f"{descriptor.enum_type.full_name} has no value {unknown[0]}")
     by_code = np.array([*(numbers[name.upper()] for name in column.values), 0], np.int64)
     return by_code[column.codes]
 
@@ -288,65 +251,3 @@ def _wire_type(descriptor: FieldDescriptor) -> int:
 
 def _tag(descriptor: FieldDescriptor, wire_type: int) -> bytes:
     return varint(descriptor.number << 3 | wire_type)
-
-
-def _constant(data: bytes) -> _Fixed:
-    return _Fixed(np.frombuffer(data, np.uint8)[None])
-
-
-def _assemble(pieces: Sequence[_Piece], n: int) -> ByteRows:
-    """Put the pieces of each row one behind the other."""
-    segments: list[_Fixed | _Varying] = []
-    for fixed, run in _runs(pieces):
-        segments += [_Fixed(_block(run, n))] if fixed and len(run) > 1 else run
-    if not segments or n == 0:
-        return ByteRows(np.zeros(0, np.uint8), np.zeros(n + 1, np.int64))
-    if len(segments) == 1 and isinstance(segments[0], _Fixed) and len(segments[0].values) == n:
-        block = segments[0].values.reshape(n, -1).view(np.uint8)
-        return ByteRows(block.reshape(-1), np.arange(n + 1, dtype=np.int64) * block.shape[1])
-    sizes = np.zeros(n, np.int64)
-    for segment in segments:
-        sizes += segment.size if isinstance(segment, _Fixed) else segment.sizes
-    offsets = offsets_of(sizes)
-    data = np.empty(int(offsets[-1]), np.uint8)
-    cursor = offsets[:-1].copy()
-    for segment in segments:
-        if isinstance(segment, _Fixed):
-            if segment.size:
-                windows(data, segment.size)[cursor] = _void_rows(segment)
-            cursor += segment.size
-        else:
-            copy_rows(data, cursor, segment.data, segment.starts, segment.sizes)
-            cursor += segment.sizes
-    return ByteRows(data, offsets)
-
-
-def _void_rows(piece: _Fixed) -> npt.NDArray[np.void]:
-    """Shape (n,) or (1,): each row of bytes as one element."""
-    return piece.values.view(np.dtype((np.void, piece.size))).reshape(-1)
-
-
-def _runs(pieces: Sequence[_Piece]) -> list[tuple[bool, list[_Piece]]]:
-    """Neighbouring pieces of small fixed size together."""
-    runs: list[tuple[bool, list[_Piece]]] = []
-    for piece in pieces:
-        fixed = isinstance(piece, _Fixed) and piece.size <= MAX_BLOCK_PIECE_BYTES
-        if runs and runs[-1][0] == fixed:
-            runs[-1][1].append(piece)
-        else:
-            runs.append((fixed, [piece]))
-    return runs
-
-
-def _block(run: Sequence[_Piece], n: int) -> ByteArray:
-    """Shape (n, total size): pieces of fixed size side by side."""
-    pieces = [piece for piece in run if isinstance(piece, _Fixed)]
-    size = sum(piece.size for piece in pieces)
-    block = np.empty((n, size), np.uint8)
-    at = 0
-    for piece in pieces:
-        if piece.size and n:
-            rows = piece.values if piece.values.ndim == 1 else _void_rows(piece)
-            np.ndarray((n,), rows.dtype, block, at, (size,))[...] = rows
-        at += piece.size
-    return block

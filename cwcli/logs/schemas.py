@@ -1,6 +1,7 @@
 """Message schemas that cwcli writes: its own `cwcli.v1.*`, and the standard `foxglove.*` ones.
 
-The standard schemas come from Foxglove's own package `foxglove-schemas-protobuf`, so that they are exactly what viewers know.
+The standard schemas come from Foxglove's own package `foxglove-schemas-protobuf`, so that they are exactly what viewers
+know.
 """
 
 from __future__ import annotations
@@ -41,10 +42,8 @@ def message_schema(name: str) -> MessageSchema:
     Raises:
         KeyError: There is no such message.
     """
-    if name.startswith("foxglove."):
-        descriptor = _foxglove_descriptor(name)
-    else:
-        descriptor = _own_pool().FindMessageTypeByName(name)
+    standard = name.startswith("foxglove.")
+    descriptor = _foxglove_descriptor(name) if standard else _own_pool().FindMessageTypeByName(name)
     return MessageSchema(name, _descriptor_set(descriptor.file), descriptor)
 
 
@@ -92,4 +91,5 @@ def _descriptor_set(file: FileDescriptor) -> bytes:
     descriptor_set = FileDescriptorSet()
     for node in ordered.values():
         node.CopyToProto(descriptor_set.file.add())
-    return descriptor_set.SerializeToString(deterministic=True)
+    data: bytes = descriptor_set.SerializeToString(deterministic=True)
+    return data

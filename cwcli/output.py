@@ -1,0 +1,227 @@
+"""Where results go: a file that appears whole or not at all, or standard output.
+
+A file is written under a hidden temporary name in the target's folder, flushed to the disk and renamed. A killed run
+leaves at most that temporary file, never one under the target's name. Devices and named pipes are written directly.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import stat
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from cwcli.errors import InputError, OutputError, UsageError
+
+STDOUT = "-"
+BUFFER_BYTES = 1 << 20
+MAX_NAME_IN_TEMPORARY = 200
+
+REASONS = {
+    errno.ENOSPC: "no space is left on the disk",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file would be larger than is allowed",
+    errno.EACCES: "permission denied",
+    errno.EROFS: "the disk is read-only",
+    errno.ENAMETOOLONG: "the file name is too long",
+}
+
+Bytes = bytes | bytearray | memoryview
+
+
+class Output:
+    """An open target. Errors of the medium become `OutputError`; a closed pipe stays a `BrokenPipeError`.
+
+    Attributes:
+        name: For messages.
+        position: Bytes written so far.
+    """
+
+    def __init__(self, descriptor: int, name: str) -> None:
+        self._descriptor = descriptor
+        self._pending = bytearray()
+        self.name = name
+        self.position = 0
+
+    def write(self, data: Bytes) -> int:
+        """Append the data; returns its length in bytes."""
+        view = memoryview(data).cast("B")
+        if len(view) + len(self._pending) < BUFFER_BYTES:
+            self._pending += view
+        else:
+            self.flush()
+            self._write_through(view)
+        self.position += len(view)
+        return len(view)
+
+    def copy(self, source: int, start: int, length: int) -> None:
+        """Append `length` bytes of an open file from `start`.
+
+        Args:
+            source: File descriptor.
+            start, length: In bytes.
+
+        Raises:
+            InputError: The source ends early.
+        """
+        buffer = memoryview(bytearray(min(BUFFER_BYTES, length)))
+        end = start + length
+        while start < end:
+            try:
+                n = os.preadv(source, [buffer[: end - start]], start)
+            except OSError as error:
+                raise InputError(f"the input can't be read: {error.strerror}") from error
+            if n == 0:
+                raise InputError("the input became shorter while it was copied")
+            self.write(buffer[:n])
+            start += n
+
+    def flush(self) -> None:
+        """Hand everything to the operating system."""
+        pending, self._pending = self._pending, bytearray()
+        self._write_through(memoryview(pending))
+
+    def _write_through(self, view: memoryview) -> None:
+        while view:
+            with _medium(self.name):
+                n = os.write(self._descriptor, view)
+            view = view[n:]
+
+
+def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Path] = ()) -> None:
+    """Refuse a target that can't or must not be written, before any work is done.
+
+    Args:
+        target: File name, or `-` for standard output.
+        force: Allow a file that exists.
+        inputs: Files that are read meanwhile: never overwritten, under whatever name.
+
+    Raises:
+        OutputError: It is a directory, exists, is an input, or its folder is missing or not writable.
+        UsageError: Standard output is a terminal.
+    """
+    if str(target) == STDOUT:
+        _stdout_descriptor()
+        return
+    path, name = _real_path(target), str(target)
+    for each in inputs:
+        if path.exists() and each.exists() and path.samefile(each):
+            raise OutputError("the output is the input itself", where=name, hint="name another file with -o")
+    if path.is_dir():
+        raise OutputError("the output is a directory", where=name, hint="name a file with -o")
+    if _is_special(path):
+        return
+    if not path.parent.is_dir():
+        raise OutputError(f"the folder {Path(name).parent} does not exist", where=name, hint="create it first")
+    if path.exists() and not force:
+        raise OutputError("the file exists", where=name, hint="name another file, or overwrite it with --force")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise OutputError(f"the folder {Path(name).parent} is not writable", where=name)
+
+
+@contextmanager
+def open_output(target: str | Path, *, force: bool = False, inputs: Sequence[Path] = ()) -> Iterator[Output]:
+    """Open a target for binary writing; the file appears under its name when the block ends without an error.
+
+    Args:
+        target, force, inputs: As in `check_target`.
+
+    Raises:
+        OutputError, UsageError: As in `check_target`, or the medium fails (no space, input/output error).
+        BrokenPipeError: Nobody reads standard output any more.
+    """
+    check_target(target, force=force, inputs=inputs)
+    if str(target) == STDOUT:
+        output = Output(_stdout_descriptor(), "<stdout>")
+        yield output
+        output.flush()
+        return
+    path, name = _real_path(target), str(target)
+    special = _is_special(path)
+    written = path if special else path.parent / f".{path.name[:MAX_NAME_IN_TEMPORARY]}.{secrets.token_hex(4)}.part"
+    flags = os.O_WRONLY | (0 if special else os.O_CREAT | os.O_EXCL)
+    with _medium(name):
+        descriptor = os.open(written, flags | getattr(os, "O_CLOEXEC", 0), 0o666)
+    try:
+        try:
+            output = Output(descriptor, name)
+            yield output
+            output.flush()
+            if not special:
+                with _medium(name):
+                    os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        if not special:
+            check_target(target, force=force, inputs=inputs)
+            with _medium(name):
+                written.replace(path)
+    except BaseException:
+        if not special:
+            with suppress(OSError):
+                written.unlink()
+        raise
+    if not special:
+        _sync_folder(path.parent)
+
+
+def write_file(target: str | Path, data: Bytes, *, force: bool = False, inputs: Sequence[Path] = ()) -> None:
+    """Write a whole file at once.
+
+    Raises:
+        As `open_output`.
+    """
+    with open_output(target, force=force, inputs=inputs) as output:
+        output.write(data)
+
+
+def _real_path(target: str | Path) -> Path:
+    return Path(os.path.realpath(target))
+
+
+def _is_special(path: Path) -> bool:
+    """A device, a pipe or a socket: something that can't be replaced by a file."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _stdout_descriptor() -> int:
+    try:
+        sys.stdout.flush()
+        descriptor = sys.stdout.fileno()
+    except (AttributeError, OSError, ValueError) as error:
+        raise OutputError("standard output is closed", where="<stdout>") from error
+    if os.isatty(descriptor):
+        raise UsageError(
+            "refusing to write binary data to the terminal", hint="name a file with -o, or send it into a pipe"
+        )
+    return descriptor
+
+
+@contextmanager
+def _medium(name: str) -> Iterator[None]:
+    """Errors of the operating system, other than a closed pipe, as `OutputError`."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        reason = REASONS.get(error.errno or 0, error.strerror or str(error))
+        raise OutputError(reason, where=name) from error
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the rename last. Not every file system can; the file itself is safe already."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
