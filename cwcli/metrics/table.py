@@ -1,0 +1,217 @@
+"""Tables of metrics, and their files: Parquet or CSV, by the suffix of the name.
+
+Every column of a Parquet file carries the field metadata `unit`, `frame` and `doc`, where it has them. The unit follows
+from the column's name (`speed_mps`, `error_mean_m`), so a table only names it where the name can't.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.output import check_target, write_file
+from cwcli.signals.columns import NumericArray, Ragged, Strings
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+TableColumn = NumericArray | Ragged | Strings | Sequence[str | None]
+
+UNITS = {
+    "mps3": "m/s^3",
+    "mps2": "m/s^2",
+    "mps": "m/s",
+    "m2ps2": "m^2/s^2",
+    "m2": "m^2",
+    "m": "m",
+    "mm": "mm",
+    "km": "km",
+    "radps2": "rad/s^2",
+    "radps": "rad/s",
+    "rad2ps2": "rad^2/s^2",
+    "rad2": "rad^2",
+    "rad": "rad",
+    "degps": "deg/s",
+    "deg": "deg",
+    "ns": "ns",
+    "ms": "ms",
+    "s2": "s^2",
+    "s": "s",
+    "hz": "Hz",
+    "1pm": "1/m",
+    "px": "px",
+    "pct": "%",
+    "percent": "%",
+}
+SUFFIXES = (".parquet", ".csv")
+
+
+@dataclass(frozen=True)
+class ColumnDoc:
+    """What a column means.
+
+    Attributes:
+        unit: SI symbol, or "" to take it from the column's name.
+        frame: Frame of reference, e.g. `map`, or "".
+        doc: One line.
+    """
+
+    unit: str = ""
+    frame: str = ""
+    doc: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of equal length.
+
+    Attributes:
+        name: Name of the table, e.g. `warnings`; also the stem of its file in a metrics folder.
+        columns: Column name -> n rows: (n,) or (n, k) arrays, `Strings`, a list of strings, or `Ragged`.
+        docs: Column name -> meaning, for the columns whose name does not say it all.
+        metadata: For the whole table, e.g. version and configuration.
+
+    Raises:
+        ValueError: The columns differ in length, or `docs` names a column that is not there.
+    """
+
+    name: str
+    columns: Mapping[str, TableColumn]
+    docs: Mapping[str, ColumnDoc] = field(default_factory=dict)
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        lengths = {name: len(column) for name, column in self.columns.items()}
+        if len(set(lengths.values())) > 1:
+            raise ValueError(f"table {self.name}: columns differ in length: {lengths}")
+        undefined = set(self.docs) - set(self.columns)
+        if undefined:
+            raise ValueError(f"table {self.name}: docs for columns that are not there: {sorted(undefined)}")
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+
+def unit_of(column_name: str) -> str:
+    """The unit that the last word of a column's name stands for, or "".
+
+    `closest_distance_m` is in m; `speed_rmse` is without a unit as far as its name tells.
+    """
+    return UNITS.get(column_name.rpartition("_")[2], "") if "_" in column_name else ""
+
+
+def check_table_target(target: str | Path, *, force: bool = False) -> None:
+    """Refuse a name that can't become a table file, before any work is done.
+
+    Raises:
+        UsageError: The suffix is neither `.parquet` nor `.csv`.
+        OutputError: As `cwcli.output.check_target`.
+    """
+    if Path(target).suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            "a table is written as Parquet or CSV, by the suffix of its name",
+            where=str(target),
+            hint="end the name in .parquet or .csv",
+        )
+    check_target(target, force=force)
+
+
+def write_table(table: Table, target: str | Path, *, force: bool = False) -> None:
+    """Write a table; the file appears whole or not at all.
+
+    In CSV an (n, k) column becomes k columns `name_0` and so on, NaN or an absent string is an empty cell, and a ragged
+    column is written as its values with spaces between them.
+
+    Args:
+        table: What to write.
+        target: File name ending in `.parquet` or `.csv`.
+        force: Overwrite a file that exists.
+
+    Raises:
+        UsageError: The suffix is neither `.parquet` nor `.csv`.
+        OutputError: The file can't be written.
+    """
+    check_table_target(target, force=force)
+    write_file(target, table_bytes(table, Path(target).suffix.lower()), force=force)
+
+
+def table_bytes(table: Table, suffix: str) -> memoryview:
+    """The content of the table's file, for `.parquet` or `.csv`."""
+    import pyarrow as pa
+
+    sink = pa.BufferOutputStream()
+    if suffix == ".csv":
+        from pyarrow import csv
+
+        csv.write_csv(_flat_table(table), sink)
+    else:
+        from pyarrow import parquet
+
+        parquet.write_table(arrow_table(table), sink, compression="zstd")
+    return memoryview(sink.getvalue())
+
+
+def arrow_table(table: Table) -> pa.Table:
+    """The table in Arrow, with `unit`, `frame` and `doc` in the metadata of each field.
+
+    (n, k) arrays become fixed-size lists, `Ragged` lists, `Strings` dictionaries; an absent string is null, NaN stays.
+    """
+    import pyarrow as pa
+
+    arrays = {name: _arrow_array(column) for name, column in table.columns.items()}
+    fields = []
+    for name, array in arrays.items():
+        about = table.docs.get(name, ColumnDoc())
+        meaning = {"unit": about.unit or unit_of(name), "frame": about.frame, "doc": about.doc}
+        fields.append(pa.field(name, array.type, metadata={key: text for key, text in meaning.items() if text}))
+    metadata = {"name": table.name, **table.metadata}
+    return pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields, metadata=metadata))
+
+
+def _arrow_array(column: TableColumn) -> pa.Array:
+    import pyarrow as pa
+
+    if isinstance(column, Strings):
+        codes = pa.array(column.codes, mask=column.codes < 0)
+        return pa.DictionaryArray.from_arrays(codes, pa.array(column.values, pa.string()))
+    if isinstance(column, Ragged):
+        return pa.ListArray.from_arrays(pa.array(column.offsets, pa.int32()), pa.array(column.values))
+    if not isinstance(column, np.ndarray):
+        return pa.array(column, pa.string())
+    if column.ndim == 2:
+        values = pa.array(np.ascontiguousarray(column).reshape(-1))
+        return pa.FixedSizeListArray.from_arrays(values, column.shape[1])
+    return pa.array(column)
+
+
+def _flat_table(table: Table) -> pa.Table:
+    """The table with one plain column for each CSV column."""
+    import pyarrow as pa
+
+    flat: dict[str, pa.Array] = {}
+    for name, column in table.columns.items():
+        if isinstance(column, Strings):
+            flat[name] = pa.array([None if code < 0 else column.values[code] for code in column.codes], pa.string())
+        elif isinstance(column, Ragged):
+            rows = zip(column.offsets[:-1], column.offsets[1:], strict=True)
+            flat[name] = pa.array([" ".join(map(str, column.values[start:stop].tolist())) for start, stop in rows])
+        elif isinstance(column, np.ndarray) and column.ndim == 2:
+            for k in range(column.shape[1]):
+                flat[f"{name}_{k}"] = _csv_array(column[:, k])
+        elif isinstance(column, np.ndarray):
+            flat[name] = _csv_array(column)
+        else:
+            flat[name] = pa.array(column, pa.string())
+    return pa.table(flat)
+
+
+def _csv_array(values: NumericArray) -> pa.Array:
+    """Numbers with NaN as null: an empty cell."""
+    import pyarrow as pa
+
+    return pa.array(values, from_pandas=True)
