@@ -1,1 +1,1 @@
-"""TODO: replaced by its room."""
+"""Collision warnings from predicted paths: rules, events, and their scores against what really happened."""

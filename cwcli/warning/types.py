@@ -1,0 +1,148 @@
+"""What goes into the evaluation of warnings and what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from cwcli.metrics.table import Table
+from cwcli.signals.columns import Field, FloatArray, Int64Array
+
+DEFAULT_LENGTH_M = 4.5
+DEFAULT_WIDTH_M = 1.8
+
+Use = Literal["received", "stamp"]
+Conflict = Literal["distance", "outline", "ttc", "drac"]
+
+
+class PathArrays(Protocol):
+    """Predicted paths as plain arrays; `cwcli.prediction` makes them.
+
+    `time_s` (k,) from 0 with a common step; the others (n, k), `position_covariance_m2` (n, k, 3): xx, xy, yy.
+    """
+
+    @property
+    def time_s(self) -> FloatArray: ...
+    @property
+    def x_m(self) -> FloatArray: ...
+    @property
+    def y_m(self) -> FloatArray: ...
+    @property
+    def heading_rad(self) -> FloatArray: ...
+    @property
+    def speed_mps(self) -> FloatArray: ...
+    @property
+    def position_covariance_m2(self) -> FloatArray: ...
+
+
+@dataclass(frozen=True)
+class VehicleTrack:
+    """One vehicle: its states and the path predicted from each, in the map frame.
+
+    Attributes:
+        id: Vehicle id.
+        stamp_ns: Shape (n,), strictly increasing: time of each state.
+        log_time_ns: Shape (n,): when it was known to the host (reception for a remote vehicle).
+        state: Shape (n, 8), as in `cwcli.v1.VehicleState`; position is the centre of the outline.
+        paths: n predicted paths.
+        length_m, width_m: Outline; NaN or None: 4.5 m and 1.8 m.
+    """
+
+    id: str
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    state: FloatArray
+    paths: PathArrays
+    length_m: float | None = None
+    width_m: float | None = None
+
+    @property
+    def outline_m(self) -> tuple[float, float]:
+        """Length and width, the defaults where they are not told."""
+        return _or(self.length_m, DEFAULT_LENGTH_M), _or(self.width_m, DEFAULT_WIDTH_M)
+
+
+def _or(value: float | None, default: float) -> float:
+    return float(value) if value is not None and value > 0.0 else default
+
+
+@dataclass(frozen=True)
+class ActualTrack:
+    """What a vehicle really did, for the scores.
+
+    Attributes:
+        stamp_ns: Shape (n,), strictly increasing.
+        state: Shape (n, >= 4): x_m, y_m, speed_mps, heading_rad first.
+    """
+
+    stamp_ns: Int64Array
+    state: FloatArray
+
+
+@dataclass(frozen=True)
+class WarningConfig:
+    """Options of the evaluation.
+
+    Attributes:
+        rule: A key of `RULES`.
+        horizon_s: Warn when the event is at most this far ahead (song2016: 2.5 s).
+        distance_m: Centres nearer than this are a collision (song2016: 2.5 m).
+        probability: The default rule's threshold on the probability that the cars pass nearer than `distance_m`.
+        persistence_s: How long the rule's condition must have held before the warning; None: the rule's own.
+        hold_off_s: A condition that has been false this long is over; until then it is the same conflict.
+        use: "received": of the remote states only those that had been received by then, as on line. "stamp": all
+            whose stamp has passed (no link delay).
+        max_age_s: Remote states older than this are not used.
+        max_gap_s: Tracks are not interpolated across gaps longer than this when warnings are scored.
+        conflict: What counts as a conflict when warnings are scored: "distance": centres nearer than `distance_m`;
+            "outline": the outlines touch; "ttc": time to collision of the outlines at constant velocities below
+            `conflict_ttc_s`; "drac": deceleration needed to avoid contact above `conflict_drac_mps2`.
+        conflict_ttc_s, conflict_drac_mps2: Thresholds of the last two.
+        max_lead_s: A warning earlier than this before a conflict is not about that conflict.
+    """
+
+    rule: str = "cwcli"
+    horizon_s: float = 2.5
+    distance_m: float = 2.5
+    probability: float = 0.5
+    persistence_s: float | None = None
+    hold_off_s: float = 1.0
+    use: Use = "received"
+    max_age_s: float = 1.0
+    max_gap_s: float = 0.5
+    conflict: Conflict = "distance"
+    conflict_ttc_s: float = 1.0
+    conflict_drac_mps2: float = 3.35
+    max_lead_s: float = 5.0
+
+
+@dataclass(frozen=True)
+class WarningResult:
+    """Warnings of one host against all others.
+
+    Attributes:
+        log_time_ns: Shape (w,), non-decreasing: log time of each row of `channel`.
+        channel: Columns of `cwcli.v1.Warning`: stamp_ns, rule, event_id, state (1 raised, 2 held, 3 cleared),
+            host_id, other_id, time_to_event_s, predicted_distance_m, ttc_s, probability, message.
+        events: One row an event (warning), with its verdict.
+        conflicts: One row a real conflict, warned of or missed.
+        pairs: One row a pair: counts of evaluations and criticality measures of what really happened.
+        series: One row an evaluation of a pair that came within reach.
+        scores: One row: counts of true, false, late, undecided and missed.
+        counts: What was done with the evaluations, by name.
+    """
+
+    log_time_ns: Int64Array
+    channel: Mapping[str, Field]
+    events: Table
+    conflicts: Table
+    pairs: Table
+    series: Table
+    scores: Table
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """All tables."""
+        return (self.events, self.conflicts, self.pairs, self.series, self.scores)
