@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from cwcli.cli.text import WIDTH, join_names, paragraph, printable
-from cwcli.errors import CwcliError, OutputError
+from cwcli.errors import CwcliError
 
 
 @dataclass(frozen=True)
@@ -48,25 +48,9 @@ class Console:
 
 
 def write(stream: TextIO | None, text: str) -> None:
-    """Write a line.
-
-    Raises:
-        BrokenPipeError: The reader is gone.
-        OutputError: Standard output can't be written (a full disk behind `>`).
-    """
-    if stream is None:  # the process was started with the stream closed
-        return
-    try:
+    """Write a line. A stream that was closed when the process started swallows it."""
+    if stream is not None:
         stream.write(text + "\n")
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise stream_error(error) from error
-
-
-def stream_error(error: OSError) -> OutputError:
-    """What a failed write to standard output means to the user."""
-    return OutputError(f"can't write to standard output: {error.strerror}", where="<stdout>")
 
 
 def uses_style(stream: TextIO | None) -> bool:
@@ -106,7 +90,7 @@ def format_error(error: CwcliError) -> str:
 
 def report_error(error: CwcliError) -> None:
     """Print a known error on stderr. A closed stderr is no reason to fail again."""
-    with contextlib.suppress(OSError, OutputError):
+    with contextlib.suppress(OSError):
         write(sys.stderr, format_error(error))
 
 

@@ -7,15 +7,17 @@ its contract, 6 output could not be written, 70 a bug, 130 interrupted, 141 pipe
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from cwcli.errors import EXIT_BUG, EXIT_INTERRUPTED, EXIT_PIPE_CLOSED, CwcliError
+from cwcli.errors import EXIT_BUG, EXIT_INTERRUPTED, EXIT_OUTPUT, EXIT_PIPE_CLOSED, CwcliError, OutputError
 
 EXIT_TERMINATED = 143
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def main() -> NoReturn:
@@ -40,9 +42,8 @@ def run(arguments: Sequence[str]) -> int:
         _say("interrupted")
     except BrokenPipeError:
         code = EXIT_PIPE_CLOSED
-    except Exception:
-        code = EXIT_BUG
-        _report_bug()
+    except Exception as error:
+        code = _report_unexpected(error)
     try:
         _flush()
     except BrokenPipeError:
@@ -77,9 +78,11 @@ def _flush() -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        from cwcli.cli.console import stream_error
+        raise _full(error) from error
 
-        raise stream_error(error) from error
+
+def _full(error: OSError) -> OutputError:
+    return OutputError(f"can't write the output: {error.strerror}", where=str(error.filename or ""))
 
 
 def _drop_stdout() -> None:
@@ -99,6 +102,14 @@ def _report(error: CwcliError) -> None:
 def _say(text: str) -> None:
     with contextlib.suppress(OSError):
         print(text, file=sys.stderr)
+
+
+def _report_unexpected(error: Exception) -> int:
+    if isinstance(error, OSError) and error.errno in DISK_FULL:  # on the way to standard output
+        _report(_full(error))
+        return EXIT_OUTPUT
+    _report_bug()
+    return EXIT_BUG
 
 
 def _report_bug() -> None:

@@ -1,0 +1,192 @@
+"""Whatever happens becomes a documented exit code and the right lines on stderr."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cwcli import errors
+from cwcli.cli import app, main
+from cwcli.cli.console import format_error
+
+PYTHON = sys.executable
+
+
+def cwcli(*arguments: str, **settings: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [PYTHON, "-m", "cwcli", *arguments], capture_output=True, text=True, check=False, timeout=60, **settings
+    )
+
+
+def test_error_has_the_documented_form() -> None:
+    error = errors.MissingSignalError(
+        "no channel holds the ego state (needed by `cwcli predict`)",
+        where="drive.mcap",
+        found=("/gps/fix (sensor_msgs/msg/NavSatFix)", "/camera/front (foxglove.CompressedImage)"),
+        hint="run `cwcli estimate drive.mcap -o estimated.mcap` first",
+    )
+    assert format_error(error) == (
+        "error: drive.mcap: no channel holds the ego state (needed by `cwcli predict`)\n"
+        "  found: /gps/fix (sensor_msgs/msg/NavSatFix), /camera/front (foxglove.CompressedImage)\n"
+        "  hint:  run `cwcli estimate drive.mcap -o estimated.mcap` first"
+    )
+
+
+def test_error_lists_much_found_line_by_line() -> None:
+    error = errors.MissingSignalError("none", found=tuple(f"/topic/{i} (package/msg/Type)" for i in range(9)))
+    lines = format_error(error).split("\n")
+    assert len(lines) == 10
+    assert lines[1] == "  found: /topic/0 (package/msg/Type)"
+    assert lines[9] == "         /topic/8 (package/msg/Type)"
+
+
+def test_error_escapes_control_characters() -> None:
+    error = errors.InputError("bad\x1b[2J", where="a\nb", found=("\x07",), hint="\x9b")
+    assert format_error(error) == "error: a\\nb: bad\\x1b[2J\n  found: \\x07\n  hint:  \\x9b"
+
+
+@pytest.mark.parametrize(
+    ("raised", "code"),
+    [
+        (errors.GateFailedError("gate"), 1),
+        (errors.UsageError("usage"), 2),
+        (errors.InputError("input"), 3),
+        (errors.MissingSignalError("missing"), 4),
+        (errors.DataError("data"), 5),
+        (errors.OutputError("output"), 6),
+        (KeyboardInterrupt(), 130),
+        (BrokenPipeError(32, "Broken pipe"), 141),
+        (ValueError("a bug"), 70),
+        (MemoryError(), 70),
+        (RecursionError("deep"), 70),
+    ],
+    ids=lambda value: value if isinstance(value, int) else type(value).__name__,
+)
+def test_exit_codes(
+    raised: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def dispatch(arguments: list[str]) -> int:
+        raise raised
+
+    monkeypatch.setattr(app, "dispatch", dispatch)
+    assert main.run([]) == code
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert ("Traceback" in printed.err) == (code == 70)
+    if isinstance(raised, errors.CwcliError):
+        assert printed.err == f"error: {raised.what}\n"
+    if code == 70:
+        assert "a bug in cwcli" in printed.err
+        assert "please report it" in printed.err
+    if code == 141:
+        assert printed.err == ""
+
+
+def test_help_needs_no_command_module() -> None:
+    found = subprocess.run(
+        [PYTHON, "-X", "importtime", "-m", "cwcli", "--help"], capture_output=True, text=True, check=True
+    )
+    assert "cwcli.cli.commands" not in found.stderr
+    for name in app.COMMANDS:
+        assert f"  {name} " in found.stdout
+
+
+def test_version() -> None:
+    assert cwcli("--version").stdout == "cwcli 0.1.0\n"
+
+
+def test_no_command_prints_the_help_on_stderr() -> None:
+    done = cwcli()
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "Usage: cwcli" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line", "hint"),
+    [
+        (["inf"], "error: no such command 'inf'. Did you mean 'info'?", "cwcli --help"),
+        (["info"], "error: missing argument 'LOG'", "cwcli info --help"),
+        (["info", "a.mcap", "--nothing"], "error: no such option: --nothing", "cwcli info --help"),
+        (["info", "a.mcap", "b.mcap"], "error: got unexpected extra argument", "cwcli info --help"),
+        (["--nothing"], "error: no such option: --nothing", "cwcli --help"),
+    ],
+)
+def test_usage_errors_leave_with_2(arguments: list[str], line: str, hint: str) -> None:
+    done = cwcli(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith(line)
+    assert done.stderr.endswith(f"\n  hint:  see `{hint}`\n")
+    assert done.stderr.count("\n") == 2
+
+
+@pytest.mark.parametrize("name", ["", *app.COMMANDS])
+def test_help_has_an_example_and_fits_80_columns(name: str) -> None:
+    done = cwcli(*name.split(), "--help", env={**os.environ, "COLUMNS": "200"})
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "Example" in done.stdout
+    assert f"  cwcli {name}" in done.stdout
+    assert "\x1b" not in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", [*app.COMMANDS])
+def test_examples_parse(name: str) -> None:
+    import importlib
+    import shlex
+
+    examples = importlib.import_module(f"cwcli.cli.commands.{name}").EXAMPLES
+    assert examples
+    command = app.load_command(name)
+    for example in examples:
+        for part in example.split("|"):
+            words = shlex.split(part, comments=True)
+            if words[:2] == ["cwcli", name]:
+                command.make_context(name, words[2:])
+
+
+def test_help_into_a_closed_pipe_leaves_with_141() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [PYTHON, "-m", "cwcli", "--help"], stdout=writer, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(writer)
+    assert done.returncode == 141
+    assert done.stderr == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_full_disk_behind_stdout_leaves_with_6() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [PYTHON, "-m", "cwcli", "--help"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 6
+    assert done.stderr == "error: can't write the output: No space left on device\n"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_script(shell: str) -> None:
+    done = cwcli(env={**os.environ, "_CWCLI_COMPLETE": f"source_{shell}"})
+    assert done.returncode == 0
+    assert "_CWCLI_COMPLETE=complete_" + shell in done.stdout.replace(" ", "").replace('"', "") or shell in done.stdout
+
+
+def test_completion_of_commands_and_options() -> None:
+    def complete(words: str, index: int) -> list[str]:
+        done = cwcli(
+            env={**os.environ, "_CWCLI_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(index)}
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.split()
+
+    assert complete("cwcli in", 1) == ["info"]
+    assert "--strict" in complete("cwcli info --s", 2)
+    assert complete("cwcli info --clock ", 3) == ["stamp", "log"]
