@@ -1,0 +1,52 @@
+"""Where new messages come from: columns that are encoded on the way, or messages that are there already."""
+
+from __future__ import annotations
+
+from cwcli.logs.byte_rows import ByteRows
+from cwcli.logs.message_merge import Feed
+from cwcli.logs.protobuf_columns import ColumnError, column_rows, encode_columns
+from cwcli.logs.schemas import message_schema
+from cwcli.signals.columns import Int64Array, OutputChannel
+
+MESSAGE_ENCODING = "protobuf"
+SCHEMA_ENCODING = "protobuf"
+
+
+def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0) -> Feed:
+    """The messages of a channel that is given as columns; their publish time is their log time.
+
+    Raises:
+        KeyError: The schema is unknown.
+        ColumnError: A column has not as many rows as there are log times.
+        ValueError: The log times go back.
+    """
+    n = len(channel)
+    for path, column in channel.fields.items():
+        if len(column) != n:
+            raise ColumnError(f"{channel.topic}: {path} has {len(column)} rows instead of {n}")
+    descriptor = message_schema(channel.schema_name).descriptor
+
+    def encode(start: int, stop: int) -> ByteRows:
+        rows = {path: column_rows(column, start, stop) for path, column in channel.fields.items()}
+        return encode_columns(descriptor, rows, stop - start)
+
+    return Feed(channel_id, channel.log_time_ns, channel.log_time_ns, encode, first_sequence)
+
+
+def row_feed(
+    channel_id: int,
+    messages: ByteRows,
+    log_time_ns: Int64Array,
+    publish_time_ns: Int64Array,
+    first_sequence: int = 0,
+) -> Feed:
+    """Messages that are encoded already.
+
+    Raises:
+        ValueError: The numbers of messages and times differ, or the log times go back.
+    """
+    if not len(messages) == len(log_time_ns) == len(publish_time_ns):
+        raise ValueError(
+            f"{len(messages)} messages, {len(log_time_ns)} log times and {len(publish_time_ns)} publish times"
+        )
+    return Feed(channel_id, log_time_ns, publish_time_ns, messages.rows, first_sequence)

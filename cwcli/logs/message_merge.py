@@ -1,0 +1,169 @@
+"""New messages of several channels in log-time order, as the payloads of MCAP chunks.
+
+Format: https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.logs.byte_rows import ByteArray, ByteRows, copy_rows, offsets_of, windows
+from cwcli.signals.columns import Int64Array
+
+OPCODE_MESSAGE = 0x05
+MESSAGE_HEADER = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel_id", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+RECORD_PREFIX_BYTES = 9  # opcode and length
+INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
+
+MAX_CHUNK_BYTES = 1 << 20
+BLOCK_BYTES = 4 << 20  # of messages that are encoded at a time
+PROBE_ROWS = 64
+LOOK_AHEAD = 1 << 16
+
+
+@dataclass
+class Feed:
+    """The messages of one channel, encoded when they are needed.
+
+    Attributes:
+        channel_id: In the file that is written.
+        log_time_ns, publish_time_ns: Shape (n,), int64; log times non-decreasing.
+        encode: Rows `start` to `stop` of the channel as messages.
+        first_sequence: Sequence number of row 0.
+
+    Raises:
+        ValueError: The log times go back, or are negative.
+    """
+
+    channel_id: int
+    log_time_ns: Int64Array
+    publish_time_ns: Int64Array
+    encode: Callable[[int, int], ByteRows]
+    first_sequence: int = 0
+    _next: int = 0
+    _block_start: int = 0
+    _block: ByteRows | None = field(default=None, repr=False)
+    _mean_size: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self) and (self.log_time_ns[0] < 0 or (np.diff(self.log_time_ns) < 0).any()):
+            raise ValueError(f"log times of channel {self.channel_id} are negative or go back")
+
+    def __len__(self) -> int:
+        return len(self.log_time_ns)
+
+    def mean_size(self) -> float:
+        """Bytes of a message with its header, by the first ones."""
+        if not self._mean_size and len(self):
+            probe = self.encode(0, min(PROBE_ROWS, len(self)))
+            self._mean_size = float(probe.sizes.mean()) + MESSAGE_HEADER.itemsize
+        return self._mean_size
+
+    def take(self, n: int) -> tuple[slice, ByteRows]:
+        """The next n rows: which ones, and their messages."""
+        start, stop = self._next, self._next + n
+        self._next = stop
+        if self._block is None or stop > self._block_start + len(self._block):
+            ahead = max(int(BLOCK_BYTES / max(self.mean_size(), 1.0)), n)
+            self._block_start, self._block = start, self.encode(start, min(start + ahead, len(self)))
+        return slice(start, stop), self._block.rows(start - self._block_start, stop - self._block_start)
+
+
+@dataclass(frozen=True)
+class ChunkPayload:
+    """The inside of a chunk, uncompressed.
+
+    Attributes:
+        data: Message records in log-time order.
+        start_ns, end_ns: First and last log time.
+        entries: Channel id -> (log time, offset in `data`) of its messages, dtype `INDEX_ENTRY`.
+    """
+
+    data: ByteArray
+    start_ns: int
+    end_ns: int
+    entries: dict[int, npt.NDArray[np.void]]
+
+
+class MessageMerge:
+    """The messages of all feeds, in log-time order (feeds in the given order at equal times).
+
+    Attributes:
+        log_time_ns: Shape (n,), non-decreasing.
+    """
+
+    def __init__(self, feeds: Sequence[Feed]) -> None:
+        self._feeds = [feed for feed in feeds if len(feed)]
+        times = [feed.log_time_ns for feed in self._feeds]
+        all_times = np.concatenate([np.zeros(0, np.int64), *times])
+        order = np.argsort(all_times, kind="stable")
+        self.log_time_ns: Int64Array = all_times[order]
+        self._feed_of = np.repeat(np.arange(len(times), dtype=np.int32), [len(each) for each in times])[order]
+        self._position = 0
+
+    def take_until(self, time_ns: int | None, *, min_bytes: int = 0) -> Iterator[ChunkPayload]:
+        """Payloads of the messages not yet taken whose log time is at most `time_ns` (None: all).
+
+        Args:
+            time_ns: Last log time.
+            min_bytes: Leave them for the next call as long as they are fewer bytes than this.
+        """
+        stop = len(self.log_time_ns)
+        if time_ns is not None:
+            stop = int(np.searchsorted(self.log_time_ns, time_ns, side="right"))
+        mean_sizes = np.array([feed.mean_size() for feed in self._feeds])
+        while self._position < stop:
+            ahead = self._feed_of[self._position : min(stop, self._position + LOOK_AHEAD)]
+            expected_bytes = np.cumsum(mean_sizes[ahead])
+            if expected_bytes[-1] < min_bytes:
+                return
+            n = max(int(np.searchsorted(expected_bytes, MAX_CHUNK_BYTES, side="right")), 1)
+            yield self._payload(ahead[:n])
+            min_bytes = 0
+
+    def _payload(self, feed_of: npt.NDArray[np.int32]) -> ChunkPayload:
+        """The next messages, given the feed of each."""
+        n = len(feed_of)
+        log_time_ns = self.log_time_ns[self._position : self._position + n]
+        self._position += n
+        header = np.zeros(n, MESSAGE_HEADER)
+        header["opcode"] = OPCODE_MESSAGE
+        header["log_time"] = log_time_ns
+        taken: list[tuple[npt.NDArray[np.intp], ByteRows]] = []
+        for k in np.unique(feed_of).tolist():
+            feed = self._feeds[k]
+            at = np.flatnonzero(feed_of == k)
+            rows, messages = feed.take(len(at))
+            header["channel_id"][at] = feed.channel_id
+            header["sequence"][at] = feed.first_sequence + np.arange(rows.start, rows.stop)
+            header["publish_time"][at] = feed.publish_time_ns[rows]
+            header["length"][at] = messages.sizes + (MESSAGE_HEADER.itemsize - RECORD_PREFIX_BYTES)
+            taken.append((at, messages))
+        offsets = offsets_of(header["length"].astype(np.int64) + RECORD_PREFIX_BYTES)
+        data = np.empty(int(offsets[-1]), np.uint8)
+        windows(data, MESSAGE_HEADER.itemsize)[offsets[:-1]] = header.view(np.dtype((np.void, MESSAGE_HEADER.itemsize)))
+        for at, messages in taken:
+            starts = offsets[at] + MESSAGE_HEADER.itemsize
+            copy_rows(data, starts, messages.data, messages.offsets[:-1], messages.sizes)
+        return ChunkPayload(data, int(log_time_ns[0]), int(log_time_ns[-1]), _entries(header, offsets))
+
+
+def _entries(header: npt.NDArray[np.void], offsets: Int64Array) -> dict[int, npt.NDArray[np.void]]:
+    entries = np.empty(len(header), INDEX_ENTRY)
+    entries["log_time"] = header["log_time"]
+    entries["offset"] = offsets[:-1]
+    channel_ids = header["channel_id"]
+    return {channel_id: entries[channel_ids == channel_id] for channel_id in np.unique(channel_ids).tolist()}

@@ -1,0 +1,168 @@
+"""A new MCAP log from columns and messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from mcap.records import Attachment, Channel, Schema
+
+import cwcli
+from cwcli.logs.byte_rows import ByteRows, join_rows
+from cwcli.logs.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING, column_feed, row_feed
+from cwcli.logs.message_merge import Feed, MessageMerge
+from cwcli.logs.record_writer import RecordWriter
+from cwcli.logs.schemas import message_schema
+from cwcli.output import open_output
+from cwcli.signals.columns import Int64Array, OutputChannel
+
+LIBRARY = f"cwcli {cwcli.__version__}"
+
+
+class LogWriter:
+    """Collects channels and writes them as one log, all messages in log-time order, in compressed and indexed chunks.
+
+    A context manager: the file appears when the block ends without an error. The arrays that are handed over are kept until
+    then and must not change. The same calls give the same bytes.
+
+        with LogWriter("drive.mcap") as log:
+            log.write_columns(channel)
+
+    Args:
+        target: File name, or `-` for standard output.
+        profile: MCAP profile, e.g. `ros2`.
+        library: Who writes it.
+        force: Overwrite a file that exists.
+
+    Raises:
+        OutputError, UsageError: As `cwcli.output.open_output`.
+    """
+
+    def __init__(
+        self, target: str | Path, *, profile: str = "", library: str = LIBRARY, force: bool = False
+    ) -> None:
+        self._profile = profile
+        self._library = library
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._feeds: list[Feed] = []
+        self._counts: dict[int, int] = {}
+        self._attachments: list[Attachment] = []
+        self._metadata: list[tuple[str, Mapping[str, str]]] = []
+        self._open = ExitStack()
+        self._output = self._open.enter_context(open_output(target, force=force))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if kind is not None:
+            self._open.__exit__(kind, error, traceback)
+        else:
+            self.close()
+
+    def add_schema(self, name: str, encoding: str, data: bytes) -> int:
+        """Id of the schema; an equal one that is there already is used again."""
+        for schema in self._schemas:
+            if (schema.name, schema.encoding, schema.data) == (name, encoding, data):
+                return schema.id
+        self._schemas.append(Schema(id=len(self._schemas) + 1, name=name, encoding=encoding, data=data))
+        return len(self._schemas)
+
+    def add_channel(
+        self, topic: str, message_encoding: str, schema_id: int = 0, metadata: Mapping[str, str] | None = None
+    ) -> int:
+        """Id of a new channel; schema id 0 means that it has no schema."""
+        channel_id = len(self._channels) + 1
+        self._channels.append(
+            Channel(
+                id=channel_id,
+                topic=topic,
+                message_encoding=message_encoding,
+                metadata=dict(metadata or {}),
+                schema_id=schema_id,
+            )
+        )
+        return channel_id
+
+    def write_columns(self, channel: OutputChannel) -> int:
+        """A whole channel; returns its id.
+
+        Raises:
+            KeyError: Its schema is unknown.
+            ValueError: A column does not fit the schema, or the log times go back.
+        """
+        schema = message_schema(channel.schema_name)
+        schema_id = self.add_schema(schema.name, SCHEMA_ENCODING, schema.data)
+        channel_id = self.add_channel(channel.topic, MESSAGE_ENCODING, schema_id)
+        self._add(column_feed(channel, channel_id))
+        return channel_id
+
+    def write_messages(
+        self,
+        channel_id: int,
+        log_time_ns: Int64Array,
+        messages: Sequence[bytes] | ByteRows,
+        *,
+        publish_time_ns: Int64Array | None = None,
+    ) -> None:
+        """Messages that are encoded already.
+
+        Args:
+            channel_id: From `add_channel`.
+            log_time_ns: Shape (n,), int64, non-decreasing.
+            messages: n of them.
+            publish_time_ns: Shape (n,), int64; the log times when not given.
+
+        Raises:
+            ValueError: The lengths differ, or the log times go back.
+        """
+        rows = messages if isinstance(messages, ByteRows) else join_rows(list(messages))
+        log_time_ns = np.asarray(log_time_ns, np.int64)
+        publish_time_ns = log_time_ns if publish_time_ns is None else np.asarray(publish_time_ns, np.int64)
+        self._add(row_feed(channel_id, rows, log_time_ns, publish_time_ns, self._counts.get(channel_id, 0)))
+
+    def add_attachment(
+        self, name: str, media_type: str, data: bytes, *, log_time_ns: int = 0, create_time_ns: int = 0
+    ) -> None:
+        """A file inside the log."""
+        self._attachments.append(
+            Attachment(
+                create_time=create_time_ns, log_time=log_time_ns, name=name, media_type=media_type, data=data
+            )
+        )
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """A named set of texts."""
+        self._metadata.append((name, values))
+
+    def close(self) -> None:
+        """Write everything.
+
+        Raises:
+            OutputError: The target can't be written.
+        """
+        with self._open:
+            writer = RecordWriter(self._output)
+            writer.header(self._profile, self._library)
+            for schema in self._schemas:
+                writer.schema(schema)
+            for channel in self._channels:
+                writer.channel(channel)
+            for payload in MessageMerge(self._feeds).take_until(None):
+                writer.chunk(payload)
+            for attachment in self._attachments:
+                writer.attachment(attachment)
+            for name, values in self._metadata:
+                writer.metadata(name, values)
+            writer.finish()
+
+    def _add(self, feed: Feed) -> None:
+        self._counts[feed.channel_id] = self._counts.get(feed.channel_id, 0) + len(feed)
+        self._feeds.append(feed)
