@@ -1,0 +1,77 @@
+"""From a scenario and a seed to a drive: truth, measurements and received messages as plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.simulation.scenario import HOST, Scenario
+from cwcli.simulation.sensors import SensorData, measure
+from cwcli.simulation.streams import to_ns
+from cwcli.simulation.truth import STEP_S
+from cwcli.simulation.v2x_link import ReceivedMessages, receive
+
+
+@dataclass(frozen=True)
+class SimulatedDrive:
+    """What happened (truth) and what the host heard of it.
+
+    Attributes:
+        scenario: What was asked for.
+        seed: Of all draws.
+        truth_stamp_ns: Shape (m,): a grid of 1 ms over the run, ns since 1970.
+        truth: Vehicle name -> shape (m, 8), columns as in `truth.STATE_NAMES`, `map` frame, heading not wrapped.
+        sensors: Sensor name -> the host's measurements.
+        v2x: Vehicle name -> the messages that the host received from it.
+    """
+
+    scenario: Scenario
+    seed: int
+    truth_stamp_ns: Int64Array
+    truth: Mapping[str, FloatArray]
+    sensors: Mapping[str, SensorData]
+    v2x: Mapping[str, ReceivedMessages]
+
+
+def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
+    """Drive a scenario once.
+
+    Args:
+        scenario: See `scenario.load_scenario`.
+        seed: Of all draws; None takes the scenario's own. The truth doesn't depend on it.
+    """
+    chosen = scenario.seed if seed is None else seed
+    end_s = scenario.duration_s
+    grid_s = np.arange(int(np.floor(end_s / STEP_S + 1e-9)) + 1) * STEP_S
+    host = scenario.vehicles[HOST]
+    sensors = {
+        name: measure(name, host.motion, settings, start_ns=scenario.start_ns, end_s=end_s, seed=chosen, vehicle=HOST)
+        for name, settings in scenario.sensors.items()
+    }
+    received = {}
+    if scenario.v2x is not None:
+        for name, vehicle in scenario.vehicles.items():
+            if name != HOST and vehicle.has_v2x:
+                received[name] = receive(
+                    name,
+                    vehicle.motion,
+                    scenario.v2x,
+                    station_id=vehicle.station_id,
+                    length_m=vehicle.length_m,
+                    width_m=vehicle.width_m,
+                    start_ns=scenario.start_ns,
+                    end_s=end_s,
+                    seed=chosen,
+                )
+    return SimulatedDrive(
+        scenario=scenario,
+        seed=chosen,
+        truth_stamp_ns=scenario.start_ns + to_ns(grid_s),
+        truth=MappingProxyType({name: vehicle.motion.at(grid_s) for name, vehicle in scenario.vehicles.items()}),
+        sensors=MappingProxyType(sensors),
+        v2x=MappingProxyType(received),
+    )

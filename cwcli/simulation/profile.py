@@ -1,0 +1,241 @@
+"""Profiles: the segments of a scenario file as pieces of constant jerk and of linear curvature or yaw rate.
+
+A segment goes from the present value to its target at the given rate, and holds it to its end. So acceleration, curvature
+and yaw rate are continuous, and jerk and yaw acceleration are bounded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from cwcli.simulation.spec import LATERAL_KEYS, LONGITUDINAL_KEYS, bad_value, read_table
+
+EDGE_TOLERANCE_S = 1e-9
+SPEED_TOLERANCE_MPS = 1e-9
+
+Piece = TypeVar("Piece", bound="SpeedPiece | TurnPiece")
+
+
+@dataclass(frozen=True)
+class SpeedPiece:
+    """From `start_s` on: speed and acceleration at its start, and the constant jerk."""
+
+    start_s: float
+    speed_mps: float
+    accel_mps2: float
+    jerk_mps3: float
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Speed and acceleration at a time of the run."""
+        t = time_s - self.start_s
+        speed = self.speed_mps + self.accel_mps2 * t + self.jerk_mps3 * t * t / 2
+        return speed, self.accel_mps2 + self.jerk_mps3 * t
+
+
+@dataclass(frozen=True)
+class TurnPiece:
+    """From `start_s` on: curvature (`is_curvature`) or yaw rate, linear in time. Units 1/m or rad/s, and per second."""
+
+    start_s: float
+    is_curvature: bool
+    value: float
+    rate: float
+
+    def at(self, time_s: float) -> float:
+        """Curvature or yaw rate at a time of the run."""
+        return self.value + self.rate * (time_s - self.start_s)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The motion that a vehicle is told to make.
+
+    Attributes:
+        speed: In time order; the last piece holds a constant speed or acceleration to `end_s`.
+        turn: In time order.
+        end_s: End of the run.
+    """
+
+    speed: tuple[SpeedPiece, ...]
+    turn: tuple[TurnPiece, ...]
+    end_s: float
+
+    def speed_piece_at(self, time_s: float) -> SpeedPiece:
+        """The piece of speed that holds at a time of the run."""
+        return _piece_at(self.speed, time_s)
+
+    def turn_piece_at(self, time_s: float) -> TurnPiece:
+        """The piece of turning that holds at a time of the run."""
+        return _piece_at(self.turn, time_s)
+
+
+def read_profile(longitudinal: Any, lateral: Any, *, speed_mps: float, end_s: float, path: str, source: str) -> Profile:
+    """Turn the lists `longitudinal` and `lateral` of one vehicle into a profile.
+
+    Args:
+        longitudinal, lateral: What the file holds; None means constant speed, straight on.
+        speed_mps: Speed at the start.
+        end_s: End of the run.
+        path, source: Place of the vehicle in the file, and the file, for messages.
+
+    Raises:
+        UsageError: A gap or an overlap, a segment too short to reach its target, a negative speed, a wrong key or value.
+    """
+    speed: list[SpeedPiece] = [SpeedPiece(0.0, speed_mps, 0.0, 0.0)]
+    for place, segment, end in _segments(longitudinal, LONGITUDINAL_KEYS, end_s, f"{path}.longitudinal", source):
+        _exactly_one(segment, ("accel_mps2", "speed_mps"), place, source)
+        speed += _speed_pieces(speed[-1], segment, end, place, source)
+    turn: list[TurnPiece] = [TurnPiece(0.0, True, 0.0, 0.0)]
+    for place, segment, end in _segments(lateral, LATERAL_KEYS, end_s, f"{path}.lateral", source):
+        _exactly_one(segment, ("curvature_1pm", "yaw_rate_dps"), place, source)
+        turn += _turn_pieces(turn[-1], speed, segment, end, place, source)
+    _refuse_reverse(speed, end_s, path, source)
+    return Profile(tuple(speed), tuple(turn), end_s)
+
+
+def _segments(entries: Any, keys: Any, end_s: float, path: str, source: str) -> list[tuple[str, dict[str, Any], float]]:
+    """The checked segments of one list, each with its place and its end, without gap or overlap from 0 to `end_s`."""
+    if entries is None:
+        return []
+    if not isinstance(entries, list | tuple) or not entries:
+        raise bad_value(source, path, f"is {entries!r}", "a list of segments")
+    tables = [read_table(entry, keys, path=f"{path}.{i}", source=source) for i, entry in enumerate(entries)]
+    if tables[0]["from_s"] != 0:
+        raise bad_value(source, f"{path}.0.from_s", f"is {tables[0]['from_s']:g}: the profile has a gap", "0 s")
+    segments = []
+    for i, table in enumerate(tables):
+        place = f"{path}.{i}"
+        is_last = i + 1 == len(tables)
+        end = end_s if is_last else tables[i + 1]["from_s"]
+        stated = table["to_s"]
+        if stated is not None:
+            _check_edge(stated, end, is_last=is_last, place=place, source=source)
+        if end <= table["from_s"]:
+            raise bad_value(
+                source, f"{place}.from_s", f"is {table['from_s']:g}: the segment ends at {end:g} s", "below its end"
+            )
+        segments.append((place, table, float(end)))
+    return segments
+
+
+def _check_edge(stated: float, end: float, *, is_last: bool, place: str, source: str) -> None:
+    if is_last:
+        if stated < end - EDGE_TOLERANCE_S:
+            raise bad_value(source, f"{place}.to_s", f"is {stated:g}: the profile has a gap", f"at least {end:g} s")
+    elif abs(stated - end) > EDGE_TOLERANCE_S:
+        fault = "a gap" if stated < end else "an overlap"
+        raise bad_value(
+            source, f"{place}.to_s", f"is {stated:g}: the profile has {fault}", f"{end:g} s, where the next one starts"
+        )
+
+
+def _exactly_one(segment: dict[str, Any], names: tuple[str, str], place: str, source: str) -> None:
+    if (segment[names[0]] is None) == (segment[names[1]] is None):
+        which = "both" if segment[names[0]] is not None else "neither"
+        raise bad_value(source, place, f"has {which} of {names[0]} and {names[1]}", "exactly one of them")
+
+
+def _speed_pieces(last: SpeedPiece, segment: dict[str, Any], end_s: float, place: str, source: str) -> list[SpeedPiece]:
+    start = segment["from_s"]
+    speed, accel = last.at(start)
+    jerk = segment["jerk_mps3"]
+    phases: list[tuple[float, float]]
+    if segment["accel_mps2"] is not None:
+        change = segment["accel_mps2"] - accel
+        phases = [(abs(change) / jerk, math.copysign(jerk, change))]
+    else:
+        phases = _speed_change(speed, accel, segment["speed_mps"], segment["limit_mps2"], jerk)
+    _refuse_short(start, sum(duration for duration, _ in phases), end_s, place, source)
+    pieces = []
+    for duration, phase_jerk in phases:
+        if duration > 0:
+            pieces.append(SpeedPiece(start, speed, accel, phase_jerk))
+            start += duration
+            speed, accel = pieces[-1].at(start)
+    if segment["accel_mps2"] is not None:
+        pieces.append(SpeedPiece(start, speed, segment["accel_mps2"], 0.0))
+    else:
+        pieces.append(SpeedPiece(start, segment["speed_mps"], 0.0, 0.0))  # exact: no drift by rounding
+    return pieces
+
+
+def _speed_change(speed: float, accel: float, target: float, limit: float, jerk: float) -> list[tuple[float, float]]:
+    """Phases (duration, jerk) of the fastest change from (speed, accel) to (target, 0) with |accel| <= limit.
+
+    The acceleration goes to a peak, holds if the peak is the limit, and returns to 0. The peak p follows from the change
+    of speed over both ramps, s (p^2 - a^2) / 2 J + s p^2 / 2 J = v1 - v0, with s the sign of the peak.
+    """
+    if accel == 0 and speed == target:
+        return []
+    speed_if_released = speed + accel * abs(accel) / (2 * jerk)
+    sign = 1.0 if target >= speed_if_released else -1.0
+    peak = math.sqrt(max(0.0, sign * jerk * (target - speed) + accel * accel / 2))
+    hold = 0.0
+    if peak > limit:
+        ramps = sign * (2 * limit * limit - accel * accel) / (2 * jerk)
+        hold = sign * (target - speed - ramps) / limit
+        peak = limit
+    rise = sign * peak - accel
+    return [(abs(rise) / jerk, math.copysign(jerk, rise)), (hold, 0.0), (peak / jerk, -sign * jerk)]
+
+
+def _turn_pieces(
+    last: TurnPiece, speed: Sequence[SpeedPiece], segment: dict[str, Any], end_s: float, place: str, source: str
+) -> list[TurnPiece]:
+    start = segment["from_s"]
+    is_curvature = segment["curvature_1pm"] is not None
+    if is_curvature:
+        target, rate = segment["curvature_1pm"], segment["curvature_rate_1pmps"]
+    else:
+        target, rate = math.radians(segment["yaw_rate_dps"]), math.radians(segment["yaw_accel_dps2"])
+    value = last.at(start)
+    if last.is_curvature != is_curvature and value != 0:
+        speed_mps = _piece_at(speed, start).at(start)[0]
+        if speed_mps <= SPEED_TOLERANCE_MPS:
+            raise bad_value(
+                source, place, "starts at rest from another kind of turn", "the same kind, or a moving vehicle"
+            )
+        value = value / speed_mps if is_curvature else value * speed_mps
+    change = target - value
+    duration = abs(change) / rate
+    _refuse_short(start, duration, end_s, place, source)
+    ramp = [TurnPiece(start, is_curvature, value, math.copysign(rate, change))] if duration > 0 else []
+    return [*ramp, TurnPiece(start + duration, is_curvature, target, 0.0)]
+
+
+def _refuse_short(start_s: float, needed_s: float, end_s: float, place: str, source: str) -> None:
+    if start_s + needed_s > end_s + EDGE_TOLERANCE_S:
+        raise bad_value(
+            source, place, f"lasts {end_s - start_s:g} s: too short to reach its target", f"at least {needed_s:.3f} s"
+        )
+
+
+def _refuse_reverse(pieces: Sequence[SpeedPiece], end_s: float, path: str, source: str) -> None:
+    """Refuse a negative speed; a speed's minimum lies at the edge of a piece or where the acceleration crosses zero."""
+    for i, piece in enumerate(pieces):
+        end = pieces[i + 1].start_s if i + 1 < len(pieces) else end_s
+        times = [piece.start_s, end]
+        if piece.jerk_mps3 != 0:
+            times.append(min(max(piece.start_s - piece.accel_mps2 / piece.jerk_mps3, piece.start_s), end))
+        for time_s in times:
+            speed = piece.at(time_s)[0]
+            if speed < -SPEED_TOLERANCE_MPS:
+                raise bad_value(
+                    source,
+                    f"{path}.longitudinal",
+                    f"reaches {speed:.2f} m/s at {time_s:.2f} s",
+                    "a speed of 0 m/s or more",
+                )
+
+
+def _piece_at(pieces: Sequence[Piece], time_s: float) -> Piece:
+    """The piece that holds at a time (the first one before it)."""
+    found = pieces[0]
+    for piece in pieces[1:]:
+        if piece.start_s > time_s:
+            break
+        found = piece
+    return found

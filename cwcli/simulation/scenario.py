@@ -1,0 +1,291 @@
+"""Scenario files: reading, checking, overriding. The format is described key by key in `docs/scenarios.md`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+import zlib
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.simulation.profile import Profile, read_profile
+from cwcli.simulation.spec import (
+    ORIGIN_KEYS,
+    SENSOR_KEYS,
+    TOP_KEYS,
+    V2X_KEYS,
+    VEHICLE_KEYS,
+    bad_value,
+    read_table,
+)
+from cwcli.simulation.truth import Motion, check_possible
+
+HOST = "host"
+DEFAULT_START = datetime(2016, 10, 1, 8, 0, 0, tzinfo=UTC)
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
+_STATION_ID = re.compile(r"[0-9a-f]{8}")
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One vehicle of a scenario.
+
+    Attributes:
+        name: Key in the file; `host` is the ego.
+        station_id: Eight hexadecimal digits, its id in V2X messages and in the truth.
+        profile, motion: What it is told to do, and the integral of it.
+        length_m, width_m: Outline.
+        has_v2x: Whether it sends.
+    """
+
+    name: str
+    station_id: str
+    profile: Profile
+    motion: Motion
+    length_m: float
+    width_m: float
+    has_v2x: bool
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A checked scenario.
+
+    Attributes:
+        name: File name without `.toml`.
+        description, duration_s, seed, truth_rate_hz, friction: As in the file.
+        start_ns: Time of the run's start, ns since 1970.
+        origin: `latitude_deg`, `longitude_deg`, `altitude_m` of the map's origin.
+        vehicles: By name, `host` first.
+        sensors: The host's sensors: name -> checked settings (see `spec.SENSOR_KEYS`).
+        v2x: Settings of the link (see `spec.V2X_KEYS`), or None: no link.
+        document: The file's content after overrides, for the log's metadata.
+    """
+
+    name: str
+    description: str
+    duration_s: float
+    seed: int
+    truth_rate_hz: float
+    friction: float
+    start_ns: int
+    origin: Mapping[str, float]
+    vehicles: Mapping[str, Vehicle]
+    sensors: Mapping[str, Mapping[str, Any]]
+    v2x: Mapping[str, Any] | None
+    document: Mapping[str, Any]
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Names of the scenarios that come with cwcli."""
+    folder = files("cwcli.simulation") / "scenarios"
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
+
+
+def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
+    """Read a scenario file, without checking its content.
+
+    Args:
+        name_or_path: The name of a scenario that comes with cwcli, or a file.
+
+    Returns:
+        The scenario's name and the file's content.
+
+    Raises:
+        UsageError: No such scenario or file, or not TOML.
+    """
+    text_name = str(name_or_path)
+    if text_name in scenario_names():
+        text = (files("cwcli.simulation") / "scenarios" / f"{text_name}.toml").read_text(encoding="utf-8")
+        source = f"{text_name}.toml"
+    else:
+        path = Path(name_or_path)
+        if not path.is_file():
+            raise UsageError(
+                f"no scenario and no file is named {text_name!r}",
+                found=tuple(scenario_names()),
+                hint="name one of these, or a scenario file",
+            )
+        source, text = path.name, _read_text(path)
+    try:
+        return source.removesuffix(".toml"), tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"not TOML: {error}", where=source) from error
+
+
+def load_scenario(name_or_path: str | Path, overrides: tuple[str, ...] = ()) -> Scenario:
+    """Read a scenario, apply overrides such as `host.speed_mps=12`, and check it.
+
+    Raises:
+        UsageError: See `read_document`, `override` and `parse_scenario`.
+    """
+    name, document = read_document(name_or_path)
+    for text in overrides:
+        document = override(document, text)
+    return parse_scenario(document, name=name)
+
+
+def override(document: Mapping[str, Any], text: str) -> dict[str, Any]:
+    """A scenario document with one value replaced; the argument stays as it was.
+
+    Args:
+        document: A scenario file's content.
+        text: `key.key=value`. The first key may be a vehicle's name (`host.speed_mps=12` stands for
+            `vehicles.host.speed_mps=12`), a list is entered by index from 0 (`lead.longitudinal.1.accel_mps2=-4`), and
+            the value is written as in TOML; what isn't TOML is taken as text.
+
+    Raises:
+        UsageError: No `=`, or a key that leads through something else than a table or list.
+    """
+    path, equals, value_text = text.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise UsageError(f"--set {text!r} is not of the form key.key=value", hint="for example --set host.speed_mps=12")
+    changed = deepcopy(dict(document))
+    if keys[0] not in changed and keys[0] in changed.get("vehicles", {}):
+        keys = ["vehicles", *keys]
+    place: Any = changed
+    for key in keys[:-1]:
+        place = _enter(place, key, text)
+    last = keys[-1]
+    if isinstance(place, list):
+        place[_index(place, last, text)] = _toml_value(value_text.strip())
+    elif isinstance(place, dict):
+        place[last] = _toml_value(value_text.strip())
+    else:
+        raise UsageError(f"--set {text!r}: {'.'.join(keys[:-1])} is a value, not a table")
+    return changed
+
+
+def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
+    """Check a scenario file's content.
+
+    Args:
+        document: The content.
+        name: Name of the scenario; `<name>.toml` stands in error messages.
+
+    Raises:
+        UsageError: One line with file, key and permitted range, for: unknown keys, wrong types, values out of range,
+            profiles with a gap, too short segments, reverse driving, more acceleration than friction allows.
+    """
+    source = f"{name}.toml"
+    top = read_table(
+        document, TOP_KEYS, path="", source=source, others=("start_time", "origin", "vehicles", "sensors", "v2x")
+    )
+    sensor_tables = document.get("sensors", {})
+    if not isinstance(sensor_tables, Mapping):
+        raise bad_value(source, "sensors", f"is {sensor_tables!r}", "a table")
+    for sensor in sensor_tables:
+        if sensor not in SENSOR_KEYS:
+            raise bad_value(source, f"sensors.{sensor}", "is unknown", ", ".join(SENSOR_KEYS))
+    v2x = document.get("v2x")
+    return Scenario(
+        name=name,
+        start_ns=_start_ns(document.get("start_time", DEFAULT_START), source),
+        origin=MappingProxyType(read_table(document.get("origin", {}), ORIGIN_KEYS, path="origin", source=source)),
+        vehicles=MappingProxyType(_vehicles(document.get("vehicles"), top, source)),
+        sensors=MappingProxyType(
+            {
+                sensor: MappingProxyType(
+                    read_table(table, SENSOR_KEYS[sensor], path=f"sensors.{sensor}", source=source)
+                )
+                for sensor, table in sensor_tables.items()
+            }
+        ),
+        v2x=None if v2x is None else MappingProxyType(read_table(v2x, V2X_KEYS, path="v2x", source=source)),
+        document=document,
+        **top,
+    )
+
+
+def _vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, Vehicle]:
+    if not isinstance(tables, Mapping) or HOST not in tables:
+        raise bad_value(source, f"vehicles.{HOST}", "is missing", "a table: the ego vehicle")
+    vehicles = {
+        name: _vehicle(name, tables[name], top, source) for name in (HOST, *(key for key in tables if key != HOST))
+    }
+    owners: dict[str, str] = {}
+    for vehicle in vehicles.values():
+        other = owners.setdefault(vehicle.station_id, vehicle.name)
+        if other != vehicle.name:
+            raise bad_value(
+                source, f"vehicles.{vehicle.name}.station_id", f"is also that of {other}", "an id of its own"
+            )
+    return vehicles
+
+
+def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Vehicle:
+    path = f"vehicles.{name}"
+    if not _NAME.fullmatch(name):
+        raise bad_value(source, path, "is no name", "lower-case letters, digits, - and _")
+    values = read_table(table, VEHICLE_KEYS, path=path, source=source, others=("longitudinal", "lateral"))
+    profile = read_profile(
+        table.get("longitudinal"),
+        table.get("lateral"),
+        speed_mps=values["speed_mps"],
+        end_s=top["duration_s"],
+        path=path,
+        source=source,
+    )
+    motion = Motion(profile, x_m=values["x_m"], y_m=values["y_m"], heading_rad=float(np.radians(values["heading_deg"])))
+    check_possible(
+        motion,
+        end_s=top["duration_s"],
+        friction=top["friction"],
+        turning_radius_m=values["turning_radius_m"],
+        path=path,
+        source=source,
+    )
+    station_id = values["station_id"] or f"{zlib.crc32(name.encode()):08x}"
+    if not _STATION_ID.fullmatch(station_id):
+        raise bad_value(source, f"{path}.station_id", f"is {station_id!r}", "eight lower-case hexadecimal digits")
+    return Vehicle(name, station_id, profile, motion, values["length_m"], values["width_m"], values["v2x"])
+
+
+def _start_ns(value: Any, source: str) -> int:
+    if not isinstance(value, datetime) or value.tzinfo is None:
+        raise bad_value(source, "start_time", f"is {value!r}", "a date and time with offset, e.g. 2016-10-01T08:00:00Z")
+    since = value - _EPOCH
+    nanoseconds = ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1_000
+    if nanoseconds < 0:
+        raise bad_value(source, "start_time", f"is {value}", "1970 or later")
+    return nanoseconds
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"can't be read: {error}", where=path.name) from error
+
+
+def _enter(place: Any, key: str, text: str) -> Any:
+    if isinstance(place, list):
+        return place[_index(place, key, text)]
+    if isinstance(place, dict):
+        return place.setdefault(key, {})
+    raise UsageError(f"--set {text!r}: {key} lies inside a value, not a table")
+
+
+def _index(place: list[Any], key: str, text: str) -> int:
+    if not key.isdecimal() or int(key) >= len(place):
+        raise UsageError(f"--set {text!r}: {key} is no entry of the list; permitted: 0 to {len(place) - 1}")
+    return int(key)
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text

@@ -1,0 +1,112 @@
+"""The host's sensors: what each one reports of the truth, and when.
+
+Each message stamped t reports the truth at t - latency_s (a lag that the stamp doesn't tell) with noise and bias, and is
+logged at t + delay_s + jitter. Noise is white and Gaussian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.simulation.streams import schedule, stream
+from cwcli.simulation.truth import STANDARD_GRAVITY_MPS2, Motion
+
+
+@dataclass(frozen=True)
+class SensorData:
+    """The messages of one sensor, in the order of their log times.
+
+    Attributes:
+        sensor: `gnss`, `gnss_heading`, `speed` or `imu`.
+        stamp_ns: Shape (n,): the time that the sensor states, ns since 1970.
+        log_time_ns: Shape (n,).
+        values: Shape (n, k), see the sensor's function.
+        sigma: Shape (k,): the noise of each value.
+        n_lost: Messages that were made and not heard.
+    """
+
+    sensor: str
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    values: FloatArray
+    sigma: FloatArray
+    n_lost: int
+
+
+Model = Callable[[FloatArray, Mapping[str, Any]], tuple[FloatArray, FloatArray]]
+
+
+def gnss(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    """East, north, up, metres in the map frame. Shapes (n, 3) and (3,)."""
+    bias = np.array([settings["bias_east_m"], settings["bias_north_m"], 0.0])
+    position = np.column_stack([state[:, 0], state[:, 1], np.zeros(len(state))])
+    return position + bias, np.full(3, settings["sigma_m"])
+
+
+def gnss_heading(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    """Heading, radians counter-clockwise from east, not wrapped. Shapes (n, 1) and (1,)."""
+    return state[:, 3:4] + np.radians(settings["bias_deg"]), np.radians([settings["sigma_deg"]])
+
+
+def speed(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    """Speed along the heading, m/s. Shapes (n, 1) and (1,)."""
+    return state[:, 2:3] + settings["bias_mps"], np.array([settings["sigma_mps"]])
+
+
+def imu(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    """Specific force (forward, left, up, m/s^2; g on up at rest) and angular rate (rad/s). Shapes (n, 6) and (6,).
+
+    A mount that is pitched nose down by p about the left axis reads forward f cos p - u sin p and up f sin p + u cos p of
+    the level forces f and u, and the yaw rate on its forward and up axes alike.
+    """
+    pitch = np.radians(settings["mount_pitch_deg"])
+    forward, yaw_rate = state[:, 4], state[:, 5]
+    left = state[:, 2] * yaw_rate
+    values = np.column_stack(
+        [
+            forward * np.cos(pitch) - STANDARD_GRAVITY_MPS2 * np.sin(pitch) + settings["accel_bias_mps2"],
+            left,
+            forward * np.sin(pitch) + STANDARD_GRAVITY_MPS2 * np.cos(pitch),
+            -yaw_rate * np.sin(pitch),
+            np.zeros(len(state)),
+            yaw_rate * np.cos(pitch) + np.radians(settings["yaw_rate_bias_dps"]),
+        ]
+    )
+    sigma_gyro = float(np.radians(settings["yaw_rate_sigma_dps"]))
+    return values, np.array([settings["accel_sigma_mps2"]] * 3 + [sigma_gyro] * 3)
+
+
+SENSORS: Mapping[str, Model] = {"gnss": gnss, "gnss_heading": gnss_heading, "speed": speed, "imu": imu}
+
+
+def measure(
+    sensor: str, motion: Motion, settings: Mapping[str, Any], *, start_ns: int, end_s: float, seed: int, vehicle: str
+) -> SensorData:
+    """Run one sensor over the drive.
+
+    Args:
+        sensor: A key of `SENSORS`.
+        motion: The vehicle's true motion.
+        settings: As checked by `spec.SENSOR_KEYS`.
+        start_ns: Time of the run's start.
+        end_s: Length of the run.
+        seed, vehicle: Name the random streams.
+    """
+    plan = schedule(settings, end_s=end_s, seed=seed, names=(vehicle, sensor))
+    exact, sigma = SENSORS[sensor](motion.at(plan.time_s - settings["latency_s"]), settings)
+    values = exact + sigma * stream(seed, vehicle, sensor, "noise").standard_normal(exact.shape)
+    order = np.argsort(plan.arrival_ns, kind="stable")
+    order = order[plan.is_heard[order]]
+    return SensorData(
+        sensor=sensor,
+        stamp_ns=start_ns + plan.stamp_ns[order],
+        log_time_ns=start_ns + plan.arrival_ns[order],
+        values=values[order],
+        sigma=sigma,
+        n_lost=int(np.count_nonzero(~plan.is_heard)),
+    )

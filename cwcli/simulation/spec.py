@@ -1,0 +1,270 @@
+"""The vocabulary of a scenario file: every key with its type, unit, range and default, and the check of a table against it.
+
+`docs/scenarios.md` shows these tables to people; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cwcli.errors import UsageError
+
+REQUIRED = object()
+"""Marks a key that has no default."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A real number inside a closed range; booleans and text are refused."""
+
+    default: Any
+    low: float
+    high: float
+    unit: str
+    doc: str
+
+    def check(self, value: Any, *, key: str, source: str) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise bad_value(source, key, f"is {value!r}", f"a number, {self.permitted()}")
+        if not math.isfinite(value) or not self.low <= value <= self.high:
+            raise bad_value(source, key, f"is {value!r}", self.permitted())
+        return float(value)
+
+    def permitted(self) -> str:
+        return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Integer:
+    """A whole number inside a closed range."""
+
+    default: Any
+    low: int
+    high: int
+    doc: str
+    unit: str = ""
+
+    def check(self, value: Any, *, key: str, source: str) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not self.low <= value <= self.high:
+            raise bad_value(source, key, f"is {value!r}", f"a whole number, {self.permitted()}")
+        return value
+
+    def permitted(self) -> str:
+        return f"{self.low} to {self.high}"
+
+
+@dataclass(frozen=True)
+class Text:
+    """A string, one of `choices` when they are given."""
+
+    default: Any
+    doc: str
+    choices: tuple[str, ...] = ()
+    unit: str = ""
+
+    def check(self, value: Any, *, key: str, source: str) -> str:
+        if not isinstance(value, str) or (self.choices and value not in self.choices):
+            raise bad_value(source, key, f"is {value!r}", self.permitted())
+        return value
+
+    def permitted(self) -> str:
+        return ", ".join(f'"{choice}"' for choice in self.choices) or "text"
+
+
+@dataclass(frozen=True)
+class Flag:
+    """true or false."""
+
+    default: Any
+    doc: str
+    unit: str = ""
+
+    def check(self, value: Any, *, key: str, source: str) -> bool:
+        if not isinstance(value, bool):
+            raise bad_value(source, key, f"is {value!r}", self.permitted())
+        return value
+
+    def permitted(self) -> str:
+        return "true, false"
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """A list of [from, to] pairs in seconds of the run, each with from < to."""
+
+    default: Any
+    doc: str
+    unit: str = "s"
+
+    def check(self, value: Any, *, key: str, source: str) -> tuple[tuple[float, float], ...]:
+        if not isinstance(value, list | tuple):
+            raise bad_value(source, key, f"is {value!r}", self.permitted())
+        pairs: list[tuple[float, float]] = []
+        for index, pair in enumerate(value):
+            is_pair = isinstance(pair, list | tuple) and len(pair) == 2
+            if not is_pair or not all(_is_number(edge) for edge in pair) or not 0 <= pair[0] < pair[1]:
+                raise bad_value(source, f"{key}.{index}", f"is {pair!r}", "[from, to] with 0 <= from < to, in s")
+            pairs.append((float(pair[0]), float(pair[1])))
+        return tuple(pairs)
+
+    def permitted(self) -> str:
+        return "[[from, to], ...]"
+
+
+Key = Number | Integer | Text | Flag | Intervals
+Keys = Mapping[str, Key]
+
+TOP_KEYS: Keys = {
+    "description": Text("", "What happens, in a sentence."),
+    "duration_s": Number(REQUIRED, 0.1, 3600, "s", "Length of the run."),
+    "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` beats it."),
+    "friction": Number(0.9, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."),
+    "truth_rate_hz": Number(20, 1, 1000, "Hz", "Rate of the truth channels."),
+}
+"""Besides these, the top level holds `start_time` and the tables `origin`, `vehicles`, `sensors`, `v2x`."""
+
+ORIGIN_KEYS: Keys = {
+    "latitude_deg": Number(28.1795, -85, 85, "deg", "WGS84 latitude of the map's origin."),
+    "longitude_deg": Number(112.9388, -180, 180, "deg", "WGS84 longitude of the map's origin."),
+    "altitude_m": Number(50, -400, 8000, "m", "Height above the ellipsoid."),
+}
+
+VEHICLE_KEYS: Keys = {
+    "x_m": Number(0, -1e5, 1e5, "m", "Start position east of the origin (centre of the car)."),
+    "y_m": Number(0, -1e5, 1e5, "m", "Start position north of the origin."),
+    "heading_deg": Number(0, -360, 360, "deg", "Start heading, counter-clockwise from east."),
+    "speed_mps": Number(REQUIRED, 0, 70, "m/s", "Start speed."),
+    "length_m": Number(4.5, 0.5, 30, "m", "Length."),
+    "width_m": Number(1.8, 0.3, 5, "m", "Width."),
+    "turning_radius_m": Number(5, 1, 50, "m", "Tightest radius that the vehicle can drive."),
+    "v2x": Flag(True, "Whether it sends V2X messages (the host's own are not in its log)."),
+    "station_id": Text("", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."),
+}
+"""Besides these, a vehicle holds the lists `longitudinal` and `lateral`."""
+
+_FROM = Number(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
+_TO = Number(None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later.")
+
+LONGITUDINAL_KEYS: Keys = {
+    "from_s": _FROM,
+    "to_s": _TO,
+    "accel_mps2": Number(None, -15, 15, "m/s^2", "Acceleration to go to and hold."),
+    "speed_mps": Number(
+        None, 0, 70, "m/s", "Or: the speed to go to and hold, in the shortest time that the limits allow."
+    ),
+    "limit_mps2": Number(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
+    "jerk_mps3": Number(2, 0.01, 100, "m/s^3", "Rate at which the acceleration changes."),
+}
+
+LATERAL_KEYS: Keys = {
+    "from_s": _FROM,
+    "to_s": _TO,
+    "curvature_1pm": Number(None, -1, 1, "1/m", "Path curvature to go to and hold; positive = left."),
+    "curvature_rate_1pmps": Number(0.01, 1e-5, 10, "1/m/s", "Rate at which the curvature changes (a clothoid)."),
+    "yaw_rate_dps": Number(None, -90, 90, "deg/s", "Or: the yaw rate to go to and hold; positive = left."),
+    "yaw_accel_dps2": Number(20, 0.01, 500, "deg/s^2", "Rate at which the yaw rate changes."),
+}
+
+_SENSOR_KEYS: Keys = {
+    "rate_hz": Number(20, 0.1, 1000, "Hz", "Measurement rate."),
+    "phase_s": Number(0, 0, 10, "s", "Stamp of the first measurement."),
+    "latency_s": Number(0, -1, 5, "s", "Undeclared lag: the value stamped t is the truth at t - latency_s."),
+    "delay_s": Number(0.005, 0, 5, "s", "Declared transport: log time = stamp + delay_s + jitter."),
+    "jitter_s": Number(0, 0, 1, "s", "Further delay of each message, uniform between 0 and this."),
+    "drop_probability": Number(0, 0, 1, "", "Chance that a message is lost."),
+    "outages": Intervals((), "Intervals in which nothing is sent."),
+}
+
+SENSOR_KEYS: Mapping[str, Keys] = {
+    "gnss": {
+        **_SENSOR_KEYS,
+        "sigma_m": Number(0.6, 0, 100, "m", "Noise of east, north and up, each, 1 sigma."),
+        "bias_east_m": Number(0, -100, 100, "m", "Constant error, east."),
+        "bias_north_m": Number(0, -100, 100, "m", "Constant error, north."),
+    },
+    "gnss_heading": {
+        **_SENSOR_KEYS,
+        "sigma_deg": Number(1.0, 0, 180, "deg", "Noise, 1 sigma."),
+        "bias_deg": Number(0, -180, 180, "deg", "Constant error, counter-clockwise positive."),
+    },
+    "speed": {
+        **_SENSOR_KEYS,
+        "sigma_mps": Number(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
+        "bias_mps": Number(0, -20, 20, "m/s", "Constant error."),
+    },
+    "imu": {
+        **_SENSOR_KEYS,
+        "accel_sigma_mps2": Number(0.049, 0, 10, "m/s^2", "Noise of each axis, 1 sigma (0.5 % of g)."),
+        "accel_bias_mps2": Number(0, -5, 5, "m/s^2", "Constant error of the forward axis."),
+        "yaw_rate_sigma_dps": Number(0.1, 0, 50, "deg/s", "Noise of each axis, 1 sigma."),
+        "yaw_rate_bias_dps": Number(0, -20, 20, "deg/s", "Constant error of the up axis."),
+        "mount_pitch_deg": Number(0, -30, 30, "deg", "Mounting error: positive = nose down."),
+    },
+}
+
+V2X_FORMATS = ("bsm-json", "ode-json")
+
+V2X_KEYS: Keys = {
+    "rate_hz": Number(20, 0.1, 100, "Hz", "Messages of each vehicle per second."),
+    "phase_s": Number(0, 0, 10, "s", "Generation time of each vehicle's first message."),
+    "latency_s": Number(0, -1, 5, "s", "Undeclared lag of the sender's own estimate, as for a sensor."),
+    "delay_s": Number(0.005, 0, 5, "s", "Link latency: reception = generation + delay_s + jitter."),
+    "jitter_s": Number(
+        0, 0, 1, "s", "Further delay of each message, uniform between 0 and this; may change the order."
+    ),
+    "drop_probability": Number(0, 0, 1, "", "Chance that a message is lost."),
+    "outages": Intervals((), "Intervals (of generation time) in which every message is lost."),
+    "format": Text("bsm-json", "Encoding of the messages.", V2X_FORMATS),
+    "position_sigma_m": Number(0.15, 0, 100, "m", "Noise of the sent east and north position, each, 1 sigma."),
+    "speed_sigma_mps": Number(0.1, 0, 20, "m/s", "Noise of the sent speed."),
+    "heading_sigma_deg": Number(0.21, 0, 180, "deg", "Noise of the sent heading."),
+    "accel_sigma_mps2": Number(0.0265, 0, 10, "m/s^2", "Noise of the sent acceleration (0.27 % of g)."),
+    "yaw_rate_sigma_dps": Number(0.043, 0, 50, "deg/s", "Noise of the sent yaw rate."),
+}
+
+
+def read_table(table: Any, keys: Keys, *, path: str, source: str, others: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Check one table of a scenario against its keys.
+
+    Args:
+        table: What the file holds there.
+        keys: The keys that it may hold.
+        path: Dotted place of the table in the file, "" for the top level.
+        source: File, for messages.
+        others: Further keys that the caller reads itself.
+
+    Returns:
+        Every key of `keys`, checked, with defaults filled in (None for an optional key without one).
+
+    Raises:
+        UsageError: An unknown or missing key, a wrong type, a value outside its range.
+    """
+    if not isinstance(table, Mapping):
+        raise bad_value(source, path, f"is {table!r}", "a table")
+    prefix = f"{path}." if path else ""
+    for name in table:
+        if name not in keys and name not in others:
+            raise bad_value(source, f"{prefix}{name}", "is unknown", ", ".join((*keys, *others)))
+    values: dict[str, Any] = {}
+    for name, key in keys.items():
+        if name in table:
+            values[name] = key.check(table[name], key=f"{prefix}{name}", source=source)
+        elif key.default is REQUIRED:
+            raise bad_value(source, f"{prefix}{name}", "is missing", key.permitted())
+        elif key.default is None or isinstance(key.default, tuple):
+            values[name] = key.default
+        else:
+            values[name] = key.check(key.default, key=f"{prefix}{name}", source=source)
+    return values
+
+
+def bad_value(source: str, key: str, what: str, permitted: str) -> UsageError:
+    """The one-line error of a scenario file: file, key, what is wrong, what is permitted."""
+    return UsageError(f"{key} {what}; permitted: {permitted}", where=source)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,66 @@
+"""Seeded random streams, one per use, and the times at which a sensor or a sender speaks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+
+NANOSECONDS = 1_000_000_000
+
+
+def stream(seed: int, *names: str) -> np.random.Generator:
+    """The random stream of one use, e.g. (seed, "host", "gnss", "noise").
+
+    The streams of different names are independent, so that a further sensor, or losses on one, change no other draw.
+    """
+    digest = hashlib.sha256("/".join(names).encode()).digest()
+    return np.random.default_rng([seed, *np.frombuffer(digest[:16], dtype="<u4").tolist()])
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The messages of one source.
+
+    Attributes:
+        time_s: Shape (n,): measurement or generation time, seconds of the run, of every message made.
+        arrival_ns: Shape (n,): log time minus the run's start.
+        is_heard: Shape (n,): False for what was lost or fell into an outage.
+    """
+
+    time_s: FloatArray
+    arrival_ns: Int64Array
+    is_heard: np.ndarray[Any, np.dtype[np.bool_]]
+
+    @property
+    def stamp_ns(self) -> Int64Array:
+        """Shape (n,): `time_s` as ns since the run's start."""
+        return to_ns(self.time_s)
+
+
+def to_ns(time_s: FloatArray) -> Int64Array:
+    """Seconds as whole nanoseconds."""
+    return np.round(np.asarray(time_s) * NANOSECONDS).astype(np.int64)
+
+
+def schedule(settings: Mapping[str, Any], *, end_s: float, seed: int, names: tuple[str, ...]) -> Schedule:
+    """When a source speaks, when it is heard, and when not.
+
+    Args:
+        settings: `rate_hz`, `phase_s`, `delay_s`, `jitter_s`, `drop_probability`, `outages`.
+        end_s: Length of the run; the last message is stamped before or at it.
+        seed, names: The source's random stream; losses and jitter have streams of their own.
+    """
+    n = max(0, int(np.floor((end_s - settings["phase_s"]) * settings["rate_hz"] + 1e-9)) + 1)
+    time_s = settings["phase_s"] + np.arange(n) / settings["rate_hz"]
+    jitter = settings["jitter_s"] * stream(seed, *names, "jitter").random(n)
+    is_heard = stream(seed, *names, "drop").random(n) >= settings["drop_probability"]
+    for start, end in settings["outages"]:
+        is_heard &= ~((start <= time_s) & (time_s < end))
+    arrival_ns = to_ns(time_s) + to_ns(settings["delay_s"] + jitter)
+    return Schedule(time_s, arrival_ns, is_heard)

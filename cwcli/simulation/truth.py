@@ -1,0 +1,203 @@
+"""The true motion of a vehicle: the integral of its profile.
+
+Speed, acceleration, jerk, curvature, yaw rate, yaw acceleration and heading are evaluated in closed form at any time. The
+position is the integral of speed along the heading, by three-point Gauss quadrature on steps of 1 ms: its error is far
+below a micrometre. The vehicle is a point without side slip that moves along its heading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.profile import Profile
+from cwcli.simulation.spec import bad_value
+
+STANDARD_GRAVITY_MPS2 = 9.80665
+STEP_S = 0.001
+BEFORE_S = 6.0
+AFTER_S = 2.0
+"""The truth goes on before and after the run (constant speed, straight or on the last curvature) for lagging sensors."""
+
+STATE_NAMES = (
+    "x_m",
+    "y_m",
+    "speed_mps",
+    "heading_rad",
+    "accel_mps2",
+    "yaw_rate_radps",
+    "jerk_mps3",
+    "yaw_accel_radps2",
+)
+
+_HALF_NODE = np.sqrt(0.6)
+_GAUSS_NODES = 0.5 * np.array([1 - _HALF_NODE, 1.0, 1 + _HALF_NODE])
+_GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """The profile on the common edges of its pieces, as polynomials of the time since each edge.
+
+    Attributes:
+        edge_s: Shape (m,), the start of each piece; the first reaches back without end.
+        speed: Shape (m, 3), ascending powers.
+        yaw_rate: Shape (m, 4), ascending powers.
+        heading_rad: Shape (m,), at the edges.
+    """
+
+    edge_s: FloatArray
+    speed: FloatArray
+    yaw_rate: FloatArray
+    heading_rad: FloatArray
+
+
+class Motion:
+    """True states of one vehicle at any time from `BEFORE_S` before the run to `AFTER_S` after it."""
+
+    def __init__(self, profile: Profile, *, x_m: float, y_m: float, heading_rad: float) -> None:
+        """Integrate the profile from a start position (east, north, metres) and heading (counter-clockwise from east)."""
+        self._pieces = _merge(profile, heading_rad)
+        n_before = round(BEFORE_S / STEP_S)
+        n_steps = n_before + int(np.ceil((profile.end_s + AFTER_S) / STEP_S))
+        self._grid_s = (np.arange(n_steps + 1) - n_before) * STEP_S
+        steps = self._displacement(self._grid_s[:-1], np.full(n_steps, STEP_S))
+        track = np.zeros((n_steps + 1, 2))
+        np.cumsum(steps, axis=0, out=track[1:])
+        self._position = track - track[n_before] + np.array([x_m, y_m])
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """The true states at some times.
+
+        Args:
+            time_s: Shape (n,), seconds of the run.
+
+        Returns:
+            Shape (n, 8): x_m, y_m, speed_mps, heading_rad (continuous, not wrapped), accel_mps2, yaw_rate_radps,
+            jerk_mps3, yaw_accel_radps2; `map` frame.
+
+        Raises:
+            ValueError: A time outside the range that was integrated.
+        """
+        time = np.asarray(time_s, dtype=np.float64)
+        if len(time) and not (self._grid_s[0] <= time.min() and time.max() <= self._grid_s[-1]):
+            raise ValueError(f"truth is known from {self._grid_s[0]} to {self._grid_s[-1]} s only")
+        cell = np.clip(np.searchsorted(self._grid_s, time, side="right") - 1, 0, len(self._grid_s) - 1)
+        rest = self._displacement(self._grid_s[cell], time - self._grid_s[cell])
+        return np.column_stack([self._position[cell] + rest, self._rates(time)])
+
+    def _displacement(self, start_s: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Shape (n, 2): the way travelled from each start within each (short) step."""
+        total = np.zeros((len(start_s), 2))
+        for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
+            rates = self._rates(start_s + node * step_s)
+            way = weight * step_s * rates[:, 0]
+            total += np.column_stack([way * np.cos(rates[:, 1]), way * np.sin(rates[:, 1])])
+        return total
+
+    def _rates(self, time_s: FloatArray) -> FloatArray:
+        """Shape (n, 6): the states from speed on, in closed form."""
+        pieces = self._pieces
+        index = np.clip(np.searchsorted(pieces.edge_s, time_s, side="right") - 1, 0, None)
+        t = time_s - pieces.edge_s[index]
+        v0, v1, v2 = pieces.speed[index].T
+        w0, w1, w2, w3 = pieces.yaw_rate[index].T
+        return np.column_stack(
+            [
+                v0 + t * (v1 + t * v2),
+                pieces.heading_rad[index] + t * (w0 + t * (w1 / 2 + t * (w2 / 3 + t * w3 / 4))),
+                v1 + 2 * t * v2,
+                w0 + t * (w1 + t * (w2 + t * w3)),
+                2 * v2,
+                w1 + t * (2 * w2 + t * 3 * w3),
+            ]
+        )
+
+
+def _merge(profile: Profile, heading_rad: float) -> _Pieces:
+    """The profile's pieces on common edges, with the run's before and after added."""
+    inner = sorted({piece.start_s for piece in (*profile.speed, *profile.turn) if 0 < piece.start_s < profile.end_s})
+    edges = np.array([-BEFORE_S, 0.0, *inner, profile.end_s])
+    speed = np.zeros((len(edges), 3))
+    yaw_rate = np.zeros((len(edges), 4))
+    speed[0, 0] = profile.speed[0].speed_mps
+    for i, edge in enumerate(edges[1:], start=1):
+        is_after = i + 1 == len(edges)
+        speed[i], yaw_rate[i] = _polynomials(profile, float(edge), is_after=is_after)
+    spans = np.diff(edges)
+    turned = spans * (
+        yaw_rate[:-1, 0]
+        + spans * (yaw_rate[:-1, 1] / 2 + spans * (yaw_rate[:-1, 2] / 3 + spans * yaw_rate[:-1, 3] / 4))
+    )
+    headings = heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
+    return _Pieces(edges, speed, yaw_rate, headings)
+
+
+def _polynomials(profile: Profile, edge_s: float, *, is_after: bool) -> tuple[list[float], list[float]]:
+    """Coefficients of speed and of yaw rate from an edge on. After the run both rates of change are zero."""
+    piece = profile.speed_piece_at(edge_s)
+    v, a = piece.at(edge_s)
+    j = 0.0 if is_after else piece.jerk_mps3
+    a = 0.0 if is_after else a
+    turn = profile.turn_piece_at(edge_s)
+    value, rate = turn.at(edge_s), 0.0 if is_after else turn.rate
+    if not turn.is_curvature:
+        return [v, a, j / 2], [value, rate, 0.0, 0.0]
+    # yaw rate = curvature * speed: (k + k' t)(v + a t + j t^2 / 2)
+    return [v, a, j / 2], [value * v, value * a + rate * v, value * j / 2 + rate * a, rate * j / 2]
+
+
+def check_possible(
+    motion: Motion, *, end_s: float, friction: float, turning_radius_m: float, path: str, source: str
+) -> None:
+    """Refuse a motion that no car can make.
+
+    Args:
+        motion: The motion, checked every 10 ms of the run and at its end.
+        end_s: Length of the run.
+        friction: The tyres' combined acceleration is at most friction * g.
+        turning_radius_m: The tightest radius.
+        path, source: Place in the file, and the file, for the message.
+
+    Raises:
+        UsageError: More acceleration than friction allows, or a tighter turn than the vehicle can drive.
+    """
+    time_s = np.append(np.arange(0.0, end_s, 0.01), end_s)
+    state = motion.at(time_s)
+    speed, accel, yaw_rate = state[:, 2], state[:, 4], state[:, 5]
+    demand = np.hypot(accel, speed * yaw_rate)
+    limit = friction * STANDARD_GRAVITY_MPS2
+    worst = int(np.argmax(demand))
+    if demand[worst] > limit:
+        raise bad_value(
+            source,
+            path,
+            f"needs {demand[worst]:.2f} m/s^2 of the tyres at {time_s[worst]:.2f} s",
+            f"0 to {limit:.2f} m/s^2 (friction {friction:g} * g, acceleration and cornering combined)",
+        )
+    too_tight = np.abs(yaw_rate) * turning_radius_m > np.abs(speed) + 1e-9
+    if too_tight.any():
+        first = int(np.argmax(too_tight))
+        raise bad_value(
+            source,
+            path,
+            f"turns at {np.degrees(yaw_rate[first]):.1f} deg/s with {speed[first]:.2f} m/s at {time_s[first]:.2f} s",
+            f"a radius of {turning_radius_m:g} m or more",
+        )
+
+
+def closest_approach(a: Motion, b: Motion, end_s: float) -> tuple[float, float]:
+    """Time (s of the run) and size (m) of the smallest distance between two vehicles' centres, on a grid of 1 ms."""
+    time_s = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
+    distance = np.hypot(*(a.at(time_s)[:, :2] - b.at(time_s)[:, :2]).T)
+    i = int(np.argmin(distance))
+    return float(time_s[i]), float(distance[i])
+
+
+def first_time_below(a: Motion, b: Motion, end_s: float, distance_m: float) -> float:
+    """First time (s of the run) at which two vehicles' centres are nearer than a distance; NaN if never."""
+    time_s = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
+    is_below = np.hypot(*(a.at(time_s)[:, :2] - b.at(time_s)[:, :2]).T) < distance_m
+    return float(time_s[int(np.argmax(is_below))]) if is_below.any() else float("nan")

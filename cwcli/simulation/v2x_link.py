@@ -1,0 +1,102 @@
+"""The V2X link: what the host hears of the other vehicles.
+
+song2016 sends each car's own filter output. Here the sent state is the truth with the noise of the paper's table 1,
+column "estimated": white, Gaussian, independent in time (the real error of a filter is correlated; see
+docs/papers/song2016-scenarios.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.simulation.streams import schedule, stream
+from cwcli.simulation.truth import Motion
+
+SENT_STATES = ("x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
+
+
+@dataclass(frozen=True)
+class ReceivedMessages:
+    """The messages of one vehicle that reached the host, in the order of their reception.
+
+    Attributes:
+        vehicle: Its name in the scenario.
+        station_id: Eight hexadecimal digits.
+        stamp_ns: Shape (n,): generation time, ns since 1970.
+        log_time_ns: Shape (n,): reception time.
+        count: Shape (n,): the sender's message number, from 0; gaps show losses, a descent shows overtaking.
+        state: Shape (n, 6): x_m, y_m (map frame), speed_mps, heading_rad, accel_mps2, yaw_rate_radps.
+        sigma: Shape (6,): the noise of each.
+        lateral_accel_mps2: Shape (n,): speed * yaw rate as sent, positive to the left.
+        length_m, width_m: Outline.
+        n_lost: Messages that were sent and not received.
+    """
+
+    vehicle: str
+    station_id: str
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    count: Int64Array
+    state: FloatArray
+    sigma: FloatArray
+    lateral_accel_mps2: FloatArray
+    length_m: float
+    width_m: float
+    n_lost: int
+
+
+def receive(
+    vehicle: str,
+    motion: Motion,
+    settings: Mapping[str, Any],
+    *,
+    station_id: str,
+    length_m: float,
+    width_m: float,
+    start_ns: int,
+    end_s: float,
+    seed: int,
+) -> ReceivedMessages:
+    """Send one vehicle's state over the link.
+
+    Args:
+        vehicle, seed: Name the random streams.
+        motion: Its true motion.
+        settings: As checked by `spec.V2X_KEYS`.
+        station_id, length_m, width_m: What it says of itself.
+        start_ns: Time of the run's start.
+        end_s: Length of the run.
+    """
+    plan = schedule(settings, end_s=end_s, seed=seed, names=(vehicle, "v2x"))
+    sigma = np.array(
+        [
+            settings["position_sigma_m"],
+            settings["position_sigma_m"],
+            settings["speed_sigma_mps"],
+            np.radians(settings["heading_sigma_deg"]),
+            settings["accel_sigma_mps2"],
+            np.radians(settings["yaw_rate_sigma_dps"]),
+        ]
+    )
+    truth = motion.at(plan.time_s - settings["latency_s"])[:, :6]
+    sent = truth + sigma * stream(seed, vehicle, "v2x", "noise").standard_normal(truth.shape)
+    order = np.argsort(plan.arrival_ns, kind="stable")
+    order = order[plan.is_heard[order]]
+    return ReceivedMessages(
+        vehicle=vehicle,
+        station_id=station_id,
+        stamp_ns=start_ns + plan.stamp_ns[order],
+        log_time_ns=start_ns + plan.arrival_ns[order],
+        count=order.astype(np.int64),
+        state=sent[order],
+        sigma=sigma,
+        lateral_accel_mps2=sent[order, 2] * sent[order, 5],
+        length_m=length_m,
+        width_m=width_m,
+        n_lost=int(np.count_nonzero(~plan.is_heard)),
+    )
