@@ -13,7 +13,7 @@ import typer.main
 
 from cwcli.cli.app import PlainCommand
 from cwcli.cli.options.expand import StageOptions, expand
-from cwcli.cli.options.shared import LogArgument, ReadingOptions, TalkOptions
+from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
 from cwcli.cli.options.values import time_ns, topics_by_role, utc
 from cwcli.errors import UsageError
 
@@ -30,8 +30,14 @@ def parse(command: str, *arguments: str) -> Any:
     """The options that a command made of shared and stage options sees."""
     seen: list[Any] = []
 
-    def body(log: LogArgument, reading: ReadingOptions, stage: EstimateLikeOptions, talk: TalkOptions) -> None:
-        seen.extend((log, reading, stage, talk))
+    def body(
+        log: LogArgument,
+        reading: ReadingOptions,
+        stage: EstimateLikeOptions,
+        talk: TalkOptions,
+        sensors: SensorOptions,
+    ) -> None:
+        seen.extend((log, reading, stage, talk, sensors))
 
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.command(command, cls=PlainCommand)(expand(body, command))
@@ -52,15 +58,16 @@ def config_file(tmp_path: Path) -> Callable[[str], str]:
 
 
 def test_defaults() -> None:
-    log, reading, stage, talk = parse("estimate", "drive.mcap")
+    log, reading, stage, talk, sensors = parse("estimate", "drive.mcap")
     assert log == "drive.mcap"
     assert reading == ReadingOptions()
     assert stage == EstimateLikeOptions()
     assert talk == TalkOptions()
+    assert sensors == SensorOptions()
 
 
 def test_topic_is_repeatable() -> None:
-    _, reading, _, _ = parse("estimate", "-", "--topic", "imu=/a", "--topic", "camera=/b")
+    reading = parse("estimate", "-", "--topic", "imu=/a", "--topic", "camera=/b")[1]
     assert reading.topic == ["imu=/a", "camera=/b"]
 
 
@@ -68,13 +75,13 @@ def test_precedence(config_file: Callable[[str], str], monkeypatch: pytest.Monke
     path = config_file('clock = "log"\n[estimate]\nmodel = "song2016"\nrate-hz = 50\n')
     arguments = ["drive.mcap", "--config", path]
     assert parse("estimate", *arguments)[2] == EstimateLikeOptions("song2016", False, 50.0)
-    assert parse("estimate", *arguments)[1].clock == "log"
+    assert parse("estimate", *arguments)[4].clock == "log"
     monkeypatch.setenv("CWCLI_ESTIMATE_MODEL", "cwcli")
     monkeypatch.setenv("CWCLI_CLOCK", "stamp")
     assert parse("estimate", *arguments)[2].model == "cwcli"
-    assert parse("estimate", *arguments)[1].clock == "stamp"
+    assert parse("estimate", *arguments)[4].clock == "stamp"
     assert parse("estimate", *arguments, "--model", "song2016")[2].model == "song2016"
-    assert parse("estimate", *arguments, "--clock", "log")[1].clock == "log"
+    assert parse("estimate", *arguments, "--clock", "log")[4].clock == "log"
 
 
 def test_environment_names_the_configuration_file(

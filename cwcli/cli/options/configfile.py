@@ -88,7 +88,7 @@ def shared_names() -> set[str]:
 
     from cwcli.cli.options import shared
 
-    kinds = (shared.ReadingOptions, shared.WritingOptions, shared.TalkOptions)
+    kinds = (shared.ReadingOptions, shared.SensorOptions, shared.WritingOptions, shared.TalkOptions)
     names = {field.name for kind in kinds for field in dataclasses.fields(kind)}
     return (names | {"metrics", "metrics_dir"}) - {"config"}
 

@@ -38,6 +38,18 @@ class ReadingOptions:
         str | None,
         typer.Option("--end", metavar="TIME", show_default=False, help="Use messages before here; as --start."),
     ] = None
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
+    ] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
+        False
+    )
+
+
+@dataclass(frozen=True)
+class SensorOptions:
+    """How the sensors' own messages are read: for the commands that use them."""
+
     clock: Annotated[
         Literal["stamp", "log"],
         typer.Option("--clock", help="Time of a measurement: its header stamp, or when it was logged."),
@@ -51,12 +63,6 @@ class ReadingOptions:
             help="V2X station id of the ego vehicle, so that its own messages are not a remote vehicle.",
         ),
     ] = None
-    recover: Annotated[
-        bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
-    ] = False
-    strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
-        False
-    )
 
 
 @dataclass(frozen=True)

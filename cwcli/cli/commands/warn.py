@@ -1,0 +1,136 @@
+"""`cwcli warn`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import typer
+
+from cwcli.cli.options.expand import StageOptions
+from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
+from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.warning.rules import DEFAULT_RULE, RULES
+from cwcli.warning.types import WarningConfig
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+    from cwcli.stages.result import StageResult
+
+EXAMPLES = (
+    "cwcli warn predicted.mcap -o warned.mcap --metrics warnings.parquet",
+    "cwcli warn predicted.mcap --rule song2016 --horizon 2.5 --distance 2.5",
+)
+DEFAULTS = WarningConfig()
+
+
+def _rules(incomplete: str) -> list[tuple[str, str]]:
+    return [(name, rule.summary) for name, rule in RULES.items() if name.startswith(incomplete)]
+
+
+@dataclass(frozen=True)
+class WarnOptions(StageOptions):
+    """Options of the stage."""
+
+    stage: ClassVar[str] = "warn"
+
+    rule: Annotated[
+        str,
+        typer.Option(
+            "--rule",
+            metavar="NAME",
+            autocompletion=_rules,
+            help="; ".join(f"{name}: {rule.summary}" for name, rule in RULES.items()) + ".",
+        ),
+    ] = DEFAULT_RULE
+    horizon: Annotated[
+        float, typer.Option("--horizon", metavar="SECONDS", help="Warn of events at most this far ahead.")
+    ] = DEFAULTS.horizon_s
+    distance: Annotated[
+        float, typer.Option("--distance", metavar="METRES", help="Centres nearer than this are a collision.")
+    ] = DEFAULTS.distance_m
+    probability: Annotated[float, typer.Option("--probability", metavar="P", help="Threshold of the rule cwcli.")] = (
+        DEFAULTS.probability
+    )
+    persistence: Annotated[
+        float | None,
+        typer.Option(
+            "--persistence",
+            metavar="SECONDS",
+            show_default="the rule's own",
+            help="How long the condition must hold before the warning.",
+        ),
+    ] = DEFAULTS.persistence_s
+    hold_off: Annotated[
+        float,
+        typer.Option("--hold-off", metavar="SECONDS", help="A condition false for this long is over."),
+    ] = DEFAULTS.hold_off_s
+    use: Annotated[
+        Literal["received", "stamp"],
+        typer.Option("--use", help="Remote states that had been received by then, or all whose stamp has passed."),
+    ] = DEFAULTS.use
+    max_age: Annotated[
+        float, typer.Option("--max-age", metavar="SECONDS", help="Older remote states are not used.")
+    ] = DEFAULTS.max_age_s
+    conflict: Annotated[
+        Literal["distance", "outline", "ttc", "drac"],
+        typer.Option(
+            "--conflict",
+            help="What counts as a conflict when warnings are scored: centres nearer than --distance, outlines that "
+            "touch, a time to collision or a needed deceleration beyond a threshold.",
+        ),
+    ] = DEFAULTS.conflict
+    conflict_ttc: Annotated[
+        float, typer.Option("--conflict-ttc", metavar="SECONDS", help="Threshold of --conflict ttc.")
+    ] = DEFAULTS.conflict_ttc_s
+    conflict_drac: Annotated[
+        float, typer.Option("--conflict-drac", metavar="MPS2", help="Threshold of --conflict drac.")
+    ] = DEFAULTS.conflict_drac_mps2
+    max_lead: Annotated[
+        float,
+        typer.Option("--max-lead", metavar="SECONDS", help="A warning earlier than this is not about the conflict."),
+    ] = DEFAULTS.max_lead_s
+
+    def make(self) -> Callable[[Log, Selection], StageResult]:
+        """The stage with these options."""
+        from cwcli.stages.warn import WarnConfig, warn
+
+        rule = WarningConfig(
+            rule=self.rule,
+            horizon_s=self.horizon,
+            distance_m=self.distance,
+            probability=self.probability,
+            persistence_s=self.persistence,
+            hold_off_s=self.hold_off,
+            use=self.use,
+            max_age_s=self.max_age,
+            conflict=self.conflict,
+            conflict_ttc_s=self.conflict_ttc,
+            conflict_drac_mps2=self.conflict_drac,
+            max_lead_s=self.max_lead,
+        )
+
+        def stage(log: Log, selection: Selection) -> StageResult:
+            return warn(
+                log,
+                WarnConfig(rule=rule, topics=selection.topics, start_ns=selection.start_ns, end_ns=selection.end_ns),
+            )
+
+        return stage
+
+
+def command(
+    log: LogArgument,
+    options: WarnOptions,
+    writing: WritingOptions,
+    reading: ReadingOptions,
+    talk: TalkOptions,
+    metrics: MetricsOption = None,
+) -> None:
+    """Warn the ego vehicle of collisions with the others.
+
+    Needs the channels of `cwcli predict`. One conflict is one warning: raised, held, cleared. Where the log holds what
+    really happened, warnings are scored as true, false, late or missed, with their lead times.
+    """
+    run_job(Job("warn", log, {"warn": options.make()}, reading, writing, talk, metrics=metrics))

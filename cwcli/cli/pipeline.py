@@ -1,0 +1,240 @@
+"""Runs stages on a log: open, one stage after the other in memory, write, tell."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cwcli import __version__
+from cwcli.cli.console import Console
+from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
+from cwcli.cli.options.values import time_ns, topics_by_role
+from cwcli.cli.progress import Progress
+from cwcli.cli.report import print_result, print_written
+from cwcli.errors import DataError, OutputError, UsageError
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+    from cwcli.metrics.table import Table
+    from cwcli.stages.result import StageResult
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The reading options of one log: what a stage's configuration is made of."""
+
+    topics: Mapping[str, str]
+    start_ns: int | None
+    end_ns: int | None
+
+
+Stage = Callable[["Log", Selection], "StageResult"]
+"""A stage with its own options already in it."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of the command line over one log.
+
+    Attributes:
+        command: Name of the command.
+        source: MCAP file or "-".
+        stages: Name -> stage, in order.
+        metrics: File of a single stage's main table, or None.
+        metrics_dir: Folder for every table of every stage, or None.
+    """
+
+    command: str
+    source: str
+    stages: Mapping[str, Stage]
+    reading: ReadingOptions
+    writing: WritingOptions
+    talk: TalkOptions
+    metrics: str | None = None
+    metrics_dir: str | None = None
+
+
+@dataclass
+class Outcome:
+    """What a job made."""
+
+    results: list[StageResult] = field(default_factory=list)
+    written: list[str] = field(default_factory=list)
+
+
+def run_job(job: Job) -> Outcome:
+    """Run the stages of `job`, write what was asked for, and print the summary.
+
+    Raises:
+        CwcliError: Known errors. Nothing is written unless every stage succeeded.
+    """
+    console = _console(job)
+    _check_targets(job)
+    outcome = Outcome()
+    from cwcli.logs.log import Log
+
+    with Progress(quiet=job.talk.quiet) as progress:
+        progress.step(f"reading {job.source}")
+        with Log.open(job.source, recover=job.reading.recover) as log:
+            selection = select(job.reading, log)
+            current = log
+            for name, stage in job.stages.items():
+                progress.step(f"{name} {log.name}")
+                result = stage(current, selection)
+                outcome.results.append(result)
+                current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
+            faults = _faults(log)
+            if job.reading.strict:
+                _refuse_faults(log.name, outcome.results, faults)
+            _write(job, log, outcome, progress)
+            name, damage = log.name, faults
+    _tell(job, console, name, outcome, damage)
+    return outcome
+
+
+def select(reading: ReadingOptions, log: Log) -> Selection:
+    """The reading options, with times made absolute and topics by role.
+
+    Raises:
+        UsageError: A malformed option, or an empty span.
+    """
+    from cwcli.signals.codec import Role
+
+    start_ns = None if reading.start is None else time_ns(reading.start, log.start_ns, "--start")
+    end_ns = None if reading.end is None else time_ns(reading.end, log.start_ns, "--end")
+    if start_ns is not None and end_ns is not None and end_ns <= start_ns:
+        raise UsageError(f"--end {reading.end} is not after --start {reading.start}")
+    return Selection(
+        topics=topics_by_role(reading.topic, [role.value for role in Role]),
+        start_ns=start_ns,
+        end_ns=end_ns,
+    )
+
+
+def _console(job: Job) -> Console:
+    to_stdout = job.writing.output == "-"
+    if to_stdout and job.talk.json:
+        raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
+    return Console(quiet=job.talk.quiet, summary_to_stderr=to_stdout)
+
+
+def _check_targets(job: Job) -> None:
+    """Refuse what can't be written before the work, not after it."""
+    from cwcli.output import check_target
+
+    inputs = () if job.source == "-" else (Path(job.source),)
+    if job.writing.output is not None:
+        check_target(job.writing.output, force=job.writing.force, inputs=inputs)
+    if job.metrics is not None:
+        from cwcli.metrics.table import check_table_target
+
+        check_table_target(job.metrics, force=job.writing.force)
+        if job.writing.output is not None and os.path.realpath(job.metrics) == os.path.realpath(job.writing.output):
+            raise UsageError("--metrics and -o name the same file", where=job.metrics)
+    if job.metrics_dir is not None:
+        _check_folder(Path(job.metrics_dir))
+
+
+def _check_folder(path: Path) -> None:
+    if path.exists() and not path.is_dir():
+        raise OutputError("--metrics-dir is not a folder", where=str(path))
+    if not path.absolute().parent.is_dir():
+        raise OutputError(f"the folder {path.parent} does not exist", where=str(path), hint="create it first")
+
+
+def make_folder(path: str) -> None:
+    """Make a folder unless it is there.
+
+    Raises:
+        OutputError: It can't be made.
+    """
+    try:
+        Path(path).mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"the folder can't be made: {error.strerror}", where=path) from error
+
+
+def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
+    """Write the annotated log, then the tables."""
+    from cwcli.logs.annotate import annotate
+    from cwcli.metrics.table import check_table_target, write_table
+
+    tables = _table_files(job, outcome.results)
+    for path in tables:
+        check_table_target(path, force=job.writing.force)
+    if job.writing.output is not None:
+        progress.step(f"writing {job.writing.output}")
+        annotate(
+            log,
+            [channel for result in outcome.results for channel in result.channels],
+            {f"cwcli.run.{result.stage}": result.metadata for result in outcome.results},
+            job.writing.output,
+            replace=job.writing.replace,
+            force=job.writing.force,
+        )
+        if job.writing.output != "-":
+            outcome.written.append(job.writing.output)
+    if job.metrics_dir is not None:
+        make_folder(job.metrics_dir)
+    for path, table in tables.items():
+        write_table(table, path, force=job.writing.force)
+        outcome.written.append(str(path))
+
+
+def _table_files(job: Job, results: Sequence[StageResult]) -> dict[Path, Table]:
+    """The tables that were asked for, by file."""
+    files: dict[Path, Table] = {}
+    if job.metrics is not None:
+        files[Path(job.metrics)] = next(iter(results[-1].tables.values()))
+    if job.metrics_dir is not None:
+        for result in results:
+            for name, table in result.tables.items():
+                files[Path(job.metrics_dir) / f"{name}.parquet"] = table
+    return files
+
+
+def _faults(log: Log) -> dict[str, Any]:
+    """What is wrong with the file, as counts; empty if nothing is."""
+    return {name: count for name, count in log.faults.counts().items() if count}
+
+
+def _refuse_faults(name: str, results: Sequence[StageResult], faults: Mapping[str, Any]) -> None:
+    """`--strict`: whatever was rejected, repaired or lost is an error."""
+    found = [f"{reason}: {count}" for reason, count in faults.items()]
+    for result in results:
+        for entry in result.summary.inputs:
+            for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):
+                found += [f"{entry.topic} {kind}: {count} {reason}" for reason, count in counts.items() if count]
+    if found:
+        raise DataError(
+            "the data has faults, and --strict allows none",
+            where=name,
+            found=tuple(dict.fromkeys(found)),
+            hint="run without --strict to have them counted and left out",
+        )
+
+
+def _tell(job: Job, console: Console, name: str, outcome: Outcome, faults: Mapping[str, Any]) -> None:
+    if job.talk.json:
+        document = {
+            "cwcli": __version__,
+            "command": job.command,
+            "input": name,
+            "output": job.writing.output,
+            "written": outcome.written,
+            "faults": dict(faults),
+            "stages": {result.stage: result.summary.to_json() for result in outcome.results},
+        }
+        console.data(json.dumps(document, indent=2, allow_nan=False))
+        return
+    for result in outcome.results:
+        print_result(console, result.summary)
+    for reason, count in faults.items():
+        console.note(f"{name}: {reason}: {count}")
+    print_written(console, outcome.written)
+    if not outcome.written and job.writing.output != "-":
+        console.note("nothing was written; -o FILE writes the annotated log")
