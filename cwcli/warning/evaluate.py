@@ -4,7 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.signals.columns import FloatArray
+from cwcli.warning.actual import post_encroachment_time, relative_motion
+from cwcli.warning.conflicts import judge, real_conflicts
+from cwcli.warning.output import (
+    conflicts_table,
+    events_table,
+    number_events,
+    pairs_table,
+    scores_table,
+    series_table,
+    warnings_channel,
+)
+from cwcli.warning.pair import PairEvaluation, ScoredPair, evaluate_pair
+from cwcli.warning.rules import RULES
+from cwcli.warning.rules.base import Rule
 from cwcli.warning.types import ActualTrack, VehicleTrack, WarningConfig, WarningResult
+
+NS_PER_H = 3_600_000_000_000
 
 
 def evaluate(
@@ -14,15 +34,113 @@ def evaluate(
     *,
     actual: Mapping[str, ActualTrack] | None = None,
 ) -> WarningResult:
-    """Evaluate a rule at every stamp of the host.
+    """Evaluate a rule at every stamp of the host, find the events, and score them against what really happened.
+
+    At each stamp the newest remote state that the host may know is brought forward along its predicted path by
+    its age (`warning.align`); the rule then judges the two paths from the same moment on.
 
     Args:
         host: The vehicle that is warned.
-        others: The vehicles it hears of.
+        others: The vehicles it hears of. Their paths should reach `horizon_s + max_age_s`.
         config: Options; None: the defaults.
         actual: Vehicle id -> what it really did, for the scores; who is missing is taken from `VehicleTrack.state`.
 
     Raises:
         UsageError: Unknown rule, a threshold out of range, or host paths shorter than the horizon.
     """
-    raise NotImplementedError
+    config = config or WarningConfig()
+    actual = actual or {}
+    rule = _checked_rule(host, config)
+    time_s = _times(host, config, rule)
+    pairs = []
+    for other in others:
+        if not len(other.stamp_ns) or not len(host.stamp_ns):
+            continue
+        pairs.append(_scored(host, evaluate_pair(host, other, rule, config, time_s), config, actual))
+    ids = number_events(pairs)
+    log_time_ns, channel = warnings_channel(
+        pairs,
+        ids,
+        rule=rule.name,
+        host_id=host.id,
+        clock_ns=host.stamp_ns,
+        clock_log_ns=host.log_time_ns,
+    )
+    hours = float(host.stamp_ns[-1] - host.stamp_ns[0]) / NS_PER_H if len(host.stamp_ns) else 0.0
+    return WarningResult(
+        log_time_ns=log_time_ns,
+        channel=channel,
+        events=events_table(pairs, ids, rule=rule.name, host_id=host.id, clock_ns=host.stamp_ns),
+        conflicts=conflicts_table(pairs, ids, host_id=host.id),
+        pairs=pairs_table(pairs, host_id=host.id),
+        series=series_table(pairs, host_id=host.id),
+        scores=scores_table(pairs, rule=rule.name, hours=hours),
+        counts=_counts(pairs),
+    )
+
+
+def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
+    if config.rule not in RULES:
+        raise UsageError(f"there is no warning rule '{config.rule}'", hint=f"one of: {', '.join(RULES)}")
+    positive = {"horizon": config.horizon_s, "distance": config.distance_m, "max age": config.max_age_s}
+    for name, value in positive.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise UsageError(f"a {name} of {value:g} is not positive")
+    if not 0.0 <= config.probability <= 1.0:
+        raise UsageError(f"a probability of {config.probability:g} is not between 0 and 1")
+    for name, value in {"hold-off": config.hold_off_s, "persistence": config.persistence_s or 0.0}.items():
+        if not (np.isfinite(value) and value >= 0.0):
+            raise UsageError(f"a {name} of {value:g} s is negative")
+    reach = float(host.paths.time_s[-1])
+    if reach < config.horizon_s - 1e-9:
+        raise UsageError(
+            f"the host's paths reach {reach:g} s, the rule looks {config.horizon_s:g} s ahead",
+            hint=f"predict again with `--horizon {config.horizon_s:g}`",
+        )
+    return RULES[config.rule]
+
+
+def _times(host: VehicleTrack, config: WarningConfig, rule: Rule) -> FloatArray:
+    """The host's path steps, the horizon itself, and on to the end of the persistence time, (q,)."""
+    persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
+    step_s = float(host.paths.time_s[1])
+    end_s = config.horizon_s + persistence_s
+    grid = np.arange(int(end_s / step_s + 1e-6) + 1) * step_s
+    grid = np.concatenate([grid, [config.horizon_s, end_s]])
+    return np.unique(np.round(grid, 9))
+
+
+def _scored(
+    host: VehicleTrack, evaluation: PairEvaluation, config: WarningConfig, actual: Mapping[str, ActualTrack]
+) -> ScoredPair:
+    """The pair with its real motion, conflicts and verdicts."""
+    other = evaluation.other
+    own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
+    theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
+    sizes = {"host_size": host.outline_m, "other_size": other.outline_m}
+    motion = relative_motion(own, theirs, max_gap_s=config.max_gap_s, **sizes)
+    conflicts = real_conflicts(motion, config)
+    stamp_ns = evaluation.stamp_ns
+    return ScoredPair(
+        evaluation=evaluation,
+        motion=motion,
+        pet_s=post_encroachment_time(own, theirs, max_gap_s=config.max_gap_s, **sizes),
+        conflicts=conflicts,
+        verdicts=[
+            judge(int(stamp_ns[span.raised]), int(stamp_ns[span.last]), conflicts, motion, config)
+            for span in evaluation.spans
+        ],
+    )
+
+
+def _counts(pairs: Sequence[ScoredPair]) -> dict[str, int]:
+    """Totals over the pairs, for the summary."""
+    owns = [pair.evaluation for pair in pairs]
+    return {
+        "evaluated": sum(own.n_evaluated for own in owns),
+        "out_of_reach": sum(own.n_out_of_reach for own in owns),
+        "nothing_heard_yet": sum(own.n_unheard for own in owns),
+        "stale": sum(own.n_stale for own in owns),
+        "read_past_path_end": sum(own.n_beyond for own in owns),
+        "not_finite": sum(own.n_not_finite for own in owns),
+    }

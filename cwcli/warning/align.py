@@ -1,0 +1,105 @@
+"""Which remote state the host has at a moment, and where that remote vehicle's path then is.
+
+A V2X state is old when it is used: by the link and by the message period. Its predicted path is therefore read at
+`age + tau`, which is the motion model's own way of bringing the state forward. Paths of remote vehicles should
+reach `horizon + max age`; beyond their end they go on straight at their last speed, and that is counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.warning.types import PathArrays, Use, VehicleTrack
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """The usable evaluations of one pair.
+
+    Attributes:
+        host_row, other_row: Shape (m,): rows of the two tracks.
+        age_s: Shape (m,): host stamp minus remote stamp, >= 0.
+        n_unheard: Host stamps at which no remote state had come yet.
+        n_stale: Host stamps at which the newest remote state was too old.
+    """
+
+    host_row: npt.NDArray[np.intp]
+    other_row: npt.NDArray[np.intp]
+    age_s: FloatArray
+    n_unheard: int
+    n_stale: int
+
+
+def pair_up(host: VehicleTrack, other: VehicleTrack, use: Use, max_age_s: float) -> Pairing:
+    """For every host stamp the newest remote state that may be used.
+
+    "received": its log time is not after the host's (it had come), and its stamp isn't either. "stamp": its stamp is
+    not after the host's.
+    """
+    n, m = len(host.stamp_ns), len(other.stamp_ns)
+    usable_from = np.searchsorted(host.stamp_ns, other.stamp_ns, side="left")
+    if use == "received":
+        known = np.maximum.accumulate(host.log_time_ns) if n else host.log_time_ns
+        usable_from = np.maximum(usable_from, np.searchsorted(known, other.log_time_ns, side="left"))
+    newest = np.full(n + 1, -1, dtype=np.intp)
+    np.maximum.at(newest, np.minimum(usable_from, n), np.arange(m, dtype=np.intp))
+    newest = np.maximum.accumulate(newest[:n])
+    heard = newest >= 0
+    age_ns = np.zeros(n, dtype=np.int64)
+    age_ns[heard] = host.stamp_ns[heard] - other.stamp_ns[newest[heard]]
+    fresh = heard & (age_ns <= round(max_age_s * NS_PER_S))
+    rows = np.flatnonzero(fresh)
+    return Pairing(
+        host_row=rows,
+        other_row=newest[rows],
+        age_s=age_ns[rows] / NS_PER_S,
+        n_unheard=int(n - heard.sum()),
+        n_stale=int(heard.sum() - fresh.sum()),
+    )
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points read from paths, all (m, q), the covariance (m, q, 3); `beyond` (m,): read past a path's end."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    covariance_m2: FloatArray
+    beyond: npt.NDArray[np.bool_]
+
+
+def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray) -> Points:
+    """Paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, linear between the points.
+
+    Past the end: straight on at the last speed and heading, the covariance as at the end.
+    """
+    step_s = float(paths.time_s[1] - paths.time_s[0])
+    last = len(paths.time_s) - 1
+    place = (offset_s[:, None] + time_s[None, :]) / step_s
+    past_s = np.maximum(place - last, 0.0) * step_s
+    past_s[past_s < 1e-9] = 0.0
+    before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, last - 1)
+    share = np.minimum(place - before, 1.0)
+    at = (rows[:, None], before)
+    then = (rows[:, None], before + 1)
+
+    def read(values: FloatArray) -> FloatArray:
+        first = values[at]
+        return np.asarray(first + share * (values[then] - first))
+
+    heading, speed = read(paths.heading_rad), read(paths.speed_mps)
+    x, y = read(paths.x_m), read(paths.y_m)
+    beyond = np.asarray(past_s.any(axis=1))
+    if beyond.any():
+        x += past_s * speed * np.cos(heading)
+        y += past_s * speed * np.sin(heading)
+    covariance = np.stack([read(paths.position_covariance_m2[..., i]) for i in range(3)], axis=-1)
+    return Points(x, y, heading, speed, covariance, beyond)

@@ -1,0 +1,130 @@
+"""Real conflicts, by a declared definition, and which of them were warned of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.warning.actual import Motion
+from cwcli.warning.types import WarningConfig
+
+NS_PER_S = 1_000_000_000
+TRUE, FALSE, LATE, UNDECIDED = "true", "false", "late", "undecided"
+MISSED = "missed"
+
+
+@dataclass(frozen=True)
+class RealConflict:
+    """A stretch of time in which the conflict definition held.
+
+    Attributes:
+        onset_ns, end_ns: When it began and ended, linear between the samples of the measure.
+        closest_ns: When the centres were nearest, and `closest_m` how near.
+    """
+
+    onset_ns: int
+    end_ns: int
+    closest_ns: int
+    closest_m: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of an event.
+
+    Attributes:
+        kind: "true": raised before a conflict; "late": raised during one; "false": no conflict followed;
+            "undecided": none followed, but the tracks don't cover the time in which one could have.
+        conflict: Index of the conflict, or -1.
+        lead_time_s: Onset minus the time of the warning; NaN without a conflict.
+        closest_ns, closest_m: Nearest approach of the centres within `max_lead_s` after the warning; -1, NaN:
+            unknown.
+    """
+
+    kind: str
+    conflict: int
+    lead_time_s: float
+    closest_ns: int
+    closest_m: float
+
+
+def real_conflicts(motion: Motion, config: WarningConfig) -> list[RealConflict]:
+    """Conflicts of one pair; two that are less than the hold-off apart are one."""
+    measure = _measure(motion, config)
+    stamp = motion.stamp_ns
+    inside = np.nan_to_num(measure, nan=1.0, posinf=1.0) < 0.0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
+    stretches: list[tuple[int, int, int, int]] = []
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        last = int(stop) - 1
+        onset = _crossing_ns(stamp, measure, int(first) - 1, int(first), config.max_gap_s)
+        end = _crossing_ns(stamp, measure, last + 1, last, config.max_gap_s)
+        if stretches and onset - stretches[-1][1] < config.hold_off_s * NS_PER_S:
+            earlier = stretches.pop()
+            stretches.append((earlier[0], end, earlier[2], last))
+        else:
+            stretches.append((onset, end, int(first), last))
+    out = []
+    for onset, end, first, last in stretches:
+        nearest = first + int(np.nanargmin(motion.distance_m[first : last + 1]))
+        out.append(RealConflict(onset, end, int(stamp[nearest]), float(motion.distance_m[nearest])))
+    return out
+
+
+def _measure(motion: Motion, config: WarningConfig) -> FloatArray:
+    """A function of time that is negative during a conflict, (n,)."""
+    if config.conflict == "distance":
+        return motion.distance_m - config.distance_m
+    if config.conflict == "outline":
+        return motion.gap_m
+    if config.conflict == "ttc":
+        return motion.ttc_s - config.conflict_ttc_s
+    return config.conflict_drac_mps2 - motion.drac_mps2
+
+
+def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float) -> int:
+    """When the measure crossed 0 between two neighbouring samples; the inner one's stamp if that can't be said."""
+    at = int(stamp_ns[inside])
+    if not 0 <= outside < len(stamp_ns):
+        return at
+    apart_ns = int(stamp_ns[outside]) - at
+    if not np.isfinite(measure[outside]) or not np.isfinite(measure[inside]) or abs(apart_ns) > max_gap_s * NS_PER_S:
+        return at
+    share = measure[inside] / (measure[inside] - measure[outside])
+    return at + round(float(share) * apart_ns)
+
+
+def judge(
+    raised_ns: int, last_ns: int, conflicts: Sequence[RealConflict], motion: Motion, config: WarningConfig
+) -> Verdict:
+    """The verdict on one event, raised at `raised_ns` and held until `last_ns`."""
+    max_lead_ns = round(config.max_lead_s * NS_PER_S)
+    closest_ns, closest_m = _closest(motion, raised_ns, raised_ns + max_lead_ns)
+    for index, conflict in enumerate(conflicts):
+        if conflict.end_ns < raised_ns:
+            continue
+        lead_ns = conflict.onset_ns - raised_ns
+        if lead_ns <= max_lead_ns or conflict.onset_ns <= last_ns:
+            kind = TRUE if lead_ns >= 0 else LATE
+            return Verdict(kind, index, lead_ns / NS_PER_S, conflict.closest_ns, conflict.closest_m)
+    decided = _covers(motion, raised_ns, raised_ns + round(config.horizon_s * NS_PER_S), config.max_gap_s)
+    return Verdict(FALSE if decided else UNDECIDED, -1, float("nan"), closest_ns, closest_m)
+
+
+def _closest(motion: Motion, begin_ns: int, end_ns: int) -> tuple[int, float]:
+    rows = np.flatnonzero((motion.stamp_ns >= begin_ns) & (motion.stamp_ns <= end_ns) & np.isfinite(motion.distance_m))
+    if not len(rows):
+        return -1, float("nan")
+    nearest = rows[motion.distance_m[rows].argmin()]
+    return int(motion.stamp_ns[nearest]), float(motion.distance_m[nearest])
+
+
+def _covers(motion: Motion, begin_ns: int, end_ns: int, max_gap_s: float) -> bool:
+    """Whether the distance is known from begin to end without a gap."""
+    known = motion.stamp_ns[np.isfinite(motion.distance_m)]
+    inside = known[(known >= begin_ns) & (known <= end_ns)]
+    edges = np.concatenate([[begin_ns], inside, [end_ns]])
+    return bool(np.diff(edges).max() <= max_gap_s * NS_PER_S)

@@ -1,0 +1,80 @@
+"""From masks over evaluations to events: one conflict, one warning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import Int64Array
+
+BoolArray = npt.NDArray[np.bool_]
+NS_PER_S = 1_000_000_000
+TOLERANCE_NS = 1_000_000  # a stamp that is a rounding error short of the persistence time counts
+
+
+@dataclass(frozen=True)
+class Span:
+    """One event as evaluation indices.
+
+    Attributes:
+        raised: Where it was raised.
+        last: Last evaluation that held it.
+        cleared: Index in `clock_ns` at which it was over; None: still up at the end of the log.
+    """
+
+    raised: int
+    last: int
+    cleared: int | None
+
+
+def find_events(
+    stamp_ns: Int64Array,
+    armed: BoolArray,
+    raised: BoolArray,
+    held: BoolArray,
+    *,
+    clock_ns: Int64Array,
+    persistence_s: float,
+    hold_off_s: float,
+) -> list[Span]:
+    """Events of one pair.
+
+    An event begins where `raised` holds and `armed` has held without a break for the persistence time (a break of data
+    longer than the hold-off is a break). It lasts while `held` or `raised` does. Once both have been false, or nothing
+    was evaluated, for the hold-off time it is over; a return before that is the same event.
+
+    Args:
+        stamp_ns: Shape (m,), increasing: the evaluations of the pair.
+        armed, raised, held: Shape (m,), see `rules.base.Decision`.
+        clock_ns: Shape (n,): all evaluation times of the host; decides whether the log went on long enough to clear.
+        persistence_s, hold_off_s: See above.
+    """
+    persistence_ns, hold_off_ns = round(persistence_s * NS_PER_S), round(hold_off_s * NS_PER_S)
+    ready = np.flatnonzero(
+        raised & armed & (_armed_for_ns(stamp_ns, armed, hold_off_ns) >= persistence_ns - TOLERANCE_NS)
+    )
+    keep = np.flatnonzero(held | raised)
+    spans: list[Span] = []
+    free_ns = np.iinfo(np.int64).min
+    for index in ready:
+        if stamp_ns[index] < free_ns:
+            continue
+        held_on = keep[np.searchsorted(keep, index) :]
+        breaks = np.flatnonzero(np.diff(stamp_ns[held_on]) > hold_off_ns)
+        last = int(held_on[breaks[0]]) if len(breaks) else int(held_on[-1])
+        free_ns = int(stamp_ns[last]) + hold_off_ns
+        over = int(np.searchsorted(clock_ns, free_ns))
+        spans.append(Span(int(index), last, over if over < len(clock_ns) else None))
+    return spans
+
+
+def _armed_for_ns(stamp_ns: Int64Array, armed: BoolArray, max_break_ns: int) -> Int64Array:
+    """For how long `armed` has held without a break, shape (m,); 0 where it has just begun or doesn't hold."""
+    if not len(stamp_ns):
+        return np.zeros(0, dtype=np.int64)
+    begins = armed.copy()
+    begins[1:] &= ~armed[:-1] | (np.diff(stamp_ns) > max_break_ns)
+    since = np.maximum.accumulate(np.where(begins, np.arange(len(armed)), 0))
+    return np.where(armed, stamp_ns - stamp_ns[since], 0)

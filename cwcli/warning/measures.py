@@ -1,0 +1,205 @@
+"""What the two predicted paths of a pair say at one moment: distances, times and the probability of a collision.
+
+Positions are relative, other minus host; r(tau) is linear between the path points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.warning.align import Points
+from cwcli.warning.outlines import Size, overlap_margin
+from cwcli.warning.probability import normal_cdf
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Measures of m evaluations of one pair, each of shape (m,). Times count from the evaluation.
+
+    Attributes:
+        distance_m, closing_mps: Centre distance now, and how fast it shrinks.
+        ttc_s: distance / closing speed; infinity when not closing.
+        horizon_distance_m: Predicted centre distance at the horizon.
+        min_distance_m, min_time_s: Smallest predicted centre distance, and when.
+        entry_s: When the predicted centre distance falls below the collision distance; infinity if it doesn't.
+        overlap_s: When the outlines first overlap along the paths; infinity if they don't.
+        miss_probability: That the cars pass nearer than the collision distance, whenever that is.
+        probability: That they do so within the horizon.
+    """
+
+    distance_m: FloatArray
+    closing_mps: FloatArray
+    ttc_s: FloatArray
+    horizon_distance_m: FloatArray
+    min_distance_m: FloatArray
+    min_time_s: FloatArray
+    entry_s: FloatArray
+    overlap_s: FloatArray
+    miss_probability: FloatArray
+    probability: FloatArray
+
+
+def measure(
+    host: Points,
+    other: Points,
+    time_s: FloatArray,
+    *,
+    horizon_s: float,
+    radius_m: float,
+    host_size: Size,
+    other_size: Size,
+) -> Measures:
+    """Measures from the points of both paths at the same times `time_s` (q,), which begin at 0 and hold `horizon_s`."""
+    x, y = other.x_m - host.x_m, other.y_m - host.y_m
+    distance, closing = _now(host, other, x[:, 0], y[:, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ttc = np.where(closing > 0.0, distance / closing, np.inf)
+    segments = _Segments.of(x, y, time_s)
+    nearest, share, smallest = segments.nearest()
+    start = time_s[nearest]
+    at_horizon = int(np.searchsorted(time_s, horizon_s - 1e-9))
+    reach = 0.5 * (np.hypot(*host_size) + np.hypot(*other_size))
+    miss, total = _probabilities(
+        segments,
+        nearest,
+        share,
+        host.covariance_m2 + other.covariance_m2,
+        horizon_s=horizon_s,
+        radius_m=radius_m,
+    )
+    return Measures(
+        distance_m=distance,
+        closing_mps=closing,
+        ttc_s=ttc,
+        horizon_distance_m=np.hypot(x[:, at_horizon], y[:, at_horizon]),
+        min_distance_m=smallest,
+        min_time_s=start + share * (time_s[nearest + 1] - start),
+        entry_s=segments.entry(radius_m),
+        overlap_s=_first_overlap(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
+        miss_probability=miss,
+        probability=total,
+    )
+
+
+def _now(host: Points, other: Points, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Centre distance and closing speed at tau = 0."""
+    dvx = (other.speed_mps * np.cos(other.heading_rad) - host.speed_mps * np.cos(host.heading_rad))[:, 0]
+    dvy = (other.speed_mps * np.sin(other.heading_rad) - host.speed_mps * np.sin(host.heading_rad))[:, 0]
+    distance = np.hypot(x, y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        closing = np.where(distance > 0.0, -(x * dvx + y * dvy) / distance, 0.0)
+    return distance, closing
+
+
+@dataclass(frozen=True)
+class _Segments:
+    """The relative path as q - 1 straight segments, (m, q - 1) each: start (x, y), step (ex, ey)."""
+
+    time_s: FloatArray
+    x: FloatArray
+    y: FloatArray
+    ex: FloatArray
+    ey: FloatArray
+
+    @staticmethod
+    def of(x: FloatArray, y: FloatArray, time_s: FloatArray) -> _Segments:
+        return _Segments(time_s, x[:, :-1], y[:, :-1], np.diff(x, axis=1), np.diff(y, axis=1))
+
+    def closest(self) -> tuple[FloatArray, FloatArray]:
+        """Where on each segment the distance is smallest (0 to 1), and that distance; (m, q - 1)."""
+        length2 = self.ex**2 + self.ey**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = -(self.x * self.ex + self.y * self.ey) / length2
+        share = np.clip(np.where(length2 > 0.0, share, 0.0), 0.0, 1.0)
+        return share, np.hypot(self.x + share * self.ex, self.y + share * self.ey)
+
+    def nearest(self) -> tuple[np.ndarray, FloatArray, FloatArray]:
+        """Segment of the closest approach, the share of it, and the distance there; (m,)."""
+        share, distance = self.closest()
+        filled = np.where(np.isnan(distance), np.inf, distance)
+        index = filled.argmin(axis=1)
+        rows = np.arange(len(index))
+        return index, share[rows, index], distance[rows, index]
+
+    def entry(self, radius_m: float) -> FloatArray:
+        """Time at which the distance first falls below the radius, (m,); 0 inside already, infinity if never."""
+        _, distance = self.closest()
+        inside = distance < radius_m
+        rows = np.flatnonzero(inside.any(axis=1))
+        out = np.full(len(distance), np.inf)
+        first = inside[rows].argmax(axis=1)
+        x, y, ex, ey = (values[rows, first] for values in (self.x, self.y, self.ex, self.ey))
+        # |r + s e|^2 = R^2, the smaller root; a start inside is 0
+        a, b, c = ex**2 + ey**2, x * ex + y * ey, x**2 + y**2 - radius_m**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(c <= 0.0, 0.0, (-b - np.sqrt(np.maximum(b**2 - a * c, 0.0))) / a)
+        step = self.time_s[first + 1] - self.time_s[first]
+        out[rows] = self.time_s[first] + share * step
+        return out
+
+
+def _probabilities(
+    segments: _Segments,
+    nearest: np.ndarray,
+    share: FloatArray,
+    covariance_m2: FloatArray,
+    *,
+    horizon_s: float,
+    radius_m: float,
+) -> tuple[FloatArray, FloatArray]:
+    """P(pass nearer than the radius) and P(that, within the horizon), both (m,).
+
+    At the closest approach of the mean paths the relative position splits into u along the relative velocity (how
+    far there still is to go: a matter of time) and w across it (by how much they miss). Both are Gaussian under the sum
+    of the two position covariances. A pair with no relative motion has u along the line between the centres.
+    """
+    rows = np.arange(len(nearest))
+    x = segments.x[rows, nearest] + share * segments.ex[rows, nearest]
+    y = segments.y[rows, nearest] + share * segments.ey[rows, nearest]
+    step = segments.time_s[nearest + 1] - segments.time_s[nearest]
+    vx, vy = segments.ex[rows, nearest] / step, segments.ey[rows, nearest] / step
+    speed, distance = np.hypot(vx, vy), np.hypot(x, y)
+    moving = speed > 0.1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ux = np.where(moving, vx / speed, np.where(distance > 0.0, -x / distance, 1.0))
+        uy = np.where(moving, vy / speed, np.where(distance > 0.0, -y / distance, 0.0))
+    to_go, miss = -(x * ux + y * uy), -x * uy + y * ux
+    at = np.minimum(nearest + (share > 0.5), covariance_m2.shape[1] - 1)
+    xx, xy, yy = covariance_m2[rows, at].T
+    tiny = 1e-12
+    sigma_u = np.sqrt(np.maximum(xx * ux**2 + 2.0 * xy * ux * uy + yy * uy**2, tiny))
+    sigma_w = np.sqrt(np.maximum(xx * uy**2 - 2.0 * xy * ux * uy + yy * ux**2, tiny))
+    passes = normal_cdf((radius_m - miss) / sigma_w) - normal_cdf((-radius_m - miss) / sigma_w)
+    left_s = horizon_s - (segments.time_s[nearest] + share * step)
+    spare = np.sqrt(np.maximum(radius_m**2 - miss**2, 0.0)) + np.where(moving, speed * left_s, 0.0) - to_go
+    return passes, np.asarray(passes * normal_cdf(spare / sigma_u))
+
+
+def _first_overlap(
+    x: FloatArray,
+    y: FloatArray,
+    host: Points,
+    other: Points,
+    time_s: FloatArray,
+    near: np.ndarray,
+    host_size: Size,
+    other_size: Size,
+) -> FloatArray:
+    """When the outlines first overlap, (m,), linear between the points; only the rows `near` can."""
+    out = np.full(len(x), np.inf)
+    rows = np.flatnonzero(near)
+    if not len(rows):
+        return out
+    margin = overlap_margin(x[rows], y[rows], host.heading_rad[rows], other.heading_rad[rows], host_size, other_size)
+    touching = margin <= 0.0
+    hits = np.flatnonzero(touching.any(axis=1))
+    first = touching[hits].argmax(axis=1)
+    before = np.maximum(first - 1, 0)
+    apart, inside = margin[hits, before], margin[hits, first]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(first > 0, apart / (apart - inside), 0.0)
+    out[rows[hits]] = time_s[before] + share * (time_s[first] - time_s[before])
+    return out

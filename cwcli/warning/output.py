@@ -1,0 +1,334 @@
+"""Evaluated pairs as the warnings channel and as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.signals.columns import Field, Int64Array, Strings
+from cwcli.warning.conflicts import FALSE, LATE, MISSED, TRUE, UNDECIDED
+from cwcli.warning.pair import PairEvaluation, ScoredPair
+
+RAISED, HELD, CLEARED = 1, 2, 3
+NS_PER_S = 1_000_000_000
+UNKNOWN_NS = -1
+
+
+def strings(values: Sequence[str]) -> Strings:
+    """Dictionary-coded strings, in order of first appearance."""
+    codes: dict[str, int] = {}
+    coded = np.array([codes.setdefault(value, len(codes)) for value in values], dtype=np.int32)
+    return Strings(coded, tuple(codes))
+
+
+def number_events(pairs: Sequence[ScoredPair]) -> dict[tuple[int, int], int]:
+    """(pair, event) -> event id: 1, 2, ... in order of time, then of the other's id."""
+    found = [
+        (int(pair.evaluation.stamp_ns[span.raised]), pair.evaluation.other.id, at, which)
+        for at, pair in enumerate(pairs)
+        for which, span in enumerate(pair.evaluation.spans)
+    ]
+    return {(at, which): number for number, (_, _, at, which) in enumerate(sorted(found), start=1)}
+
+
+def warnings_channel(
+    pairs: Sequence[ScoredPair],
+    ids: dict[tuple[int, int], int],
+    *,
+    rule: str,
+    host_id: str,
+    clock_ns: Int64Array,
+    clock_log_ns: Int64Array,
+) -> tuple[Int64Array, dict[str, Field]]:
+    """Log times and columns of `cwcli.v1.Warning` in log-time order: raised, held evaluations, cleared."""
+    rows: list[tuple[int, int, int, int, str, float, float, float, float, str]] = []
+    nan = float("nan")
+    for at, pair in enumerate(pairs):
+        own = pair.evaluation
+        for which, span in enumerate(own.spans):
+            number = ids[at, which]
+            for index in range(span.raised, span.last + 1):
+                state = RAISED if index == span.raised else HELD
+                rows.append(_row(own, index, number, state))
+            if span.cleared is not None:
+                stamp, log = int(clock_ns[span.cleared]), int(clock_log_ns[span.cleared])
+                text = f"warning {number} of {own.other.id} is over"
+                rows.append((log, stamp, number, CLEARED, own.other.id, nan, nan, nan, nan, text))
+    rows.sort(key=lambda row: (row[0], row[2], row[3]))
+    columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 10
+    log, stamp, number, state, other, time, distance, ttc, probability, text = columns
+    channel: dict[str, Field] = {
+        "stamp_ns": np.array(stamp, dtype=np.int64),
+        "rule": Strings(np.zeros(len(rows), np.int32), (rule,)),
+        "event_id": np.array(number, dtype=np.int64),
+        "state": np.array(state, dtype=np.int32),
+        "host_id": Strings(np.zeros(len(rows), np.int32), (host_id,)),
+        "other_id": strings(other),
+        "time_to_event_s": np.array(time, dtype=np.float64),
+        "predicted_distance_m": np.array(distance, dtype=np.float64),
+        "ttc_s": np.array(ttc, dtype=np.float64),
+        "probability": np.array(probability, dtype=np.float64),
+        "message": strings(text),
+    }
+    return np.array(log, dtype=np.int64), channel
+
+
+def _row(
+    own: PairEvaluation, index: int, number: int, state: int
+) -> tuple[int, int, int, int, str, float, float, float, float, str]:
+    time = float(own.decision.time_to_event_s[index])
+    distance = float(own.decision.predicted_distance_m[index])
+    ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
+    text = f"collision with {own.other.id} {ahead}, predicted distance {distance:.1f} m"
+    return (
+        int(own.log_time_ns[index]),
+        int(own.stamp_ns[index]),
+        number,
+        state,
+        own.other.id,
+        time,
+        distance,
+        float(own.measures.ttc_s[index]),
+        float(own.measures.probability[index]),
+        text,
+    )
+
+
+def events_table(
+    pairs: Sequence[ScoredPair], ids: dict[tuple[int, int], int], *, rule: str, host_id: str, clock_ns: Int64Array
+) -> Table:
+    """One row an event, in order of its id."""
+    rows: list[dict[str, Any]] = []
+    for at, pair in enumerate(pairs):
+        own = pair.evaluation
+        for which, (span, verdict) in enumerate(zip(own.spans, pair.verdicts, strict=True)):
+            during = slice(span.raised, span.last + 1)
+            raised, last = int(own.stamp_ns[span.raised]), int(own.stamp_ns[span.last])
+            rows.append(
+                {
+                    "event_id": ids[at, which],
+                    "rule": rule,
+                    "host_id": host_id,
+                    "other_id": own.other.id,
+                    "raised_stamp_ns": raised,
+                    "last_held_stamp_ns": last,
+                    "cleared_stamp_ns": UNKNOWN_NS if span.cleared is None else int(clock_ns[span.cleared]),
+                    "duration_s": (last - raised) / NS_PER_S,
+                    "time_to_event_s": float(own.decision.time_to_event_s[span.raised]),
+                    "predicted_distance_m": float(own.decision.predicted_distance_m[span.raised]),
+                    "distance_m": float(own.measures.distance_m[span.raised]),
+                    "ttc_s": float(own.measures.ttc_s[span.raised]),
+                    "probability": float(own.measures.probability[span.raised]),
+                    "max_probability": float(np.nanmax(own.measures.probability[during])),
+                    "age_s": float(own.age_s[span.raised]),
+                    "verdict": verdict.kind,
+                    "lead_time_s": verdict.lead_time_s,
+                    "closest_stamp_ns": verdict.closest_ns,
+                    "closest_distance_m": verdict.closest_m,
+                }
+            )
+    rows.sort(key=lambda row: int(row["event_id"]))
+    return _table("events", _EVENT_TYPES, rows, docs=_EVENT_DOCS)
+
+
+def conflicts_table(pairs: Sequence[ScoredPair], ids: dict[tuple[int, int], int], *, host_id: str) -> Table:
+    """One row a real conflict: when, how near, and the first event that was about it (0: missed)."""
+    rows: list[dict[str, Any]] = []
+    for at, pair in enumerate(pairs):
+        for index, conflict in enumerate(pair.conflicts):
+            about = [which for which, verdict in enumerate(pair.verdicts) if verdict.conflict == index]
+            verdict = pair.verdicts[about[0]] if about else None
+            rows.append(
+                {
+                    "host_id": host_id,
+                    "other_id": pair.evaluation.other.id,
+                    "onset_stamp_ns": conflict.onset_ns,
+                    "end_stamp_ns": conflict.end_ns,
+                    "closest_stamp_ns": conflict.closest_ns,
+                    "closest_distance_m": conflict.closest_m,
+                    "event_id": ids[at, about[0]] if about else 0,
+                    "lead_time_s": verdict.lead_time_s if verdict else float("nan"),
+                    "outcome": verdict.kind if verdict else MISSED,
+                }
+            )
+    rows.sort(key=lambda row: (int(row["onset_stamp_ns"]), str(row["other_id"])))
+    return _table("conflicts", _CONFLICT_TYPES, rows)
+
+
+def pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
+    """One row a pair: evaluations, and the criticality of what really happened."""
+    rows: list[dict[str, Any]] = []
+    for pair in pairs:
+        own, motion = pair.evaluation, pair.motion
+        rows.append(
+            {
+                "host_id": host_id,
+                "other_id": own.other.id,
+                "n_evaluated": own.n_evaluated,
+                "n_out_of_reach": own.n_out_of_reach,
+                "n_unheard": own.n_unheard,
+                "n_stale": own.n_stale,
+                "n_beyond_path": own.n_beyond,
+                "n_not_finite": own.n_not_finite,
+                "n_events": len(own.spans),
+                "n_conflicts": len(pair.conflicts),
+                "min_distance_m": _least(motion.distance_m),
+                "min_gap_m": _least(motion.gap_m),
+                "min_ttc_s": _least(motion.ttc_s),
+                "pet_s": pair.pet_s,
+                "max_drac_mps2": -_least(-motion.drac_mps2),
+            }
+        )
+    return _table("pairs", _PAIR_TYPES, rows, docs=_PAIR_DOCS)
+
+
+def _least(values: Any) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.min()) if len(known) else float("nan")
+
+
+def series_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
+    """One row an evaluation of a pair within reach."""
+    owns = [pair.evaluation for pair in pairs]
+    names = (
+        "distance_m",
+        "closing_mps",
+        "ttc_s",
+        "horizon_distance_m",
+        "min_distance_m",
+        "entry_s",
+        "overlap_s",
+        "miss_probability",
+        "probability",
+    )
+    rename = {"min_distance_m": "min_predicted_distance_m", "horizon_distance_m": "predicted_distance_m"}
+    total = sum(len(own.stamp_ns) for own in owns)
+
+    def joined(parts: list[Any], dtype: Any) -> Any:
+        return np.concatenate(parts) if parts else np.zeros(0, dtype)
+
+    columns: dict[str, Any] = {
+        "stamp_ns": joined([own.stamp_ns for own in owns], np.int64),
+        "host_id": Strings(np.zeros(total, np.int32), (host_id,)),
+        "other_id": Strings(
+            joined([np.full(len(own.stamp_ns), at, np.int32) for at, own in enumerate(owns)], np.int32),
+            tuple(own.other.id for own in owns),
+        ),
+        "age_s": joined([own.age_s for own in owns], np.float64),
+    }
+    for name in names:
+        columns[rename.get(name, name)] = joined([getattr(own.measures, name) for own in owns], np.float64)
+    columns["is_active"] = joined([_active(own) for own in owns], np.bool_)
+    return Table("series", columns)
+
+
+def _active(own: PairEvaluation) -> Any:
+    active = np.zeros(len(own.stamp_ns), dtype=bool)
+    for span in own.spans:
+        active[span.raised : span.last + 1] = True
+    return active
+
+
+def scores_table(pairs: Sequence[ScoredPair], *, rule: str, hours: float) -> Table:
+    """Counts over all pairs, in one row."""
+    kinds = [verdict.kind for pair in pairs for verdict in pair.verdicts]
+    warned: dict[tuple[int, int], str] = {}
+    leads: list[float] = []
+    for at, pair in enumerate(pairs):
+        for verdict in pair.verdicts:
+            if verdict.conflict >= 0 and (at, verdict.conflict) not in warned:
+                warned[at, verdict.conflict] = verdict.kind
+                leads.append(verdict.lead_time_s)
+    n_conflicts = sum(len(pair.conflicts) for pair in pairs)
+    row = {
+        "rule": rule,
+        "n_events": len(kinds),
+        "n_true": kinds.count(TRUE),
+        "n_late": kinds.count(LATE),
+        "n_false": kinds.count(FALSE),
+        "n_undecided": kinds.count(UNDECIDED),
+        "n_conflicts": n_conflicts,
+        "n_conflicts_warned": list(warned.values()).count(TRUE),
+        "n_conflicts_late": list(warned.values()).count(LATE),
+        "n_conflicts_missed": n_conflicts - len(warned),
+        "lead_time_mean_s": float(np.mean(leads)) if leads else float("nan"),
+        "lead_time_min_s": min(leads, default=float("nan")),
+        "host_hours": hours,
+    }
+    return _table("scores", {name: type(value) for name, value in row.items()}, [row])
+
+
+_EVENT_TYPES: dict[str, type] = {
+    "event_id": int,
+    "rule": str,
+    "host_id": str,
+    "other_id": str,
+    "raised_stamp_ns": int,
+    "last_held_stamp_ns": int,
+    "cleared_stamp_ns": int,
+    "duration_s": float,
+    "time_to_event_s": float,
+    "predicted_distance_m": float,
+    "distance_m": float,
+    "ttc_s": float,
+    "probability": float,
+    "max_probability": float,
+    "age_s": float,
+    "verdict": str,
+    "lead_time_s": float,
+    "closest_stamp_ns": int,
+    "closest_distance_m": float,
+}
+_CONFLICT_TYPES: dict[str, type] = {
+    "host_id": str,
+    "other_id": str,
+    "onset_stamp_ns": int,
+    "end_stamp_ns": int,
+    "closest_stamp_ns": int,
+    "closest_distance_m": float,
+    "event_id": int,
+    "lead_time_s": float,
+    "outcome": str,
+}
+_PAIR_TYPES: dict[str, type] = {
+    "host_id": str,
+    "other_id": str,
+    "n_evaluated": int,
+    "n_out_of_reach": int,
+    "n_unheard": int,
+    "n_stale": int,
+    "n_beyond_path": int,
+    "n_not_finite": int,
+    "n_events": int,
+    "n_conflicts": int,
+    "min_distance_m": float,
+    "min_gap_m": float,
+    "min_ttc_s": float,
+    "pet_s": float,
+    "max_drac_mps2": float,
+}
+_EVENT_DOCS = {
+    "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
+    "verdict": ColumnDoc(doc="true, late, false or undecided; see docs/warning.md"),
+    "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
+    "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
+    "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
+}
+_PAIR_DOCS = {
+    "min_gap_m": ColumnDoc(doc="of the outlines; negative: penetration depth"),
+    "min_ttc_s": ColumnDoc(doc="of the outlines at constant velocities; inf: never on a collision course"),
+    "pet_s": ColumnDoc(doc="post-encroachment time in steps of 0.1 s; NaN: none below 5 s"),
+}
+
+
+def _table(name: str, types: dict[str, type], rows: list[dict[str, Any]], docs: Any = None) -> Table:
+    """Rows as columns; a table without rows keeps its columns."""
+    dtypes: dict[type, Any] = {int: np.int64, float: np.float64}
+    columns: dict[str, Any] = {}
+    for key, kind in types.items():
+        values = [row[key] for row in rows]
+        columns[key] = values if kind is str else np.array(values, dtype=dtypes[kind])
+    return Table(name, columns, docs or {})

@@ -1,0 +1,163 @@
+"""One pair of cars from paths to events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.warning.actual import Motion
+from cwcli.warning.align import Points, pair_up, read_paths
+from cwcli.warning.conflicts import RealConflict, Verdict
+from cwcli.warning.events import Span, find_events
+from cwcli.warning.measures import Measures, measure
+from cwcli.warning.rules.base import Decision, Rule
+from cwcli.warning.types import VehicleTrack, WarningConfig
+
+NEAR_M = 15.0  # beyond the collision distance: such rows get every path point, others every fifth
+COARSE = 5
+
+
+@dataclass(frozen=True)
+class PairEvaluation:
+    """Everything about one pair.
+
+    Attributes:
+        other: The other vehicle.
+        stamp_ns, log_time_ns, age_s: Shape (m,): the evaluations within reach.
+        measures, decision: Their measures and the rule's masks.
+        spans: Events, indices into the evaluations.
+        n_evaluated, n_out_of_reach, n_unheard, n_stale, n_beyond, n_not_finite: Counts of host stamps.
+    """
+
+    other: VehicleTrack
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    age_s: FloatArray
+    measures: Measures
+    decision: Decision
+    spans: list[Span]
+    n_evaluated: int
+    n_out_of_reach: int
+    n_unheard: int
+    n_stale: int
+    n_beyond: int
+    n_not_finite: int
+
+
+@dataclass(frozen=True)
+class ScoredPair:
+    """A pair with what really happened."""
+
+    evaluation: PairEvaluation
+    motion: Motion
+    pet_s: float
+    conflicts: list[RealConflict]
+    verdicts: list[Verdict]
+
+
+def evaluate_pair(
+    host: VehicleTrack, other: VehicleTrack, rule: Rule, config: WarningConfig, time_s: FloatArray
+) -> PairEvaluation:
+    """Evaluate one pair at the host's stamps.
+
+    Args:
+        time_s: Shape (q,): times along the paths, from 0 past the horizon by the rule's persistence.
+    """
+    persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
+    pairing = pair_up(host, other, config.use, config.max_age_s)
+    within = _within_reach(host, other, pairing.host_row, pairing.other_row, float(time_s[-1]), config)
+    host_row, other_row = pairing.host_row[within], pairing.other_row[within]
+    age_s = pairing.age_s[within]
+    measures, beyond = _measures(host, other, host_row, other_row, age_s, time_s, config)
+    decision = rule.decide(measures, config, persistence_s)
+    stamp_ns = host.stamp_ns[host_row]
+    spans = find_events(
+        stamp_ns,
+        decision.armed,
+        decision.raised,
+        decision.held,
+        clock_ns=host.stamp_ns,
+        persistence_s=persistence_s,
+        hold_off_s=config.hold_off_s,
+    )
+    return PairEvaluation(
+        other=other,
+        stamp_ns=stamp_ns,
+        log_time_ns=host.log_time_ns[host_row],
+        age_s=age_s,
+        measures=measures,
+        decision=decision,
+        spans=spans,
+        n_evaluated=len(pairing.host_row),
+        n_out_of_reach=len(pairing.host_row) - len(host_row),
+        n_unheard=pairing.n_unheard,
+        n_stale=pairing.n_stale,
+        n_beyond=int(beyond.sum()),
+        n_not_finite=int(np.isnan(measures.horizon_distance_m).sum()),
+    )
+
+
+def _within_reach(
+    host: VehicleTrack,
+    other: VehicleTrack,
+    host_row: npt.NDArray[np.intp],
+    other_row: npt.NDArray[np.intp],
+    span_s: float,
+    config: WarningConfig,
+) -> npt.NDArray[np.bool_]:
+    """Rows whose paths could come near each other: neither car can get farther than its top speed allows."""
+    own, theirs = host.paths, other.paths
+    top_own = np.abs(own.speed_mps).max(axis=1, initial=0.0)
+    top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
+    apart = np.hypot(theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0])
+    reach = top_own[host_row] * span_s + top_theirs[other_row] * (span_s + config.max_age_s)
+    return np.asarray(~(apart > reach + config.distance_m + NEAR_M))
+
+
+def _measures(
+    host: VehicleTrack,
+    other: VehicleTrack,
+    host_row: npt.NDArray[np.intp],
+    other_row: npt.NDArray[np.intp],
+    age_s: FloatArray,
+    time_s: FloatArray,
+    config: WarningConfig,
+) -> tuple[Measures, npt.NDArray[np.bool_]]:
+    """Measures of all rows from every fifth point; of those that come near, from every point."""
+    thinned = np.union1d(np.arange(0, len(time_s), COARSE), [_horizon_index(time_s, config), len(time_s) - 1])
+    coarse, beyond = _read_and_measure(host, other, host_row, other_row, age_s, time_s[thinned], config)
+    near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_M)
+    fine, _ = _read_and_measure(host, other, host_row[near], other_row[near], age_s[near], time_s, config)
+    for name in (entry.name for entry in fields(Measures)):
+        getattr(coarse, name)[near] = getattr(fine, name)
+    return coarse, beyond
+
+
+def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
+    return int(np.searchsorted(time_s, config.horizon_s - 1e-9))
+
+
+def _read_and_measure(
+    host: VehicleTrack,
+    other: VehicleTrack,
+    host_row: npt.NDArray[np.intp],
+    other_row: npt.NDArray[np.intp],
+    age_s: FloatArray,
+    time_s: FloatArray,
+    config: WarningConfig,
+) -> tuple[Measures, npt.NDArray[np.bool_]]:
+    own = read_paths(host.paths, host_row, np.zeros(len(host_row)), time_s)
+    theirs: Points = read_paths(other.paths, other_row, age_s, time_s)
+    measures = measure(
+        own,
+        theirs,
+        time_s,
+        horizon_s=config.horizon_s,
+        radius_m=config.distance_m,
+        host_size=host.outline_m,
+        other_size=other.outline_m,
+    )
+    return measures, theirs.beyond

@@ -1,0 +1,50 @@
+"""What a warning rule is: masks over the evaluations of one pair."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.warning.measures import Measures
+from cwcli.warning.types import WarningConfig
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A rule's view of m evaluations.
+
+    Attributes:
+        armed: Shape (m,): the condition whose persistence counts.
+        raised: Shape (m,): the condition for the warning itself.
+        held: Shape (m,): the weaker condition that keeps a warning up.
+        time_to_event_s, predicted_distance_m: Shape (m,): what the warning says.
+    """
+
+    armed: BoolArray
+    raised: BoolArray
+    held: BoolArray
+    time_to_event_s: FloatArray
+    predicted_distance_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A warning rule.
+
+    Attributes:
+        name: Key in the registry and on the command line.
+        summary: One line for `--help` and the docs.
+        persistence_s: How long `armed` must have held before a warning, unless the user says otherwise.
+        decide: Measures, options, persistence -> `Decision`.
+    """
+
+    name: str
+    summary: str
+    persistence_s: float
+    decide: Callable[[Measures, WarningConfig, float], Decision]
