@@ -150,6 +150,7 @@ class RemoteSignal:
         speed_mps: Shape (n,), negative in reverse.
         heading_rad: Shape (n,), counter-clockwise from east.
         accel_mps2: Shape (n,), longitudinal.
+        lateral_accel_mps2: Shape (n,), positive to the left.
         yaw_rate_radps: Shape (n,), counter-clockwise positive.
         length_m, width_m: Shape (n,).
         position_covariance_m2: Shape (n, 3): east-east, east-north, north-north.
@@ -166,6 +167,7 @@ class RemoteSignal:
     speed_mps: FloatArray
     heading_rad: FloatArray
     accel_mps2: FloatArray
+    lateral_accel_mps2: FloatArray
     yaw_rate_radps: FloatArray
     length_m: FloatArray
     width_m: FloatArray
@@ -174,3 +176,41 @@ class RemoteSignal:
     heading_sigma_rad: FloatArray
     accel_sigma_mps2: FloatArray
     yaw_rate_sigma_radps: FloatArray
+
+
+@dataclass(frozen=True)
+class CameraInfoSignal:
+    """A camera's calibration, as the first message of its channel gives it (pinhole, image axes x right, y down).
+
+    Attributes:
+        source: Topic.
+        frame_id: The camera's optical frame.
+        width_px, height_px: Image size that the calibration is for.
+        distortion_model: Name as in the message (`plumb_bob`, `equidistant`), "" for none.
+        distortion: Shape (k,), the model's coefficients.
+        intrinsic: Shape (3, 3), K, pixels.
+        rectification: Shape (3, 3), R.
+        projection: Shape (3, 4), P, pixels.
+    """
+
+    source: str
+    frame_id: str
+    width_px: int
+    height_px: int
+    distortion_model: str
+    distortion: FloatArray
+    intrinsic: FloatArray
+    rectification: FloatArray
+    projection: FloatArray
+
+
+Signal = (
+    PositionSignal
+    | PoseSignal
+    | VelocitySignal
+    | SpeedSignal
+    | HeadingSignal
+    | ImuSignal
+    | RemoteSignal
+    | CameraInfoSignal
+)

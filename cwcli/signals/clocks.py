@@ -112,13 +112,9 @@ def find_gaps(
     if min_gap_s is None:
         median_s = float(np.median(np.diff(stamp_ns))) * S_PER_NS if len(stamp_ns) > 1 else 0.0
         min_gap_s = max(1.0, 5.0 * median_s)
-    edges = np.concatenate(
-        [
-            [] if start_ns is None else [min(start_ns, int(stamp_ns[0]))],
-            stamp_ns,
-            [] if end_ns is None else [max(end_ns, int(stamp_ns[-1]))],
-        ]
-    ).astype(np.int64)
+    before = [] if start_ns is None else [min(start_ns, int(stamp_ns[0]))]
+    after = [] if end_ns is None else [max(end_ns, int(stamp_ns[-1]))]
+    edges = np.concatenate([np.array(before, dtype=np.int64), stamp_ns, np.array(after, dtype=np.int64)])
     is_gap = np.diff(edges) * S_PER_NS > min_gap_s
     return tuple(Gap(int(edges[i]), int(edges[i + 1])) for i in np.flatnonzero(is_gap))
 
@@ -150,8 +146,8 @@ def repair_jumps(
     """Move stretches whose clock has jumped back onto the clock that most rows keep.
 
     A stretch begins where (stamp - log time) changes by more than `max_step_s` and the stamp itself did not simply run
-    on (then it was the log time that jumped). A stretch is moved when its median offset is more than `max_step_s` from the
-    median offset of all rows.
+    on (then it was the log time that jumped). A stretch is moved when its median offset is more than `max_step_s` from
+    the median offset of all rows.
 
     Args:
         stamp_ns, log_time_ns: Shape (n,), in log-time order.

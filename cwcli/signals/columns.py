@@ -110,8 +110,8 @@ class OutputChannel:
         topic: Where it is published, e.g. `/cwcli/ego/state`.
         schema_name: A message of `schemas/`, e.g. `cwcli.v1.VehicleState`, or a standard `foxglove.*` one.
         log_time_ns: Shape (n,), int64, non-decreasing.
-        fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated numbers, `Repeated` fills repeated messages.
-            A field that is not named is left out of the message.
+        fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated numbers, `Repeated` fills repeated
+            messages. A field that is not named is left out of the message.
     """
 
     topic: str

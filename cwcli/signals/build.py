@@ -1,0 +1,71 @@
+"""From a channel's columns to the canonical signal of its role."""
+
+from __future__ import annotations
+
+from cwcli.errors import DataError, MissingSignalError
+from cwcli.signals.canonical import Signal
+from cwcli.signals.clocks import Clock
+from cwcli.signals.codec import Reading, Role
+from cwcli.signals.columns import Columns
+from cwcli.signals.inputs import input_for
+from cwcli.signals.quality import Quality
+
+
+def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:
+    """Leaf fields that a role needs of a schema.
+
+    Args:
+        role: The role.
+        schema_name: In any spelling.
+        message_encoding: `cdr`, `protobuf` or `json`.
+
+    Returns:
+        Dotted leaf paths. A JSON list holds every spelling that cwcli knows: a file has only some of them. () for
+        cameras, for roles that the stages read themselves and for schemas that can't fill the role.
+    """
+    entry = input_for(role, schema_name)
+    return entry.fields.get(message_encoding, ()) if entry else ()
+
+
+def build(
+    role: Role, columns: Columns, clock: Clock = "stamp", *, ego_station: str | None = None, is_override: bool = False
+) -> tuple[Signal, Quality]:
+    """Make the canonical signal of a role out of a channel.
+
+    The kind of signal follows from role and schema, except that a twist becomes a `VelocitySignal` or a `SpeedSignal` by
+    its frame_id, and EGO_POSITION and TRUTH give a `PositionSignal` (WGS84) or a `PoseSignal` (Cartesian).
+
+    Args:
+        role: What the channel is bound to.
+        columns: The channel, with at least the fields of `fields_for` that the file has.
+        clock: Take a row's time from its message (`stamp`) or from the log (`log`).
+        ego_station: Station whose V2X messages are the ego's own. They are left out of REMOTE.
+        is_override: The user named the channel for this role.
+
+    Returns:
+        The signal, its rows sorted by stamp, and what happened to the messages.
+
+    Raises:
+        ValueError: The schema can't fill the role, or the role has no canonical signal (a bug of the caller).
+    """
+    entry = input_for(role, columns.schema_name)
+    if entry is None or entry.build is None:
+        raise ValueError(f"{columns.topic}: no builder for {columns.schema_name} as {role}")
+    return entry.build(columns, Reading(role, clock, ego_station, is_override))
+
+
+def require_rows(quality: Quality, *, where: str = "") -> None:
+    """Raise when a channel that the command needs has no row left.
+
+    Raises:
+        DataError: Its messages were all rejected; the reasons are named.
+        MissingSignalError: It has no messages, or none that is the ego's.
+    """
+    if quality.used:
+        return
+    prefix = f"{where}: {quality.source}" if where else quality.source
+    if quality.rejected:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in quality.rejected.items())
+        raise DataError(f"none of its {quality.read} messages can be used as {quality.role} ({reasons})", where=prefix)
+    reasons = ", ".join(f"{count} {reason}" for reason, count in quality.set_aside.items()) or "the channel is empty"
+    raise MissingSignalError(f"no message of it is {quality.role} ({reasons})", where=prefix)

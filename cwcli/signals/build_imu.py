@@ -1,0 +1,50 @@
+"""Inertial measurements: `sensor_msgs/Imu`, as CDR or as JSON with the same names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.build_motion import NOT_FINITE
+from cwcli.signals.canonical import ImuSignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.codec import Reading
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.covariances import given_variances
+from cwcli.signals.leaves import matrix, stamps, vector
+from cwcli.signals.quality import Quality, RowLedger
+
+
+def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
+    """Build inertial measurements.
+
+    A covariance whose first element is -1 says that the quantity is not measured (REP-145): NaN. So does a vector that
+    is exactly zero in every message.
+    """
+    ledger = RowLedger(columns, reading.role)
+    accel_mps2, accel_variance = _measured(columns, ledger, "linear_acceleration")
+    gyro_radps, gyro_variance = _measured(columns, ledger, "angular_velocity")
+    timeline = settle(ledger, *stamps(columns), reading.clock, [accel_mps2, gyro_radps])
+    rows = timeline.rows
+    signal = ImuSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        accel_mps2=accel_mps2[rows],
+        gyro_radps=gyro_radps[rows],
+        accel_variance=accel_variance[rows],
+        gyro_variance=gyro_variance[rows],
+    )
+    return signal, ledger.quality
+
+
+def _measured(columns: Columns, ledger: RowLedger, name: str) -> tuple[FloatArray, FloatArray]:
+    """A vector of the message and its variances, both of shape (n, 3)."""
+    values = vector(columns, name)
+    covariance = matrix(columns, f"{name}_covariance", 9)
+    is_absent = covariance[:, 0] == -1.0
+    if len(values) > 1 and not np.any(values):
+        ledger.note(f"{name} is exactly 0 in every message, taken as not measured")
+        is_absent = np.ones(len(values), dtype=np.bool_)
+    ledger.reject(~is_absent & ~np.isfinite(values).all(axis=1), NOT_FINITE)
+    variance = given_variances(ledger, covariance[:, [0, 4, 8]])
+    return np.where(is_absent[:, None], np.nan, values), np.where(is_absent[:, None], np.nan, variance)

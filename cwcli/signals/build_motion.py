@@ -1,0 +1,137 @@
+"""Velocity, speed and heading: twists, `VelocityReport`, `QuaternionStamped`, the orientation of an IMU.
+
+A twist says in its frame_id whether it is in map axes (a velocity over ground) or in body axes (a speed). Where the
+frame_id says neither, or the user named the channel for the role, the role decides.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.codec import Reading, Role
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.covariances import given_plane_covariance, given_variances
+from cwcli.signals.leaves import frame_id, matrix, numbers, stamps
+from cwcli.signals.quality import Quality, RowLedger
+
+MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"})
+BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
+NOT_FINITE = "value not a number"
+NO_ORIENTATION = "orientation not given"
+
+
+def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | SpeedSignal, Quality]:
+    """Build a velocity or a speed from `TwistStamped` or `TwistWithCovarianceStamped`, by frame_id and role."""
+    base = "twist.twist" if "twist.twist.linear.x" in columns.fields else "twist"
+    frame = frame_id(columns)
+    is_map = reading.role == Role.EGO_VELOCITY
+    if not reading.is_override:
+        is_map = frame in MAP_FRAMES or (is_map and frame not in BODY_FRAMES)
+    covariance = matrix(columns, "twist.covariance", 36)
+    ledger = RowLedger(columns, reading.role)
+    east_or_forward, north_or_left = numbers(columns, f"{base}.linear.x"), numbers(columns, f"{base}.linear.y")
+    if is_map:
+        if frame in BODY_FRAMES:
+            ledger.note(f"frame_id {frame} names body axes, read as east and north because the role says so")
+        return _velocity(columns, reading, ledger, east_or_forward, north_or_left, covariance)
+    yaw_rate = filled(ledger, numbers(columns, f"{base}.angular.z"), "yaw rate")
+    speed = east_or_forward
+    if frame in MAP_FRAMES:
+        speed = np.hypot(east_or_forward, north_or_left)
+        ledger.note(f"frame_id {frame} names map axes, the speed is the magnitude of the velocity")
+    return _speed(columns, reading, ledger, speed, yaw_rate, covariance[:, 0], covariance[:, 35])
+
+
+def build_velocity_report(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+    """Build a speed from Autoware's `VelocityReport` (longitudinal_velocity m/s, heading_rate rad/s, left positive)."""
+    ledger = RowLedger(columns, reading.role)
+    yaw_rate = filled(ledger, numbers(columns, "heading_rate"), "yaw rate")
+    nothing = np.full(len(columns), np.nan)
+    return _speed(columns, reading, ledger, numbers(columns, "longitudinal_velocity"), yaw_rate, nothing, nothing)
+
+
+def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
+    """Build a heading from `QuaternionStamped` or an `Imu`'s orientation: yaw of map-from-body, ENU (REP-103)."""
+    base = "quaternion" if "quaternion.w" in columns.fields else "orientation"
+    ledger = RowLedger(columns, reading.role)
+    yaw_rad = yaw_of(columns, base)
+    orientation_covariance = matrix(columns, "orientation_covariance", 9)
+    ledger.reject(orientation_covariance[:, 0] == -1.0, NO_ORIENTATION)
+    ledger.reject(~np.isfinite(yaw_rad), NO_ORIENTATION)
+    variance = given_variances(ledger, orientation_covariance[:, 8])
+    timeline = settle(ledger, *stamps(columns), reading.clock, [yaw_rad])
+    rows = timeline.rows
+    signal = HeadingSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        heading_rad=yaw_rad[rows],
+        variance_rad2=variance[rows],
+    )
+    return signal, ledger.quality
+
+
+def yaw_of(columns: Columns, base: str) -> FloatArray:
+    """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one of zero length."""
+    x, y, z, w = (numbers(columns, f"{base}.{name}") for name in "xyzw")
+    norm2 = x * x + y * y + z * z + w * w
+    yaw_rad = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return np.where(norm2 > 1e-6, yaw_rad, np.nan)
+
+
+def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
+    """The values, or NaN throughout when every one of them is exactly zero: a field that the sender never fills."""
+    if len(values) > 1 and not np.any(values):
+        ledger.note(f"{name} is exactly 0 in every message, taken as not measured")
+        return np.full(len(values), np.nan)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _velocity(
+    columns: Columns,
+    reading: Reading,
+    ledger: RowLedger,
+    east_mps: FloatArray,
+    north_mps: FloatArray,
+    covariance: FloatArray,
+) -> tuple[VelocitySignal, Quality]:
+    ledger.reject(~(np.isfinite(east_mps) & np.isfinite(north_mps)), NOT_FINITE)
+    plane = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
+    timeline = settle(ledger, *stamps(columns), reading.clock, [east_mps, north_mps])
+    rows = timeline.rows
+    signal = VelocitySignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        east_mps=east_mps[rows],
+        north_mps=north_mps[rows],
+        covariance_m2ps2=plane[rows],
+    )
+    return signal, ledger.quality
+
+
+def _speed(
+    columns: Columns,
+    reading: Reading,
+    ledger: RowLedger,
+    speed_mps: FloatArray,
+    yaw_rate_radps: FloatArray,
+    speed_variance: FloatArray,
+    yaw_rate_variance: FloatArray,
+) -> tuple[SpeedSignal, Quality]:
+    ledger.reject(~np.isfinite(speed_mps), NOT_FINITE)
+    variances = given_variances(ledger, np.stack([speed_variance, yaw_rate_variance], axis=1))
+    timeline = settle(ledger, *stamps(columns), reading.clock, [speed_mps, yaw_rate_radps])
+    rows = timeline.rows
+    signal = SpeedSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        speed_mps=speed_mps[rows],
+        yaw_rate_radps=yaw_rate_radps[rows],
+        speed_variance_m2ps2=variances[rows, 0],
+        yaw_rate_variance_rad2ps2=variances[rows, 1],
+    )
+    return signal, ledger.quality

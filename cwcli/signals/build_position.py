@@ -1,0 +1,60 @@
+"""GNSS fixes: `sensor_msgs/NavSatFix`, `foxglove.LocationFix`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.canonical import PositionSignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.codec import Reading
+from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.covariances import given_plane_covariance
+from cwcli.signals.leaves import find, is_one_of, matrix, numbers, stamps
+from cwcli.signals.quality import Quality, RowLedger
+
+NO_FIX = "no fix"
+NOT_A_NUMBER = "latitude or longitude not a number"
+OUT_OF_RANGE = "latitude or longitude out of range"
+NULL_ISLAND = "position is exactly (0, 0)"
+
+
+def reject_bad_positions(ledger: RowLedger, latitude_deg: FloatArray, longitude_deg: FloatArray) -> None:
+    """Reject rows that are no place on Earth: not finite, beyond 90 or 180 degrees, or the (0, 0) of an unset field."""
+    ledger.reject(~(np.isfinite(latitude_deg) & np.isfinite(longitude_deg)), NOT_A_NUMBER)
+    ledger.reject(~((np.abs(latitude_deg) <= 90.0) & (np.abs(longitude_deg) <= 180.0)), OUT_OF_RANGE)
+    ledger.reject((latitude_deg == 0.0) & (longitude_deg == 0.0), NULL_ISLAND)
+
+
+def build_fix(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
+    """Build fixes from either schema; they share the names `latitude`, `longitude`, `altitude`, `position_covariance`.
+
+    Covariance is row-major over east, north, up in both. `position_covariance_type` 0 (unknown), and a covariance that
+    is all zero, mean that it is not given.
+    """
+    ledger = RowLedger(columns, reading.role)
+    latitude_deg, longitude_deg = numbers(columns, "latitude"), numbers(columns, "longitude")
+    altitude_m = numbers(columns, "altitude")
+    altitude_m = np.where(np.isfinite(altitude_m), altitude_m, np.nan)
+    ledger.reject(numbers(columns, "status.status") < 0, NO_FIX)
+    reject_bad_positions(ledger, latitude_deg, longitude_deg)
+
+    covariance = matrix(columns, "position_covariance", 9)
+    kind = find(columns, "position_covariance_type")
+    is_unknown = is_one_of(kind, len(columns), "unknown") if isinstance(kind, Strings) else None
+    if is_unknown is None:
+        is_unknown = numbers(columns, "position_covariance_type") == 0
+    covariance = np.where(is_unknown[:, None], np.nan, covariance)
+    plane_m2 = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 4])
+
+    timeline = settle(ledger, *stamps(columns), reading.clock, [latitude_deg, longitude_deg, altitude_m])
+    rows = timeline.rows
+    signal = PositionSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        latitude_deg=latitude_deg[rows],
+        longitude_deg=longitude_deg[rows],
+        altitude_m=altitude_m[rows],
+        covariance_m2=plane_m2[rows],
+    )
+    return signal, ledger.quality

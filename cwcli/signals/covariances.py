@@ -1,0 +1,80 @@
+"""Covariances that messages carry: what counts as given, and ellipses turned into east-north."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.quality import BoolArray, RowLedger
+
+SIGMAS_PER_95_PERCENT = 1.959964
+"""Half-width of the central 95 % interval of a normal distribution, in standard deviations."""
+SIGMAS_PER_95_PERCENT_ELLIPSE = 2.447747
+"""Radius that holds 95 % of a two-dimensional normal distribution: sqrt(5.9915), chi-square with 2 degrees."""
+
+UNUSABLE_COVARIANCE = "covariance unusable, left out"
+
+
+def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
+    """Take away variances that say nothing, and book those that are wrong.
+
+    Zero means "not filled in" in ROS messages, -1 "not measured" (`sensor_msgs/Imu`). Another negative one, or
+    an infinite one, is a fault: counted as a repair.
+
+    Args:
+        ledger: The channel's ledger.
+        variance: Shape (n,) or (n, k).
+
+    Returns:
+        The same shape: positive and finite, or NaN.
+    """
+    table = variance.reshape(len(variance), -1)
+    is_given = np.isfinite(table) & (table > 0.0)
+    is_wrong = np.isinf(table) | (table < 0.0) & (table != -1.0)
+    ledger.repair(is_wrong.any(axis=1), UNUSABLE_COVARIANCE)
+    return np.where(is_given, table, np.nan).reshape(variance.shape)
+
+
+def given_plane_covariance(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
+    """Plane covariances as shape (n, 3), NaN where not given; unusable ones (not positive definite) are booked.
+
+    Args:
+        ledger: The channel's ledger.
+        xx, xy, yy: Shape (n,). All zero, or NaN in any, means not given.
+    """
+    covariance = np.stack([xx, xy, yy], axis=1)
+    is_absent = np.isnan(covariance).any(axis=1) | ((xx == 0.0) & (yy == 0.0)) | (xx == -1.0)
+    with np.errstate(invalid="ignore", over="ignore"):
+        is_definite = (xx > 0.0) & (yy > 0.0) & (xx * yy > xy * xy) & np.isfinite(covariance).all(axis=1)
+    ledger.repair(~is_absent & ~is_definite, UNUSABLE_COVARIANCE)
+    return np.where((is_definite & ~is_absent)[:, None], covariance, np.nan)
+
+
+def covariance_from_ellipse(
+    semi_major_sigma_m: FloatArray, semi_minor_sigma_m: FloatArray, major_compass_deg: FloatArray
+) -> FloatArray:
+    """East-north covariance of an error ellipse.
+
+    Where the orientation is not given, the larger axis is taken in all directions.
+
+    Args:
+        semi_major_sigma_m, semi_minor_sigma_m: Shape (n,), one standard deviation along each axis; NaN is not given.
+        major_compass_deg: Shape (n,), direction of the major axis, degrees clockwise from north; NaN is not given.
+
+    Returns:
+        Shape (n, 3): east-east, east-north, north-north, m^2. NaN where an axis is not given.
+    """
+    larger = np.fmax(semi_major_sigma_m, semi_minor_sigma_m) + 0.0 * (semi_major_sigma_m + semi_minor_sigma_m)
+    is_round: BoolArray = ~np.isfinite(major_compass_deg)
+    major_var = np.where(is_round, larger, semi_major_sigma_m) ** 2
+    minor_var = np.where(is_round, larger, semi_minor_sigma_m) ** 2
+    azimuth_rad = np.deg2rad(np.where(is_round, 0.0, major_compass_deg))
+    east, north = np.sin(azimuth_rad), np.cos(azimuth_rad)  # unit vector of the major axis
+    return np.stack(
+        [
+            major_var * east**2 + minor_var * north**2,
+            (major_var - minor_var) * east * north,
+            major_var * north**2 + minor_var * east**2,
+        ],
+        axis=1,
+    )

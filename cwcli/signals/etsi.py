@@ -1,0 +1,164 @@
+"""ETSI cooperative awareness: `etsi_its_cam_msgs/CAM` (EN 302 637-2) and `etsi_its_cam_ts_msgs/CAM` (TS 103 900).
+
+Codes after TS 102 894-2 (common data dictionary). docs/v2x.md shows the table; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.angles import heading_from_compass_deg, wrap_angle
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.covariances import (
+    SIGMAS_PER_95_PERCENT,
+    SIGMAS_PER_95_PERCENT_ELLIPSE,
+    covariance_from_ellipse,
+)
+from cwcli.signals.leaves import is_one_of, numbers, strings_from, texts
+from cwcli.signals.quality import RowLedger
+from cwcli.signals.remote_rows import RemoteRows
+from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_time import or_log_time, stamp_from_generation_delta_time
+
+ELEMENTS: dict[str, Element] = {
+    "latitude_deg": Element("Latitude", 1e-7, 1, -900_000_000, 900_000_000, (900_000_001,)),
+    "longitude_deg": Element("Longitude", 1e-7, 1, -1_800_000_000, 1_800_000_000, (1_800_000_001,)),
+    "altitude_m": Element("AltitudeValue", 0.01, 1, -100_000, 800_000, (800_001,)),
+    "semi_major_m": Element("SemiAxisLength (major)", 0.01, 1, 1, 4093, (4095,), (4094,)),
+    "semi_minor_m": Element("SemiAxisLength (minor)", 0.01, 1, 1, 4093, (4095,), (4094,)),
+    "semi_major_compass_deg": Element("HeadingValue (ellipse)", 0.1, 1, 0, 3600, (3601,)),
+    "heading_compass_deg": Element("HeadingValue", 0.1, 1, 0, 3600, (3601,)),
+    "heading_95_deg": Element("HeadingConfidence", 0.1, 1, 1, 125, (127,), (126,)),
+    "speed_mps": Element("SpeedValue", 0.01, 1, 0, 16_382, (16_383,)),
+    "speed_95_mps": Element("SpeedConfidence", 0.01, 1, 1, 125, (127,), (126,)),
+    "accel_mps2": Element("LongitudinalAccelerationValue", 0.1, 1, -160, 160, (161,)),
+    "accel_95_mps2": Element("AccelerationConfidence", 0.1, 1, 1, 100, (102,), (101,)),
+    "lateral_accel_mps2": Element("LateralAccelerationValue", 0.1, 1, -160, 160, (161,)),
+    "yaw_rate_degps": Element("YawRateValue", 0.01, 1, -32_766, 32_766, (32_767,)),
+    "length_m": Element("VehicleLengthValue", 0.1, 1, 1, 1021, (1023,), (1022,)),
+    "width_m": Element("VehicleWidth", 0.1, 1, 1, 60, (62,), (61,)),
+}
+YAW_RATE_CONFIDENCE_DEGPS: dict[int, float] = {0: 0.01, 1: 0.05, 2: 0.1, 3: 1.0, 4: 5.0, 5: 10.0, 6: 100.0}
+"""YawRateConfidence: code -> 95 % bound. 7 is out of range, 8 unavailable."""
+YAW_RATE_OUT_OF_RANGE = 7
+DRIVE_BACKWARD = 1
+ROAD_SIDE_UNIT = 15
+VEHICLE_CONTAINER = 0
+
+POSITION_UNTRUSTED = "position confidence out of range"
+
+_PARAMETERS = "cam.cam_parameters."
+_POSITION = _PARAMETERS + "basic_container.reference_position."
+_ELLIPSE = _POSITION + "position_confidence_ellipse."
+_VEHICLE = _PARAMETERS + "high_frequency_container.basic_vehicle_container_high_frequency."
+
+_COMMON_PATHS: dict[str, str] = {
+    "station": "header.station_id.value",
+    "generation_delta_time": "cam.generation_delta_time.value",
+    "station_type": _PARAMETERS + "basic_container.station_type.value",
+    "container": _PARAMETERS + "high_frequency_container.choice",
+    "latitude_deg": _POSITION + "latitude.value",
+    "longitude_deg": _POSITION + "longitude.value",
+    "altitude_m": _POSITION + "altitude.altitude_value.value",
+    "heading_compass_deg": _VEHICLE + "heading.heading_value.value",
+    "heading_95_deg": _VEHICLE + "heading.heading_confidence.value",
+    "speed_mps": _VEHICLE + "speed.speed_value.value",
+    "speed_95_mps": _VEHICLE + "speed.speed_confidence.value",
+    "drive_direction": _VEHICLE + "drive_direction.value",
+    "yaw_rate_degps": _VEHICLE + "yaw_rate.yaw_rate_value.value",
+    "yaw_rate_confidence": _VEHICLE + "yaw_rate.yaw_rate_confidence.value",
+    "length_m": _VEHICLE + "vehicle_length.vehicle_length_value.value",
+    "width_m": _VEHICLE + "vehicle_width.value",
+    "has_lateral_accel": _VEHICLE + "lateral_acceleration_is_present",
+}
+EN_PATHS: dict[str, str] = _COMMON_PATHS | {
+    "semi_major_m": _ELLIPSE + "semi_major_confidence.value",
+    "semi_minor_m": _ELLIPSE + "semi_minor_confidence.value",
+    "semi_major_compass_deg": _ELLIPSE + "semi_major_orientation.value",
+    "accel_mps2": _VEHICLE + "longitudinal_acceleration.longitudinal_acceleration_value.value",
+    "accel_95_mps2": _VEHICLE + "longitudinal_acceleration.longitudinal_acceleration_confidence.value",
+    "lateral_accel_mps2": _VEHICLE + "lateral_acceleration.lateral_acceleration_value.value",
+}
+"""Leaf fields of `etsi_its_cam_msgs/CAM`."""
+TS_PATHS: dict[str, str] = _COMMON_PATHS | {
+    "semi_major_m": _ELLIPSE + "semi_major_axis_length.value",
+    "semi_minor_m": _ELLIPSE + "semi_minor_axis_length.value",
+    "semi_major_compass_deg": _ELLIPSE + "semi_major_axis_orientation.value",
+    "accel_mps2": _VEHICLE + "longitudinal_acceleration.value.value",
+    "accel_95_mps2": _VEHICLE + "longitudinal_acceleration.confidence.value",
+    "lateral_accel_mps2": _VEHICLE + "lateral_acceleration.value.value",
+}
+"""Leaf fields of `etsi_its_cam_ts_msgs/CAM`: the same containers, other names inside two of them."""
+
+
+def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    """Decode a CAM channel of either package.
+
+    The heading of a CAM is that of the velocity (TS 102 894-2, HeadingValue). Driving backward, the vehicle's own
+    heading is the opposite one and its speed negative: heading and speed together are still the velocity.
+
+    A confidence of "out of range" says that its value is not valid and cannot be trusted: the value is left out, and
+    for the position the whole message. Confidences are bounds for 95 %: sigma = bound / 1.96, and for the two axes of
+    the position ellipse bound / 2.4477.
+
+    Args:
+        columns: The channel, with the fields of `EN_PATHS` or `TS_PATHS`.
+        ledger: The channel's ledger; messages with an untrusted position are rejected here.
+
+    Returns:
+        Decoded rows.
+    """
+    n_rows = len(columns)
+    raw = {name: numbers(columns, path, TS_PATHS[name]) for name, path in EN_PATHS.items() if name != "station"}
+    value = {name: decode(element, raw[name], ledger) for name, element in ELEMENTS.items()}
+
+    for name, confidence in (
+        ("heading_compass_deg", "heading_95_deg"),
+        ("speed_mps", "speed_95_mps"),
+        ("accel_mps2", "accel_95_mps2"),
+    ):
+        value[name] = np.where(np.isin(raw[confidence], ELEMENTS[confidence].out_of_range), np.nan, value[name])
+    yaw_untrusted = raw["yaw_rate_confidence"] == YAW_RATE_OUT_OF_RANGE
+    value["yaw_rate_degps"] = np.where(yaw_untrusted, np.nan, value["yaw_rate_degps"])
+    is_absent = raw["has_lateral_accel"] == 0
+    value["lateral_accel_mps2"] = np.where(is_absent, np.nan, value["lateral_accel_mps2"])
+    untrusted = np.isin(raw["semi_major_m"], ELEMENTS["semi_major_m"].out_of_range)
+    untrusted |= np.isin(raw["semi_minor_m"], ELEMENTS["semi_minor_m"].out_of_range)
+    ledger.reject(untrusted, POSITION_UNTRUSTED)
+
+    is_backward = raw["drive_direction"] == DRIVE_BACKWARD
+    motion_rad = heading_from_compass_deg(value["heading_compass_deg"])
+    station = texts(columns, EN_PATHS["station"], "header.station_id") or strings_from(["unknown"] * n_rows)
+    stamp_ns, has_time = stamp_from_generation_delta_time(raw["generation_delta_time"], columns.log_time_ns)
+    return RemoteRows(
+        station=station,
+        is_own=is_one_of(None, n_rows),
+        is_roadside=(raw["station_type"] == ROAD_SIDE_UNIT) | (raw["container"] > VEHICLE_CONTAINER),
+        stamp_ns=or_log_time(ledger, stamp_ns, has_time),
+        latitude_deg=value["latitude_deg"],
+        longitude_deg=value["longitude_deg"],
+        altitude_m=value["altitude_m"],
+        speed_mps=np.where(is_backward, -value["speed_mps"], value["speed_mps"]),
+        heading_rad=np.where(is_backward, wrap_angle(motion_rad + np.pi), motion_rad),
+        accel_mps2=value["accel_mps2"],
+        lateral_accel_mps2=value["lateral_accel_mps2"],
+        yaw_rate_radps=np.deg2rad(value["yaw_rate_degps"]),
+        length_m=value["length_m"],
+        width_m=value["width_m"],
+        position_covariance_m2=covariance_from_ellipse(
+            value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
+            value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
+            value["semi_major_compass_deg"],
+        ),
+        speed_sigma_mps=value["speed_95_mps"] / SIGMAS_PER_95_PERCENT,
+        heading_sigma_rad=np.deg2rad(value["heading_95_deg"]) / SIGMAS_PER_95_PERCENT,
+        accel_sigma_mps2=value["accel_95_mps2"] / SIGMAS_PER_95_PERCENT,
+        yaw_rate_sigma_radps=np.deg2rad(_yaw_rate_bound_degps(raw["yaw_rate_confidence"])) / SIGMAS_PER_95_PERCENT,
+    )
+
+
+def _yaw_rate_bound_degps(code: FloatArray) -> FloatArray:
+    bound = np.full(len(code), np.nan)
+    for known, degps in YAW_RATE_CONFIDENCE_DEGPS.items():
+        bound[code == known] = degps
+    return bound

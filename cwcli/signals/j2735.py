@@ -1,0 +1,231 @@
+"""SAE J2735 Basic Safety Messages, in four dresses.
+
+- raw integers, JSON with the standard's names (`BasicSafetyMessage`, also inside an ODE record or a MessageFrame);
+- raw integers, `j2735_v2x_msgs/BSM`;
+- decoded units, the JSON of the USDOT Operational Data Environment (`OdeBsmData`);
+- decoded units with presence flags, `carma_v2x_msgs/BSM`.
+
+Codes after SAE J2735. docs/v2x.md shows the table; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.angles import heading_from_compass_deg
+from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.covariances import covariance_from_ellipse
+from cwcli.signals.leaves import is_one_of, numbers, strings_from, texts
+from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.remote_rows import RemoteRows
+from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
+
+ELEMENTS: dict[str, Element] = {
+    "latitude_deg": Element("Latitude", 1e-7, 1, -900_000_000, 900_000_000, (900_000_001,)),
+    "longitude_deg": Element("Longitude", 1e-7, 1, -1_799_999_999, 1_800_000_000, (1_800_000_001,)),
+    "altitude_m": Element("Elevation", 0.1, 1, -4095, 61_439, (-4096,)),
+    "semi_major_m": Element("SemiMajorAxisAccuracy", 0.05, 1, 0, 254, (255,)),
+    "semi_minor_m": Element("SemiMinorAxisAccuracy", 0.05, 1, 0, 254, (255,)),
+    "semi_major_compass_deg": Element("SemiMajorAxisOrientation", 0.0054932479, 1, 0, 65_534, (65_535,)),
+    "speed_mps": Element("Speed", 0.02, 1, 0, 8190, (8191,)),
+    "heading_compass_deg": Element("Heading", 0.0125, 1, 0, 28_799, (28_800,)),
+    "accel_mps2": Element("Acceleration (long)", 0.01, 1, -2000, 2000, (2001,)),
+    "lateral_accel_mps2": Element("Acceleration (lat)", 0.01, -1, -2000, 2000, (2001,)),
+    "yaw_rate_degps": Element("YawRate", 0.01, -1, -32_767, 32_767),
+    "width_m": Element("VehicleWidth", 0.01, 1, 1, 1023, (0,)),
+    "length_m": Element("VehicleLength", 0.01, 1, 1, 4095, (0,)),
+}
+MIN_SEMI_AXIS_M = 0.05
+"""A semi-axis of 0 says "less than one step": it is taken as one step."""
+REVERSE_GEARS = 3
+
+JSON_PREFIXES = (
+    "",
+    "BasicSafetyMessage.",
+    "value.BasicSafetyMessage.",
+    "MessageFrame.value.BasicSafetyMessage.",
+    "payload.data.",
+    "payload.data.value.BasicSafetyMessage.",
+    "payload.data.MessageFrame.value.BasicSafetyMessage.",
+)
+JSON_RAW: dict[str, str] = {
+    "station": "coreData.id",
+    "dsecond_ms": "coreData.secMark",
+    "transmission": "coreData.transmission",
+    "latitude_deg": "coreData.lat",
+    "longitude_deg": "coreData.long",
+    "altitude_m": "coreData.elev",
+    "semi_major_m": "coreData.accuracy.semiMajor",
+    "semi_minor_m": "coreData.accuracy.semiMinor",
+    "semi_major_compass_deg": "coreData.accuracy.orientation",
+    "speed_mps": "coreData.speed",
+    "heading_compass_deg": "coreData.heading",
+    "accel_mps2": "coreData.accelSet.long",
+    "lateral_accel_mps2": "coreData.accelSet.lat",
+    "yaw_rate_degps": "coreData.accelSet.yaw",
+    "width_m": "coreData.size.width",
+    "length_m": "coreData.size.length",
+}
+JSON_ODE: dict[str, str] = JSON_RAW | {
+    "latitude_deg": "coreData.position.latitude",
+    "longitude_deg": "coreData.position.longitude",
+    "altitude_m": "coreData.position.elevation",
+    "accel_mps2": "coreData.accelSet.accelLong",
+    "lateral_accel_mps2": "coreData.accelSet.accelLat",
+    "yaw_rate_degps": "coreData.accelSet.accelYaw",
+}
+REVERSE_LEAVES = ("coreData.transmission.reverseGears", "coreData.transmission.REVERSEGEARS")
+"""An enumeration written as an object (`{"reverseGears": ""}`), as JSON made from XER has it."""
+ODE_SOURCE = "metadata.bsmSource"
+OWN_SOURCE = "ev"
+
+ROS: dict[str, str] = {
+    "station": "core_data.id",
+    "dsecond_ms": "core_data.sec_mark",
+    "transmission": "core_data.transmission.transmission_state",
+    "latitude_deg": "core_data.latitude",
+    "longitude_deg": "core_data.longitude",
+    "altitude_m": "core_data.elev",
+    "semi_major_m": "core_data.accuracy.semi_major",
+    "semi_minor_m": "core_data.accuracy.semi_minor",
+    "semi_major_compass_deg": "core_data.accuracy.orientation",
+    "speed_mps": "core_data.speed",
+    "heading_compass_deg": "core_data.heading",
+    "accel_mps2": "core_data.accel_set.longitudinal",
+    "lateral_accel_mps2": "core_data.accel_set.lateral",
+    "yaw_rate_degps": "core_data.accel_set.yaw_rate",
+    "width_m": "core_data.size.vehicle_width",
+    "length_m": "core_data.size.vehicle_length",
+}
+"""Leaf fields of `j2735_v2x_msgs/BSM` and `carma_v2x_msgs/BSM`."""
+CARMA_PRESENCE: dict[str, tuple[str, int]] = {
+    "dsecond_ms": ("core_data.presence_vector", 1),
+    "latitude_deg": ("core_data.presence_vector", 2),
+    "longitude_deg": ("core_data.presence_vector", 4),
+    "altitude_m": ("core_data.presence_vector", 8),
+    "speed_mps": ("core_data.presence_vector", 16),
+    "heading_compass_deg": ("core_data.presence_vector", 32),
+    "semi_major_m": ("core_data.accuracy.presence_vector", 1),
+    "semi_minor_m": ("core_data.accuracy.presence_vector", 1),
+    "semi_major_compass_deg": ("core_data.accuracy.presence_vector", 2),
+    "accel_mps2": ("core_data.accel_set.presence_vector", 1),
+    "lateral_accel_mps2": ("core_data.accel_set.presence_vector", 1),
+    "yaw_rate_degps": ("core_data.accel_set.presence_vector", 4),
+    "width_m": ("core_data.size.presence_vector", 1),
+    "length_m": ("core_data.size.presence_vector", 2),
+}
+"""`carma_v2x_msgs`: quantity -> field of the flags, bit that is set when the value is there."""
+M_PER_ODE_SIZE = 0.01
+
+
+def json_fields() -> tuple[str, ...]:
+    """Every leaf that a JSON BSM can have its data in."""
+    leaves = (*JSON_RAW.values(), *JSON_ODE.values(), *REVERSE_LEAVES)
+    return (ODE_SOURCE, *dict.fromkeys(prefix + leaf for prefix in JSON_PREFIXES for leaf in leaves))
+
+
+def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    """Decode a JSON channel: raw units or decoded ones, by the names that it has (`lat`, or `position.latitude`)."""
+    for prefix in JSON_PREFIXES:
+        if prefix + JSON_ODE["latitude_deg"] in columns.fields:
+            return _from_ode(columns, ledger, prefix)
+        if prefix + JSON_RAW["latitude_deg"] in columns.fields:
+            return _from_raw(columns, ledger, {name: prefix + leaf for name, leaf in JSON_RAW.items()}, prefix)
+    return _from_raw(columns, ledger, JSON_RAW, "")
+
+
+def decode_ros(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    """Decode a `j2735_v2x_msgs/BSM` channel (raw integers)."""
+    return _from_raw(columns, ledger, ROS, "")
+
+
+def decode_carma(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    """Decode a `carma_v2x_msgs/BSM` channel: degrees, metres, m/s, degrees/s, J2735's signs, and presence flags."""
+    value = {name: numbers(columns, ROS[name]) for name in (*ELEMENTS, "dsecond_ms")}
+    for name, (path, bit) in CARMA_PRESENCE.items():
+        flags = numbers(columns, path)
+        is_there = (np.nan_to_num(flags, nan=0.0).astype(np.int64) & bit) != 0
+        value[name] = np.where(is_there, value[name], np.nan)
+    return _rows(columns, ledger, _signed(value), ROS, "")
+
+
+def _from_ode(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
+    """The ODE's decoded units: degrees, metres, m/s, m/s^2, degrees/s, size in cm; null where unavailable."""
+    paths = {name: prefix + leaf for name, leaf in JSON_ODE.items()}
+    value = {name: numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
+    for name in ("width_m", "length_m"):
+        value[name] = np.where(value[name] > 0, value[name] * M_PER_ODE_SIZE, np.nan)
+    return _rows(columns, ledger, _signed(value), paths, prefix)
+
+
+def _from_raw(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
+    value = {name: decode(element, numbers(columns, paths[name]), ledger) for name, element in ELEMENTS.items()}
+    value["dsecond_ms"] = numbers(columns, paths["dsecond_ms"])
+    return _rows(columns, ledger, value, paths, prefix)
+
+
+def _signed(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Turn the quantities that J2735 counts to the right (decoded units keep its signs)."""
+    return {name: array * ELEMENTS[name].sign if name in ELEMENTS else array for name, array in value.items()}
+
+
+def _rows(
+    columns: Columns, ledger: RowLedger, value: dict[str, FloatArray], paths: dict[str, str], prefix: str
+) -> RemoteRows:
+    """From values in degrees and metres with cwcli's signs to the canonical rows."""
+    n_rows = len(columns)
+    nothing = np.full(n_rows, np.nan)
+    stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
+    station = texts(columns, paths["station"]) or strings_from(["unknown"] * n_rows)
+    yaw_unfilled = _yaw_unfilled(value, station)
+    if yaw_unfilled.any():
+        ledger.note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")
+    speed_mps = value["speed_mps"]
+    return RemoteRows(
+        station=station,
+        is_own=is_one_of(texts(columns, ODE_SOURCE), n_rows, OWN_SOURCE),
+        is_roadside=np.zeros(n_rows, dtype=np.bool_),
+        stamp_ns=or_log_time(ledger, stamp_ns, has_time),
+        latitude_deg=value["latitude_deg"],
+        longitude_deg=value["longitude_deg"],
+        altitude_m=value["altitude_m"],
+        speed_mps=np.where(_is_reverse(columns, paths["transmission"], prefix), -speed_mps, speed_mps),
+        heading_rad=heading_from_compass_deg(value["heading_compass_deg"]),
+        accel_mps2=value["accel_mps2"],
+        lateral_accel_mps2=value["lateral_accel_mps2"],
+        yaw_rate_radps=np.deg2rad(np.where(yaw_unfilled, np.nan, value["yaw_rate_degps"])),
+        length_m=value["length_m"],
+        width_m=value["width_m"],
+        position_covariance_m2=covariance_from_ellipse(
+            np.maximum(value["semi_major_m"], MIN_SEMI_AXIS_M),
+            np.maximum(value["semi_minor_m"], MIN_SEMI_AXIS_M),
+            value["semi_major_compass_deg"],
+        ),
+        speed_sigma_mps=nothing,
+        heading_sigma_rad=nothing,
+        accel_sigma_mps2=nothing,
+        yaw_rate_sigma_radps=nothing,
+    )
+
+
+def _yaw_unfilled(value: dict[str, FloatArray], station: Strings) -> BoolArray:
+    """Where a yaw rate of 0 says nothing.
+
+    J2735 has no code for an unavailable yaw rate, and senders without a gyroscope send 0: a station that never sends
+    anything else, or a message that has no acceleration either.
+    """
+    is_zero = value["yaw_rate_degps"] == 0.0
+    has_no_accel = np.isnan(value["accel_mps2"]) & np.isnan(value["lateral_accel_mps2"])
+    n_other = np.bincount(station.codes + 1, weights=~is_zero, minlength=len(station.values) + 1)
+    n_zero = np.bincount(station.codes + 1, weights=is_zero, minlength=len(station.values) + 1)
+    never_fills = (n_other == 0) & (n_zero > 1)
+    unfilled: BoolArray = is_zero & (has_no_accel | never_fills[station.codes + 1])
+    return unfilled
+
+
+def _is_reverse(columns: Columns, path: str, prefix: str) -> BoolArray:
+    """Where the gear is reverse: as a name, as the number 3, or as an object with that name."""
+    is_named = is_one_of(texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS))
+    as_object = texts(columns, *(prefix + leaf for leaf in REVERSE_LEAVES))
+    return is_named if as_object is None else is_named | (as_object.codes >= 0)

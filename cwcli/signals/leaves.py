@@ -1,0 +1,175 @@
+"""Reading leaf fields out of decoded columns, whatever the message encoding made of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, NS_PER_S
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
+from cwcli.signals.quality import BoolArray
+
+HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+"""ROS 2 names; the JSON ones of ROS 1 bridges (`secs`, `nsecs`, `nsec`) are in `JSON_STAMPS`."""
+JSON_STAMPS = (
+    "header.stamp.secs",
+    "header.stamp.nsecs",
+    "header.stamp.nsec",
+    "timestamp",
+    "timestamp.sec",
+    "timestamp.nsec",
+    "timestamp.nanosec",
+)
+PROTOBUF_STAMP = ("timestamp.seconds", "timestamp.nanos")
+CDR_FOXGLOVE_STAMP = ("timestamp.sec", "timestamp.nanosec")
+
+_SECONDS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec")
+_NANOSECONDS = (
+    "header.stamp.nanosec",
+    "header.stamp.nsecs",
+    "header.stamp.nsec",
+    "timestamp.nanos",
+    "timestamp.nsec",
+    "timestamp.nanosec",
+)
+
+
+def find(columns: Columns, *paths: str) -> Field | None:
+    """The first of these fields that the columns hold, or None."""
+    for path in paths:
+        field = columns.fields.get(path)
+        if field is not None:
+            return field
+    return None
+
+
+def numbers(columns: Columns, *paths: str) -> FloatArray:
+    """A field as numbers, shape (n,); the first of `paths` that is there, NaN where absent or not a number.
+
+    Strings that spell numbers are read as such (JSON written from XER does that).
+    """
+    field = find(columns, *paths)
+    if field is None or isinstance(field, Ragged):
+        return np.full(len(columns), np.nan)
+    if isinstance(field, Strings):
+        spelled = np.array([_parse_number(text) for text in field.values] + [np.nan])
+        return spelled[field.codes]
+    if field.ndim != 1:
+        return np.full(len(columns), np.nan)
+    return field.astype(np.float64)
+
+
+def whole_numbers(columns: Columns, *paths: str) -> tuple[Int64Array, BoolArray]:
+    """A field as int64 without the detour over floats where it is an integer column.
+
+    Returns:
+        Values and whether they are there, both of shape (n,).
+    """
+    field = find(columns, *paths)
+    if isinstance(field, np.ndarray) and field.ndim == 1 and np.issubdtype(field.dtype, np.integer):
+        return field.astype(np.int64), np.ones(len(columns), dtype=np.bool_)
+    values = numbers(columns, *paths)
+    is_valid = np.isfinite(values) & (np.abs(values) < 9e18)
+    return np.where(is_valid, values, 0.0).astype(np.int64), is_valid
+
+
+def texts(columns: Columns, *paths: str) -> Strings | None:
+    """A field as strings, or None when there is none. Numbers are spelled as integers, byte sequences in hex."""
+    field = find(columns, *paths)
+    if field is None or isinstance(field, Strings):
+        return field
+    if isinstance(field, Ragged):
+        bounds = field.offsets
+        octets = field.values.astype(np.uint8).tobytes()
+        return strings_from([octets[bounds[i] : bounds[i + 1]].hex() for i in range(len(field))])
+    if field.ndim == 2:
+        return strings_from([row.tobytes().hex() for row in field.astype(np.uint8)])
+    distinct, codes = np.unique(field.astype(np.float64), return_inverse=True)
+    spelled = strings_from(["" if np.isnan(value) else str(int(value)) for value in distinct])
+    return Strings(codes=spelled.codes[codes].astype(np.int32), values=spelled.values)
+
+
+def strings_from(rows: list[str]) -> Strings:
+    """Dictionary-code a list of strings, in order of first appearance; an empty one is absent (code -1)."""
+    index: dict[str, int] = {}
+    codes = [index.setdefault(row, len(index)) if row else -1 for row in rows]
+    return Strings(codes=np.array(codes, dtype=np.int32), values=tuple(index))
+
+
+def is_one_of(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
+    """Where a string field has one of the accepted values (lower case, compared without case), shape (n,)."""
+    if field is None:
+        return np.zeros(n_rows, dtype=np.bool_)
+    matches = np.array([value.lower() in accepted for value in field.values] + [False])
+    result: BoolArray = matches[field.codes]
+    return result
+
+
+def matrix(columns: Columns, path: str, width: int) -> FloatArray:
+    """A repeated numeric field as shape (n, width); rows of another length are NaN."""
+    field = find(columns, path)
+    out = np.full((len(columns), width), np.nan)
+    if isinstance(field, Ragged):
+        starts, lengths = field.offsets[:-1], np.diff(field.offsets)
+        rows = np.flatnonzero(lengths == width)
+        out[rows] = field.values[starts[rows, None] + np.arange(width)]
+    elif isinstance(field, np.ndarray) and field.ndim == 2 and field.shape[1] == width:
+        out[:] = field
+    return out
+
+
+def vector(columns: Columns, path: str, names: tuple[str, ...] = ("x", "y", "z")) -> FloatArray:
+    """The fields `path.x`, `path.y`, `path.z` side by side, shape (n, 3)."""
+    return np.stack([numbers(columns, f"{path}.{name}") for name in names], axis=1)
+
+
+def frame_id(columns: Columns, *paths: str) -> str:
+    """The frame that the first row with one names, "" when there is none. A leading slash (ROS 1, tf) is taken off."""
+    field = find(columns, *(paths or ("header.frame_id", "frame_id")))
+    if not isinstance(field, Strings):
+        return ""
+    named = field.codes[field.codes >= 0]
+    return field.values[int(named[0])].lstrip("/") if len(named) else ""
+
+
+def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
+    """The messages' own time (`header.stamp`, `timestamp`).
+
+    Returns:
+        Stamps in ns and whether they are usable (given, not zero, between 1970 and 2261), both of shape (n,).
+    """
+    text = columns.fields.get("timestamp")
+    if isinstance(text, Strings):
+        return iso_times(text)
+    seconds, has_seconds = whole_numbers(columns, *_SECONDS)
+    nanoseconds, _ = whole_numbers(columns, *_NANOSECONDS)
+    max_s = MAX_STAMP_NS // NS_PER_S
+    in_range = has_seconds & (np.abs(seconds) < max_s) & (np.abs(nanoseconds) < MAX_STAMP_NS)
+    stamp_ns = np.where(in_range, seconds, 0) * NS_PER_S + np.where(in_range, nanoseconds, 0)
+    return stamp_ns, in_range & (stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS)
+
+
+def iso_times(field: Strings) -> tuple[Int64Array, BoolArray]:
+    """ISO 8601 times in UTC (`2018-05-01T16:04:10.894Z`, also with `[UTC]` or `+00:00` behind) as ns since 1970.
+
+    Returns:
+        Times and whether they could be read, both of shape (n,).
+    """
+    parsed = np.array([_parse_iso(text) for text in field.values] + [0], dtype=np.int64)
+    stamp_ns = parsed[field.codes]
+    return stamp_ns, stamp_ns >= MIN_STAMP_NS
+
+
+def _parse_number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
+def _parse_iso(text: str) -> int:
+    body = text.strip().removesuffix("[UTC]").removesuffix("Z").removesuffix("+00:00")
+    try:
+        stamp = np.datetime64(body, "ns")
+    except ValueError:
+        return 0
+    return 0 if np.isnat(stamp) else int(stamp.astype(np.int64))

@@ -1,0 +1,288 @@
+"""Binding: which channel of a log fills which role, decided from topics and schemas before anything is read.
+
+The rules:
+
+- a schema of the registry (`inputs.INPUTS`) makes a channel a candidate for its roles;
+- topics with a segment `truth`, `ground_truth`, `groundtruth` or `gt` are truth only, and only they are;
+- topics under `/cwcli/` fill only cwcli's own roles, each by its name;
+- of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
+- two that are left are an error for a required role, and leave an optional one unbound with a note;
+- `--topic ROLE=/topic` decides for itself, and for `remote` may list several topics, separated by commas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.signals.codec import Input, Role
+from cwcli.signals.inputs import input_for, inputs_of
+
+__all__ = ["Binding", "Bindings", "ChannelLike", "Role", "bind", "is_truth_topic", "parse_overrides"]
+
+TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
+OWN_TOPIC_PREFIX = "/cwcli/"
+OWN_TOPICS: dict[Role, str] = {
+    Role.EGO_STATE: "/cwcli/ego/state",
+    Role.REMOTE_STATE: "/cwcli/remote/state",
+    Role.EGO_PATH: "/cwcli/ego/path",
+    Role.REMOTE_PATH: "/cwcli/remote/path",
+}
+ROLE_TEXT: dict[Role, str] = {
+    Role.EGO_POSITION: "the ego position",
+    Role.EGO_VELOCITY: "the ego velocity over ground",
+    Role.EGO_SPEED: "the ego speed",
+    Role.EGO_HEADING: "the ego heading",
+    Role.IMU: "the inertial measurements",
+    Role.REMOTE: "the remote vehicles",
+    Role.CAMERA: "the camera",
+    Role.CAMERA_INFO: "the camera's calibration",
+    Role.TRUTH: "the truth",
+    Role.EGO_STATE: "the ego state",
+    Role.REMOTE_STATE: "the remote vehicles' states",
+    Role.EGO_PATH: "the ego path",
+    Role.REMOTE_PATH: "the remote vehicles' paths",
+}
+_ESTIMATE_FIRST = "run `cwcli estimate LOG -o estimated.mcap` first"
+_PREDICT_FIRST = "run `cwcli predict LOG -o predicted.mcap` first"
+ROLE_HINT: dict[Role, str] = {
+    Role.EGO_POSITION: "a position is a NavSatFix, a LocationFix, an Odometry, or the ego's own V2X messages "
+    "(--ego-station ID)",
+    Role.REMOTE: "remote vehicles are read from BSM and CAM messages",
+    Role.EGO_STATE: _ESTIMATE_FIRST,
+    Role.REMOTE_STATE: _ESTIMATE_FIRST,
+    Role.EGO_PATH: _PREDICT_FIRST,
+    Role.REMOTE_PATH: _PREDICT_FIRST,
+}
+MANY_TOPICS = frozenset({Role.REMOTE})
+
+
+class ChannelLike(Protocol):
+    """What binding needs to know of a channel."""
+
+    @property
+    def topic(self) -> str: ...
+    @property
+    def schema_name(self) -> str: ...
+    @property
+    def message_encoding(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Binding:
+    """A channel in a role.
+
+    Attributes:
+        role: The role.
+        topic, schema_name, message_encoding: The channel.
+        is_override: The user named it.
+    """
+
+    role: Role
+    topic: str
+    schema_name: str
+    message_encoding: str
+    is_override: bool = False
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Leaf fields that the role needs of this channel."""
+        entry = input_for(self.role, self.schema_name)
+        return entry.fields.get(self.message_encoding, ()) if entry else ()
+
+
+@dataclass(frozen=True)
+class Bindings:
+    """The outcome of `bind`.
+
+    Attributes:
+        by_role: Role -> its channels: one, or several where the user listed them. Unbound roles are absent.
+        notes: What the user should know, one line each.
+    """
+
+    by_role: Mapping[Role, tuple[Binding, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __contains__(self, role: Role) -> bool:
+        return role in self.by_role
+
+    def of(self, role: Role) -> tuple[Binding, ...]:
+        """The channels of a role, () when it is not bound."""
+        return self.by_role.get(role, ())
+
+    def topic(self, role: Role) -> str | None:
+        """The (first) topic of a role, None when it is not bound."""
+        bound = self.of(role)
+        return bound[0].topic if bound else None
+
+    def wanted(self) -> dict[str, set[str]]:
+        """Topic -> leaf fields to load, for all roles that are read as columns (what `Log.load` takes)."""
+        fields: dict[str, set[str]] = {}
+        for bound in self.by_role.values():
+            for binding in bound:
+                if binding.fields:
+                    fields.setdefault(binding.topic, set()).update(binding.fields)
+        return fields
+
+
+def bind(
+    channels: Sequence[ChannelLike],
+    overrides: Mapping[str, str],
+    *,
+    required: Collection[Role],
+    optional: Collection[Role] = (),
+    ego_station: str | None = None,
+    where: str = "",
+    command: str = "",
+) -> Bindings:
+    """Find the channels for a command's roles.
+
+    Args:
+        channels: All channels of the log.
+        overrides: Role name -> topic (`--topic`); roles that this command does not use are ignored.
+        required: Roles that the command can't do without.
+        optional: Roles that it uses when they are there.
+        ego_station: Station whose V2X messages are the ego's own, or None.
+        where: Log name for messages.
+        command: Command name for messages (`estimate`).
+
+    Returns:
+        The bindings.
+
+    Raises:
+        UsageError: An override names an unknown role, a topic that is not in the log, or one that can't fill the role.
+        MissingSignalError: A required role has no candidate, or more than one.
+    """
+    named = _check_overrides(channels, overrides, where)
+    by_role: dict[Role, tuple[Binding, ...]] = {}
+    notes: list[str] = []
+    for role in dict.fromkeys((*required, *optional)):
+        if role in named:
+            by_role[role] = named[role]
+            continue
+        candidates = _candidates(channels, role, ego_station)
+        if len(candidates) == 1:
+            by_role[role] = (candidates[0],)
+        elif role in required:
+            raise _unbound(role, candidates, channels, where, command)
+        elif candidates:
+            notes.append(f"{_too_many(role, candidates)}; none is used (choose one with {_option(role, candidates)})")
+    return Bindings(by_role=by_role, notes=tuple(notes))
+
+
+def is_truth_topic(topic: str) -> bool:
+    """Whether a topic's name says that it holds reference values."""
+    return not TRUTH_SEGMENTS.isdisjoint(topic.lower().split("/"))
+
+
+def parse_overrides(options: Sequence[str]) -> dict[str, str]:
+    """Read `ROLE=/topic` options.
+
+    Raises:
+        UsageError: An option has no `=`, or a role comes twice.
+    """
+    overrides: dict[str, str] = {}
+    for option in options:
+        name, separator, topic = option.partition("=")
+        if not separator or not topic:
+            raise UsageError(f"--topic {option}: expected ROLE=/topic", hint=_role_names())
+        if name in overrides:
+            raise UsageError(f"--topic {name} is given twice", hint="several topics for remote: --topic remote=/a,/b")
+        overrides[name] = topic
+    return overrides
+
+
+def _candidates(channels: Sequence[ChannelLike], role: Role, ego_station: str | None) -> list[Binding]:
+    """The channels of the lowest rank that can fill the role, one for each topic."""
+    ranked: dict[str, tuple[int, Binding]] = {}
+    for channel in channels:
+        entry = input_for(role, channel.schema_name)
+        if entry is None or entry.rank is None or getattr(channel, "message_count", None) == 0:
+            continue
+        if _suits(channel, role, entry, ego_station):
+            ranked.setdefault(channel.topic, (entry.rank, _binding(channel, role)))
+    lowest = min((rank for rank, _ in ranked.values()), default=0)
+    return [binding for rank, binding in ranked.values() if rank == lowest]
+
+
+def _suits(channel: ChannelLike, role: Role, entry: Input, ego_station: str | None) -> bool:
+    if role in OWN_TOPICS:
+        return channel.topic == OWN_TOPICS[role]
+    if channel.topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(channel.topic) != (role == Role.TRUTH):
+        return False
+    if entry.needs_ego_station and ego_station is None:
+        return False
+    return entry.fits(channel.topic)
+
+
+def _check_overrides(
+    channels: Sequence[ChannelLike], overrides: Mapping[str, str], where: str
+) -> dict[Role, tuple[Binding, ...]]:
+    named: dict[Role, tuple[Binding, ...]] = {}
+    for name, value in overrides.items():
+        if name not in {known.value for known in Role}:
+            raise UsageError(f"--topic {name}={value}: there is no role {name}", hint=_role_names())
+        role = Role(name)
+        topics = value.split(",") if role in MANY_TOPICS else [value]
+        named[role] = tuple(_named_channel(channels, role, topic.strip(), where) for topic in topics)
+    return named
+
+
+def _named_channel(channels: Sequence[ChannelLike], role: Role, topic: str, where: str) -> Binding:
+    usable = {channel.topic: channel for channel in channels if input_for(role, channel.schema_name)}
+    channel = usable.get(topic) or usable.get(f"/{topic}")
+    if channel is not None:
+        return _binding(channel, role, is_override=True)
+    option = f"--topic {role}={topic}"
+    if usable:
+        hint = f"topics that can hold {ROLE_TEXT[role]}: {', '.join(usable)}"
+    else:
+        hint = f"no channel of this log can hold {ROLE_TEXT[role]}"
+    schema = next((channel.schema_name for channel in channels if channel.topic in (topic, f"/{topic}")), None)
+    if schema is None:
+        raise UsageError(f"{option}: the log has no topic {topic}", where=where, hint=hint)
+    raise UsageError(f"{option}: {schema or 'no schema'} can't hold {ROLE_TEXT[role]}", where=where, hint=hint)
+
+
+def _unbound(
+    role: Role, candidates: Sequence[Binding], channels: Sequence[ChannelLike], where: str, command: str
+) -> MissingSignalError:
+    needed = f" (needed by `cwcli {command}`)" if command else ""
+    found = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name or 'no schema'})" for channel in channels))
+    if candidates:
+        return MissingSignalError(
+            f"{_too_many(role, candidates)}{needed}",
+            where=where,
+            found=found,
+            hint=f"choose one with {_option(role, candidates)}",
+        )
+    by_hand = [
+        channel.topic for channel in channels if any(entry.role == role for entry in inputs_of(channel.schema_name))
+    ]
+    hint = ROLE_HINT.get(role, "")
+    if by_hand and role not in OWN_TOPICS:
+        hint = f"{hint}; " if hint else ""
+        hint += f"{', '.join(dict.fromkeys(by_hand))} can be named with --topic {role}=/name"
+    return MissingSignalError(
+        f"no channel holds {ROLE_TEXT[role]}{needed}", where=where, found=found or ("no channels",), hint=hint
+    )
+
+
+def _too_many(role: Role, candidates: Sequence[Binding]) -> str:
+    count = {2: "two"}.get(len(candidates), str(len(candidates)))
+    names = [f"{candidate.topic} ({candidate.schema_name})" for candidate in candidates]
+    return f"{count} channels hold {ROLE_TEXT[role]}: {', '.join(names[:-1])} and {names[-1]}"
+
+
+def _option(role: Role, candidates: Sequence[Binding]) -> str:
+    return " or ".join(f"--topic {role}={candidate.topic}" for candidate in candidates)
+
+
+def _role_names() -> str:
+    return f"roles: {', '.join(Role)}"
+
+
+def _binding(channel: ChannelLike, role: Role, *, is_override: bool = False) -> Binding:
+    return Binding(role, channel.topic, channel.schema_name, channel.message_encoding, is_override)

@@ -1,0 +1,50 @@
+"""How a V2X standard codes a quantity as an integer, and back. The tables are `j2735.ELEMENTS` and `etsi.ELEMENTS`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.quality import RowLedger
+
+
+@dataclass(frozen=True)
+class Element:
+    """A data element of a standard.
+
+    Attributes:
+        element: Name in the standard.
+        unit: Size of one step, in the unit that the quantity's name says (degrees for angles, metres, ...).
+        sign: -1 where the standard counts the other way round than cwcli.
+        low, high: Range of the codes that are values.
+        unavailable: Codes that say that there is no value.
+        out_of_range: Codes that say that the value is not valid and must not be used.
+    """
+
+    element: str
+    unit: float
+    sign: int
+    low: int
+    high: int
+    unavailable: tuple[int, ...] = ()
+    out_of_range: tuple[int, ...] = ()
+
+
+def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+    """Turn codes into values.
+
+    Args:
+        element: The row of the table.
+        raw: Shape (n,), codes; NaN where the message has none.
+        ledger: Books codes that the standard does not know.
+
+    Returns:
+        Shape (n,), `sign * unit * raw`; NaN for the unavailable and out-of-range codes and those outside the range.
+    """
+    is_special = np.isin(raw, element.unavailable + element.out_of_range)
+    in_range = (raw >= element.low) & (raw <= element.high) & ~is_special
+    if ledger is not None:
+        ledger.repair(np.isfinite(raw) & ~in_range & ~is_special, f"{element.element} outside its range, left out")
+    return np.where(in_range, element.sign * element.unit * raw, np.nan)
