@@ -75,6 +75,14 @@ class Points:
     covariance_m2: FloatArray
     beyond: npt.NDArray[np.bool_]
 
+    def rows(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp] | slice) -> Points:
+        """Some rows at some of the times."""
+        x, y, heading, speed, covariance = (
+            values[rows][:, columns]
+            for values in (self.x_m, self.y_m, self.heading_rad, self.speed_mps, self.covariance_m2)
+        )
+        return Points(x, y, heading, speed, covariance, self.beyond[rows])
+
 
 def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray) -> Points:
     """Paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, linear between the points.
@@ -88,12 +96,16 @@ def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArr
     past_s[past_s < 1e-9] = 0.0
     before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, last - 1)
     share = np.minimum(place - before, 1.0)
-    at = (rows[:, None], before)
-    then = (rows[:, None], before + 1)
+    flat = rows[:, None] * (last + 1) + before
 
     def read(values: FloatArray) -> FloatArray:
-        first = values[at]
-        return np.asarray(first + share * (values[then] - first))
+        values = values.reshape(-1, *values.shape[2:])
+        first = values.take(flat, axis=0)
+        step = values.take(flat + 1, axis=0)
+        step -= first
+        step *= share.reshape(share.shape + (1,) * (step.ndim - 2))
+        first += step
+        return first
 
     heading, speed = read(paths.heading_rad), read(paths.speed_mps)
     x, y = read(paths.x_m), read(paths.y_m)
@@ -101,5 +113,4 @@ def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArr
     if beyond.any():
         x += past_s * speed * np.cos(heading)
         y += past_s * speed * np.sin(heading)
-    covariance = np.stack([read(paths.position_covariance_m2[..., i]) for i in range(3)], axis=-1)
-    return Points(x, y, heading, speed, covariance, beyond)
+    return Points(x, y, heading, speed, read(paths.position_covariance_m2), beyond)

@@ -9,6 +9,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.actual import post_encroachment_time, relative_motion
+from cwcli.warning.align import read_paths
 from cwcli.warning.conflicts import judge, real_conflicts
 from cwcli.warning.output import (
     conflicts_table,
@@ -52,11 +53,13 @@ def evaluate(
     actual = actual or {}
     rule = _checked_rule(host, config)
     time_s = _times(host, config, rule)
+    n = len(host.stamp_ns)
+    points = read_paths(host.paths, np.arange(n), np.zeros(n), time_s)
     pairs = []
     for other in others:
         if not len(other.stamp_ns) or not len(host.stamp_ns):
             continue
-        pairs.append(_scored(host, evaluate_pair(host, other, rule, config, time_s), config, actual))
+        pairs.append(_scored(host, evaluate_pair(host, points, other, rule, config, time_s), config, actual))
     ids = number_events(pairs)
     log_time_ns, channel = warnings_channel(
         pairs,

@@ -86,8 +86,10 @@ def measure(
 
 def _now(host: Points, other: Points, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Centre distance and closing speed at tau = 0."""
-    dvx = (other.speed_mps * np.cos(other.heading_rad) - host.speed_mps * np.cos(host.heading_rad))[:, 0]
-    dvy = (other.speed_mps * np.sin(other.heading_rad) - host.speed_mps * np.sin(host.heading_rad))[:, 0]
+    own_v, their_v = host.speed_mps[:, 0], other.speed_mps[:, 0]
+    own_heading, their_heading = host.heading_rad[:, 0], other.heading_rad[:, 0]
+    dvx = their_v * np.cos(their_heading) - own_v * np.cos(own_heading)
+    dvy = their_v * np.sin(their_heading) - own_v * np.sin(own_heading)
     distance = np.hypot(x, y)
     with np.errstate(divide="ignore", invalid="ignore"):
         closing = np.where(distance > 0.0, -(x * dvx + y * dvy) / distance, 0.0)

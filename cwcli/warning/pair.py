@@ -16,7 +16,8 @@ from cwcli.warning.measures import Measures, measure
 from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
-NEAR_M = 15.0  # beyond the collision distance: such rows get every path point, others every fifth
+REACH_M = 15.0  # beyond the collision distance: what can't come this near is not evaluated
+NEAR_M = 6.0  # beyond the collision distance: such rows get every path point, others every fifth
 COARSE = 5
 
 
@@ -59,11 +60,17 @@ class ScoredPair:
 
 
 def evaluate_pair(
-    host: VehicleTrack, other: VehicleTrack, rule: Rule, config: WarningConfig, time_s: FloatArray
+    host: VehicleTrack,
+    host_points: Points,
+    other: VehicleTrack,
+    rule: Rule,
+    config: WarningConfig,
+    time_s: FloatArray,
 ) -> PairEvaluation:
     """Evaluate one pair at the host's stamps.
 
     Args:
+        host_points: The host's n paths read at `time_s`.
         time_s: Shape (q,): times along the paths, from 0 past the horizon by the rule's persistence.
     """
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
@@ -71,7 +78,7 @@ def evaluate_pair(
     within = _within_reach(host, other, pairing.host_row, pairing.other_row, float(time_s[-1]), config)
     host_row, other_row = pairing.host_row[within], pairing.other_row[within]
     age_s = pairing.age_s[within]
-    measures, beyond = _measures(host, other, host_row, other_row, age_s, time_s, config)
+    measures, beyond = _measures(host, host_points, other, host_row, other_row, age_s, time_s, config)
     decision = rule.decide(measures, config, persistence_s)
     stamp_ns = host.stamp_ns[host_row]
     spans = find_events(
@@ -114,11 +121,12 @@ def _within_reach(
     top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
     apart = np.hypot(theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0])
     reach = top_own[host_row] * span_s + top_theirs[other_row] * (span_s + config.max_age_s)
-    return np.asarray(~(apart > reach + config.distance_m + NEAR_M))
+    return np.asarray(~(apart > reach + config.distance_m + REACH_M))
 
 
 def _measures(
     host: VehicleTrack,
+    host_points: Points,
     other: VehicleTrack,
     host_row: npt.NDArray[np.intp],
     other_row: npt.NDArray[np.intp],
@@ -128,9 +136,13 @@ def _measures(
 ) -> tuple[Measures, npt.NDArray[np.bool_]]:
     """Measures of all rows from every fifth point; of those that come near, from every point."""
     thinned = np.union1d(np.arange(0, len(time_s), COARSE), [_horizon_index(time_s, config), len(time_s) - 1])
-    coarse, beyond = _read_and_measure(host, other, host_row, other_row, age_s, time_s[thinned], config)
+    coarse, beyond = _read_and_measure(
+        host, host_points.rows(host_row, thinned), other, other_row, age_s, time_s[thinned], config
+    )
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_M)
-    fine, _ = _read_and_measure(host, other, host_row[near], other_row[near], age_s[near], time_s, config)
+    fine, _ = _read_and_measure(
+        host, host_points.rows(host_row[near], slice(None)), other, other_row[near], age_s[near], time_s, config
+    )
     for name in (entry.name for entry in fields(Measures)):
         getattr(coarse, name)[near] = getattr(fine, name)
     return coarse, beyond
@@ -142,15 +154,14 @@ def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
 
 def _read_and_measure(
     host: VehicleTrack,
+    own: Points,
     other: VehicleTrack,
-    host_row: npt.NDArray[np.intp],
     other_row: npt.NDArray[np.intp],
     age_s: FloatArray,
     time_s: FloatArray,
     config: WarningConfig,
 ) -> tuple[Measures, npt.NDArray[np.bool_]]:
-    own = read_paths(host.paths, host_row, np.zeros(len(host_row)), time_s)
-    theirs: Points = read_paths(other.paths, other_row, age_s, time_s)
+    theirs = read_paths(other.paths, other_row, age_s, time_s)
     measures = measure(
         own,
         theirs,
