@@ -1,0 +1,190 @@
+"""A scene that a lidar and a radar watch: truth, detections, clutter, missed detections. Plain arrays.
+
+Axes: x right, y forward as in xiang2019 figure 1 for the paper's scenes (`static_target`, `segment`), any plane frame
+for `crossing_targets`. The sensors stand at the origin. Azimuth is counter-clockwise from the x axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+
+# xiang2019 section 4.1: ranges of the static comparison, m
+PAPER_RANGES_M = (1.10, 3.20, 4.90, 9.30, 15.20)
+# xiang2019 section 4.2: the sampling period; the lidar and the radar alternate
+PERIOD_S = 0.05
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """1-sigma noise. The paper only says that the radar system's resolution is 0.125 m (section 4.2).
+
+    The lidar value is an IBEO LUX's, the radar values those of a Delphi ESR in mid range (data sheets: about 0.1 m;
+    0.25 m, 0.5 deg, 0.12 m/s).
+    """
+
+    lidar_m: float = 0.1
+    range_m: float = 0.25
+    azimuth_rad: float = 0.0087
+    rate_mps: float = 0.12
+
+
+@dataclass(frozen=True)
+class DualSensorScene:
+    """Truth and detections.
+
+    Attributes:
+        truth_stamp_ns, truth_id: Shape (t,).
+        truth_state: Shape (t, 4): x, y, vx, vy.
+        lidar_stamp_ns: Shape (a,); lidar_xy: (a, 2).
+        radar_stamp_ns: Shape (b,); radar: (b, 3): range, azimuth, range rate.
+        lidar_scan_ns, radar_scan_ns: All scans, empty ones included.
+    """
+
+    truth_stamp_ns: Int64Array
+    truth_id: Int64Array
+    truth_state: FloatArray
+    lidar_stamp_ns: Int64Array
+    lidar_xy: FloatArray
+    radar_stamp_ns: Int64Array
+    radar: FloatArray
+    lidar_scan_ns: Int64Array
+    radar_scan_ns: Int64Array
+
+
+def lidar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
+    """Lidar measurements (n, 2) of states (n, 4) (xiang2019 eq. 1)."""
+    return state[:, :2] + noise.lidar_m * rng.standard_normal((len(state), 2))
+
+
+def radar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
+    """Radar measurements (n, 3) of states (n, 4) (xiang2019 eq. 2-4). The range stays positive."""
+    reach = np.hypot(state[:, 0], state[:, 1])
+    rate = (state[:, :2] * state[:, 2:]).sum(axis=1) / np.maximum(reach, 1e-9)
+    exact = np.stack([reach, np.arctan2(state[:, 1], state[:, 0]), rate], axis=1)
+    sigma = (noise.range_m, noise.azimuth_rad, noise.rate_mps)
+    out: FloatArray = exact + rng.standard_normal(exact.shape) * sigma
+    out[:, 0] = np.abs(out[:, 0])
+    out[:, 1] = (out[:, 1] + np.pi) % (2.0 * np.pi) - np.pi
+    return out
+
+
+def watch(time_s: FloatArray, state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> DualSensorScene:
+    """One target seen at every time: the lidar at the even samples, the radar at the odd ones."""
+    stamp = np.round(time_s * 1e9).astype(np.int64)
+    lidar, radar = slice(0, None, 2), slice(1, None, 2)
+    return DualSensorScene(
+        stamp, np.ones(len(stamp), np.int64), state,
+        stamp[lidar], lidar_of(state[lidar], noise, rng),
+        stamp[radar], radar_of(state[radar], noise, rng),
+        stamp[lidar], stamp[radar],
+    )  # fmt: skip
+
+
+def static_target(
+    range_m: float, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PERIOD_S
+) -> DualSensorScene:
+    """A target that stands straight ahead (xiang2019 figures 5 and 6), seen n times."""
+    state = np.tile([0.0, range_m, 0.0, 0.0], (n, 1))
+    return watch(np.arange(n, dtype=np.float64) * period_s, state, noise, rng)
+
+
+def _line(t: FloatArray) -> FloatArray:
+    return np.stack([2.0 + 0.1 * t, 4.0 + 1.5 * t], axis=1)
+
+
+def _arc(t: FloatArray) -> FloatArray:
+    angle = 0.12 * t
+    return np.stack([12.0 * np.sin(angle) - 4.0, 3.0 + 12.0 * (1.0 - np.cos(angle))], axis=1)
+
+
+def _weave(t: FloatArray) -> FloatArray:
+    return np.stack([1.5 * np.sin(0.6 * t), 5.0 + 1.2 * t], axis=1)
+
+
+def _turn(t: FloatArray) -> FloatArray:
+    angle = np.clip(t - 4.0, 0.0, 5.0) * 0.3
+    straight, beyond = np.minimum(t, 4.0), np.maximum(t - 9.0, 0.0)
+    x = -3.0 + 5.0 * (1.0 - np.cos(angle)) + 1.5 * beyond * np.sin(angle)
+    y = 3.0 + 1.5 * straight + 5.0 * np.sin(angle) + 1.5 * beyond * np.cos(angle)
+    return np.stack([x, y], axis=1)
+
+
+# Four walks in front of the car. Figure 7 is lost in the text, so the shapes are declared here: a line, an arc, a
+# weave, a turn, at walking pace within 25 m, as the paper's site and its laser range finder allow.
+SEGMENTS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "line": _line, "arc": _arc, "weave": _weave, "turn": _turn,
+}  # fmt: skip
+
+
+def segment_truth(name: str, n: int, *, period_s: float = PERIOD_S) -> tuple[FloatArray, FloatArray]:
+    """Times (n,) and states (n, 4) of one of `SEGMENTS`; the velocity is the path's central difference."""
+    t = np.arange(n, dtype=np.float64) * period_s
+    path, h = SEGMENTS[name], 1e-5
+    return t, np.concatenate([path(t), (path(t + h) - path(t - h)) / (2.0 * h)], axis=1)
+
+
+def segment(
+    name: str, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PERIOD_S
+) -> DualSensorScene:
+    """One target along one of `SEGMENTS` (xiang2019 figures 7 and 8, table 1)."""
+    return watch(*segment_truth(name, n, period_s=period_s), noise, rng)
+
+
+def crossing_targets(
+    rng: np.random.Generator,
+    *,
+    n_targets: int = 5,
+    n_scans: int = 100,
+    period_s: float = 0.1,
+    half_width_m: float = 50.0,
+    speed_mps: float = 8.0,
+    detection_probability: float = 0.9,
+    clutter_per_scan: float = 10.0,
+    noise: SensorNoise | None = None,
+    with_radar: bool = False,
+) -> DualSensorScene:
+    """Targets that cross near the middle of a square field at the same time, with clutter and missed detections.
+
+    Target k comes from direction 2 pi k / n (a little disturbed) and passes the middle within a few metres half-way
+    through. Clutter is Poisson, uniform over the field (lidar) or over range, azimuth and +-15 m/s (radar).
+    """
+    noise = noise or SensorNoise(lidar_m=0.3, range_m=0.3, azimuth_rad=0.01, rate_mps=0.2)
+    t = period_s * np.arange(n_scans)
+    stamp = np.round(t * 1e9).astype(np.int64)
+    direction = 2.0 * np.pi * np.arange(n_targets) / n_targets + rng.uniform(-0.2, 0.2, n_targets)
+    velocity = speed_mps * np.stack([np.cos(direction), np.sin(direction)], axis=1)
+    middle = rng.uniform(-3.0, 3.0, (n_targets, 2))
+    truth = np.zeros((n_scans, n_targets, 4))
+    truth[:, :, :2] = middle + velocity * (t - t[n_scans // 2])[:, None, None]
+    truth[:, :, 2:] = velocity
+    lidar, radar, lidar_at, radar_at = [], [], [], []
+    reach = half_width_m * np.sqrt(2.0)
+    for k in range(n_scans):
+        use_radar = with_radar and k % 2 == 1
+        seen = truth[k][rng.random(n_targets) < detection_probability]
+        n_clutter = int(rng.poisson(clutter_per_scan))
+        if use_radar:
+            low, high = (0.0, -np.pi, -15.0), (reach, np.pi, 15.0)
+            found = np.concatenate([radar_of(seen, noise, rng), rng.uniform(low, high, (n_clutter, 3))])
+            radar.append(rng.permutation(found))
+            radar_at.append(np.full(len(found), stamp[k]))
+        else:
+            clutter = rng.uniform(-half_width_m, half_width_m, (n_clutter, 2))
+            found = np.concatenate([lidar_of(seen, noise, rng), clutter])
+            lidar.append(rng.permutation(found))
+            lidar_at.append(np.full(len(found), stamp[k]))
+    is_radar = with_radar & (np.arange(n_scans) % 2 == 1)
+    none = np.zeros(0, np.int64)
+    return DualSensorScene(
+        np.repeat(stamp, n_targets), np.tile(np.arange(1, n_targets + 1), n_scans), truth.reshape(-1, 4),
+        np.concatenate([none, *lidar_at]), np.concatenate([np.zeros((0, 2)), *lidar]),
+        np.concatenate([none, *radar_at]), np.concatenate([np.zeros((0, 3)), *radar]),
+        stamp[~is_radar], stamp[is_radar],
+    )  # fmt: skip

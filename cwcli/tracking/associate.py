@@ -1,0 +1,87 @@
+"""Global nearest neighbour: which detection belongs to which track, best for all together.
+
+The assignment problem is solved by `lap` (Jonker and Volgenant's algorithm; imports in 20 ms beside NumPy, SciPy's
+takes 450 ms). It is split into groups of tracks that compete for the same detections, so that the matrices stay small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+
+MAX_CANDIDATES = 32
+_NO_PAIR = 1.0e9
+
+
+def solve(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
+    """Pairs (row, column) that maximise the summed gain; pairs with no positive gain are left out.
+
+    Args:
+        gain: Shape (m, n); -inf forbids a pair.
+    """
+    import lap
+
+    m, n = gain.shape
+    if m == 0 or n == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    if m == 1 or n == 1:
+        k = int(np.argmax(gain))
+        if not gain.flat[k] > 0.0:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        return np.array([k // n]), np.array([k % n])
+    useful = gain > 0.0
+    # One spare column a row and one spare row a column, at cost 0, make it square: leaving out is always possible.
+    cost = np.full((m + n, m + n), _NO_PAIR)
+    cost[:m, :n][useful] = -gain[useful]
+    cost[np.arange(m), n + np.arange(m)] = 0.0
+    cost[m + np.arange(n), np.arange(n)] = 0.0
+    cost[m:, n:] = 0.0
+    _, columns, _ = lap.lapjv(cost)
+    columns = np.asarray(columns[:m], np.int64)
+    rows = np.flatnonzero(columns < n)
+    good = useful[rows, columns[rows]]
+    return rows[good], columns[rows][good]
+
+
+def _groups(useful: np.ndarray) -> list[Int64Array]:
+    """Rows that share columns, directly or through others."""
+    m = useful.shape[0]
+    label = np.arange(m)
+    while True:
+        lowest = np.where(useful, label[:, None], m).min(axis=0)
+        new = np.minimum(label, np.where(useful, lowest[None, :], m).min(axis=1))
+        new = new[new]
+        if (new == label).all():
+            break
+        label = new
+    return [np.flatnonzero(label == k) for k in np.unique(label)]
+
+
+def assign(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
+    """As `solve`, in groups. Of a row's pairs at most the `MAX_CANDIDATES` best are looked at, which bounds the memory.
+
+    Args:
+        gain: Shape (tracks, detections): log-likelihood ratio of the pair against leaving both alone.
+    """
+    with np.errstate(invalid="ignore"):
+        rows = np.flatnonzero((gain > 0.0).any(axis=1))
+    if not len(rows):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    small = gain[rows]
+    if small.shape[1] > MAX_CANDIDATES:
+        cut = np.partition(small, -MAX_CANDIDATES, axis=1)[:, -MAX_CANDIDATES]
+        small = np.where(small >= cut[:, None], small, -np.inf)
+    columns = np.flatnonzero((small > 0.0).any(axis=0))
+    small = small[:, columns]
+    useful = small > 0.0
+    alone = (useful.sum(axis=1) == 1) & (useful[:, useful.sum(axis=0) == 1].any(axis=1))
+    a, b = [rows[alone]], [columns[np.argmax(useful[alone], axis=1)]] if alone.any() else [np.zeros(0, np.int64)]
+    rest = np.flatnonzero(~alone)
+    for group in _groups(useful[rest]) if len(rest) else []:
+        members = rest[group]
+        mine = np.flatnonzero(useful[members].any(axis=0))
+        i, j = solve(small[np.ix_(members, mine)])
+        a.append(rows[members[i]])
+        b.append(columns[mine[j]])
+    return np.concatenate(a), np.concatenate(b)

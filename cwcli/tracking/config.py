@@ -1,0 +1,142 @@
+"""Settings of the filters and of the tracker. Registries are literal dicts: a motion model is one line here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.tracking.chi2 import chi2_quantile
+
+
+@dataclass(frozen=True)
+class MotionModel:
+    """A motion model of the kernel.
+
+    Attributes:
+        code: Number in the kernel.
+        states: Names of the states, SI units.
+        noise: Default density of the driving noise: acceleration in m/s^1.5, or jerk in m/s^2.5 for `ca`.
+        turn_noise: Default density of the turn-rate noise, rad/s^1.5, 0 where the model has none.
+        start_sigma: Default 1-sigma at the start of what comes after vx, vy.
+        doc: One line for `--help`.
+    """
+
+    code: int
+    states: tuple[str, ...]
+    noise: float
+    turn_noise: float
+    start_sigma: float
+    doc: str
+
+
+_CV = ("x_m", "y_m", "vx_mps", "vy_mps")
+MODELS: dict[str, MotionModel] = {
+    "cv": MotionModel(0, _CV, 1.0, 0.0, 0.0, "constant velocity, accelerations as noise (xiang2019 eq. 15)"),
+    "ca": MotionModel(1, (*_CV, "ax_mps2", "ay_mps2"), 1.0, 0.0, 2.0, "constant acceleration"),
+    "ctrv": MotionModel(2, (*_CV, "turn_rate_radps"), 0.3, 0.2, 0.3, "constant turn rate and velocity"),
+}
+FILTERS: dict[str, bool] = {"ukf": True, "ekf": False}
+
+
+@dataclass(frozen=True)
+class FilterConfig:
+    """One filter.
+
+    Attributes:
+        filter: `ukf` or `ekf`.
+        model: A key of `MODELS`.
+        noise, turn_noise: Process noise densities (see `MotionModel`); None takes the model's default.
+        start_speed_mps: 1-sigma of each velocity component before anything is known of it.
+        start_sigma: The same for turn rate or acceleration; None takes the model's default.
+        kappa: Sigma points lie at sqrt(n + kappa) sigma. At 0 or more all weights are positive.
+        cartesian_below: A radar detection is taken in Cartesian form while the predicted position's sigma is more
+            than this fraction of the range: there the bearing is no line, and at range 0 it does not exist. 0 = never.
+        gate_probability: A detection outside this chi-square region is rejected. 1 = none is.
+        restart_after: So many rejections in a row make a new start. 0 = never.
+        max_gap_s: A longer gap without detections is not bridged.
+        smooth: Smooth after filtering.
+        tune: Estimate process and measurement noise by maximum likelihood first.
+    """
+
+    filter: str = "ukf"
+    model: str = "ctrv"
+    noise: float | None = None
+    turn_noise: float | None = None
+    start_speed_mps: float = 10.0
+    start_sigma: float | None = None
+    kappa: float = 0.0
+    cartesian_below: float = 0.3
+    gate_probability: float = 0.9999
+    restart_after: int = 10
+    max_gap_s: float = 5.0
+    smooth: bool = True
+    tune: bool = False
+
+    def __post_init__(self) -> None:
+        if self.filter not in FILTERS:
+            raise ValueError(f"unknown filter {self.filter!r}; known: {', '.join(FILTERS)}")
+        if self.model not in MODELS:
+            raise ValueError(f"unknown motion model {self.model!r}; known: {', '.join(MODELS)}")
+        if self.kappa < 0.0:
+            raise ValueError("kappa must be 0 or more: negative weights can make a covariance negative")
+        if not 0.0 < self.gate_probability <= 1.0:
+            raise ValueError(f"gate_probability {self.gate_probability} is not in (0, 1]")
+
+    @property
+    def motion(self) -> MotionModel:
+        """The motion model."""
+        return MODELS[self.model]
+
+    def kernel_params(self) -> FloatArray:
+        """The kernel's `params` (8,); see `kernels/track.pyx`."""
+        motion = self.motion
+        noise = motion.noise if self.noise is None else self.noise
+        turn = motion.turn_noise if self.turn_noise is None else self.turn_noise
+        extra = motion.start_sigma if self.start_sigma is None else self.start_sigma
+        return np.array(
+            [
+                noise**2,
+                turn**2,
+                self.start_speed_mps**2,
+                extra**2,
+                self.kappa,
+                self.cartesian_below,
+                self.max_gap_s,
+                self.restart_after,
+            ]
+        )
+
+    def gates(self) -> FloatArray:
+        """NIS limits by number of measured values, (4,); 0 = no gate."""
+        if self.gate_probability >= 1.0:
+            return np.zeros(4)
+        return np.array([0.0, *(chi2_quantile(self.gate_probability, dof) for dof in (1, 2, 3))])
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Many targets: the filter of each, and when a track is born, confirmed and dead.
+
+    Attributes:
+        single: The filter of each track. Its `gate_probability` is the association gate.
+        new_target_ratio: Expected new targets per expected false detection: the prior odds of a new track.
+        confirm_probability: A track is confirmed when its probability of existence passes this.
+        delete_probability: A confirmed track is dead below this.
+        tentative_misses: A track that is not confirmed is dead after so many misses in a row.
+        mean_life_s: Mean lifetime of a target; existence fades by exp(-dt / mean_life_s).
+        max_coast_s: A track without detections for longer is dead.
+        max_tracks: Bound of tracks held at a time; births beyond it are refused and counted.
+        max_scan: Bound of detections of one scan; those beyond are rejected and counted.
+    """
+
+    single: FilterConfig = FilterConfig()
+    new_target_ratio: float = 0.01
+    confirm_probability: float = 0.95
+    delete_probability: float = 0.05
+    tentative_misses: int = 2
+    mean_life_s: float = 60.0
+    max_coast_s: float = 2.0
+    max_tracks: int = 500
+    max_scan: int = 20_000

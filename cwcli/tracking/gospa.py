@@ -1,0 +1,178 @@
+"""How good a set of tracks is: GOSPA with its parts, id switches, errors of each target.
+
+GOSPA: Rahmathullah, Garcia-Fernandez, Svensson, FUSION 2017, eq. 1 with alpha = 2, for which it splits into
+localisation, missed and false targets (prop. 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.tracking.associate import solve
+
+
+@dataclass(frozen=True)
+class Gospa:
+    """GOSPA of one moment, in metres.
+
+    Attributes:
+        distance: (localisation + missed + false) ** (1 / p).
+        localisation, missed, false: The parts, to the power p.
+        n_missed, n_false: Numbers of targets without a track, and of tracks without a target.
+    """
+
+    distance: float
+    localisation: float
+    missed: float
+    false: float
+    n_missed: int
+    n_false: int
+
+
+def gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float = 5.0, p: float = 2.0) -> Gospa:
+    """GOSPA between true positions (m, 2) and tracks (n, 2). A pair farther apart than `cutoff_m` is no pair."""
+    m, n = len(truth_xy), len(track_xy)
+    i, j, distance = match(truth_xy, track_xy, cutoff_m=cutoff_m, p=p)
+    localisation = float((distance**p).sum())
+    penalty = 0.5 * cutoff_m**p
+    missed, false = (m - len(i)) * penalty, (n - len(j)) * penalty
+    total = (localisation + missed + false) ** (1.0 / p)
+    return Gospa(total, localisation, missed, false, m - len(i), n - len(j))
+
+
+def match(
+    truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float, p: float = 2.0
+) -> tuple[Int64Array, Int64Array, FloatArray]:
+    """Best pairs of true positions (m, 2) and tracks (n, 2): their rows, and their distances."""
+    if not len(truth_xy) or not len(track_xy):
+        none = np.zeros(0, np.int64)
+        return none, none, np.zeros(0)
+    distance = np.linalg.norm(truth_xy[:, None, :] - track_xy[None, :, :], axis=2)
+    i, j = solve(cutoff_m**p - distance**p)
+    return i, j, distance[i, j]
+
+
+@dataclass(frozen=True)
+class TargetErrors:
+    """One true target over the drive.
+
+    Attributes:
+        id: Its id.
+        n, n_tracked: Moments at which it exists, and at which a track is paired with it.
+        id_switches: How often the id of its track changed.
+        position_rmse_m, velocity_rmse_mps: Over the tracked moments, NaN when there is none.
+    """
+
+    id: int
+    n: int
+    n_tracked: int
+    id_switches: int
+    position_rmse_m: float
+    velocity_rmse_mps: float
+
+
+@dataclass(frozen=True)
+class TrackingScores:
+    """Scores of a drive.
+
+    Attributes:
+        stamp_ns: Shape (k,): the moments.
+        distance, localisation, missed, false: Shape (k,): GOSPA and its parts, see `Gospa`.
+        n_missed, n_false: Shape (k,).
+        targets: One entry a true target.
+        id_switches: Over all targets.
+    """
+
+    stamp_ns: Int64Array
+    distance: FloatArray
+    localisation: FloatArray
+    missed: FloatArray
+    false: FloatArray
+    n_missed: Int64Array
+    n_false: Int64Array
+    targets: tuple[TargetErrors, ...]
+    id_switches: int
+
+
+class TrackLike(Protocol):
+    """What `Moments.of` needs of a track."""
+
+    @property
+    def id(self) -> int: ...
+    @property
+    def stamp_ns(self) -> Int64Array: ...
+    @property
+    def state(self) -> FloatArray: ...
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Targets or tracks as rows: `id` at `stamp_ns` is at `state` (n, 4): x, y, vx, vy."""
+
+    stamp_ns: Int64Array
+    id: Int64Array
+    state: FloatArray
+
+    @classmethod
+    def of(cls, tracks: Sequence[TrackLike]) -> Moments:
+        """The rows of `TargetTrack`s; of several rows of a track at one stamp, the last."""
+        stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
+        for track in tracks:
+            last = np.append(np.diff(track.stamp_ns) != 0, True)
+            stamps.append(track.stamp_ns[last])
+            ids.append(np.full(int(last.sum()), track.id))
+            states.append(track.state[last, :4])
+        return cls(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
+
+
+def score(truth: Moments, tracks: Moments, *, cutoff_m: float = 5.0, p: float = 2.0) -> TrackingScores:
+    """Compare tracks with the truth at every moment of the truth. Track rows at other moments are left out.
+
+    A switch is counted as in CLEAR MOT (Bernardin, Stiefelhagen 2008): the target is paired with another id than at
+    the last moment at which it was paired.
+    """
+    moments = np.unique(truth.stamp_ns)
+    parts = np.zeros((len(moments), 4))
+    numbers = np.zeros((len(moments), 2), np.int64)
+    held: dict[int, int] = {}
+    switches: dict[int, int] = {}
+    errors: dict[int, list[tuple[float, float]]] = {int(k): [] for k in np.unique(truth.id)}
+    truth_rows, track_rows = _by_stamp(truth.stamp_ns, moments), _by_stamp(tracks.stamp_ns, moments)
+    for k in range(len(moments)):
+        a, b = truth_rows[k], track_rows[k]
+        i, j, distance = match(truth.state[a, :2], tracks.state[b, :2], cutoff_m=cutoff_m, p=p)
+        penalty = 0.5 * cutoff_m**p
+        numbers[k] = len(a) - len(i), len(b) - len(j)
+        parts[k, 1:] = (distance**p).sum(), numbers[k, 0] * penalty, numbers[k, 1] * penalty
+        parts[k, 0] = parts[k, 1:].sum() ** (1.0 / p)
+        for u, v, away in zip(a[i].tolist(), b[j].tolist(), distance.tolist(), strict=True):
+            target, track = int(truth.id[u]), int(tracks.id[v])
+            speed_error = float(np.linalg.norm(truth.state[u, 2:4] - tracks.state[v, 2:4]))
+            errors[target].append((away, speed_error))
+            switches[target] = switches.get(target, 0) + (held.get(target, track) != track)
+            held[target] = track
+    targets = tuple(_target(truth, k, rows, switches.get(k, 0)) for k, rows in errors.items())
+    return TrackingScores(
+        moments, parts[:, 0], parts[:, 1], parts[:, 2], parts[:, 3], numbers[:, 0], numbers[:, 1], targets,
+        sum(switches.values()),
+    )  # fmt: skip
+
+
+def _target(truth: Moments, target: int, rows: list[tuple[float, float]], switches: int) -> TargetErrors:
+    rmse = np.sqrt(np.mean(np.square(rows), axis=0)) if rows else np.full(2, np.nan)
+    n = int((truth.id == target).sum())
+    return TargetErrors(target, n, len(rows), switches, float(rmse[0]), float(rmse[1]))
+
+
+def _by_stamp(stamp_ns: Int64Array, moments: Int64Array) -> list[Int64Array]:
+    """Rows at each moment."""
+    order = np.argsort(stamp_ns, kind="stable")
+    ordered = stamp_ns[order]
+    first = np.searchsorted(ordered, moments, side="left")
+    last = np.searchsorted(ordered, moments, side="right")
+    return [order[i:j] for i, j in zip(first.tolist(), last.tolist(), strict=True)]

@@ -1,0 +1,52 @@
+"""Many targets: which detections belong together, with clutter densities that are known or found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.tracking.config import TrackerConfig
+from cwcli.tracking.prepare import Prepared
+from cwcli.tracking.scan_loop import Association, ScanLoop
+
+
+def volume(prepared: Prepared, source: int) -> float:
+    """Size of the part of the measurement space in which a source's detections lie (2.5 to 97.5 % of each value)."""
+    rows = prepared.rows
+    mine = rows.source == source
+    if mine.sum() < 2:
+        return 1.0
+    radar = bool((rows.kind[mine] > 0).any())
+    z = rows.z[mine][:, : 3 if radar and (rows.kind[mine] == 2).any() else 2].copy()
+    if radar:
+        middle = np.angle(np.exp(1j * z[:, 1]).mean())
+        z[:, 1] = (z[:, 1] - middle + np.pi) % (2.0 * np.pi) - np.pi
+    low, high = np.quantile(z, [0.025, 0.975], axis=0)
+    floor = np.sqrt(np.array([rows.r[mine][:, k, k].mean() for k in range(z.shape[1])]))
+    return float(np.prod(np.maximum((high - low) / 0.95, 6.0 * floor)))
+
+
+def associate(prepared: Prepared, config: TrackerConfig) -> Association:
+    """Give every detection to a track.
+
+    Clutter densities that the sensor models leave open are estimated: a first pass counts every detection as possible
+    clutter, a second one only those that no confirmed track took.
+    """
+    names, models = prepared.rows.sources, prepared.models
+    n_scans = np.bincount(prepared.scans.source, minlength=len(names)).clip(1)
+    volumes = [volume(prepared, k) for k in range(len(names))]
+    n_rows = np.bincount(prepared.rows.source, minlength=len(names))
+    # at least one false detection in all scans together: a density of 0 would believe anything
+    density = np.array(
+        [
+            m.clutter_density if m.clutter_density is not None else max(n / s, 1.0 / s) / v
+            for m, n, s, v in zip(models, n_rows, n_scans, volumes, strict=True)
+        ]
+    )
+    result = ScanLoop(prepared, config, density).run()
+    if any(m.clutter_density is None for m in models):
+        for k, model in enumerate(models):
+            if model.clutter_density is None:
+                free = int(((result.row_track == 0) & (prepared.rows.source == k)).sum())
+                density[k] = max(free, 1) / n_scans[k] / volumes[k]
+        result = ScanLoop(prepared, config, density).run()
+    return result

@@ -1,0 +1,209 @@
+"""One pass over the scans gives every detection a track id.
+
+Per scan: predict, gate, assign (confirmed tracks first, then tentative ones), update, weigh the existence of every
+track, end those that are not believed any more, start new ones from what is left. A track's probability of existence
+follows the Bernoulli filter (Ristic et al., IEEE TSP 61(13), 2013) with the assignment as the only hypothesis: a hit
+multiplies its odds by P_D likelihood / clutter density, a miss in view by 1 - P_D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.kernels import track as kernel
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.tracking.associate import assign
+from cwcli.tracking.config import FILTERS, TrackerConfig
+from cwcli.tracking.detections import SensorModel
+from cwcli.tracking.prepare import Prepared, Rows
+
+Mask = npt.NDArray[np.bool_]
+_MAX_LOG_ODDS = 30.0
+
+
+@dataclass(frozen=True)
+class Association:
+    """The result of the pass.
+
+    Attributes:
+        row_track: Shape (n rows,): id of the track that took the row, 0 = none.
+        track_id: Shape (k,): ids of the confirmed tracks, from 1, in the order of confirmation.
+        born_ns, confirmed_ns, ended_ns: Shape (k,): first detection, confirmation, and the last time it was alive.
+        clutter_density: Source -> the density that was used.
+        n_refused: Births refused because `max_tracks` was reached.
+    """
+
+    row_track: Int64Array
+    track_id: Int64Array
+    born_ns: Int64Array
+    confirmed_ns: Int64Array
+    ended_ns: Int64Array
+    clutter_density: dict[str, float]
+    n_refused: int
+
+
+class _Living:
+    """Fixed-size store of the living tracks; the first `n` rows are in use."""
+
+    def __init__(self, capacity: int, d: int) -> None:
+        self.n = 0
+        self.x = np.zeros((capacity, d))
+        self.p = np.zeros((capacity, d, d))
+        self.log_odds = np.zeros(capacity)
+        self.key = np.zeros(capacity, np.int64)
+        self.is_confirmed = np.zeros(capacity, bool)
+        self.misses = np.zeros(capacity, np.int64)
+        self.last_hit_ns = np.zeros(capacity, np.int64)
+
+    def keep(self, which: Mask) -> None:
+        """Drop all but `which`, a mask over the living."""
+        at = np.flatnonzero(which)
+        for column in (self.x, self.p, self.log_odds, self.key, self.is_confirmed, self.misses, self.last_hit_ns):
+            column[: len(at)] = column[at]
+        self.n = len(at)
+
+
+def _log_odds(probability: float) -> float:
+    return float(np.log(probability / (1.0 - probability)))
+
+
+def in_view(x: FloatArray, pose: FloatArray, model: SensorModel) -> Mask:
+    """True for the states whose position the sensor at `pose` (x, y, yaw) can see."""
+    dx, dy = x[:, 0] - pose[0], x[:, 1] - pose[1]
+    seen: Mask = dx * dx + dy * dy <= model.max_range_m**2
+    if model.field_of_view_rad < 2.0 * np.pi:
+        axes = 0.0 if model.axes == "body" else np.pi / 2
+        off = np.arctan2(dy, dx) - pose[2] - axes
+        off -= 2.0 * np.pi * np.floor((off + np.pi) / (2.0 * np.pi))
+        seen &= np.abs(off) <= 0.5 * model.field_of_view_rad
+    return seen
+
+
+class ScanLoop:
+    """The state of the pass; `run` does it."""
+
+    def __init__(self, prepared: Prepared, config: TrackerConfig, density: FloatArray) -> None:
+        self.prepared, self.config, self.density = prepared, config, density
+        single = config.single
+        self.code, self.unscented = single.motion.code, FILTERS[single.filter]
+        self.params, self.gates = single.kernel_params(), single.gates()
+        self.living = _Living(config.max_tracks, kernel.n_states(self.code))
+        self.row_key = np.zeros(len(prepared.rows), np.int64)
+        self.born: list[int] = []  # by key - 1
+        self.confirmed: dict[int, int] = {}
+        self.ended: dict[int, int] = {}
+        self.n_refused = 0
+        self.now = 0
+
+    def run(self) -> Association:
+        """All scans in the order of time."""
+        scans, rows = self.prepared.scans, self.prepared.rows
+        for k in range(len(scans)):
+            stamp, first = int(scans.stamp_ns[k]), int(scans.first[k])
+            scan = rows.take(slice(first, int(scans.first[k + 1])))
+            self._predict(stamp)
+            taken = self._update(stamp, scan, first, int(scans.source[k]), scans.pose[k])
+            self._end(stamp)
+            self._begin(stamp, scan, first, np.setdiff1d(np.arange(len(scan)), taken))
+        return self._result()
+
+    def _predict(self, stamp: int) -> None:
+        living, dt = self.living, (stamp - self.now) * 1e-9
+        self.now = stamp
+        if not living.n:
+            return
+        kernel.predict_many(living.x[: living.n], living.p[: living.n], dt, self.code, self.unscented, self.params)
+        odds = living.log_odds[: living.n]  # odds of r exp(-dt / life)
+        odds[:] = -np.log(np.expm1(np.logaddexp(0.0, -odds) + dt / self.config.mean_life_s))
+
+    def _update(self, stamp: int, scan: Rows, first: int, source: int, pose: FloatArray) -> Int64Array:
+        """Assign and update. Returns the rows of the scan that were taken."""
+        living, model = self.living, self.prepared.models[source]
+        n = living.n
+        x, p, odds = living.x[:n], living.p[:n], living.log_odds[:n]
+        seen = in_view(x, pose, model)
+        chance = model.detection_probability
+        miss = np.where(seen, np.log1p(-chance * self.config.single.gate_probability), 0.0)
+        gain = np.empty((n, len(scan)))
+        kernel.score_many(
+            x, p, scan.kind, scan.z, scan.r, scan.origin, self.code, self.unscented, self.params, self.gates, gain
+        )
+        gain += np.log(chance / self.density[source])
+        track, row = self._assign(gain - miss[:, None])
+        kernel.update_many(
+            x, p, track, row, scan.kind, scan.z, scan.r, scan.origin, self.code, self.unscented, self.params,
+            np.zeros(4),
+        )  # fmt: skip
+        missed = np.ones(n, bool)
+        missed[track] = False
+        odds[missed] += miss[missed]
+        odds[track] += gain[track, row]
+        np.minimum(odds, _MAX_LOG_ODDS, out=odds)
+        living.misses[:n][missed & seen] += 1
+        living.misses[track] = 0
+        living.last_hit_ns[track] = stamp
+        self.row_key[first + row] = living.key[track]
+        return row
+
+    def _assign(self, worth: FloatArray) -> tuple[Int64Array, Int64Array]:
+        """Confirmed tracks choose first; tentative ones share what they leave."""
+        confirmed = self.living.is_confirmed[: len(worth)]
+        old, new = np.flatnonzero(confirmed), np.flatnonzero(~confirmed)
+        a, row = assign(worth[old])
+        free = np.setdiff1d(np.arange(worth.shape[1]), row)
+        b, rest = assign(worth[np.ix_(new, free)])
+        return np.concatenate([old[a], new[b]]), np.concatenate([row, free[rest]])
+
+    def _end(self, stamp: int) -> None:
+        """Confirm what is believed, end what is not."""
+        living, config, n = self.living, self.config, self.living.n
+        odds, confirmed = living.log_odds[:n], living.is_confirmed[:n]
+        for i in np.flatnonzero((odds > _log_odds(config.confirm_probability)) & ~confirmed):
+            confirmed[i] = True
+            self.confirmed[int(living.key[i])] = stamp
+        coasting = (stamp - living.last_hit_ns[:n]) * 1e-9 > config.max_coast_s
+        tentative = living.misses[:n] >= config.tentative_misses
+        dead = coasting | np.where(confirmed, odds < _log_odds(config.delete_probability), tentative)
+        for key in living.key[:n][~dead & confirmed].tolist():
+            self.ended[key] = stamp
+        if dead.any():
+            living.keep(~dead)
+
+    def _begin(self, stamp: int, scan: Rows, first: int, free: Int64Array) -> None:
+        """A tentative track from every detection that is left, as far as there is room."""
+        living = self.living
+        room = self.config.max_tracks - living.n
+        self.n_refused += max(0, len(free) - room)
+        free = free[:room]
+        if not len(free):
+            return
+        new = slice(living.n, living.n + len(free))
+        kernel.start_many(
+            scan.kind[free], scan.z[free], scan.r[free], scan.origin[free], self.code, self.params,
+            living.x[new], living.p[new],
+        )  # fmt: skip
+        living.key[new] = len(self.born) + 1 + np.arange(len(free))
+        living.log_odds[new] = np.log(self.config.new_target_ratio)
+        living.is_confirmed[new] = False
+        living.misses[new] = 0
+        living.last_hit_ns[new] = stamp
+        self.row_key[first + free] = living.key[new]
+        self.born.extend([stamp] * len(free))
+        living.n += len(free)
+
+    def _result(self) -> Association:
+        keys = sorted(self.confirmed, key=lambda key: (self.confirmed[key], key))
+        lookup = np.zeros(len(self.born) + 1, np.int64)
+        lookup[keys] = np.arange(1, len(keys) + 1)
+        return Association(
+            row_track=lookup[self.row_key],
+            track_id=np.arange(1, len(keys) + 1),
+            born_ns=np.array([self.born[key - 1] for key in keys], np.int64),
+            confirmed_ns=np.array([self.confirmed[key] for key in keys], np.int64),
+            ended_ns=np.array([self.ended.get(key, self.confirmed[key]) for key in keys], np.int64),
+            clutter_density=dict(zip(self.prepared.rows.sources, self.density.tolist(), strict=True)),
+            n_refused=self.n_refused,
+        )

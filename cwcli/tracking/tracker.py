@@ -1,0 +1,206 @@
+"""Tracks of one or many targets from the detections of several sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.tracking.config import TrackerConfig
+from cwcli.tracking.detections import Counts, Detections, EgoStates, SensorModel
+from cwcli.tracking.many import associate
+from cwcli.tracking.prepare import Prepared, Rows, prepare
+from cwcli.tracking.scan_loop import Association
+from cwcli.tracking.single import GATED, STARTED, USED, Consistency, FilterOutput, consistency, run_filter
+from cwcli.tracking.tune import Tuned, rescale, tune
+
+
+@dataclass(frozen=True)
+class TargetTrack:
+    """One target.
+
+    Attributes:
+        id: From 1, in the order of confirmation; it never changes and is never used again.
+        stamp_ns: Shape (n,), int64, non-decreasing: the times of the scans.
+        state: Shape (n, d): x_m, y_m, vx_mps, vy_mps and the model's own, in the tracking frame.
+        covariance: Shape (n, d, d).
+        source: Shape (n,): index into `TrackResult.sources` of the sensor that updated the row, -1 = coasted.
+        confirmed_ns: Time of confirmation; earlier rows were tentative (they are there only when smoothed).
+    """
+
+    id: int
+    stamp_ns: Int64Array
+    state: FloatArray
+    covariance: FloatArray
+    source: Int64Array
+    confirmed_ns: int
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """All tracks of a drive.
+
+    Attributes:
+        tracks: In the order of their ids.
+        frame: `map` when the ego states were given, else `body`.
+        sources: Names of the sensors.
+        counts: Source -> read, used, rejected by reason, repaired.
+        consistency: Source -> mean NIS over all tracks with its 95 % bounds, from the filter (not the smoother).
+        state_names: Columns of `state`.
+        tuned: What `tune` found, or None.
+        clutter_density: Source -> density used; empty for one target.
+        notes: Things the user should know.
+    """
+
+    tracks: tuple[TargetTrack, ...]
+    frame: str
+    sources: tuple[str, ...]
+    counts: dict[str, Counts]
+    consistency: dict[str, Consistency]
+    state_names: tuple[str, ...]
+    tuned: Tuned | None = None
+    clutter_density: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def track_one(
+    detections: Sequence[Detections],
+    sensors: Mapping[str, SensorModel] | None = None,
+    config: TrackerConfig | None = None,
+    ego: EgoStates | None = None,
+) -> TrackResult:
+    """One target that every detection belongs to (xiang2019): the filter starts at the first detection.
+
+    Args:
+        detections: One entry a sensor.
+        sensors: Source -> model.
+        config: Only `single` and `max_scan` are used.
+        ego: The car's states, or None.
+    """
+    config = config or TrackerConfig()
+    prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
+    rows, single, tuned = prepared.rows, config.single, None
+    if single.tune and len(rows):
+        tuned = tune([rows], single)
+        rows, single = rescale(rows, tuned.scale), tuned.config
+    tracks: tuple[TargetTrack, ...] = ()
+    output = run_filter(rows, single, smooth=False)
+    checks = consistency(rows.sources, rows.source, output.nis, output.n_values, output.status)
+    if len(rows):
+        shown = run_filter(rows, single, smooth=True) if single.smooth else output
+        updated = np.isin(output.status, (USED, STARTED))
+        source = np.where(updated, rows.source, -1)
+        first = int(rows.stamp_ns[0])
+        tracks = (TargetTrack(1, rows.stamp_ns, shown.state, shown.covariance, source, first),)
+    for name, count in prepared.counts.items():
+        k = rows.sources.index(name)
+        n_gated = int(((output.status == GATED) & (rows.source == k)).sum())
+        count.reject("outside the gate", n_gated)
+        count.used -= n_gated
+    return TrackResult(
+        tracks, "map" if prepared.has_ego else "body", rows.sources, prepared.counts, checks,
+        single.motion.states, tuned,
+    )  # fmt: skip
+
+
+def track_many(
+    detections: Sequence[Detections],
+    sensors: Mapping[str, SensorModel] | None = None,
+    config: TrackerConfig | None = None,
+    ego: EgoStates | None = None,
+) -> TrackResult:
+    """Any number of targets: gating, global nearest neighbour, births and deaths, then each track on its own.
+
+    With `config.single.smooth` a track runs from its first to its last detection, smoothed. Without, it runs from its
+    confirmation to its end, and nothing later than a row went into it.
+
+    Args:
+        detections: One entry a sensor.
+        sensors: Source -> model.
+        config: Tracker and filter settings.
+        ego: The car's states, or None.
+    """
+    config = config or TrackerConfig()
+    prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
+    found = associate(prepared, config)
+    tuned = None
+    if config.single.tune and len(found.track_id):
+        parts = [prepared.rows.take(found.row_track == i) for i in found.track_id.tolist()]
+        tuned = tune(parts, config.single)
+        prepared = replace(prepared, rows=rescale(prepared.rows, tuned.scale))
+        config = replace(config, single=tuned.config)
+        found = associate(prepared, config)
+    tracks = []
+    pool = []
+    for k in range(len(found.track_id)):
+        track, part = _follow(prepared, found, k, config)
+        tracks.append(track)
+        pool.append(part)
+    for name, count in prepared.counts.items():
+        mine = prepared.rows.source == prepared.rows.sources.index(name)
+        free = int((found.row_track[mine] == 0).sum())
+        count.reject("belongs to no confirmed track", free)
+        count.used -= free
+    notes = []
+    if found.n_refused:
+        notes.append(f"{found.n_refused} possible new targets refused: {config.max_tracks} tracks at a time")
+    return TrackResult(
+        tuple(tracks), "map" if prepared.has_ego else "body", prepared.rows.sources, prepared.counts,
+        _pooled(prepared.rows.sources, pool), config.single.motion.states, tuned, found.clutter_density, tuple(notes),
+    )  # fmt: skip
+
+
+def _with_scans(prepared: Prepared, which: Int64Array, last_ns: int) -> Rows:
+    """The rows `which` and a predict-only row at every other scan between the first of them and `last_ns`."""
+    rows = prepared.rows.take(which)
+    times = np.unique(prepared.scans.stamp_ns)
+    inside = times[(times > rows.stamp_ns[0]) & (times <= last_ns)]
+    empty = np.setdiff1d(inside, rows.stamp_ns)
+    m = len(empty)
+    joined = Rows(
+        np.concatenate([rows.stamp_ns, empty]),
+        np.concatenate([rows.source, np.full(m, -1)]),
+        np.concatenate([rows.kind, np.full(m, -1, np.int8)]),
+        np.concatenate([rows.z, np.zeros((m, 3))]),
+        np.concatenate([rows.r, np.tile(np.eye(3), (m, 1, 1))]),
+        np.concatenate([rows.origin, np.zeros((m, 4))]),
+        np.concatenate([rows.index, np.full(m, -1)]),
+        rows.sources,
+    )
+    return joined.take(np.argsort(joined.stamp_ns, kind="stable"))
+
+
+def _follow(
+    prepared: Prepared, found: Association, k: int, config: TrackerConfig
+) -> tuple[TargetTrack, tuple[Int64Array, FilterOutput]]:
+    """Filter (and smooth) one track over its own detections."""
+    single = replace(config.single, gate_probability=1.0)
+    which = np.flatnonzero(found.row_track == found.track_id[k])
+    last_ns = int(prepared.rows.stamp_ns[which[-1]] if single.smooth else found.ended_ns[k])
+    rows = _with_scans(prepared, which, last_ns)
+    output = run_filter(rows, single, smooth=False)
+    shown = run_filter(rows, single, smooth=True) if single.smooth else output
+    keep = np.ones(len(rows), bool) if single.smooth else rows.stamp_ns >= found.confirmed_ns[k]
+    track = TargetTrack(
+        int(found.track_id[k]), rows.stamp_ns[keep], shown.state[keep], shown.covariance[keep], rows.source[keep],
+        int(found.confirmed_ns[k]),
+    )  # fmt: skip
+    return track, (rows.source, output)
+
+
+def _pooled(sources: tuple[str, ...], pool: Sequence[tuple[Int64Array, FilterOutput]]) -> dict[str, Consistency]:
+    """Consistency of each source over all tracks."""
+    if not pool:
+        return {}
+    return consistency(
+        sources,
+        np.concatenate([source for source, _ in pool]),
+        np.concatenate([output.nis for _, output in pool]),
+        np.concatenate([output.n_values for _, output in pool]),
+        np.concatenate([output.status for _, output in pool]),
+    )

@@ -1,0 +1,139 @@
+"""Process and measurement noise from the detections alone, by maximum likelihood.
+
+The likelihood of the innovations tells how well the filter's covariance fits what came in; no truth is seen. The
+search is Nelder and Mead's (Computer J. 7, 1965), in logarithms, so that every parameter stays positive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.tracking.config import FilterConfig
+from cwcli.tracking.prepare import Rows
+from cwcli.tracking.single import log_likelihood
+
+MAX_FACTOR = 300.0
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """The result of `tune`.
+
+    Attributes:
+        config: The given configuration with its process noise replaced.
+        scale: Source -> factors on the sigma of each value: one for x and y together (POSITION), or range, azimuth
+            and range rate (RADAR).
+        log_likelihood_before, log_likelihood: At the given and at the found noise.
+        n_evaluations: Runs of the filter.
+    """
+
+    config: FilterConfig
+    scale: dict[str, tuple[float, ...]]
+    log_likelihood_before: float
+    log_likelihood: float
+    n_evaluations: int
+
+
+def rescale(rows: Rows, scale: dict[str, tuple[float, ...]]) -> Rows:
+    """The rows with every sigma multiplied by its source's factors."""
+    r = rows.r.copy()
+    for k, name in enumerate(rows.sources):
+        if name not in scale:
+            continue
+        factors = np.ones(3)
+        given = scale[name]
+        factors[: 2 if len(given) == 1 else 3] = given[0] if len(given) == 1 else given
+        r[rows.source == k] *= np.outer(factors, factors)
+    return replace(rows, r=r)
+
+
+def minimise(
+    cost: Callable[[FloatArray], float], start: FloatArray, *, step: float = 0.5, tolerance: float = 1e-3,
+    max_evaluations: int = 1500,
+) -> tuple[FloatArray, float, int]:  # fmt: skip
+    """Nelder-Mead with the usual factors 1, 2, 1/2, 1/2 and one restart. Returns the point, its cost and the calls."""
+    n, calls = len(start), 0
+    best, best_cost = np.asarray(start, float), math.inf
+    for size in (step, 0.5 * step):
+        points = np.vstack([best, best + size * np.eye(n)])
+        costs = np.array([cost(p) for p in points])
+        calls += n + 1
+        while calls < max_evaluations:
+            order = np.argsort(costs, kind="stable")
+            points, costs = points[order], costs[order]
+            if costs[-1] - costs[0] < tolerance and np.abs(points - points[0]).max() < 10.0 * tolerance:
+                break
+            centre = points[:-1].mean(axis=0)
+            reflected = 2.0 * centre - points[-1]
+            value = cost(reflected)
+            calls += 1
+            if value < costs[0]:
+                further = 3.0 * centre - 2.0 * points[-1]
+                further_value = cost(further)
+                calls += 1
+                if further_value < value:
+                    reflected, value = further, further_value
+            elif value >= costs[-2]:
+                nearer = 0.5 * (centre + (reflected if value < costs[-1] else points[-1]))
+                nearer_value = cost(nearer)
+                calls += 1
+                if nearer_value >= min(value, costs[-1]):
+                    points[1:] = 0.5 * (points[1:] + points[0])
+                    costs[1:] = [cost(p) for p in points[1:]]
+                    calls += n
+                    continue
+                reflected, value = nearer, nearer_value
+            points[-1], costs[-1] = reflected, value
+        k = int(np.argmin(costs))
+        best, best_cost = points[k], float(costs[k])
+    return best, best_cost, calls
+
+
+def tune(targets: Sequence[Rows], config: FilterConfig) -> Tuned:
+    """Find the process noise of `config` and the sigma factors of each source that make the rows most likely.
+
+    Args:
+        targets: The rows of each target, in the order of time. They share `sources`.
+        config: The filter; its noises are the start of the search.
+    """
+    sources = targets[0].sources if targets else ()
+    present = [k for k in range(len(sources)) if any((t.source == k).any() for t in targets)]
+    widths = []
+    for k in present:
+        kinds = max(int(t.kind[t.source == k].max(initial=-1)) for t in targets)
+        widths.append(1 if kinds == 0 else kinds + 1)
+    motion = config.motion
+    noise = motion.noise if config.noise is None else config.noise
+    turn = motion.turn_noise if config.turn_noise is None else config.turn_noise
+    n_process = 2 if motion.turn_noise > 0.0 else 1
+
+    def decode(theta: FloatArray) -> tuple[FilterConfig, dict[str, tuple[float, ...]]]:
+        factors = np.exp(theta)
+        tuned = replace(config, noise=noise * float(factors[0]))
+        if n_process == 2:
+            tuned = replace(tuned, turn_noise=turn * float(factors[1]))
+        scale, at = {}, n_process
+        for k, width in zip(present, widths, strict=True):
+            values = factors[at : at + width].tolist()
+            scale[sources[k]] = tuple(values if width != 2 else [*values, 1.0])
+            at += width
+        return tuned, scale
+
+    def cost(theta: FloatArray) -> float:
+        if np.abs(theta).max() > math.log(MAX_FACTOR):
+            return 1e300
+        tuned, scale = decode(theta)
+        return -sum(log_likelihood(rescale(t, scale), tuned) for t in targets)
+
+    start = np.zeros(n_process + sum(widths))
+    before = -cost(start)
+    if not any(len(t) > 10 for t in targets):
+        return Tuned(config, {}, before, before, 1)
+    theta, value, calls = minimise(cost, start)
+    tuned, scale = decode(theta)
+    return Tuned(replace(tuned, tune=False), scale, before, -value, calls + 1)
