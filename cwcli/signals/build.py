@@ -32,7 +32,7 @@ def build(
 ) -> tuple[Signal, Quality]:
     """Make the canonical signal of a role out of a channel.
 
-    The kind of signal follows from role and schema, except that a twist becomes a `VelocitySignal` or a `SpeedSignal` by
+    The kind of signal follows from role and schema, except: a twist becomes a `VelocitySignal` or a `SpeedSignal` by
     its frame_id, and EGO_POSITION and TRUTH give a `PositionSignal` (WGS84) or a `PoseSignal` (Cartesian).
 
     Args:

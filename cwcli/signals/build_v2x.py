@@ -12,7 +12,7 @@ from cwcli.signals.clocks import Timeline, settle
 from cwcli.signals.codec import Build, Reading, Role
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
-from cwcli.signals.remote_rows import Decode, RemoteRows
+from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
 
 OWN_STATION = "sent by the ego station"
 OTHER_STATION = "sent by another station"
@@ -22,21 +22,22 @@ MAX_AHEAD_NS = 2_000_000
 """Two steps of the message clock."""
 
 
-def remote_builder(decode: Decode) -> Build:
-    """The builder of a `RemoteSignal` from what `decode` returns."""
+def remote_builder(codec: V2xCodec) -> Build:
+    """The builder of a `RemoteSignal` from a V2X channel."""
 
     def build(columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
         ledger = RowLedger(columns, reading.role)
-        decoded = decode(columns, ledger)
-        ledger.set_aside(decoded.is_roadside, ROADSIDE)
-        ledger.set_aside(_is_own(decoded, reading), OWN_STATION)
-        timeline = _timeline(columns, reading, ledger, decoded)
-        _note_repeats(ledger, decoded, timeline)
+        senders = codec.identify(columns)
+        ledger.set_aside(senders.is_roadside, ROADSIDE)
+        ledger.set_aside(_is_own(senders, reading), OWN_STATION)
+        decoded = codec.decode(columns, ledger)
+        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
+        _note_repeats(ledger, decoded, senders.station, timeline)
         rows = timeline.rows
-        codes = decoded.station.codes[rows]
+        codes = senders.station.codes[rows]
         signal = RemoteSignal(
             source=columns.topic,
-            station=_only_used(codes, decoded.station.values),
+            station=_only_used(codes, senders.station.values),
             stamp_ns=timeline.stamp_ns,
             log_time_ns=columns.log_time_ns[rows],
             latitude_deg=decoded.latitude_deg[rows],
@@ -60,12 +61,12 @@ def remote_builder(decode: Decode) -> Build:
     return build
 
 
-def own_position_builder(decode: Decode) -> Build:
+def own_position_builder(codec: V2xCodec) -> Build:
     """The builder of the ego's `PositionSignal` from its own messages."""
 
     def build(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
-        ledger, decoded = _own(decode, columns, reading)
-        timeline = _timeline(columns, reading, ledger, decoded)
+        ledger, senders, decoded = _own(codec, columns, reading)
+        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
         rows = timeline.rows
         signal = PositionSignal(
             source=columns.topic,
@@ -81,13 +82,13 @@ def own_position_builder(decode: Decode) -> Build:
     return build
 
 
-def own_speed_builder(decode: Decode) -> Build:
+def own_speed_builder(codec: V2xCodec) -> Build:
     """The builder of the ego's `SpeedSignal` (speed and yaw rate) from its own messages."""
 
     def build(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
-        ledger, decoded = _own(decode, columns, reading)
+        ledger, senders, decoded = _own(codec, columns, reading)
         ledger.set_aside(~np.isfinite(decoded.speed_mps), NO_VALUE)
-        timeline = _timeline(columns, reading, ledger, decoded)
+        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
         rows = timeline.rows
         signal = SpeedSignal(
             source=columns.topic,
@@ -103,13 +104,13 @@ def own_speed_builder(decode: Decode) -> Build:
     return build
 
 
-def own_heading_builder(decode: Decode) -> Build:
+def own_heading_builder(codec: V2xCodec) -> Build:
     """The builder of the ego's `HeadingSignal` from its own messages."""
 
     def build(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
-        ledger, decoded = _own(decode, columns, reading)
+        ledger, senders, decoded = _own(codec, columns, reading)
         ledger.set_aside(~np.isfinite(decoded.heading_rad), NO_VALUE)
-        timeline = _timeline(columns, reading, ledger, decoded)
+        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
         rows = timeline.rows
         signal = HeadingSignal(
             source=columns.topic,
@@ -123,31 +124,31 @@ def own_heading_builder(decode: Decode) -> Build:
     return build
 
 
-OWN_BUILDERS: dict[Role, Callable[[Decode], Build]] = {
+OWN_BUILDERS: dict[Role, Callable[[V2xCodec], Build]] = {
     Role.EGO_POSITION: own_position_builder,
     Role.EGO_SPEED: own_speed_builder,
     Role.EGO_HEADING: own_heading_builder,
 }
 
 
-def _own(decode: Decode, columns: Columns, reading: Reading) -> tuple[RowLedger, RemoteRows]:
+def _own(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RowLedger, Senders, RemoteRows]:
     ledger = RowLedger(columns, reading.role)
-    decoded = decode(columns, ledger)
-    ledger.set_aside(~_is_own(decoded, reading), OTHER_STATION)
-    return ledger, decoded
+    senders = codec.identify(columns)
+    ledger.set_aside(~_is_own(senders, reading), OTHER_STATION)
+    return ledger, senders, codec.decode(columns, ledger)
 
 
-def _is_own(decoded: RemoteRows, reading: Reading) -> BoolArray:
+def _is_own(senders: Senders, reading: Reading) -> BoolArray:
     """Sent by the vehicle that recorded the log: the message says so, or the user has named its station."""
     if reading.ego_station is None:
-        return decoded.is_own
+        return senders.is_own
     wanted = reading.ego_station.lower()
-    is_named = np.array([value.lower() == wanted for value in decoded.station.values] + [False])
-    is_own: BoolArray = decoded.is_own | is_named[decoded.station.codes]
+    is_named = np.array([value.lower() == wanted for value in senders.station.values] + [False])
+    is_own: BoolArray = senders.is_own | is_named[senders.station.codes]
     return is_own
 
 
-def _timeline(columns: Columns, reading: Reading, ledger: RowLedger, decoded: RemoteRows) -> Timeline:
+def _timeline(columns: Columns, reading: Reading, ledger: RowLedger, decoded: RemoteRows, station: Strings) -> Timeline:
     """Reject what is no position, and settle the clock of each station by itself."""
     reject_bad_positions(ledger, decoded.latitude_deg, decoded.longitude_deg)
     return settle(
@@ -156,17 +157,17 @@ def _timeline(columns: Columns, reading: Reading, ledger: RowLedger, decoded: Re
         np.ones(len(columns), dtype=np.bool_),
         reading.clock,
         [decoded.latitude_deg, decoded.longitude_deg, decoded.speed_mps, decoded.heading_rad],
-        sender=decoded.station.codes,
+        sender=station.codes,
     )
 
 
-def _note_repeats(ledger: RowLedger, decoded: RemoteRows, timeline: Timeline) -> None:
+def _note_repeats(ledger: RowLedger, decoded: RemoteRows, station: Strings, timeline: Timeline) -> None:
     """Say what the estimator should know: repeated positions, bursts, stamps ahead of the log time."""
     rows = timeline.rows
-    order = np.argsort(decoded.station.codes[rows], kind="stable")
+    order = np.argsort(station.codes[rows], kind="stable")
     rows = rows[order]
     stamps_ns = timeline.stamp_ns[order]
-    is_same_station = np.diff(decoded.station.codes[rows]) == 0
+    is_same_station = np.diff(station.codes[rows]) == 0
     repeats = (np.diff(decoded.latitude_deg[rows]) == 0) & (np.diff(decoded.longitude_deg[rows]) == 0)
     n_repeats = int(np.count_nonzero(repeats & is_same_station))
     if n_repeats:

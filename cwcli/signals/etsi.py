@@ -14,9 +14,9 @@ from cwcli.signals.covariances import (
     SIGMAS_PER_95_PERCENT_ELLIPSE,
     covariance_from_ellipse,
 )
-from cwcli.signals.leaves import is_one_of, numbers, strings_from, texts
+from cwcli.signals.leaves import numbers, strings_from, texts
 from cwcli.signals.quality import RowLedger
-from cwcli.signals.remote_rows import RemoteRows
+from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_generation_delta_time
 
@@ -91,6 +91,17 @@ TS_PATHS: dict[str, str] = _COMMON_PATHS | {
 """Leaf fields of `etsi_its_cam_ts_msgs/CAM`: the same containers, other names inside two of them."""
 
 
+def identify_cam(columns: Columns) -> Senders:
+    """Station ids; roadside units are known by their station type or their high-frequency container."""
+    station_type = numbers(columns, EN_PATHS["station_type"])
+    container = numbers(columns, EN_PATHS["container"])
+    return Senders(
+        station=texts(columns, EN_PATHS["station"], "header.station_id") or strings_from([""] * len(columns)),
+        is_own=np.zeros(len(columns), dtype=np.bool_),
+        is_roadside=(station_type == ROAD_SIDE_UNIT) | (container > VEHICLE_CONTAINER),
+    )
+
+
 def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a CAM channel of either package.
 
@@ -108,7 +119,6 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     Returns:
         Decoded rows.
     """
-    n_rows = len(columns)
     raw = {name: numbers(columns, path, TS_PATHS[name]) for name, path in EN_PATHS.items() if name != "station"}
     value = {name: decode(element, raw[name], ledger) for name, element in ELEMENTS.items()}
 
@@ -128,12 +138,8 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
     is_backward = raw["drive_direction"] == DRIVE_BACKWARD
     motion_rad = heading_from_compass_deg(value["heading_compass_deg"])
-    station = texts(columns, EN_PATHS["station"], "header.station_id") or strings_from(["unknown"] * n_rows)
     stamp_ns, has_time = stamp_from_generation_delta_time(raw["generation_delta_time"], columns.log_time_ns)
     return RemoteRows(
-        station=station,
-        is_own=is_one_of(None, n_rows),
-        is_roadside=(raw["station_type"] == ROAD_SIDE_UNIT) | (raw["container"] > VEHICLE_CONTAINER),
         stamp_ns=or_log_time(ledger, stamp_ns, has_time),
         latitude_deg=value["latitude_deg"],
         longitude_deg=value["longitude_deg"],
@@ -162,3 +168,6 @@ def _yaw_rate_bound_degps(code: FloatArray) -> FloatArray:
     for known, degps in YAW_RATE_CONFIDENCE_DEGPS.items():
         bound[code == known] = degps
     return bound
+
+
+CAM = V2xCodec(identify_cam, decode_cam)

@@ -16,7 +16,7 @@ from cwcli.signals.build_position import build_fix
 from cwcli.signals.build_v2x import OWN_BUILDERS, remote_builder
 from cwcli.signals.codec import Input, Role
 from cwcli.signals.leaves import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
-from cwcli.signals.remote_rows import Decode
+from cwcli.signals.remote_rows import V2xCodec
 
 GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
 
@@ -117,13 +117,13 @@ def _pose(fields: Fields) -> tuple[Input, ...]:
     return (Input(Role.TRUTH, fields, build_pose), Input(Role.EGO_POSITION, fields, build_pose, rank=2))
 
 
-def _v2x(fields: Fields, decode: Decode, *, says_who_is_ego: bool = False) -> tuple[Input, ...]:
+def _v2x(fields: Fields, codec: V2xCodec, *, says_who_is_ego: bool = False) -> tuple[Input, ...]:
     """A V2X schema: remote vehicles, and the ego's own messages where it is known which ones these are."""
     own = (
-        Input(role, fields, builder(decode), rank=1, needs_ego_station=not says_who_is_ego)
+        Input(role, fields, builder(codec), rank=1, needs_ego_station=not says_who_is_ego)
         for role, builder in OWN_BUILDERS.items()
     )
-    return (Input(Role.REMOTE, fields, remote_builder(decode)), *own)
+    return (Input(Role.REMOTE, fields, remote_builder(codec)), *own)
 
 
 _JSON_BSM: Fields = {"json": j2735.json_fields()}
@@ -157,15 +157,15 @@ INPUTS: dict[str, tuple[Input, ...]] = {
     "sensor_msgs/CameraInfo": (Input(Role.CAMERA_INFO, _CAMERA_INFO, build_camera_info),),
     "foxglove.CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, build_camera_info),),
     "foxglove_msgs/CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, build_camera_info),),
-    "etsi_its_cam_msgs/CAM": _v2x(_both(_EN_CAM), etsi.decode_cam),
-    "etsi_its_cam_ts_msgs/CAM": _v2x(_both(_TS_CAM), etsi.decode_cam),
-    "j2735_v2x_msgs/BSM": _v2x(_both(tuple(j2735.ROS.values())), j2735.decode_ros),
-    "carma_v2x_msgs/BSM": _v2x(_both((*j2735.ROS.values(), *_CARMA_FLAGS)), j2735.decode_carma),
-    "BasicSafetyMessage": _v2x(_JSON_BSM, j2735.decode_json),
-    "MessageFrame": _v2x(_JSON_BSM, j2735.decode_json),
-    "OdeBsmData": _v2x(_JSON_BSM, j2735.decode_json, says_who_is_ego=True),
-    "OdeBsmJson": _v2x(_JSON_BSM, j2735.decode_json, says_who_is_ego=True),
-    "OdeMessageFrameData": _v2x(_JSON_BSM, j2735.decode_json, says_who_is_ego=True),
+    "etsi_its_cam_msgs/CAM": _v2x(_both(_EN_CAM), etsi.CAM),
+    "etsi_its_cam_ts_msgs/CAM": _v2x(_both(_TS_CAM), etsi.CAM),
+    "j2735_v2x_msgs/BSM": _v2x(_both(tuple(j2735.ROS.values())), j2735.ROS_BSM),
+    "carma_v2x_msgs/BSM": _v2x(_both((*j2735.ROS.values(), *_CARMA_FLAGS)), j2735.CARMA_BSM),
+    "BasicSafetyMessage": _v2x(_JSON_BSM, j2735.JSON_BSM),
+    "MessageFrame": _v2x(_JSON_BSM, j2735.JSON_BSM),
+    "OdeBsmData": _v2x(_JSON_BSM, j2735.JSON_BSM, says_who_is_ego=True),
+    "OdeBsmJson": _v2x(_JSON_BSM, j2735.JSON_BSM, says_who_is_ego=True),
+    "OdeMessageFrameData": _v2x(_JSON_BSM, j2735.JSON_BSM, says_who_is_ego=True),
     "cwcli.v1.VehicleState": (
         Input(Role.TRUTH, _STATE, build_vehicle_state),
         Input(Role.EGO_STATE, _STATE, None),

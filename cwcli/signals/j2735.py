@@ -17,7 +17,7 @@ from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.covariances import covariance_from_ellipse
 from cwcli.signals.leaves import is_one_of, numbers, strings_from, texts
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.remote_rows import RemoteRows
+from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
 
@@ -125,6 +125,16 @@ def json_fields() -> tuple[str, ...]:
     return (ODE_SOURCE, *dict.fromkeys(prefix + leaf for prefix in JSON_PREFIXES for leaf in leaves))
 
 
+def identify_json(columns: Columns) -> Senders:
+    """Station ids of a JSON channel, and the ODE's word on who sent it (`bsmSource` EV)."""
+    return _senders(columns, *(prefix + JSON_RAW["station"] for prefix in JSON_PREFIXES))
+
+
+def identify_ros(columns: Columns) -> Senders:
+    """Station ids of a ROS channel: the four octets in hexadecimal."""
+    return _senders(columns, ROS["station"])
+
+
 def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a JSON channel: raw units or decoded ones, by the names that it has (`lat`, or `position.latitude`)."""
     for prefix in JSON_PREFIXES:
@@ -177,15 +187,11 @@ def _rows(
     n_rows = len(columns)
     nothing = np.full(n_rows, np.nan)
     stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
-    station = texts(columns, paths["station"]) or strings_from(["unknown"] * n_rows)
-    yaw_unfilled = _yaw_unfilled(value, station)
+    yaw_unfilled = _yaw_unfilled(value, _stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
         ledger.note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")
     speed_mps = value["speed_mps"]
     return RemoteRows(
-        station=station,
-        is_own=is_one_of(texts(columns, ODE_SOURCE), n_rows, OWN_SOURCE),
-        is_roadside=np.zeros(n_rows, dtype=np.bool_),
         stamp_ns=or_log_time(ledger, stamp_ns, has_time),
         latitude_deg=value["latitude_deg"],
         longitude_deg=value["longitude_deg"],
@@ -209,6 +215,18 @@ def _rows(
     )
 
 
+def _senders(columns: Columns, *paths: str) -> Senders:
+    return Senders(
+        station=_stations(columns, *paths),
+        is_own=is_one_of(texts(columns, ODE_SOURCE), len(columns), OWN_SOURCE),
+        is_roadside=np.zeros(len(columns), dtype=np.bool_),
+    )
+
+
+def _stations(columns: Columns, *paths: str) -> Strings:
+    return texts(columns, *paths) or strings_from([""] * len(columns))
+
+
 def _yaw_unfilled(value: dict[str, FloatArray], station: Strings) -> BoolArray:
     """Where a yaw rate of 0 says nothing.
 
@@ -229,3 +247,8 @@ def _is_reverse(columns: Columns, path: str, prefix: str) -> BoolArray:
     is_named = is_one_of(texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS))
     as_object = texts(columns, *(prefix + leaf for leaf in REVERSE_LEAVES))
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
+
+
+JSON_BSM = V2xCodec(identify_json, decode_json)
+ROS_BSM = V2xCodec(identify_ros, decode_ros)
+CARMA_BSM = V2xCodec(identify_ros, decode_carma)

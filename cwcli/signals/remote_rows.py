@@ -1,4 +1,4 @@
-"""What a V2X decoder returns: one row a message, SI units, cwcli's signs, before clocks and stations are settled."""
+"""What a V2X codec is and returns: one row a message, SI units, cwcli's signs, before clocks are settled."""
 
 from __future__ import annotations
 
@@ -10,18 +10,28 @@ from cwcli.signals.quality import BoolArray, RowLedger
 
 
 @dataclass(frozen=True)
-class RemoteRows:
-    """Decoded messages of one channel; every array has n rows. See `canonical.RemoteSignal` for the quantities.
+class Senders:
+    """Who sent the messages of a channel; every array has n rows.
 
     Attributes:
-        is_own: The message was sent by the vehicle that recorded the log.
+        station: Station id as text; code -1 where there is none.
+        is_own: The message says that it was sent by the vehicle that recorded the log.
         is_roadside: The sender is a roadside unit.
-        stamp_ns: Generation time, or log time where the message has none.
     """
 
     station: Strings
     is_own: BoolArray
     is_roadside: BoolArray
+
+
+@dataclass(frozen=True)
+class RemoteRows:
+    """Decoded messages of one channel; every array has n rows. See `canonical.RemoteSignal` for the quantities.
+
+    Attributes:
+        stamp_ns: Generation time, or log time where the message has none.
+    """
+
     stamp_ns: Int64Array
     latitude_deg: FloatArray
     longitude_deg: FloatArray
@@ -40,4 +50,14 @@ class RemoteRows:
     yaw_rate_sigma_radps: FloatArray
 
 
-Decode = Callable[[Columns, RowLedger], RemoteRows]
+@dataclass(frozen=True)
+class V2xCodec:
+    """How to read a V2X channel.
+
+    Attributes:
+        identify: Who sent each message; asked first, so that faults are counted for the messages in use only.
+        decode: The quantities.
+    """
+
+    identify: Callable[[Columns], Senders]
+    decode: Callable[[Columns, RowLedger], RemoteRows]
