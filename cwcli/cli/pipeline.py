@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cwcli import __version__
 from cwcli.cli.console import Console
 from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
-from cwcli.cli.options.values import time_ns, topics_by_role
+from cwcli.cli.options.values import time_ns
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
 from cwcli.errors import DataError, OutputError, UsageError
@@ -102,14 +102,14 @@ def select(reading: ReadingOptions, log: Log) -> Selection:
     Raises:
         UsageError: A malformed option, or an empty span.
     """
-    from cwcli.signals.codec import Role
+    from cwcli.signals.roles import parse_overrides
 
     start_ns = None if reading.start is None else time_ns(reading.start, log.start_ns, "--start")
     end_ns = None if reading.end is None else time_ns(reading.end, log.start_ns, "--end")
     if start_ns is not None and end_ns is not None and end_ns <= start_ns:
         raise UsageError(f"--end {reading.end} is not after --start {reading.start}")
     return Selection(
-        topics=topics_by_role(reading.topic, [role.value for role in Role]),
+        topics=parse_overrides(reading.topic),
         start_ns=start_ns,
         end_ns=end_ns,
     )

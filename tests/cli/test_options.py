@@ -14,7 +14,7 @@ import typer.main
 from cwcli.cli.app import PlainCommand
 from cwcli.cli.options.expand import StageOptions, expand
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
-from cwcli.cli.options.values import time_ns, topics_by_role, utc
+from cwcli.cli.options.values import time_ns, utc
 from cwcli.errors import UsageError
 
 
@@ -138,22 +138,6 @@ def test_configuration_that_is_not_there(tmp_path: Path) -> None:
 def test_number_options_take_finite_numbers(rate: str) -> None:
     with pytest.raises(typer.BadParameter):
         parse("estimate", "drive.mcap", "--rate", rate)
-
-
-def test_topics_by_role() -> None:
-    roles = {"imu", "ego_position"}
-    assert topics_by_role(["ego-position=/gps=1", "imu=/b"], roles) == {"ego_position": "/gps=1", "imu": "/b"}
-
-
-@pytest.mark.parametrize("entry", ["imu", "imu=", "=/a", "radar=/a"])
-def test_topics_by_role_refuses(entry: str) -> None:
-    with pytest.raises(UsageError):
-        topics_by_role([entry], {"imu"})
-
-
-def test_topics_by_role_refuses_a_role_twice() -> None:
-    with pytest.raises(UsageError, match="twice"):
-        topics_by_role(["imu=/a", "imu=/b"], {"imu"})
 
 
 START_NS = 1_700_000_000_123_456_789

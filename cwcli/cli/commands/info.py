@@ -1,7 +1,158 @@
-EXAMPLES = ("cwcli info drive.mcap",)
-from cwcli.cli.options.shared import LogArgument, ReadingOptions, TalkOptions
+"""`cwcli info`."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from cwcli.cli.console import Console
+from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
+from cwcli.cli.options.values import NS_PER_S, utc
+from cwcli.cli.tables import Cell, table
+from cwcli.cli.text import duration, join_names, paragraph, printable, size
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+
+EXAMPLES = ("cwcli info drive.mcap", "cwcli info drive.mcap --json | jq .commands")
+
+Document = dict[str, Any]
 
 
-def command(log: LogArgument, reading: ReadingOptions, talk: TalkOptions) -> None:
-    """List a log."""
-    print(log, reading, talk)
+def command(log: LogArgument, reading: ReadingOptions, sensors: SensorOptions, talk: TalkOptions) -> None:
+    """List what a log holds and what cwcli can do with it.
+
+    Shows every channel with its rate and the role that cwcli would give it, and for each command whether the log has
+    the signals that it needs.
+    """
+    from cwcli.logs.log import Log
+
+    console = Console(quiet=talk.quiet)
+    with Log.open(log, recover=reading.recover) as opened:
+        document = describe(opened, reading, sensors)
+    if talk.json:
+        console.data(json.dumps(document, indent=2, allow_nan=False))
+    else:
+        show(console, document)
+
+
+def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
+    """What `--json` prints."""
+    from cwcli.signals.roles import Role, bind, parse_overrides
+
+    bindings = bind(
+        log.channels,
+        parse_overrides(reading.topic),
+        required=(),
+        optional=tuple(Role),
+        ego_station=sensors.ego_station,
+        where=log.name,
+    )
+    roles: dict[str, list[str]] = {}
+    for role, bound in bindings.by_role.items():
+        for binding in bound:
+            roles.setdefault(binding.topic, []).append(role.value)
+    duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
+    return {
+        "name": log.name,
+        "size_bytes": log.path.stat().st_size,
+        "profile": log.profile,
+        "library": log.library,
+        "start_ns": log.start_ns,
+        "end_ns": log.end_ns,
+        "start": utc(log.start_ns),
+        "duration_s": duration_s,
+        "messages": log.n_messages,
+        "chunks": log.n_chunks,
+        "compression": list(log.compressions),
+        "channels": [_channel(channel, duration_s, roles.get(channel.topic, [])) for channel in log.channels],
+        "attachments": [{"name": entry.name, "size_bytes": entry.size} for entry in log.attachments],
+        "metadata": [name for name, _ in log.metadata],
+        "commands": _commands({role.value for role in bindings.by_role}),
+        "notes": list(bindings.notes),
+    }
+
+
+def _channel(channel: Any, duration_s: float, roles: list[str]) -> Document:
+    count = channel.message_count
+    rate_hz = None if count is None or count < 2 or duration_s <= 0 else (count - 1) / duration_s
+    return {
+        "topic": channel.topic,
+        "schema": channel.schema_name,
+        "encoding": channel.message_encoding,
+        "messages": count,
+        "rate_hz": rate_hz,
+        "roles": roles,
+    }
+
+
+def _commands(bound: set[str]) -> Document:
+    from cwcli.stages.needs import readiness
+
+    return {
+        entry.stage: {
+            "ready": entry.is_ready,
+            "after": list(entry.after),
+            "missing": list(entry.missing),
+            "would_use": list(entry.unused),
+        }
+        for entry in readiness(bound)
+    }
+
+
+def show(console: Console, document: Document) -> None:
+    """The document as tables of at most 80 columns."""
+    console.heading(document["name"])
+    for name, text in _facts(document):
+        console.summary(paragraph(printable(text), first=f"{name:<12}", rest=" " * 12))
+    console.summary("")
+    rows: list[tuple[Cell, ...]] = [
+        (
+            channel["topic"],
+            channel["schema"] or "-",
+            channel["encoding"] or "-",
+            channel["messages"],
+            None if channel["rate_hz"] is None else f"{channel['rate_hz']:.1f}",
+            ", ".join(channel["roles"]) or "-",
+        )
+        for channel in document["channels"]
+    ]
+    console.summary(table(("topic", "schema", "encoding", "messages", "Hz", "role"), rows))
+    console.summary("")
+    console.summary(table(("command", "can run", "the log lacks"), _command_rows(document["commands"])))
+    for note in document["notes"]:
+        console.note(note)
+
+
+def _facts(document: Document) -> list[tuple[str, str]]:
+    compression = join_names(document["compression"]) or "none"
+    facts = [
+        ("size", size(document["size_bytes"])),
+        ("start", document["start"]),
+        ("duration", duration(document["duration_s"])),
+        ("messages", f"{document['messages']} in {document['chunks']} chunks, compression {compression}"),
+        ("profile", document["profile"] or "-"),
+        ("library", document["library"] or "-"),
+    ]
+    if document["attachments"]:
+        names = [f"{entry['name']} ({size(entry['size_bytes'])})" for entry in document["attachments"]]
+        facts.append(("attachments", ", ".join(names)))
+    if document["metadata"]:
+        facts.append(("metadata", ", ".join(document["metadata"])))
+    return facts
+
+
+def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:
+    rows: list[tuple[Cell, ...]] = []
+    for name, entry in commands.items():
+        if entry["ready"]:
+            answer = "yes"
+        elif entry["missing"]:
+            answer = "no"
+        else:
+            answer = f"after {join_names(entry['after'])}"
+        lacks = [f"{role} (required)" for role in entry["missing"]] + [
+            role for role in entry["would_use"] if role not in entry["missing"]
+        ]
+        rows.append((name, answer, ", ".join(lacks) or "-"))
+    return rows

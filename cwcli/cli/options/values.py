@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 
@@ -10,28 +9,6 @@ from cwcli.errors import UsageError
 
 NS_PER_S = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-
-
-def topics_by_role(entries: Sequence[str], roles: Collection[str]) -> dict[str, str]:
-    """`--topic role=/name` entries as role -> topic.
-
-    Raises:
-        UsageError: An entry is malformed, names an unknown role, or a role is named twice.
-    """
-    topics: dict[str, str] = {}
-    for entry in entries:
-        role, equals, topic = entry.partition("=")
-        role = role.strip().replace("-", "_").lower()
-        if not equals or not topic:
-            raise UsageError(f"--topic {entry!r} is not of the form ROLE=/NAME")
-        if role not in roles:
-            from cwcli.cli.console import closest
-
-            raise UsageError(f"--topic names an unknown role {role!r}", hint=closest(role, sorted(roles)))
-        if role in topics:
-            raise UsageError(f"--topic names the role {role} twice: {topics[role]} and {topic}")
-        topics[role] = topic
-    return topics
 
 
 def time_ns(text: str, log_start_ns: int, option: str) -> int:
