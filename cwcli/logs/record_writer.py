@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 MAGIC = b"\x89MCAP0\r\n"
 ZSTD_LEVEL = 1
-MAX_ID = 0xFFFF
 
 
 @dataclass(frozen=True)
@@ -49,19 +48,21 @@ class CopiedChunk:
         length: Bytes of the chunk record and the index records.
         index: As in the source's summary; its offsets count from the source's beginning.
         message_counts: Channel id -> messages.
+        reindex: Its header or its indexes are wrong; only its records can be used.
     """
 
     start: int
     length: int
     index: ChunkIndex
     message_counts: Mapping[int, int]
+    reindex: bool = False
 
 
 class RecordWriter:
     """Writes records in the order of the calls; `finish` writes the summary.
 
-    The data section's own CRC is left at 0 (not available), as the official Python writer does: each chunk, each attachment
-    and the summary carry their CRC, and computing another one over all bytes would nearly double the time of a copy.
+    The data section's own CRC is left at 0 (not available), as the official Python writer does: each chunk, each
+    attachment and the summary carry their CRC, and another one over all bytes would double the time of a copy.
     """
 
     def __init__(self, output: Output) -> None:
@@ -103,14 +104,14 @@ class RecordWriter:
             import zstandard
 
             self._compressor = zstandard.ZstdCompressor(ZSTD_LEVEL)
-        compressed = self._compressor.compress(payload.data)
+        compressed = self._compressor.compress(payload.data.data)
         self.raw_chunk(payload, "zstd", compressed)
 
     def raw_chunk(self, payload: ChunkPayload, compression: str, stored: bytes | memoryview) -> None:
         """As `chunk`, with the payload's bytes as they are to be stored."""
         start = self._output.position
         size = len(payload.data)
-        fields = struct.pack("<QQQI", payload.start_ns, payload.end_ns, size, zlib.crc32(payload.data))
+        fields = struct.pack("<QQQI", payload.start_ns, payload.end_ns, size, zlib.crc32(payload.data.data))
         name = compression.encode()
         fields += struct.pack("<I", len(name)) + name + struct.pack("<Q", len(stored))
         self._output.write(struct.pack("<BQ", Opcode.CHUNK, len(fields) + len(stored)) + fields)
@@ -166,8 +167,12 @@ class RecordWriter:
         self._metadata.append(replace(index, offset=self._output.position))
         self._output.copy(source, index.offset, index.length)
 
+    def record(self, data: bytes | memoryview) -> None:
+        """A record that the summary does not list, as it stands."""
+        self._output.write(data)
+
     def copy_record(self, source: int, start: int, length: int) -> None:
-        """Any other record byte for byte."""
+        """As `record`, from another file."""
         self._output.copy(source, start, length)
 
     def finish(self) -> None:
@@ -223,20 +228,8 @@ def record_bytes(record: McapRecord) -> bytes:
     """A record as it stands in a file."""
     builder = RecordBuilder()
     record.write(builder)
-    data: bytes = builder.end()
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
     return data
-
-
-def free_id(taken: Callable[[int], bool], start: int) -> int:
-    """The first id from `start` on that is not taken.
-
-    Raises:
-        ValueError: All 65,535 are.
-    """
-    for candidate in range(max(start, 1), MAX_ID + 1):
-        if not taken(candidate):
-            return candidate
-    raise ValueError("a log can't hold more than 65,535 channels")
 
 
 def _attachment_index(attachment: Attachment, offset: int, length: int) -> AttachmentIndex:

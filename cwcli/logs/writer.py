@@ -26,8 +26,8 @@ LIBRARY = f"cwcli {cwcli.__version__}"
 class LogWriter:
     """Collects channels and writes them as one log, all messages in log-time order, in compressed and indexed chunks.
 
-    A context manager: the file appears when the block ends without an error. The arrays that are handed over are kept until
-    then and must not change. The same calls give the same bytes.
+    A context manager: the file appears when the block ends without an error. The arrays that are handed over are kept
+    until then and must not change. The same calls give the same bytes.
 
         with LogWriter("drive.mcap") as log:
             log.write_columns(channel)
@@ -42,9 +42,7 @@ class LogWriter:
         OutputError, UsageError: As `cwcli.output.open_output`.
     """
 
-    def __init__(
-        self, target: str | Path, *, profile: str = "", library: str = LIBRARY, force: bool = False
-    ) -> None:
+    def __init__(self, target: str | Path, *, profile: str = "", library: str = LIBRARY, force: bool = False) -> None:
         self._profile = profile
         self._library = library
         self._schemas: list[Schema] = []
@@ -133,9 +131,7 @@ class LogWriter:
     ) -> None:
         """A file inside the log."""
         self._attachments.append(
-            Attachment(
-                create_time=create_time_ns, log_time=log_time_ns, name=name, media_type=media_type, data=data
-            )
+            Attachment(create_time=create_time_ns, log_time=log_time_ns, name=name, media_type=media_type, data=data)
         )
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:

@@ -1,0 +1,187 @@
+"""The same log with more channels.
+
+Chunks, message indexes, attachments and metadata records of the source are copied byte for byte. New messages lie in
+chunks of their own, right after the source's chunk whose time they belong to. The summary is built anew.
+"""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cwcli.errors import InputError, OutputError
+from cwcli.logs.annotate_copy import SourceCopy
+from cwcli.logs.annotate_ids import NewChannel, assign_ids
+from cwcli.logs.feeds import column_feed
+from cwcli.logs.layout import Layout, read_layout
+from cwcli.logs.message_merge import MessageMerge
+from cwcli.logs.record_writer import RecordWriter
+from cwcli.output import open_output
+from cwcli.signals.columns import OutputChannel
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+
+MIN_NEW_CHUNK_BYTES = 1 << 16  # fewer new bytes wait for the source's next chunk: tiny chunks are slow to read
+
+
+@dataclass(frozen=True)
+class AnnotateReport:
+    """What was written.
+
+    Attributes:
+        target: As it was named.
+        n_bytes: Size of the file.
+        n_messages_copied, n_messages_added: Messages of the source and new ones.
+        n_chunks_copied, n_chunks_added: Chunks of the source and new ones.
+        replaced_topics: Topics of the source that were left out.
+        n_chunks_lost, n_bytes_lost: Damaged parts of the source that were left out (`recover`).
+    """
+
+    target: str
+    n_bytes: int
+    n_messages_copied: int
+    n_messages_added: int
+    n_chunks_copied: int
+    n_chunks_added: int
+    replaced_topics: tuple[str, ...]
+    n_chunks_lost: int
+    n_bytes_lost: int
+
+
+def annotate(
+    source: Log,
+    channels: Sequence[OutputChannel],
+    metadata: Mapping[str, Mapping[str, str]],
+    target: str | Path,
+    *,
+    replace: bool = False,
+    force: bool = False,
+) -> AnnotateReport:
+    """Write the source with more channels.
+
+    The same source and channels give the same bytes. Messages of a source without chunks are put into chunks as they
+    are, because readers that find a chunk index look nowhere else.
+
+    Args:
+        source: The log. The channels and metadata that it holds in memory (`Log.with_channels`) are written too. A log
+            opened with `recover` is copied as far as it is intact.
+        channels: New channels.
+        metadata: New metadata records by name, e.g. `cwcli.run.estimate`.
+        target: File name, or `-` for standard output.
+        replace: Leave the source's channels on the same topics, and its metadata records of the same names, out of the
+            copy.
+        force: Overwrite a file that exists. The source itself is never overwritten.
+
+    Raises:
+        OutputError: The target can't be written, or the source holds a topic or a record of the same name and
+            `replace` is off.
+        InputError: The source is damaged.
+        ValueError: A column does not fit its schema, or log times go back.
+    """
+    channels, metadata = _with_memory(source, channels, metadata, replace)
+    topics = {channel.topic for channel in channels}
+    with _mapped(source.path, source.name) as (descriptor, data):
+        layout = read_layout(data, source.name, recover=source.recover)
+        replaced = {each.id: each for each in layout.channels.values() if each.topic in topics}
+        _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
+        _refuse(sorted(layout.metadata_names() & set(metadata)), "metadata record", source.name, replace)
+        new = assign_ids(layout, channels, replaced)
+        merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
+        copy = SourceCopy(layout, descriptor, data, frozenset(replaced), frozenset(metadata), source.name)
+        with open_output(target, force=force, inputs=(source.path,)) as output:
+            n_added = _write(RecordWriter(output), layout, copy, new, merge, metadata)
+            n_bytes = output.position
+    return AnnotateReport(
+        target=str(target),
+        n_bytes=n_bytes,
+        n_messages_copied=copy.n_messages,
+        n_messages_added=len(merge.log_time_ns),
+        n_chunks_copied=copy.n_chunks,
+        n_chunks_added=n_added,
+        replaced_topics=tuple(sorted({each.topic for each in replaced.values()})),
+        n_chunks_lost=layout.n_chunks_lost,
+        n_bytes_lost=layout.n_bytes_lost,
+    )
+
+
+def refuse_clashes(source: Log, topics: Collection[str], *, replace: bool) -> None:
+    """Refuse topics that the source holds already, before any work is done.
+
+    Raises:
+        OutputError: It holds one of them and `replace` is off.
+    """
+    _refuse(sorted({channel.topic for channel in source.channels} & set(topics)), "channel", source.name, replace)
+
+
+def _write(
+    writer: RecordWriter,
+    layout: Layout,
+    copy: SourceCopy,
+    new: Sequence[NewChannel],
+    merge: MessageMerge,
+    metadata: Mapping[str, Mapping[str, str]],
+) -> int:
+    """The whole file; returns the number of new chunks."""
+    n_added = 0
+    copy.begin(writer)
+    for schema in {each.schema.id: each.schema for each in new}.values():
+        writer.schema(schema)
+    for each in new:
+        writer.channel(each.channel)
+    for item in layout.items:
+        last_ns = copy.item(writer, item)
+        if last_ns is not None:
+            for payload in merge.take_until(last_ns, min_bytes=MIN_NEW_CHUNK_BYTES):
+                writer.chunk(payload)
+                n_added += 1
+    for payload in merge.take_until(None):
+        writer.chunk(payload)
+        n_added += 1
+    for name, values in metadata.items():
+        writer.metadata(name, values)
+    writer.finish()
+    return n_added
+
+
+def _with_memory(
+    source: Log, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]], replace: bool
+) -> tuple[list[OutputChannel], dict[str, Mapping[str, str]]]:
+    """What the source holds in memory and what is new, by topic and by name; the later one wins."""
+    by_topic: dict[str, OutputChannel] = {}
+    for channel in (*source.added_channels, *channels):
+        if channel.topic in by_topic:
+            _refuse([channel.topic], "channel", source.name, replace)
+        by_topic[channel.topic] = channel
+    by_name = dict(source.added_metadata)
+    _refuse(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
+    return list(by_topic.values()), {**by_name, **metadata}
+
+
+def _refuse(names: Sequence[str], kind: str, source: str, replace: bool) -> None:
+    if names and not replace:
+        raise OutputError(
+            f"the log holds the {kind} {names[0]} already",
+            where=source,
+            found=tuple(names[1:]),
+            hint="--replace leaves the old one out of the copy",
+        )
+
+
+@contextmanager
+def _mapped(path: Path, name: str) -> Iterator[tuple[int, mmap.mmap]]:
+    """The source's file descriptor and its bytes."""
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise InputError(f"it can't be read: {error.strerror}", where=name) from error
+    with file:
+        try:
+            data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except (OSError, ValueError) as error:  # an empty file can't be mapped
+            raise InputError("it is empty or can't be read", where=name) from error
+        yield file.fileno(), data

@@ -1,0 +1,125 @@
+"""The source's part of an annotated log."""
+
+from __future__ import annotations
+
+import mmap
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, MetadataIndex
+
+from cwcli.errors import InputError
+from cwcli.logs.chunks import ChunkDamageError, chunk_records, index_entries, open_chunk, stored_bytes, without_channels
+from cwcli.logs.layout import Item, Layout, LooseMessages, LooseRecord
+from cwcli.logs.message_merge import ChunkPayload
+from cwcli.logs.record_writer import CopiedChunk, RecordWriter
+
+MAX_TIME_NS = (1 << 63) - 1
+
+
+class SourceCopy:
+    """Copies the records of a source, all but those of replaced channels and metadata records.
+
+    Attributes:
+        n_messages, n_chunks: Copied so far.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        descriptor: int,
+        data: mmap.mmap,
+        replaced_ids: frozenset[int],
+        replaced_metadata: frozenset[str],
+        name: str,
+    ) -> None:
+        self._layout = layout
+        self._descriptor = descriptor
+        self._data = data
+        self._replaced_ids = replaced_ids
+        self._replaced_metadata = replaced_metadata
+        self._name = name
+        self.n_messages = 0
+        self.n_chunks = 0
+
+    def begin(self, writer: RecordWriter) -> None:
+        """The header, and the definitions that the summary is to list."""
+        layout = self._layout
+        if layout.header_length:
+            writer.copy_header(self._descriptor, layout.header_length)
+        else:
+            writer.header("", "")
+        kept = [each for each in layout.channels.values() if each.id not in self._replaced_ids]
+        orphans = {layout.channels[each].schema_id for each in self._replaced_ids} - {each.schema_id for each in kept}
+        for schema in layout.schemas.values():
+            if schema.id not in orphans:
+                writer.schema(schema, listed_only=True)
+        for channel in kept:
+            writer.channel(channel, listed_only=True)
+
+    def item(self, writer: RecordWriter, item: Item) -> int | None:
+        """Copy one item; returns the last log time in it, or None if it holds no message."""
+        if isinstance(item, CopiedChunk):
+            return self._chunk(writer, item)
+        if isinstance(item, LooseMessages):
+            return self._loose_messages(writer, item)
+        if isinstance(item, LooseRecord):
+            if item.channel_id not in self._replaced_ids:
+                writer.copy_record(self._descriptor, item.start, item.length)
+        elif isinstance(item, AttachmentIndex):
+            writer.copy_attachment(self._descriptor, item)
+        elif isinstance(item, MetadataIndex) and item.name not in self._replaced_metadata:
+            writer.copy_metadata(self._descriptor, item)
+        return None
+
+    def _chunk(self, writer: RecordWriter, chunk: CopiedChunk) -> int | None:
+        filtered = not self._replaced_ids.isdisjoint(chunk.message_counts)
+        if filtered or chunk.reindex:
+            return self._rebuilt_chunk(writer, chunk, filtered)
+        writer.copy_chunk(self._descriptor, chunk)
+        self.n_chunks += 1
+        self.n_messages += sum(chunk.message_counts.values())
+        return min(chunk.index.message_end_time, MAX_TIME_NS) if any(chunk.message_counts.values()) else None
+
+    def _rebuilt_chunk(self, writer: RecordWriter, chunk: CopiedChunk, filtered: bool) -> int | None:
+        try:
+            records = open_chunk(self._data, chunk.index)
+            if filtered:
+                records = without_channels(records, self._replaced_ids)
+            entries = index_entries(records)
+        except ChunkDamageError as error:
+            raise InputError(f"a chunk is damaged: {error}", where=self._name) from error
+        if not entries:
+            for opcode, start, end, data in chunk_records(records):
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    writer.record(data[start:end])
+            return None
+        payload = _payload(records, entries)
+        if filtered:
+            writer.chunk(payload)
+        else:
+            writer.raw_chunk(payload, chunk.index.compression, stored_bytes(self._data, chunk.index))
+        return self._count(payload)
+
+    def _loose_messages(self, writer: RecordWriter, item: LooseMessages) -> int | None:
+        records = memoryview(self._data)[item.start : item.start + item.length]
+        entries = item.entries
+        if not self._replaced_ids.isdisjoint(entries):
+            records = without_channels(records, self._replaced_ids)
+            entries = index_entries(records)
+        if not entries:
+            return None
+        payload = _payload(records, entries)
+        writer.raw_chunk(payload, "", records)
+        return self._count(payload)
+
+    def _count(self, payload: ChunkPayload) -> int:
+        self.n_chunks += 1
+        self.n_messages += sum(map(len, payload.entries.values()))
+        return min(payload.end_ns, MAX_TIME_NS)
+
+
+def _payload(records: memoryview, entries: dict[int, np.ndarray]) -> ChunkPayload:
+    start_ns = min(int(each["log_time"].min()) for each in entries.values())
+    end_ns = max(int(each["log_time"].max()) for each in entries.values())
+    return ChunkPayload(np.frombuffer(records, np.uint8), start_ns, end_ns, entries)

@@ -1,0 +1,118 @@
+"""The inside of an MCAP chunk."""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
+
+from cwcli.logs.message_merge import INDEX_ENTRY
+
+RECORD_PREFIX = struct.Struct("<BQ")
+MESSAGE_FIELDS = struct.Struct("<BQHIQQ")
+CRC_AT = 9 + 24  # opcode and length, start time, end time, uncompressed size
+
+
+class ChunkDamageError(Exception):
+    """A chunk, or a record in it, can't be what was written."""
+
+
+def open_chunk(data: mmap.mmap, index: ChunkIndex) -> memoryview:
+    """The uncompressed records of a chunk.
+
+    Args:
+        data: The whole file.
+        index: Where the chunk is.
+
+    Raises:
+        ChunkDamageError: It can't be decompressed, has another size than it says, or its CRC does not fit.
+    """
+    try:
+        records = _decompressed(stored_bytes(data, index), index.compression, index.uncompressed_size)
+    except (RuntimeError, ValueError, OverflowError, MemoryError, EOFError) as error:
+        raise ChunkDamageError(f"it can't be decompressed ({error})") from error
+    if len(records) != index.uncompressed_size:
+        raise ChunkDamageError("its size is not the one that it names")
+    (crc,) = struct.unpack_from("<I", data, index.chunk_start_offset + CRC_AT)
+    if crc and crc != zlib.crc32(records):
+        raise ChunkDamageError("its CRC does not fit")
+    return records
+
+
+def stored_bytes(data: mmap.mmap, index: ChunkIndex) -> memoryview:
+    """The records of a chunk as they are stored, compressed or not."""
+    end = index.chunk_start_offset + index.chunk_length
+    return memoryview(data)[end - index.compressed_size : end]
+
+
+def chunk_records(records: memoryview) -> Iterator[tuple[int, int, int, memoryview]]:
+    """Opcode, start and end (within the chunk) of each record, and the chunk's bytes.
+
+    Raises:
+        ChunkDamageError: A record reaches beyond the chunk.
+    """
+    at = 0
+    while at < len(records):
+        if at + RECORD_PREFIX.size > len(records):
+            raise ChunkDamageError("a record is cut short")
+        opcode, length = RECORD_PREFIX.unpack_from(records, at)
+        end = at + RECORD_PREFIX.size + length
+        if end > len(records):
+            raise ChunkDamageError("a record is cut short")
+        yield opcode, at, end, records
+        at = end
+
+
+def index_entries(records: memoryview) -> dict[int, npt.NDArray[np.void]]:
+    """Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY`.
+
+    Raises:
+        ChunkDamageError: A record reaches beyond the given bytes.
+    """
+    found: dict[int, list[tuple[int, int]]] = {}
+    for opcode, start, end, _ in chunk_records(records):
+        if opcode == Opcode.MESSAGE:
+            if end - start < MESSAGE_FIELDS.size:
+                raise ChunkDamageError("a message is shorter than its header")
+            _, _, channel_id, _, log_time, _ = MESSAGE_FIELDS.unpack_from(records, start)
+            found.setdefault(channel_id, []).append((log_time, start))
+    return {channel_id: np.array(entries, INDEX_ENTRY) for channel_id, entries in found.items()}
+
+
+def without_channels(records: memoryview, channel_ids: frozenset[int]) -> memoryview:
+    """The records without the messages and the definitions of some channels.
+
+    Raises:
+        ChunkDamageError: A record reaches beyond the given bytes.
+    """
+    kept = bytearray()
+    for opcode, start, end, _ in chunk_records(records):
+        if opcode in (Opcode.MESSAGE, Opcode.CHANNEL):
+            (channel_id,) = struct.unpack_from("<H", records, start + RECORD_PREFIX.size)
+            if channel_id in channel_ids:
+                continue
+        kept += records[start:end]
+    return memoryview(kept)
+
+
+def _decompressed(stored: memoryview, compression: str, size: int) -> memoryview:
+    if compression == "":
+        return stored
+    if compression == "zstd":
+        import zstandard
+
+        try:
+            return memoryview(zstandard.ZstdDecompressor().decompress(stored, size))
+        except zstandard.ZstdError as error:
+            raise ValueError(error) from error
+    if compression == "lz4":
+        import lz4.frame
+
+        return memoryview(lz4.frame.decompress(stored))
+    raise ChunkDamageError(f"its compression {compression!r} is unknown")

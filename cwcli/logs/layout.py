@@ -1,0 +1,329 @@
+"""Where the records of an MCAP file lie: what a copy needs to know of them, without decoding a message.
+
+The data section is walked from record to record, which touches a few bytes of each. The summary is believed only where
+it repeats the schemas and channels; where it does not, the chunks are opened.
+
+Format: https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
+
+from cwcli.errors import InputError
+from cwcli.logs.chunks import ChunkDamageError, chunk_records, index_entries, open_chunk
+from cwcli.logs.message_merge import INDEX_ENTRY
+from cwcli.logs.record_writer import MAGIC, CopiedChunk
+
+PREFIX = struct.Struct("<BQ")
+FOOTER = struct.Struct("<BQQQI")
+CHUNK_FIELDS = struct.Struct("<QQQI")
+MESSAGE_INDEX_FIELDS = struct.Struct("<BQHI")
+INDEX_ENTRY_BYTES = 16
+MAX_LOOSE_BYTES = 1 << 20
+
+Buffer = mmap.mmap | memoryview
+Record = TypeVar("Record")
+
+
+@dataclass(frozen=True)
+class LooseMessages:
+    """Neighbouring message records outside any chunk.
+
+    Attributes:
+        start, length: Bytes in the source.
+        entries: Channel id -> (log time, offset from `start`) of its messages, dtype `INDEX_ENTRY`.
+    """
+
+    start: int
+    length: int
+    entries: dict[int, npt.NDArray[np.void]]
+
+
+@dataclass(frozen=True)
+class LooseRecord:
+    """A schema or channel record outside any chunk, or a record of a kind that the format leaves to its users."""
+
+    start: int
+    length: int
+    channel_id: int | None = None
+
+
+Item = CopiedChunk | LooseMessages | LooseRecord | AttachmentIndex | MetadataIndex
+
+
+@dataclass
+class Layout:
+    """What a file holds.
+
+    Attributes:
+        header_length: Bytes of magic and header.
+        items: The data section in file order.
+        schemas, channels: By id.
+        n_chunks_lost, n_bytes_lost: What `recover` left out.
+    """
+
+    header_length: int = 0
+    items: list[Item] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    n_chunks_lost: int = 0
+    n_bytes_lost: int = 0
+
+    def metadata_names(self) -> set[str]:
+        """Names of the metadata records."""
+        return {item.name for item in self.items if isinstance(item, MetadataIndex)}
+
+
+def read_layout(data: mmap.mmap, name: str, *, recover: bool = False) -> Layout:
+    """Walk the data section.
+
+    Args:
+        data: The whole file.
+        name: For messages.
+        recover: Leave damaged records out and count them, instead of raising. Every chunk is then opened and its CRC
+            checked.
+
+    Raises:
+        InputError: The file is damaged and `recover` is off.
+    """
+    return _Walk(data, name, recover).run()
+
+
+class _Walk:
+    def __init__(self, data: mmap.mmap, name: str, recover: bool) -> None:
+        self._data = data
+        self._name = name
+        self._recover = recover
+        self._layout = Layout()
+        self._counted_channels: int | None = None
+        self._chunk_starts: list[int] = []
+
+    def run(self) -> Layout:
+        layout = self._layout
+        if self._data[: len(MAGIC)] != MAGIC:
+            raise InputError("it is not an MCAP file", where=self._name)
+        self._read_summary()
+        at = len(MAGIC)
+        ended = False
+        while not ended:
+            record = self._record(at)
+            if record is None:
+                following = next((start for start in self._chunk_starts if start > at), len(self._data))
+                self._lose(following - at, "a record is cut short or damaged", at)
+                if following == len(self._data):
+                    break
+                at = following
+                continue
+            opcode, end = record
+            ended = opcode == Opcode.DATA_END
+            at = self._take(opcode, at, end) if not ended else end
+        self._complete_channels()
+        return layout
+
+    def _record(self, at: int) -> tuple[int, int] | None:
+        """Kind and end of the record at an offset, or None if there is no whole one."""
+        if at + PREFIX.size > len(self._data):
+            return None
+        opcode, length = PREFIX.unpack_from(self._data, at)
+        end = at + PREFIX.size + length
+        return None if opcode == 0 or end > len(self._data) else (opcode, end)
+
+    def _take(self, opcode: int, at: int, end: int) -> int:
+        """Note the record, and those that belong to it; returns where the next one begins."""
+        layout = self._layout
+        try:
+            if opcode == Opcode.HEADER:
+                layout.header_length = end
+            elif opcode == Opcode.CHUNK:
+                return self._take_chunk(at, end)
+            elif opcode == Opcode.MESSAGE:
+                return self._take_messages(at)
+            elif opcode == Opcode.SCHEMA:
+                schema = _parsed(self._data, at, end, Schema.read)
+                layout.schemas.setdefault(schema.id, schema)
+                layout.items.append(LooseRecord(at, end - at))
+            elif opcode == Opcode.CHANNEL:
+                channel = _parsed(self._data, at, end, Channel.read)
+                layout.channels.setdefault(channel.id, channel)
+                layout.items.append(LooseRecord(at, end - at, channel.id))
+            elif opcode == Opcode.ATTACHMENT:
+                self._take_attachment(at, end)
+            elif opcode == Opcode.METADATA:
+                metadata = _parsed(self._data, at, end, Metadata.read)
+                layout.items.append(MetadataIndex(at, end - at, metadata.name))
+            elif opcode != Opcode.MESSAGE_INDEX:  # without its chunk it serves nobody
+                layout.items.append(LooseRecord(at, end - at))
+        except (ValueError, struct.error, EOFError, ChunkDamageError) as error:
+            self._lose(end - at, str(error), at)
+        return end
+
+    def _take_chunk(self, at: int, end: int) -> int:
+        start_ns, end_ns, size, _ = CHUNK_FIELDS.unpack_from(self._data, at + PREFIX.size)
+        cursor = at + PREFIX.size + CHUNK_FIELDS.size
+        (name_length,) = struct.unpack_from("<I", self._data, cursor)
+        compression = self._data[cursor + 4 : cursor + 4 + name_length].decode()
+        cursor += 4 + name_length
+        (stored,) = struct.unpack_from("<Q", self._data, cursor)
+        if cursor + 8 + stored != end:
+            raise ChunkDamageError("the sizes in a chunk disagree")
+        index = ChunkIndex(
+            chunk_length=end - at,
+            chunk_start_offset=at,
+            compression=compression,
+            compressed_size=stored,
+            message_end_time=end_ns,
+            message_index_length=0,
+            message_index_offsets={},
+            message_start_time=start_ns,
+            uncompressed_size=size,
+        )
+        counts: dict[int, int] = {}
+        cursor = end
+        while (record := self._record(cursor)) and record[0] == Opcode.MESSAGE_INDEX:
+            _, length, channel_id, entry_bytes = MESSAGE_INDEX_FIELDS.unpack_from(self._data, cursor)
+            if entry_bytes + 6 != length or entry_bytes % INDEX_ENTRY_BYTES:
+                break
+            index.message_index_offsets[channel_id] = cursor
+            counts[channel_id] = entry_bytes // INDEX_ENTRY_BYTES
+            cursor = record[1]
+        index.message_index_length = cursor - end
+        chunk = CopiedChunk(at, cursor - at, index, counts)
+        if self._recover or not counts:
+            try:
+                chunk = self._inspected(chunk)
+            except ChunkDamageError as error:
+                self._layout.n_chunks_lost += 1
+                self._lose(cursor - at, str(error), at)
+                return cursor
+        self._layout.items.append(chunk)
+        return cursor
+
+    def _inspected(self, chunk: CopiedChunk) -> CopiedChunk:
+        """The chunk with what it really holds, to be indexed anew where its header or its indexes say otherwise."""
+        entries = index_entries(open_chunk(self._data, chunk.index))
+        times = np.concatenate([np.zeros(0, "<u8"), *(each["log_time"] for each in entries.values())])
+        span = (int(times.min()), int(times.max())) if len(times) else (0, 0)
+        stale = span != (chunk.index.message_start_time, chunk.index.message_end_time) and len(times) > 0
+        if chunk.message_counts:
+            stale |= set(entries) != set(chunk.index.message_index_offsets)
+            for channel_id, offset in chunk.index.message_index_offsets.items():
+                stale |= channel_id in entries and not self._index_fits(offset, entries[channel_id])
+        return replace(chunk, message_counts={each: len(rows) for each, rows in entries.items()}, reindex=bool(stale))
+
+    def _index_fits(self, offset: int, entries: npt.NDArray[np.void]) -> bool:
+        """Whether a message index record holds these entries, in any order."""
+        _, _, _, n_bytes = MESSAGE_INDEX_FIELDS.unpack_from(self._data, offset)
+        start = offset + MESSAGE_INDEX_FIELDS.size
+        listed = np.frombuffer(self._data[start : start + n_bytes], INDEX_ENTRY)
+        return np.array_equal(np.sort(listed, order="offset"), entries)
+
+    def _take_messages(self, at: int) -> int:
+        """Loose messages up to the next record of another kind or a chunk's worth."""
+        cursor = at
+        while (record := self._record(cursor)) and record[0] == Opcode.MESSAGE and cursor - at < MAX_LOOSE_BYTES:
+            cursor = record[1]
+        entries = index_entries(memoryview(self._data)[at:cursor])
+        self._layout.items.append(LooseMessages(at, cursor - at, entries))
+        return cursor
+
+    def _take_attachment(self, at: int, end: int) -> None:
+        attachment = _parsed(self._data, at, end, Attachment.read)
+        if self._recover:
+            (crc,) = struct.unpack_from("<I", self._data, end - 4)
+            if crc and crc != zlib.crc32(memoryview(self._data)[at + PREFIX.size : end - 4]):
+                raise ChunkDamageError("the CRC of an attachment does not fit")
+        self._layout.items.append(
+            AttachmentIndex(
+                offset=at,
+                length=end - at,
+                log_time=attachment.log_time,
+                create_time=attachment.create_time,
+                data_size=len(attachment.data),
+                name=attachment.name,
+                media_type=attachment.media_type,
+            )
+        )
+
+    def _read_summary(self) -> None:
+        """Schemas, channels and chunk offsets that the summary repeats, unless it is missing or damaged."""
+        footer_at = len(self._data) - len(MAGIC) - FOOTER.size
+        if footer_at < 0 or self._data[-len(MAGIC) :] != MAGIC:
+            return
+        opcode, _, start, _, crc = FOOTER.unpack_from(self._data, footer_at)
+        if opcode != Opcode.FOOTER or not 0 < start <= footer_at:
+            return
+        if crc and zlib.crc32(memoryview(self._data)[start : footer_at + FOOTER.size - 4]) != crc:
+            return
+        at = start
+        try:
+            while at < footer_at and (record := self._record(at)):
+                opcode, end = record
+                if opcode == Opcode.SCHEMA:
+                    schema = _parsed(self._data, at, end, Schema.read)
+                    self._layout.schemas[schema.id] = schema
+                elif opcode == Opcode.CHANNEL:
+                    channel = _parsed(self._data, at, end, Channel.read)
+                    self._layout.channels[channel.id] = channel
+                elif opcode == Opcode.STATISTICS:
+                    self._counted_channels = _parsed(self._data, at, end, Statistics.read).channel_count
+                elif opcode == Opcode.CHUNK_INDEX:
+                    self._chunk_starts.append(_parsed(self._data, at, end, ChunkIndex.read).chunk_start_offset)
+                at = end
+        except (ValueError, struct.error, EOFError):
+            return
+
+    def _complete_channels(self) -> None:
+        """Open the chunks where the summary does not repeat all schemas and channels."""
+        layout = self._layout
+        used = {channel_id for item in layout.items for channel_id in _channel_ids(item)}
+        known_schemas = {0, *layout.schemas}
+        if (
+            self._counted_channels == len(layout.channels)
+            and used <= set(layout.channels)
+            and all(channel.schema_id in known_schemas for channel in layout.channels.values())
+        ):
+            return
+        for item in layout.items:
+            if isinstance(item, CopiedChunk):
+                try:
+                    self._read_definitions(item)
+                except ChunkDamageError as error:
+                    raise InputError(f"a chunk is damaged: {error}", where=self._name) from error
+
+    def _read_definitions(self, chunk: CopiedChunk) -> None:
+        for opcode, start, end, data in chunk_records(open_chunk(self._data, chunk.index)):
+            if opcode == Opcode.SCHEMA:
+                schema = _parsed(data, start, end, Schema.read)
+                self._layout.schemas.setdefault(schema.id, schema)
+            elif opcode == Opcode.CHANNEL:
+                channel = _parsed(data, start, end, Channel.read)
+                self._layout.channels.setdefault(channel.id, channel)
+
+    def _lose(self, n_bytes: int, why: str, at: int) -> None:
+        if not self._recover:
+            raise InputError(f"damaged at byte {at}: {why}", where=self._name, hint="--recover reads what is intact")
+        self._layout.n_bytes_lost += n_bytes
+
+
+def _channel_ids(item: Item) -> Iterator[int]:
+    if isinstance(item, CopiedChunk):
+        yield from item.message_counts
+    elif isinstance(item, LooseMessages):
+        yield from item.entries
+
+
+def _parsed(data: Buffer, start: int, end: int, read: Callable[[ReadDataStream], Record]) -> Record:
+    return read(ReadDataStream(BytesIO(data[start + PREFIX.size : end])))
