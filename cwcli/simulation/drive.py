@@ -46,7 +46,7 @@ def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
     """
     chosen = scenario.seed if seed is None else seed
     end_s = scenario.duration_s
-    grid_s = np.arange(int(np.floor(end_s / STEP_S + 1e-9)) + 1) * STEP_S
+    grid_s: FloatArray = np.arange(int(np.floor(end_s / STEP_S + 1e-9)) + 1, dtype=np.float64) * STEP_S
     host = scenario.vehicles[HOST]
     sensors = {
         name: measure(name, host.motion, settings, start_ns=scenario.start_ns, end_s=end_s, seed=chosen, vehicle=HOST)

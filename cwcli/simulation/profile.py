@@ -1,7 +1,7 @@
 """Profiles: the segments of a scenario file as pieces of constant jerk and of linear curvature or yaw rate.
 
-A segment goes from the present value to its target at the given rate, and holds it to its end. So acceleration, curvature
-and yaw rate are continuous, and jerk and yaw acceleration are bounded.
+A segment goes from the present value to its target at the given rate, and holds it to its end. So acceleration,
+curvature and yaw rate are continuous, and jerk and yaw acceleration are bounded.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def read_profile(longitudinal: Any, lateral: Any, *, speed_mps: float, end_s: fl
         path, source: Place of the vehicle in the file, and the file, for messages.
 
     Raises:
-        UsageError: A gap or an overlap, a segment too short to reach its target, a negative speed, a wrong key or value.
+        UsageError: A gap or an overlap, a segment too short for its target, a negative speed, a wrong key or value.
     """
     speed: list[SpeedPiece] = [SpeedPiece(0.0, speed_mps, 0.0, 0.0)]
     for place, segment, end in _segments(longitudinal, LONGITUDINAL_KEYS, end_s, f"{path}.longitudinal", source):
@@ -165,8 +165,8 @@ def _speed_pieces(last: SpeedPiece, segment: dict[str, Any], end_s: float, place
 def _speed_change(speed: float, accel: float, target: float, limit: float, jerk: float) -> list[tuple[float, float]]:
     """Phases (duration, jerk) of the fastest change from (speed, accel) to (target, 0) with |accel| <= limit.
 
-    The acceleration goes to a peak, holds if the peak is the limit, and returns to 0. The peak p follows from the change
-    of speed over both ramps, s (p^2 - a^2) / 2 J + s p^2 / 2 J = v1 - v0, with s the sign of the peak.
+    The acceleration goes to a peak, holds if the peak is the limit, and returns to 0. The peak p follows from the
+    change of speed over both ramps, s (p^2 - a^2) / 2 J + s p^2 / 2 J = v1 - v0, with s the sign of the peak.
     """
     if accel == 0 and speed == target:
         return []

@@ -93,6 +93,11 @@ def scenario_names() -> tuple[str, ...]:
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
 
 
+def scenario_text(name: str) -> str:
+    """The file of a scenario that comes with cwcli."""
+    return (files("cwcli.simulation") / "scenarios" / f"{name}.toml").read_text(encoding="utf-8")
+
+
 def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
     """Read a scenario file, without checking its content.
 
@@ -107,8 +112,7 @@ def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
     """
     text_name = str(name_or_path)
     if text_name in scenario_names():
-        text = (files("cwcli.simulation") / "scenarios" / f"{text_name}.toml").read_text(encoding="utf-8")
-        source = f"{text_name}.toml"
+        source, text = f"{text_name}.toml", scenario_text(text_name)
     else:
         path = Path(name_or_path)
         if not path.is_file():

@@ -1,7 +1,7 @@
 """The host's sensors: what each one reports of the truth, and when.
 
-Each message stamped t reports the truth at t - latency_s (a lag that the stamp doesn't tell) with noise and bias, and is
-logged at t + delay_s + jitter. Noise is white and Gaussian.
+Each message stamped t reports the truth at t - latency_s (a lag that the stamp doesn't tell) with noise and bias, and
+is logged at t + delay_s + jitter. Noise is white and Gaussian.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def speed(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, F
 def imu(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """Specific force (forward, left, up, m/s^2; g on up at rest) and angular rate (rad/s). Shapes (n, 6) and (6,).
 
-    A mount that is pitched nose down by p about the left axis reads forward f cos p - u sin p and up f sin p + u cos p of
-    the level forces f and u, and the yaw rate on its forward and up axes alike.
+    A mount that is pitched nose down by p about the left axis reads f cos p - u sin p forward and f sin p + u cos p up,
+    where f and u are the level forces, and the yaw rate on its forward and up axes alike.
     """
     pitch = np.radians(settings["mount_pitch_deg"])
     forward, yaw_rate = state[:, 4], state[:, 5]

@@ -1,4 +1,4 @@
-"""The vocabulary of a scenario file: every key with its type, unit, range and default, and the check of a table against it.
+"""The vocabulary of a scenario file: every key with its type, unit, range and default, and the check of a table.
 
 `docs/scenarios.md` shows these tables to people; a test compares the two.
 """

@@ -1,8 +1,8 @@
 """The true motion of a vehicle: the integral of its profile.
 
-Speed, acceleration, jerk, curvature, yaw rate, yaw acceleration and heading are evaluated in closed form at any time. The
-position is the integral of speed along the heading, by three-point Gauss quadrature on steps of 1 ms: its error is far
-below a micrometre. The vehicle is a point without side slip that moves along its heading.
+Speed, acceleration, jerk, curvature, yaw rate, yaw acceleration and heading are evaluated in closed form at any time.
+The position is the integral of speed along the heading, by three-point Gauss quadrature on steps of 1 ms: its error is
+far below a micrometre. The vehicle is a point without side slip that moves along its heading.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ STANDARD_GRAVITY_MPS2 = 9.80665
 STEP_S = 0.001
 BEFORE_S = 6.0
 AFTER_S = 2.0
-"""The truth goes on before and after the run (constant speed, straight or on the last curvature) for lagging sensors."""
+"""The truth goes on before and after the run, for sensors that lag: constant speed, constant curvature or yaw rate."""
 
 STATE_NAMES = (
     "x_m",
@@ -58,11 +58,11 @@ class Motion:
     """True states of one vehicle at any time from `BEFORE_S` before the run to `AFTER_S` after it."""
 
     def __init__(self, profile: Profile, *, x_m: float, y_m: float, heading_rad: float) -> None:
-        """Integrate the profile from a start position (east, north, metres) and heading (counter-clockwise from east)."""
+        """Integrate the profile from a start position (east, north) and heading (counter-clockwise from east)."""
         self._pieces = _merge(profile, heading_rad)
         n_before = round(BEFORE_S / STEP_S)
         n_steps = n_before + int(np.ceil((profile.end_s + AFTER_S) / STEP_S))
-        self._grid_s = (np.arange(n_steps + 1) - n_before) * STEP_S
+        self._grid_s: FloatArray = (np.arange(n_steps + 1, dtype=np.float64) - n_before) * STEP_S
         steps = self._displacement(self._grid_s[:-1], np.full(n_steps, STEP_S))
         track = np.zeros((n_steps + 1, 2))
         np.cumsum(steps, axis=0, out=track[1:])
@@ -118,7 +118,8 @@ class Motion:
 
 def _merge(profile: Profile, heading_rad: float) -> _Pieces:
     """The profile's pieces on common edges, with the run's before and after added."""
-    inner = sorted({piece.start_s for piece in (*profile.speed, *profile.turn) if 0 < piece.start_s < profile.end_s})
+    starts = {piece.start_s for piece in profile.speed} | {piece.start_s for piece in profile.turn}
+    inner = sorted(start for start in starts if 0 < start < profile.end_s)
     edges = np.array([-BEFORE_S, 0.0, *inner, profile.end_s])
     speed = np.zeros((len(edges), 3))
     yaw_rate = np.zeros((len(edges), 4))

@@ -19,7 +19,7 @@ GRID_S = 0.005
 
 
 def predict(state: FloatArray, model: str) -> FloatArray:
-    """Position 2.5 s ahead, shape (n, 2), from states (n, 8), by `model`: "speed" (eq. 9), "accel" (eq. 2), "jerk" (eq. 10)."""
+    """Position 2.5 s ahead, shape (n, 2), of states (n, 8), by "speed" (eq. 9), "accel" (eq. 2) or "jerk" (eq. 10)."""
     x, y, v, heading, accel, yaw_rate, jerk, yaw_accel = (column.copy() for column in state.T)
     if model == "speed":
         accel[:] = yaw_rate[:] = 0.0

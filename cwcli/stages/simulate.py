@@ -1,0 +1,193 @@
+"""`simulate`: a simulated drive as a log, and the logs of `sample_logs/`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cwcli import __version__
+from cwcli.logs.writer import LogWriter
+from cwcli.output import write_file
+from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings
+from cwcli.signals.geodesy import LocalMap
+from cwcli.simulation.drive import SimulatedDrive, simulate
+from cwcli.simulation.scenario import HOST, Scenario, Vehicle, load_scenario, scenario_text
+from cwcli.simulation.spec import TOP_KEYS
+from cwcli.simulation.streams import to_ns
+from cwcli.simulation.truth import STATE_NAMES
+from cwcli.stages.simulate_cdr import DEFINITIONS, headings, imu_messages, navsat_fixes, velocity_reports
+from cwcli.stages.simulate_v2x import BSM_SCHEMA, ODE_SCHEMA, bsm_json, ode_json
+
+SENSOR_TOPICS = {
+    "gnss": ("/gps/fix", "sensor_msgs/msg/NavSatFix"),
+    "gnss_heading": ("/gps/heading", "geometry_msgs/msg/QuaternionStamped"),
+    "speed": ("/vehicle/velocity", "autoware_vehicle_msgs/msg/VelocityReport"),
+    "imu": ("/imu/data", "sensor_msgs/msg/Imu"),
+}
+V2X_TOPICS = {"bsm-json": ("/v2x/bsm", BSM_SCHEMA), "ode-json": ("/v2x/ode_bsm", ODE_SCHEMA)}
+TRUTH_TOPIC = "/truth/ego"
+OTHERS_TOPIC = "/simulation/vehicles"
+"""The other vehicles' truth. Not under `/truth`, so that the ego's truth stays the log's only truth channel."""
+
+METADATA = "cwcli.scenario"
+SAMPLES = ("straight", "curve", "rear-end", "intersection")
+"""The scenarios whose logs lie in `sample_logs/`, each with its own seed."""
+
+
+@dataclass(frozen=True)
+class WrittenChannel:
+    """What was written to one topic: messages, and messages that the scenario lost on the way."""
+
+    topic: str
+    schema_name: str
+    n_messages: int
+    n_lost: int
+
+
+def write_log(drive: SimulatedDrive, target: str | Path, *, force: bool = False) -> tuple[WrittenChannel, ...]:
+    """Write a simulated drive as an MCAP log; the same drive gives the same bytes.
+
+    Args:
+        drive: See `cwcli.simulation.drive.simulate`.
+        target: File, or `-` for standard output.
+        force: Overwrite a file that exists.
+
+    Returns:
+        One entry a topic, in the order of the file's channels.
+
+    Raises:
+        OutputError: The target can't be written.
+    """
+    scenario = drive.scenario
+    local_map = LocalMap(*(scenario.origin[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")))
+    with LogWriter(target, force=force) as log:
+        written = [
+            *_write_sensors(log, drive, local_map),
+            *_write_v2x(log, drive, local_map),
+            *_write_truth(log, scenario, local_map),
+        ]
+        log.add_metadata(METADATA, scenario_record(drive))
+    return tuple(written)
+
+
+def scenario_record(drive: SimulatedDrive) -> dict[str, str]:
+    """The metadata record `cwcli.scenario`: enough to make the log again.
+
+    `scenario` is the file's content after overrides, `resolved` the same with every default filled in, both JSON.
+    """
+    scenario = drive.scenario
+    resolved: dict[str, Any] = {
+        **{key: getattr(scenario, key) for key in TOP_KEYS},
+        "seed": drive.seed,
+        "origin": dict(scenario.origin),
+        "sensors": {name: dict(settings) for name, settings in scenario.sensors.items()},
+        "v2x": None if scenario.v2x is None else dict(scenario.v2x),
+    }
+    return {
+        "name": scenario.name,
+        "version": __version__,
+        "seed": str(drive.seed),
+        "start_ns": str(scenario.start_ns),
+        "origin_latitude_deg": repr(scenario.origin["latitude_deg"]),
+        "origin_longitude_deg": repr(scenario.origin["longitude_deg"]),
+        "origin_altitude_m": repr(scenario.origin["altitude_m"]),
+        "stations": _json({name: vehicle.station_id for name, vehicle in scenario.vehicles.items()}),
+        "scenario": _json(scenario.document),
+        "resolved": _json(resolved),
+    }
+
+
+def regenerate_samples(target_dir: str | Path, *, force: bool = False) -> tuple[Path, ...]:
+    """Make the logs of `sample_logs/` again: `<name>.mcap` with its scenario file `<name>.toml` beside it.
+
+    Raises:
+        OutputError: A file exists and `force` is off, or the folder can't be written.
+    """
+    folder = Path(target_dir)
+    paths = []
+    for name in SAMPLES:
+        path = folder / f"{name}.mcap"
+        write_log(simulate(load_scenario(name)), path, force=force)
+        beside = folder / f"{name}.toml"
+        write_file(beside, scenario_text(name).encode(), force=force)
+        paths += [path, beside]
+    return tuple(paths)
+
+
+def _write_sensors(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
+    written = []
+    for sensor, data in drive.sensors.items():
+        topic, schema_name = SENSOR_TOPICS[sensor]
+        if sensor == "gnss":
+            messages = navsat_fixes(data, local_map)
+        else:
+            encode = {"gnss_heading": headings, "speed": velocity_reports, "imu": imu_messages}[sensor]
+            messages = encode(data)
+        schema_id = log.add_schema(schema_name, "ros2msg", DEFINITIONS[schema_name].encode())
+        log.write_messages(log.add_channel(topic, "cdr", schema_id), data.log_time_ns, messages)
+        written.append(WrittenChannel(topic, schema_name, len(messages), data.n_lost))
+    return written
+
+
+def _write_v2x(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
+    """All vehicles' messages on one topic, in the order of reception."""
+    settings = drive.scenario.v2x
+    if settings is None:
+        return []
+    topic, schema = V2X_TOPICS[settings["format"]]
+    encode = {"bsm-json": bsm_json, "ode-json": ode_json}[settings["format"]]
+    messages: list[bytes] = []
+    log_times: list[Int64Array] = [np.zeros(0, np.int64)]
+    for received in drive.v2x.values():
+        messages += encode(received, local_map)
+        log_times.append(received.log_time_ns)
+    log_time_ns = np.concatenate(log_times)
+    order = np.argsort(log_time_ns, kind="stable")
+    schema_id = log.add_schema(schema["title"], "jsonschema", json.dumps(schema).encode())
+    channel_id = log.add_channel(topic, "json", schema_id)
+    log.write_messages(channel_id, log_time_ns[order], [messages[i] for i in order.tolist()])
+    n_lost = sum(received.n_lost for received in drive.v2x.values())
+    return [WrittenChannel(topic, schema["title"], len(messages), n_lost)]
+
+
+def _write_truth(log: LogWriter, scenario: Scenario, local_map: LocalMap) -> list[WrittenChannel]:
+    n = int(np.floor(scenario.duration_s * scenario.truth_rate_hz + 1e-9)) + 1
+    time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
+    others = {name: vehicle for name, vehicle in scenario.vehicles.items() if name != HOST}
+    groups = [(TRUTH_TOPIC, {HOST: scenario.vehicles[HOST]})] + ([(OTHERS_TOPIC, others)] if others else [])
+    written = []
+    for topic, vehicles in groups:
+        channel = _truth_channel(topic, vehicles, time_s, scenario.start_ns, local_map)
+        log.write_columns(channel)
+        written.append(WrittenChannel(topic, channel.schema_name, len(channel), 0))
+    return written
+
+
+def _truth_channel(
+    topic: str, vehicles: Mapping[str, Vehicle], time_s: FloatArray, start_ns: int, local_map: LocalMap
+) -> OutputChannel:
+    """`cwcli.v1.VehicleState` of some vehicles at the same times, time by time; steps of 1e-9 (1e-11 deg)."""
+    n_vehicles, n_times = len(vehicles), len(time_s)
+    states = np.stack([vehicle.motion.at(time_s) for vehicle in vehicles.values()], axis=1).reshape(-1, 8)
+    lat_deg, lon_deg, _ = local_map.wgs84_from_map(states[:, 0], states[:, 1], np.zeros(len(states)))
+    stamp_ns = np.repeat(start_ns + to_ns(time_s), n_vehicles)
+    ids = tuple("ego" if name == HOST else vehicle.station_id for name, vehicle in vehicles.items())
+    fields: dict[str, Field] = {
+        "stamp_ns": stamp_ns,
+        "id": Strings(np.tile(np.arange(n_vehicles, dtype=np.int32), n_times), ids),
+        **{name: states[:, i].round(9) + 0.0 for i, name in enumerate(STATE_NAMES)},
+        "latitude_deg": lat_deg.round(11),
+        "longitude_deg": lon_deg.round(11),
+        "length_m": np.tile([vehicle.length_m for vehicle in vehicles.values()], n_times),
+        "width_m": np.tile([vehicle.width_m for vehicle in vehicles.values()], n_times),
+    }
+    return OutputChannel(topic, "cwcli.v1.VehicleState", stamp_ns, fields)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, default=str)
