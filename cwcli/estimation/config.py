@@ -1,4 +1,4 @@
-"""The estimator's settings. One set of defaults serves every log; what differs between logs is found from the log."""
+"""The estimator's settings: one set of defaults for every log; what differs is found from the log itself."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class EstimatorConfig:
         model: "cwcli" (eight states, asynchronous sensors, biases) or "song2016" (the paper's six states and
             synchronous measurement vector, eq. 1-8).
         causal: The filter alone, without the smoother: an estimate uses nothing that was measured later.
-        latency: "auto" finds each source's latency from the log; "none" trusts the stamps; a mapping from source (or
-            "source:kind", e.g. "/gps/vel:velocity") to seconds fixes those and finds the others. Positive means late:
-            true time = stamp - latency.
-        gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 switches it off.
+        latency: "auto" finds each source's latency from the log; "none" trusts the stamps; a mapping from
+            source (or "source:kind", e.g. "/gps/vel:velocity") to seconds fixes those and finds the others.
+            Positive means late: true time = stamp - latency.
+        gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 = off.
         reset_after: Consecutive rejections of one source after which its next measurement is believed.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
         song2016_step_s: Sampling time of the six-state filter (dT of eq. 2).

@@ -20,8 +20,8 @@ class Kind(IntEnum):
         HEADING: Counter-clockwise from east, rad; any number of turns may be added.
         ACCEL: Longitudinal acceleration, m/s^2.
         YAW_RATE: Counter-clockwise yaw rate, rad/s.
-        IMU: Accelerometer (forward, left, up, m/s^2; about +9.8 on up at rest) and gyroscope (rad/s) as mounted. The
-            estimator levels it and uses it as one ACCEL and one YAW_RATE series.
+        IMU: Accelerometer (forward, left, up, m/s^2; about +9.8 on up at rest) and gyroscope (rad/s) as mounted.
+            The estimator levels it and uses it as one ACCEL and one YAW_RATE series.
     """
 
     POSITION = 0
@@ -55,8 +55,8 @@ class Measurements:
         kind: What is measured.
         stamp_ns: Shape (n,), int64.
         values: Shape (n, d) with d = WIDTH[kind]; (n,) is accepted where d is 1.
-        covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not positive, means
-            that the message does not say.
+        covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not
+            positive, means that the message does not say.
     """
 
     source: str
@@ -76,9 +76,7 @@ class Measurements:
         if values.ndim == 1 and d == 1:
             values = values[:, None]
         if values.shape != (n, d):
-            raise ValueError(
-                f"{self.source}: values of {self.kind.name} have shape {values.shape}, expected {(n, d)}"
-            )
+            raise ValueError(f"{self.source}: values of {self.kind.name} have shape {values.shape}, expected {(n, d)}")
         object.__setattr__(self, "stamp_ns", np.asarray(self.stamp_ns, dtype=np.int64))
         object.__setattr__(self, "values", values)
         if self.covariance is None:
@@ -90,7 +88,7 @@ class Measurements:
             covariance = covariance[:, :, None] * np.eye(d)
         if covariance.shape != (n, d, d):
             raise ValueError(
-                f"{self.source}: covariance of {self.kind.name} has shape {covariance.shape}, expected {(n, d, d)}"
+                f"{self.source}: {self.kind.name} covariance has shape {covariance.shape}, not {(n, d, d)}"
             )
         object.__setattr__(self, "covariance", covariance)
 

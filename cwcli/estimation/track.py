@@ -5,8 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.consistency import effective_count, mean_bounds
 from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.passes import N_MOTION, PassResult, Start, run_pass
+from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
+from cwcli.estimation.tune import Tuned, start_with_parameters, tune
 from cwcli.signals.columns import FloatArray, Int64Array
 
 STATE_NAMES = (
@@ -19,6 +27,7 @@ STATE_NAMES = (
     "jerk_mps3",
     "yaw_accel_radps2",
 )
+MIN_NIS_ROWS = 20
 
 
 @dataclass(frozen=True)
@@ -32,13 +41,15 @@ class SourceReport:
         n_used: Rows that changed the estimate.
         n_gated: Rows that the chi-square gate rejected.
         n_not_finite: Rows left out because a value or stamp was not finite.
+        n_interpolated: IMU rows left out because they were interpolated before the log was made.
         n_resets: Times that the gate gave in after too many rejections in a row.
         nis_mean: Mean normalised innovation squared over n_used + n_gated rows; expectation `nis_dof`.
         nis_dof: Degrees of freedom of one row.
         nis_bounds: 95 % bounds of the mean.
         nis_inside: True if the mean lies inside the bounds; None with fewer than 20 rows.
         sigma: One-sigma measurement noise used (root mean variance over rows and axes).
-        noise_origin: "message", "log" (found from the innovations) or "default".
+        noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
+            innovations) or "default".
         latency_s: Latency that was corrected, positive = late.
         latency_sigma_s: One sigma; NaN where it was not estimated.
         latency_status: "reference", "estimated", "given", "not observable" or "off".
@@ -52,6 +63,7 @@ class SourceReport:
     n_used: int = 0
     n_gated: int = 0
     n_not_finite: int = 0
+    n_interpolated: int = 0
     n_resets: int = 0
     nis_mean: float = float("nan")
     nis_dof: int = 1
@@ -73,7 +85,7 @@ class Track:
     Attributes:
         stamp_ns: Shape (m,), int64: the output stamps asked for, on the reference source's clock.
         state: Shape (m, 8), order `STATE_NAMES`; the heading is unwrapped (continuous).
-        covariance: Shape (m, 8, 8), symmetric, positive semi-definite. Rows outside the data grow as the model says.
+        covariance: Shape (m, 8, 8), symmetric, positive semi-definite; grows where nothing is measured.
         sources: One report per source and kind.
         log_likelihood: Of the innovations of the forward pass.
         notes: One-line remarks for the user (resets, what could not be observed).
@@ -97,8 +109,8 @@ def estimate_track(
     Args:
         measurements: Any mix of sources and kinds; at least one POSITION.
         config: Settings.
-        output_stamp_ns: Shape (m,), increasing: where the state is wanted. None: a grid of `config.rate_hz` over the
-            span of the measurements.
+        output_stamp_ns: Shape (m,), increasing: where the state is wanted. None: a grid of `config.rate_hz` over
+            the span of the measurements.
 
     Returns:
         The track at the output stamps.
@@ -106,7 +118,109 @@ def estimate_track(
     Raises:
         DataError: If no position is finite.
     """
-    raise NotImplementedError
+    if config.model == "song2016":
+        from cwcli.estimation.song2016 import estimate_song2016
+
+        return estimate_song2016(measurements, config, output_stamp_ns)
+    if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
+        raise DataError("no finite position among the measurements")
+    epoch = epoch_ns(measurements)
+    prepared, notes = prepare(measurements, epoch)
+    if output_stamp_ns is None:
+        output_stamp_ns = _grid(measurements, config.rate_hz)
+    parameters = ModelParameters()
+    tuned = tune(prepared, config, parameters)
+    start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
+    output_s = seconds(output_stamp_ns, epoch)
+    result = run_pass(
+        tuned.series, start, parameters, tuned.walk, output_s,
+        smooth=not config.causal, reset_after=config.reset_after,
+    )  # fmt: skip
+    if config.causal:
+        _hold_before_start(result, tuned, start, output_s)
+    reports = tuple(_report(p, tuned, i, result) for i, p in enumerate(prepared))
+    notes += [
+        *tuned.notes,
+        *(f"{r.source}: {r.n_resets} resets of {r.kind.name.lower()}" for r in reports if r.n_resets),
+    ]
+    return Track(
+        output_stamp_ns,
+        np.ascontiguousarray(result.state[:, :N_MOTION]),
+        np.ascontiguousarray(result.covariance[:, :N_MOTION, :N_MOTION]),
+        reports,
+        result.log_likelihood,
+        tuple(notes),
+    )
+
+
+def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
+    """Return stamps at `rate_hz` over the span of the measurements."""
+    first = epoch_ns(measurements)
+    last = max(int(m.stamp_ns.max()) for m in measurements if len(m))
+    step = round(1e9 / rate_hz)
+    return np.arange(first, last + 1, step, dtype=np.int64)
+
+
+def _hold_before_start(result: PassResult, tuned: Tuned, start: Start, output_s: FloatArray) -> None:
+    """Before the filter alone knows a heading, publish the last position with all else unknown (in place)."""
+    early = np.flatnonzero(output_s < start.time_s)
+    if not len(early):
+        return
+    position = next(s for s in tuned.series if s.kind is Kind.POSITION and len(s))
+    row = np.searchsorted(position.time_s - position.latency_s, output_s[early], side="right") - 1
+    row = np.maximum(row, 0)
+    unknown = np.array([0.0, 0.0, 10.0, 1.8, 2.0, 0.3, 1.0, 0.2]) ** 2
+    n = result.state.shape[1]
+    result.state[early] = 0.0
+    result.state[early, :2] = position.values[row]
+    result.covariance[early] = 0.0
+    index = np.arange(N_MOTION)
+    result.covariance[early[:, None], index, index] = unknown
+    # A position may be old by the time from its stamp, at an unknown speed.
+    age = np.abs(output_s[early] - (position.time_s - position.latency_s)[row])
+    for axis in (0, 1):
+        result.covariance[early, axis, axis] = position.noise[row, 2 * axis] + (10.0 * age) ** 2
+    parameters = np.arange(N_MOTION, n)
+    result.covariance[early[:, None], parameters, parameters] = tuned.prior[parameters]
+
+
+def _report(p: Prepared, tuned: Tuned, i: int, result: PassResult) -> SourceReport:
+    """Sum up one series."""
+    s, latency = tuned.series[i], tuned.latencies[i]
+    nis, status = result.nis[i][:, 0], result.status[i]
+    mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
+    if len(nis) >= MIN_NIS_ROWS:
+        kept = nis[status > 0] if (status > 0).any() else nis
+        mean = float(kept.mean())
+        bounds = mean_bounds(s.width, effective_count(kept))
+        inside = bounds[0] <= mean <= bounds[1]
+    bias, bias_sigma = float("nan"), float("nan")
+    if s.bias_state >= 0 and len(result.state):
+        middle = len(result.state) // 2
+        bias = float(result.state[middle, s.bias_state])
+        bias_sigma = float(np.sqrt(max(result.covariance[middle, s.bias_state, s.bias_state], 0.0)))
+    variance = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
+    return SourceReport(
+        source=s.source,
+        kind=s.kind,
+        n_read=p.n_read,
+        n_used=int((status > 0).sum()),
+        n_gated=int((status == 0).sum()),
+        n_not_finite=p.n_not_finite,
+        n_interpolated=p.n_interpolated,
+        n_resets=int((status == 2).sum()),
+        nis_mean=mean,
+        nis_dof=s.width,
+        nis_bounds=bounds,
+        nis_inside=inside,
+        sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
+        noise_origin=s.noise_origin,
+        latency_s=latency.seconds,
+        latency_sigma_s=latency.sigma_s,
+        latency_status=latency.status,
+        bias=bias,
+        bias_sigma=bias_sigma,
+    )
 
 
 def estimate_tracks(

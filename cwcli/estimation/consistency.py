@@ -1,0 +1,133 @@
+"""Is the estimate as good as it says? NIS against its bounds, NEES, and errors in the form of song2016's table 1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.columns import FloatArray
+
+
+def chi_square_quantile(probability: float, dof: float) -> float:
+    """Return the chi-square quantile: exact for one and two degrees of freedom, else Wilson and Hilferty's (1931).
+
+    Args:
+        probability: In (0, 1).
+        dof: Degrees of freedom, > 0.
+    """
+    if dof == 1:
+        return NormalDist().inv_cdf(0.5 + 0.5 * probability) ** 2
+    if dof == 2:
+        return float(-2.0 * np.log1p(-probability))
+    z = NormalDist().inv_cdf(probability)
+    c = 2.0 / (9.0 * dof)
+    return float(dof * (1.0 - c + z * np.sqrt(c)) ** 3)
+
+
+def effective_count(values: FloatArray, max_lag: int = 200) -> float:
+    """Return how many independent values a correlated series is worth: n / (1 + 2 sum of its autocorrelations).
+
+    The sum stops at the first autocorrelation below 0 (Geyer's initial positive sequence, simplified).
+
+    Args:
+        values: Shape (n,).
+    """
+    n = len(values)
+    centred = values - values.mean() if n else values
+    power = float(centred @ centred)
+    if n < 3 or power <= 0.0:
+        return float(n)
+    total = 0.0
+    for lag in range(1, min(max_lag, n - 1)):
+        rho = float(centred[:-lag] @ centred[lag:]) / power
+        if rho < 0.0:
+            break
+        total += rho
+    return n / (1.0 + 2.0 * total)
+
+
+def mean_bounds(dof: int, count: float, probability: float = 0.95) -> tuple[float, float]:
+    """Return the two-sided chi-square bounds of the mean of `count` independent values with `dof` degrees each."""
+    total = dof * count
+    tail = 0.5 * (1.0 - probability)
+    return chi_square_quantile(tail, total) / count, chi_square_quantile(1.0 - tail, total) / count
+
+
+def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the normalised estimation error squared, shape (n,); expectation = number of states.
+
+    Args:
+        error: Shape (n, d), angles wrapped.
+        covariance: Shape (n, d, d).
+    """
+    solved = np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
+    return np.asarray((error * solved).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One row of song2016's table 1.
+
+    Attributes:
+        name: What is compared, e.g. "position".
+        unit: Its unit.
+        n: Samples compared.
+        measured_sigma, estimated_sigma: One sigma of the error, bias included (root mean square).
+        measured_bias, estimated_bias: Mean error; NaN for the position (it has no sign).
+        change_percent: 100 (estimated / measured - 1).
+    """
+
+    name: str
+    unit: str
+    n: int
+    measured_sigma: float
+    measured_bias: float
+    estimated_sigma: float
+    estimated_bias: float
+    change_percent: float
+
+
+def error_rows(
+    truth: Mapping[str, FloatArray], measured: Mapping[str, FloatArray], estimated: Mapping[str, FloatArray]
+) -> list[ErrorRow]:
+    """Compare measurements and estimates with the truth, in the form of song2016's table 1.
+
+    Args:
+        truth, measured, estimated: Quantity -> values at the same instants. Known quantities and units:
+            "position" (n, 2) m; "speed" m/s; "heading" rad (reported in degrees, wrapped); "accel" m/s^2;
+            "yaw_rate" rad/s (reported in deg/s); (n,) each. Rows with NaN on either side are left out.
+
+    Returns:
+        A row for each quantity of `truth` that was estimated; measured columns are NaN where it was not measured.
+    """
+    units = {"position": "m", "speed": "m/s", "heading": "deg", "accel": "m/s^2", "yaw_rate": "deg/s"}
+    rows = []
+    for name, unit in units.items():
+        if name not in truth or name not in estimated:
+            continue
+        n, after, after_bias = _sigma(name, truth[name], estimated[name])
+        before, before_bias = float("nan"), float("nan")
+        if name in measured:
+            _, before, before_bias = _sigma(name, truth[name], measured[name])
+        change = 100.0 * (after / before - 1.0) if before > 0 else float("nan")
+        rows.append(ErrorRow(name, unit, n, before, before_bias, after, after_bias, change))
+    return rows
+
+
+def _sigma(name: str, truth: FloatArray, value: FloatArray) -> tuple[int, float, float]:
+    """Return count, one-sigma error and mean error; a position's sigma is per axis."""
+    error = value - truth
+    if name == "heading":
+        error = wrap_angle(error)
+    if name in ("heading", "yaw_rate"):
+        error = np.degrees(error)
+    finite = np.isfinite(error) if error.ndim == 1 else np.isfinite(error).all(axis=1)
+    error = error[finite]
+    if not len(error):
+        return 0, float("nan"), float("nan")
+    bias = float(error.mean()) if error.ndim == 1 else float("nan")
+    return len(error), float(np.sqrt((error**2).mean())), bias

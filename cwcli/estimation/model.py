@@ -1,0 +1,64 @@
+"""The motion model's numbers, in one place, each with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+
+@dataclass(frozen=True)
+class ModelParameters:
+    """Motion model of the eight-state filter.
+
+    Acceleration and yaw rate follow a damped second-order process: white noise drives the jerk (the yaw acceleration),
+    which decays within a fraction of a second (Singer, 1970), and the acceleration (yaw rate) itself is pulled
+    back to zero over many seconds, so that a long outage does not let the speed (heading) run away.
+
+    Attributes:
+        accel_decay_s: A driver holds an acceleration for some seconds, not for minutes.
+        jerk_decay_s: Time that a pedal or brake needs to build up.
+        jerk_sigma_mps3: Stationary jerk; everyday driving stays within about +-2 m/s^3.
+        yaw_rate_decay_s: A turn at a junction takes some seconds.
+        yaw_accel_decay_s: Time that a driver needs to turn the wheel in.
+        yaw_accel_sigma_radps2: Stationary yaw acceleration; 90 degrees at a junction within 4 s need 0.3 rad/s^2.
+        standstill_speed_mps: Below it a car hardly yaws: the yaw noise shrinks with v^2 / (v^2 + standstill^2).
+        standstill_floor: Part of the yaw noise that is left at standstill.
+        side_slip_m: Position noise in metres per square root of a second: what the point's path and the heading differ.
+        reverse_mps: Faster reversing means that the heading is wrong by half a turn.
+        accel_bias_walk: Random walk of the forward accelerometer's bias, m/s^2 per square root of a second.
+        yaw_rate_bias_walk: Random walk of the gyroscope's bias, rad/s per square root of a second.
+    """
+
+    accel_decay_s: float = 10.0
+    jerk_decay_s: float = 0.5
+    jerk_sigma_mps3: float = 1.0
+    yaw_rate_decay_s: float = 8.0
+    yaw_accel_decay_s: float = 0.5
+    yaw_accel_sigma_radps2: float = 0.15
+    standstill_speed_mps: float = 2.0
+    standstill_floor: float = 1e-3
+    side_slip_m: float = 0.02
+    reverse_mps: float = 4.0
+    accel_bias_walk: float = 0.01
+    yaw_rate_bias_walk: float = 2e-5
+
+    def packed(self) -> FloatArray:
+        """Return the kernel's parameter vector, shape (10,)."""
+        jerk_rate, yaw_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
+        return np.array(
+            [
+                1.0 / self.accel_decay_s,
+                jerk_rate,
+                2.0 * jerk_rate * self.jerk_sigma_mps3**2,
+                1.0 / self.yaw_rate_decay_s,
+                yaw_rate,
+                2.0 * yaw_rate * self.yaw_accel_sigma_radps2**2,
+                self.standstill_speed_mps,
+                self.side_slip_m**2,
+                self.reverse_mps,
+                self.standstill_floor,
+            ]
+        )

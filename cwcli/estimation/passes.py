@@ -1,0 +1,195 @@
+"""One pass of the filter (and smoother) over prepared series: events merged, sorted and handed to the kernel."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.model import ModelParameters
+from cwcli.kernels import ekf
+from cwcli.signals.columns import FloatArray
+
+N_MOTION = 8
+MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first-order expansion in the heading
+IntArray = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Series:
+    """One source's measurements of one kind, ready for the filter.
+
+    Attributes:
+        source, kind: See `Measurements`; never IMU.
+        time_s: Shape (n,), since the common epoch, sorted; not yet corrected for the latency.
+        values: Shape (n, 2); scalars use the first column.
+        noise: Shape (n, 3): r00, r01, r11.
+        noise_origin: "message", "log" or "default".
+        latency_s: Subtracted from time_s.
+        bias_state, latency_state: Index of the parameter state, or -1.
+        gate: Chi-square limit, 0 = off.
+    """
+
+    source: str
+    kind: Kind
+    time_s: FloatArray
+    values: FloatArray
+    noise: FloatArray
+    noise_origin: str = "default"
+    latency_s: float = 0.0
+    bias_state: int = -1
+    latency_state: int = -1
+    gate: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def width(self) -> int:
+        """Degrees of freedom of a row."""
+        return 2 if self.kind <= Kind.VELOCITY else 1
+
+    def scaled(self, factor: float) -> Series:
+        """The same with its noise variance multiplied by `factor`."""
+        return replace(self, noise=self.noise * factor)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a pass begins: time and the full state with its covariance."""
+
+    time_s: float
+    state: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class PassResult:
+    """What a pass found.
+
+    Attributes:
+        state: Shape (m, n): filtered or smoothed states at the output times.
+        covariance: Shape (m, n, n).
+        last_state, last_covariance: Filter state after the last event, (n,), (n, n).
+        log_likelihood: Sum over used innovations.
+        nis: Per series: shape (k, 3): normalised innovation squared, mean nu^2, mean h P h'.
+        status: Per series: shape (k,): 0 gated, 1 used, 2 used after a reset.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    last_state: FloatArray
+    last_covariance: FloatArray
+    log_likelihood: float
+    nis: tuple[FloatArray, ...]
+    status: tuple[npt.NDArray[np.int8], ...]
+
+
+def run_pass(
+    series: Sequence[Series],
+    start: Start,
+    parameters: ModelParameters,
+    walk: FloatArray,
+    output_s: FloatArray,
+    *,
+    smooth: bool,
+    reset_after: int,
+    q_matrix: FloatArray | None = None,
+) -> PassResult:
+    """Filter (and smooth) all series from `start` on.
+
+    Args:
+        series: The measurements. Rows before `start.time_s` are taken at `start.time_s`.
+        start: Initial state; its length n decides the model (6: song2016, more: eight states and parameters).
+        parameters: Motion model.
+        walk: Shape (n,): random walk variance per second of the parameter states (first eight unused).
+        output_s: Shape (m,), increasing; rows before the start are taken at the start.
+        smooth: Run the smoother too.
+        reset_after: See `EstimatorConfig`.
+        q_matrix: Shape (6, 6) for song2016's model.
+    """
+    n = len(start.state)
+    time, first, out_row, order, index = _merge(series, start.time_s, output_s)
+    values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
+    noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
+    x, p = start.state.copy(), np.ascontiguousarray(start.covariance).copy()
+    m, n_steps, n_updates = len(output_s), len(time), len(order)
+    kept_steps, kept = (n_steps, 2 * n_updates) if smooth else (0, 0)
+    x_post = np.zeros((kept_steps, n))
+    flip = np.zeros(kept_steps, np.int8)
+    gain = np.empty((kept, n))
+    partials = np.empty((kept, 5))
+    innovation = np.empty((kept, 2))
+    status = np.zeros(n_updates, np.int8)
+    nis = np.zeros((n_updates, 3))
+    out_x, out_p = np.zeros((m, n)), np.zeros((m, n, n))
+    table = (
+        np.array([s.kind for s in series], np.int32),
+        np.array([s.bias_state for s in series], np.int32),
+        np.array([s.latency_state for s in series], np.int32),
+    )
+    packed = parameters.packed()
+    likelihood = ekf.forward(
+        time, first, out_row, index, values, noise, *table,
+        np.array([s.gate for s in series], np.float64), reset_after, packed,
+        np.zeros((6, 6)) if q_matrix is None else q_matrix, walk, x, p,
+        x_post, flip, gain, partials, innovation, status, nis, out_x, out_p, np.zeros(len(series), np.int32),
+    )  # fmt: skip
+    if smooth:
+        ekf.backward(
+            time, first, out_row, index, *table, packed, x_post, flip, gain, partials, innovation, status,
+            out_x, out_p,
+        )  # fmt: skip
+    unsorted_nis, unsorted_status = np.empty_like(nis), np.empty_like(status)
+    unsorted_nis[order], unsorted_status[order] = nis, status
+    edges = np.cumsum([0] + [len(s) for s in series])
+    return PassResult(
+        out_x, out_p, x, p, likelihood,
+        tuple(unsorted_nis[a:b] for a, b in itertools.pairwise(edges)),
+        tuple(unsorted_status[a:b] for a, b in itertools.pairwise(edges)),
+    )  # fmt: skip
+
+
+def _merge(
+    series: Sequence[Series], start_s: float, output_s: FloatArray
+) -> tuple[FloatArray, IntArray, IntArray, npt.NDArray[np.intp], IntArray]:
+    """Merge measurement and output times into steps.
+
+    Returns:
+        Step times; first update of each step; output row of each step; update order; series of each update.
+    """
+    stamps = [np.maximum(s.time_s - s.latency_s, start_s) for s in series]
+    update_s = np.concatenate(stamps) if stamps else np.zeros(0)
+    which = np.repeat(np.arange(len(series), dtype=np.int32), [len(s) for s in series])
+    order = np.argsort(update_s, kind="stable")
+    update_s = update_s[order]
+    outputs = np.maximum(output_s, start_s)
+    # An output step comes after the updates of the same time.
+    steps = np.concatenate((np.unique(np.append(update_s, start_s)), outputs))
+    is_output = np.concatenate((np.zeros(len(steps) - len(outputs), bool), np.ones(len(outputs), bool)))
+    steps, is_output = _with_fillers(steps, is_output)
+    by_time = np.lexsort((is_output, steps))
+    time, is_output = steps[by_time], is_output[by_time]
+    out_row = np.where(is_output, np.cumsum(is_output) - 1, -1).astype(np.int32)
+    # First step of each time takes the updates.
+    holder = np.searchsorted(time, update_s, side="left")
+    first = np.searchsorted(holder, np.arange(len(time) + 1), side="left").astype(np.int32)
+    return np.ascontiguousarray(time), first, out_row, order, np.ascontiguousarray(which[order])
+
+
+def _with_fillers(steps: FloatArray, is_output: npt.NDArray[np.bool_]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Add prediction-only steps so that none is longer than MAX_STEP_S."""
+    times = np.unique(steps)
+    gap = np.diff(times)
+    pieces = np.ceil(gap / MAX_STEP_S - 1e-9).astype(np.int64)
+    wide = np.flatnonzero(pieces > 1)
+    if not len(wide):
+        return steps, is_output
+    count = pieces[wide] - 1
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
+    extra = np.repeat(times[wide], count) + within * np.repeat(gap[wide] / pieces[wide], count)
+    return np.concatenate((steps, extra)), np.concatenate((is_output, np.zeros(len(extra), bool)))

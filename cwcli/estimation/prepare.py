@@ -1,0 +1,147 @@
+"""From measurements to series: clean, sort, level, choose the noise to begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.estimation.imu import level_imu
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.passes import Series
+from cwcli.signals.columns import FloatArray, Int64Array
+
+DEFAULT_SIGMA: dict[Kind, float] = {
+    Kind.POSITION: 1.0,
+    Kind.VELOCITY: 0.3,
+    Kind.SPEED: 0.3,
+    Kind.HEADING: 0.035,
+    Kind.ACCEL: 0.2,
+    Kind.YAW_RATE: 0.01,
+}
+"""One sigma per kind where the message says nothing and the log is too short to tell; SI units."""
+
+CONSTANT_MIN_ROWS = 50
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One series with what happened on the way to it.
+
+    Attributes:
+        series: The series, stamps relative to the epoch.
+        biased: It comes from an IMU: its bias is estimated.
+        n_read: Rows handed in.
+        n_not_finite: Rows left out because a value or stamp was not finite.
+        n_interpolated: IMU rows left out because they were interpolated before the log was made.
+    """
+
+    series: Series
+    biased: bool
+    n_read: int
+    n_not_finite: int
+    n_interpolated: int = 0
+
+
+def epoch_ns(measurements: Sequence[Measurements]) -> int:
+    """Return the earliest stamp."""
+    return min(int(m.stamp_ns.min()) for m in measurements if len(m))
+
+
+def seconds(stamp_ns: Int64Array, epoch: int) -> FloatArray:
+    """Return stamps in seconds since the epoch: subtracted first, then scaled."""
+    return (stamp_ns - epoch) / 1e9
+
+
+def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prepared], list[str]]:
+    """Clean, sort and split the measurements.
+
+    Returns:
+        The series, and notes on sources that were left out.
+    """
+    prepared: list[Prepared] = []
+    notes: list[str] = []
+    for m in measurements:
+        finite = np.isfinite(m.values).all(axis=1)
+        lost = int((~finite).sum())
+        time = seconds(m.stamp_ns[finite], epoch)
+        order = np.argsort(time, kind="stable")
+        time, values = time[order], m.values[finite][order]
+        covariance = None if m.covariance is None else m.covariance[finite][order]
+        if m.kind is Kind.IMU:
+            variance = None if covariance is None else np.diagonal(covariance, axis1=1, axis2=2)
+            imu = level_imu(time, values, variance)
+            if imu.n_interpolated:
+                notes.append(f"{m.source}: {imu.n_interpolated} interpolated IMU samples left out")
+            pairs = (
+                (Kind.ACCEL, imu.accel_mps2, imu.accel_variance),
+                (Kind.YAW_RATE, imu.yaw_rate_radps, imu.yaw_rate_variance),
+            )
+            for kind, value, var in pairs:
+                series = _with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
+                prepared.append(Prepared(series, True, len(m), lost, imu.n_interpolated))
+            continue
+        if _is_constant(m.kind, values):
+            notes.append(f"{m.source}: {m.kind.name.lower()} never changes; taken as not measured")
+            prepared.append(Prepared(_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost))
+            continue
+        prepared.append(Prepared(_with_noise(m.source, m.kind, time, values, covariance), False, len(m), lost))
+    return prepared, notes
+
+
+def _is_constant(kind: Kind, values: FloatArray) -> bool:
+    """A yaw rate or acceleration of exactly one value for a whole log is a field that nobody fills."""
+    if kind not in (Kind.ACCEL, Kind.YAW_RATE) or len(values) < CONSTANT_MIN_ROWS:
+        return False
+    return bool((values == values[0]).all())
+
+
+def _with_noise(source: str, kind: Kind, time: FloatArray, values: FloatArray, covariance: FloatArray | None) -> Series:
+    """Take the message's covariance where it says something, else a first guess from the signal's own roughness."""
+    n, width = len(time), values.shape[1]
+    noise = np.zeros((n, 3))
+    said = np.zeros(n, bool)
+    if covariance is not None:
+        noise[:, 0] = covariance[:, 0, 0]
+        if width == 2:
+            noise[:, 1] = 0.5 * (covariance[:, 0, 1] + covariance[:, 1, 0])
+            noise[:, 2] = covariance[:, 1, 1]
+            determinant = noise[:, 0] * noise[:, 2] - noise[:, 1] ** 2
+            said = (noise[:, 0] > 0) & (noise[:, 2] > 0) & (determinant > 0) & np.isfinite(noise).all(axis=1)
+        else:
+            said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0])
+    guess = _first_guess(kind, time, values) ** 2
+    noise[~said] = (guess, 0.0, guess)
+    if width == 1:
+        noise[:, 1:] = 0.0
+    origin = "message" if n and said.mean() > 0.5 else "default"
+    padded = np.zeros((n, 2))
+    padded[:, :width] = values
+    return Series(source, kind, time, padded, noise, noise_origin=origin)
+
+
+def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:
+    """Return a starting sigma: an IMU's from its second differences, which the motion hardly touches at its rate."""
+    default = DEFAULT_SIGMA[kind]
+    if kind not in (Kind.ACCEL, Kind.YAW_RATE) or len(time) < 200:
+        return default
+    second = values[2:, 0] - 2.0 * values[1:-1, 0] + values[:-2, 0]
+    rough = float(np.median(np.abs(second))) / 0.6745 / np.sqrt(6.0)
+    return float(max(rough, 0.1 * default))
+
+
+def thinned(series: Series, factor: int) -> Series:
+    """Average blocks of `factor` rows: as good for finding slow parameters, and quicker. Blocks with gaps are left out."""
+    n = len(series) // factor * factor
+    if factor < 2 or n < 10 * factor:
+        return series
+    shape = (n // factor, factor)
+    time = series.time_s[:n].reshape(shape)
+    whole = np.ptp(time, axis=1) < 2.0 * factor * float(np.median(np.diff(series.time_s)))
+    return replace(
+        series,
+        time_s=time.mean(axis=1)[whole],
+        values=series.values[:n].reshape(*shape, 2).mean(axis=1)[whole],
+        noise=series.noise[:n].reshape(*shape, 3).mean(axis=1)[whole] / factor,
+    )

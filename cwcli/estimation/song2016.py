@@ -1,0 +1,163 @@
+"""song2016's six-state extended Kalman filter, exactly (eq. 1-8).
+
+State and measurement vector X = Z = [x, y, v, heading, a, yaw rate], one synchronous vector each 0.05 s, measurement
+matrix I. Components of R are independent, so that the update by one component after the other (in the kernel) equals the
+matrix update of eq. 8. The heading innovation is wrapped, which the paper does not need to say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import DataError
+from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.passes import N_MOTION, Series, run_pass
+from cwcli.estimation.prepare import epoch_ns, prepare, seconds
+from cwcli.estimation.start import find_start
+from cwcli.estimation.track import SourceReport, Track
+from cwcli.signals.columns import FloatArray, Int64Array
+
+JERK_SIGMA = 1.0
+"""Root of the jerk's spectral density, m/s^3 per root Hz."""
+YAW_ACCEL_SIGMA = 0.1
+"""Root of the yaw acceleration's spectral density, rad/s^2 per root Hz."""
+
+
+def process_noise(step_s: float, jerk: float = JERK_SIGMA, yaw_accel: float = YAW_ACCEL_SIGMA) -> FloatArray:
+    """Return Q of eq. 4, which the paper leaves open.
+
+    Eq. 2 holds a and the yaw rate constant over a step. What a driver does to them within it is taken as white: a jerk
+    of spectral density 1 (m/s^3)^2/Hz lets the acceleration change by 1 m/s^2 (one sigma) within a second, as when
+    pulling away in town; a yaw acceleration of 0.01 (rad/s^2)^2/Hz lets the yaw rate change by 0.1 rad/s
+    within a second, as when entering a bend of 100 m radius at 10 m/s. Both are integrated over the step into speed
+    and heading; their share of the position within one step is below a millimetre and left out.
+
+    Args:
+        step_s: dT of eq. 2.
+        jerk, yaw_accel: Roots of the spectral densities.
+
+    Returns:
+        Shape (6, 6).
+    """
+    q = np.zeros((6, 6))
+    for rate, value, density in ((4, 2, jerk**2), (5, 3, yaw_accel**2)):
+        q[rate, rate] = density * step_s
+        q[rate, value] = q[value, rate] = density * step_s**2 / 2
+        q[value, value] = density * step_s**3 / 3
+    return q
+
+
+def estimate_song2016(
+    measurements: Sequence[Measurements], config: EstimatorConfig, output_stamp_ns: Int64Array | None
+) -> Track:
+    """Run the paper's filter on a log: see `estimate_track` for arguments and errors.
+
+    The paper's measurement vector is synchronous. A log's sensors are not: each measurement goes to the nearest step
+    of a 0.05 s grid (the last one where several meet), and a component that was not measured at a step is left out of the
+    update there, never invented. Latencies are corrected only where given. Jerk and yaw acceleration are no states of
+    this model: they are zero with zero variance. Without `causal` the same model is smoothed, which the paper
+    does not do.
+    """
+    epoch = epoch_ns(measurements)
+    prepared, notes = prepare(measurements, epoch)
+    given = {} if isinstance(config.latency, str) else config.latency
+    step = config.song2016_step_s
+    series = []
+    for p in prepared:
+        s = p.series
+        latency = given.get(f"{s.source}:{s.kind.name.lower()}", given.get(s.source, 0.0))
+        series.append(_on_grid(replace(s, latency_s=float(latency)), step))
+    if not any(s.kind is Kind.POSITION and len(s) for s in series):
+        raise DataError("no finite position among the measurements")
+    start = find_start(series, 6, causal=config.causal)
+    begin = round(start.time_s / step) * step
+    end = max(float(s.time_s[-1]) for s in series if len(s))
+    if output_stamp_ns is None:
+        output_stamp_ns = np.arange(epoch, epoch + round(end * 1e9) + 1, round(step * 1e9), dtype=np.int64)
+    grid = begin + step * np.arange(round((end - begin) / step) + 1)
+    result = run_pass(
+        series, replace(start, time_s=begin), ModelParameters(), np.zeros(6), grid,
+        smooth=not config.causal, reset_after=config.reset_after, q_matrix=process_noise(step),
+    )  # fmt: skip
+    # The states are known at the steps; between them the step before holds.
+    wanted = seconds(output_stamp_ns, epoch)
+    row = np.clip(np.floor((wanted - begin) / step + 1e-6).astype(np.int64), 0, len(grid) - 1)
+    state = np.zeros((len(row), N_MOTION))
+    covariance = np.zeros((len(row), N_MOTION, N_MOTION))
+    state[:, :6] = result.state[row]
+    covariance[:, :6, :6] = result.covariance[row]
+    _carry(state, np.maximum(wanted - grid[row], 0.0))
+    reports = tuple(
+        SourceReport(
+            s.source, s.kind, n_read=p.n_read, n_used=int((status > 0).sum()), n_gated=int((status == 0).sum()),
+            n_not_finite=p.n_not_finite, n_interpolated=p.n_interpolated, nis_mean=_mean(nis[:, 0]),
+            nis_dof=s.width, noise_origin=s.noise_origin, latency_s=p.series.latency_s,
+            sigma=float(np.sqrt(s.noise[:, 0].mean())) if len(s) else float("nan"),
+        )
+        for p, s, nis, status in zip(prepared, series, result.nis, result.status, strict=True)
+    )  # fmt: skip
+    return Track(output_stamp_ns, state, covariance, reports, result.log_likelihood, tuple(notes))
+
+
+def filter_vectors(
+    z: FloatArray, sigma: Sequence[float], *, step_s: float = 0.05, q: FloatArray | None = None, smooth: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Run eq. 8 over a synchronous measurement matrix, as in the paper.
+
+    Args:
+        z: Shape (n, 6): x, y, v, heading, a, yaw rate; NaN = not measured at this step.
+        sigma: One sigma of each component (root of the diagonal of R, eq. 5).
+        step_s: dT.
+        q: Shape (6, 6), default `process_noise`.
+        smooth: Smooth afterwards.
+
+    Returns:
+        States (n, 6) and covariances (n, 6, 6); the first state is the first vector with covariance R.
+    """
+    n = len(z)
+    time = step_s * np.arange(n)
+    variance = np.square(np.asarray(sigma, dtype=np.float64))
+    kinds = ((Kind.POSITION, 0), (Kind.SPEED, 2), (Kind.HEADING, 3), (Kind.ACCEL, 4), (Kind.YAW_RATE, 5))
+    series = []
+    for kind, column in kinds:
+        width = 2 if kind is Kind.POSITION else 1
+        value = np.zeros((n, 2))
+        value[:, :width] = z[:, column : column + width]
+        keep: npt.NDArray[np.bool_] = np.isfinite(value).all(axis=1) & (time > 0)
+        noise = np.tile([variance[column], 0.0, variance[column + width - 1]], (n, 1))
+        series.append(Series(kind.name, kind, time[keep], value[keep], noise[keep]))
+    from cwcli.estimation.passes import Start
+
+    result = run_pass(
+        series, Start(0.0, z[0].copy(), np.diag(variance)), ModelParameters(), np.zeros(6), time,
+        smooth=smooth, reset_after=1, q_matrix=process_noise(step_s) if q is None else q,
+    )  # fmt: skip
+    return result.state, result.covariance
+
+
+def _mean(values: FloatArray) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def _on_grid(s: Series, step: float) -> Series:
+    """Move the stamps, corrected for the latency, to the nearest step; the last row of a step stays."""
+    slot = np.round((s.time_s - s.latency_s) / step).astype(np.int64)
+    last = np.append(slot[1:] != slot[:-1], True) if len(slot) else np.zeros(0, bool)
+    return replace(
+        s, time_s=slot[last] * step, values=s.values[last], noise=s.noise[last], latency_s=0.0, bias_state=-1
+    )
+
+
+def _carry(state: FloatArray, dt: FloatArray) -> None:
+    """Carry states forward by less than a step with eq. 2 (in place)."""
+    distance = state[:, 2] * dt + 0.5 * state[:, 4] * dt**2
+    state[:, 0] += distance * np.cos(state[:, 3])
+    state[:, 1] += distance * np.sin(state[:, 3])
+    state[:, 2] += state[:, 4] * dt
+    state[:, 3] += state[:, 5] * dt

@@ -1,0 +1,182 @@
+"""Where the filter starts: from whatever arrives first, with a heading from the first thing that shows one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.passes import N_MOTION, Series, Start
+from cwcli.signals.columns import FloatArray
+
+MIN_DISPLACEMENT_M = 2.0
+UNKNOWN_HEADING_RAD = 1.8  # one sigma of a uniform circle
+UNKNOWN_SPEED_MPS = 10.0
+
+
+def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Start:
+    """Choose the initial state.
+
+    The smoother may look ahead: it starts at the first measurement with the heading that a later displacement or
+    course shows (turned back by the gyroscope where there is one). The filter alone starts when a heading has shown
+    itself.
+
+    Args:
+        series: At least one POSITION with one row.
+        n_states: Length of the state (6, or 8 and parameters).
+        causal: Use nothing later than the start.
+
+    Returns:
+        The start; parameter states are zero with zero variance (the caller fills them).
+    """
+    times = [s.time_s[0] - s.latency_s for s in series if len(s)]
+    begin = float(min(times))
+    heading_s, heading, heading_sigma, speed, speed_sigma = _first_heading(series)
+    if causal:
+        begin = max(begin, heading_s)
+    elif heading_s > begin:
+        turned, known = _turned(series, begin, heading_s)
+        heading -= turned
+        heading_sigma = min(np.hypot(heading_sigma, 0.02 if known else 0.3), UNKNOWN_HEADING_RAD)
+        speed, speed_sigma = _speed_at(series, begin)
+    x, y, position_sigma = _position_at(series, begin, speed if np.isfinite(heading) else 0.0)
+    state, sigma = np.zeros(n_states), np.zeros(n_states)
+    state[:4] = x, y, speed, heading
+    sigma[:6] = position_sigma, position_sigma, speed_sigma, heading_sigma, 2.0, 0.3
+    if n_states >= N_MOTION:
+        sigma[6:8] = 1.0, 0.2
+    return Start(begin, state, np.diag(sigma**2))
+
+
+def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float, float]:
+    """Return time, heading, its sigma, speed and its sigma of the earliest source that shows a heading."""
+    found = [(0.0, 0.0, UNKNOWN_HEADING_RAD, 0.0, UNKNOWN_SPEED_MPS)]
+    candidates = []
+    for s in series:
+        if not len(s):
+            continue
+        time = s.time_s - s.latency_s
+        if s.kind is Kind.HEADING:
+            candidates.append(
+                (
+                    float(time[0]),
+                    float(s.values[0, 0]),
+                    float(np.sqrt(s.noise[0, 0])),
+                    *_speed_at(series, float(time[0])),
+                )
+            )
+        elif s.kind is Kind.VELOCITY:
+            speed = np.hypot(s.values[:, 0], s.values[:, 1])
+            sigma = np.sqrt(np.maximum(s.noise[:, 0], s.noise[:, 2]))
+            fast = np.flatnonzero(speed > np.maximum(1.0, 4.0 * sigma))
+            if len(fast):
+                i = fast[0]
+                angle = float(np.arctan2(s.values[i, 1], s.values[i, 0]))
+                candidates.append(
+                    (float(time[i]), angle, float(sigma[i] / speed[i]) + 0.02, float(speed[i]), float(sigma[i]) + 0.1)
+                )
+        elif s.kind is Kind.POSITION:
+            displacement = _first_displacement(s)
+            if displacement is not None:
+                candidates.append(displacement)
+    found = [min(candidates)] if candidates else found
+    when, heading, heading_sigma, speed_mps, speed_sigma = found[0]
+    if _sign_at(series, when) < 0:
+        return when, heading + np.pi, heading_sigma, -abs(speed_mps), speed_sigma
+    return when, heading, heading_sigma, speed_mps, speed_sigma
+
+
+def _first_displacement(s: Series) -> tuple[float, float, float, float, float] | None:
+    """Return the first displacement that is clear of the noise, from a point that may itself lie later."""
+    time = s.time_s - s.latency_s
+    sigma = float(np.sqrt(max(np.median(s.noise[:, 0]), np.median(s.noise[:, 2]))))
+    far = max(MIN_DISPLACEMENT_M, 4.0 * sigma)
+    anchor = s.values[0]
+    distance = np.hypot(s.values[:, 0] - anchor[0], s.values[:, 1] - anchor[1])
+    beyond = np.flatnonzero(distance > far)
+    if not len(beyond):
+        return None
+    j = int(beyond[0])
+    # The last point still near the anchor: a long standstill before it says nothing of the speed.
+    near = np.flatnonzero(distance[:j] < 0.5 * far)
+    i = int(near[-1]) if len(near) else 0
+    dx, dy = s.values[j] - s.values[i]
+    dt = max(float(time[j] - time[i]), 1e-3)
+    length = float(np.hypot(dx, dy))
+    uncertain = max(np.sqrt(2.0) * sigma, 0.1 * length)
+    return (
+        float(time[j]),
+        float(np.arctan2(dy, dx)),
+        min(uncertain / length + 0.05, UNKNOWN_HEADING_RAD),
+        length / dt,
+        uncertain / dt + 1.0,
+    )
+
+
+def _at(s: Series, when: float) -> int:
+    """Index of the last row not after `when`, or of the first row."""
+    return max(int(np.searchsorted(s.time_s - s.latency_s, when, side="right")) - 1, 0)
+
+
+def _speed_at(series: Sequence[Series], when: float) -> tuple[float, float]:
+    """Return speed and sigma about a time."""
+    for kind in (Kind.SPEED, Kind.VELOCITY):
+        for s in series:
+            if s.kind is kind and len(s):
+                i = _at(s, when)
+                late = abs(float(s.time_s[i] - s.latency_s - when))
+                sigma = float(np.sqrt(s.noise[i, 0])) + 2.0 * late + 0.1
+                value = s.values[i, 0] if kind is Kind.SPEED else np.hypot(*s.values[i])
+                return float(value), min(sigma, UNKNOWN_SPEED_MPS)
+    for s in series:
+        if s.kind is Kind.POSITION and len(s) > 1:
+            time = s.time_s - s.latency_s
+            j = min(int(np.searchsorted(time, when + 1.0)) + 1, len(s) - 1)
+            i = _at(s, when)
+            if j > i and time[j] > time[i]:
+                span = float(time[j] - time[i])
+                speed = float(np.hypot(*(s.values[j] - s.values[i]))) / span
+                return speed, min(float(np.sqrt(2.0 * s.noise[i, 0])) / span + 2.0, UNKNOWN_SPEED_MPS)
+    return 0.0, UNKNOWN_SPEED_MPS
+
+
+def _sign_at(series: Sequence[Series], when: float) -> float:
+    """Return -1 if a speed source says that the vehicle was reversing."""
+    for s in series:
+        if s.kind is Kind.SPEED and len(s):
+            i = _at(s, when)
+            return -1.0 if s.values[i, 0] < -max(0.3, 3.0 * float(np.sqrt(s.noise[i, 0]))) else 1.0
+    return 1.0
+
+
+def _position_at(series: Sequence[Series], when: float, speed: float) -> tuple[float, float, float]:
+    """Return x, y and sigma about a time."""
+    best: tuple[float, float, float, float] | None = None
+    for s in series:
+        if s.kind is Kind.POSITION and len(s):
+            i = _at(s, when)
+            late = abs(float(s.time_s[i] - s.latency_s - when))
+            sigma = float(np.sqrt(max(s.noise[i, 0], s.noise[i, 2])))
+            if best is None or late < best[0]:
+                reach = late * (abs(speed) + 3.0)
+                best = (late, float(s.values[i, 0]), float(s.values[i, 1]), float(np.hypot(3.0 * sigma, reach)) + 1.0)
+    if best is None:
+        return 0.0, 0.0, 1e3
+    return best[1:]
+
+
+def _turned(series: Sequence[Series], begin: float, end: float) -> tuple[float, bool]:
+    """Return the angle turned between two times by the gyroscope, and whether there is one."""
+    for s in series:
+        if s.kind is Kind.YAW_RATE and len(s) > 1:
+            time = s.time_s - s.latency_s
+            inside = (time >= begin) & (time <= end)
+            if inside.sum() > 1 and float(np.diff(time[inside]).max()) < 1.0:
+                t, w = time[inside], s.values[inside, 0]
+                return _trapezoid(w, t), True
+    return 0.0, False
+
+
+def _trapezoid(values: FloatArray, time: FloatArray) -> float:
+    return float((0.5 * (values[1:] + values[:-1]) * np.diff(time)).sum())
