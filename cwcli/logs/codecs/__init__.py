@@ -1,1 +1,1 @@
-"""TODO."""
+"""Message encodings: from the payloads of a channel to columns."""

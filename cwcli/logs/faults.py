@@ -1,0 +1,55 @@
+"""What is wrong with a file, counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Faults:
+    """Counts of what could not be read, or was read in spite of a fault. They grow while the log is read.
+
+    Attributes:
+        crc_mismatches: Chunks whose CRC does not fit; all their messages are left out.
+        chunks_lost: Chunks that can't be decompressed, or whose CRC does not fit.
+        chunks_partial: Cut chunks whose first part was read.
+        broken_indexes: Chunks whose message index does not fit what they hold; they are read without it.
+        bytes_lost: Bytes of the file that hold nothing readable.
+        messages_lost: Messages in lost chunks and behind damaged records, as far as the file tells.
+        truncated: The file ends before its end.
+        summary_damaged: The summary can't be trusted; the file was read record by record.
+        undecodable: Topic -> reason -> messages.
+    """
+
+    crc_mismatches: int = 0
+    chunks_lost: int = 0
+    chunks_partial: int = 0
+    broken_indexes: int = 0
+    bytes_lost: int = 0
+    messages_lost: int = 0
+    truncated: bool = False
+    summary_damaged: bool = False
+    undecodable: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    def add_undecodable(self, topic: str, reason: str, count: int) -> None:
+        """Count messages of a topic that could not be decoded."""
+        if count:
+            reasons = self.undecodable.setdefault(topic, {})
+            reasons[reason] = reasons.get(reason, 0) + count
+
+    def counts(self) -> dict[str, int]:
+        """Reason, as the user reads it -> count, for everything that happened."""
+        named = {
+            "file cut short": int(self.truncated),
+            "summary damaged": int(self.summary_damaged),
+            "chunks lost": self.chunks_lost,
+            "of these with a wrong CRC": self.crc_mismatches,
+            "chunks read in part": self.chunks_partial,
+            "message indexes that do not fit": self.broken_indexes,
+            "bytes lost": self.bytes_lost,
+            "messages lost": self.messages_lost,
+        }
+        for topic, reasons in self.undecodable.items():
+            for reason, count in reasons.items():
+                named[f"undecodable messages on {topic} ({reason})"] = count
+        return {reason: count for reason, count in named.items() if count}

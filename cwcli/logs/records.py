@@ -1,0 +1,316 @@
+"""The records of an MCAP file as plain tuples, read with `struct`.
+
+The official classes would do, but their import takes longer than all of `cwcli info` may. Every function raises
+`RecordError` for bytes that can't be such a record, and allocates no more than the record's own size.
+
+Format: https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+MAGIC = b"\x89MCAP0\r\n"
+PREFIX = struct.Struct("<BQ")
+
+HEADER = 0x01
+FOOTER = 0x02
+SCHEMA = 0x03
+CHANNEL = 0x04
+MESSAGE = 0x05
+CHUNK = 0x06
+MESSAGE_INDEX = 0x07
+CHUNK_INDEX = 0x08
+ATTACHMENT = 0x09
+ATTACHMENT_INDEX = 0x0A
+STATISTICS = 0x0B
+METADATA = 0x0C
+METADATA_INDEX = 0x0D
+SUMMARY_OFFSET = 0x0E
+DATA_END = 0x0F
+
+FOOTER_BYTES = PREFIX.size + 20
+MESSAGE_HEADER_BYTES = 22
+"""Channel id, sequence, log time, publish time; the payload follows."""
+INDEX_ENTRY_BYTES = 16
+
+
+class RecordError(ValueError):
+    """Bytes that can't be the record that they should be."""
+
+
+class Schema(NamedTuple):
+    id: int
+    name: str
+    encoding: str
+    data: bytes
+
+
+class Channel(NamedTuple):
+    id: int
+    schema_id: int
+    topic: str
+    message_encoding: str
+    metadata: dict[str, str]
+
+
+class Chunk(NamedTuple):
+    """A chunk's place and header.
+
+    Attributes:
+        start, length: The whole record, prefix included.
+        start_ns, end_ns: First and last log time, as the header says.
+        uncompressed_size, crc: Of the records inside; crc 0 means that there is none.
+        compression: "", "zstd", "lz4" or what else stands there.
+        data_start, data_length: The records inside, as they are stored.
+    """
+
+    start: int
+    length: int
+    start_ns: int
+    end_ns: int
+    uncompressed_size: int
+    crc: int
+    compression: str
+    data_start: int
+    data_length: int
+
+
+class ChunkIndex(NamedTuple):
+    """Attributes: as in the format; `index_offsets` is channel id -> offset of its message index record."""
+
+    start_ns: int
+    end_ns: int
+    chunk_start: int
+    chunk_length: int
+    index_offsets: dict[int, int]
+    index_length: int
+    compression: str
+    compressed_size: int
+    uncompressed_size: int
+
+
+class AttachmentIndex(NamedTuple):
+    """Where an attachment is, and what it is."""
+
+    offset: int
+    length: int
+    log_time_ns: int
+    create_time_ns: int
+    size: int
+    name: str
+    media_type: str
+
+
+class MetadataIndex(NamedTuple):
+    offset: int
+    length: int
+    name: str
+
+
+class Statistics(NamedTuple):
+    n_messages: int
+    n_schemas: int
+    n_channels: int
+    n_attachments: int
+    n_metadata: int
+    n_chunks: int
+    start_ns: int
+    end_ns: int
+    channel_counts: dict[int, int]
+
+
+class Footer(NamedTuple):
+    summary_start: int
+    summary_offset_start: int
+    summary_crc: int
+
+
+class Fields:
+    """Takes the fields of one record after the other.
+
+    Args:
+        data: The file, or a chunk.
+        start, end: The record's content, without the prefix.
+    """
+
+    def __init__(self, data: memoryview, start: int, end: int) -> None:
+        self._data = data
+        self.at = start
+        self.end = end
+
+    def numbers(self, layout: struct.Struct) -> tuple[int, ...]:
+        """Fixed-size fields.
+
+        Raises:
+            RecordError: The record ends before them.
+        """
+        after = self.at + layout.size
+        if after > self.end:
+            raise RecordError("a record ends before its fields do")
+        values = layout.unpack_from(self._data, self.at)
+        self.at = after
+        return values
+
+    def bytes(self) -> bytes:
+        """Bytes after their 32-bit length."""
+        (length,) = self.numbers(_U32)
+        after = self.at + length
+        if after > self.end:
+            raise RecordError("a record ends before its fields do")
+        value = bytes(self._data[self.at : after])
+        self.at = after
+        return value
+
+    def text(self) -> str:
+        """A UTF-8 string after its 32-bit length."""
+        try:
+            return self.bytes().decode()
+        except UnicodeDecodeError as error:
+            raise RecordError("a name is not UTF-8") from error
+
+    def texts(self) -> dict[str, str]:
+        """A map of strings."""
+        inner = self._inner()
+        found: dict[str, str] = {}
+        while inner.at < inner.end:
+            key = inner.text()
+            found[key] = inner.text()
+        return found
+
+    def counts(self, entry: struct.Struct) -> dict[int, int]:
+        """A map of channel ids to numbers."""
+        inner = self._inner()
+        if (inner.end - inner.at) % entry.size:
+            raise RecordError("a map's length is not a multiple of its entries'")
+        found = {}
+        while inner.at < inner.end:
+            key, value = inner.numbers(entry)
+            found[key] = value
+        return found
+
+    def _inner(self) -> Fields:
+        (length,) = self.numbers(_U32)
+        if self.at + length > self.end:
+            raise RecordError("a record ends before its fields do")
+        inner = Fields(self._data, self.at, self.at + length)
+        self.at += length
+        return inner
+
+
+_U16 = struct.Struct("<H")
+_U32 = struct.Struct("<I")
+_U64 = struct.Struct("<Q")
+_U16_U16 = struct.Struct("<HH")
+_U16_U64 = struct.Struct("<HQ")
+_CHUNK = struct.Struct("<QQQI")
+_CHUNK_INDEX = struct.Struct("<QQQQ")
+_SIZES = struct.Struct("<QQ")
+_ATTACHMENT_INDEX = struct.Struct("<QQQQQ")
+_STATISTICS = struct.Struct("<QHIIIIQQ")
+_FOOTER = struct.Struct("<QQI")
+
+
+def read_prefix(data: memoryview, at: int, end: int) -> tuple[int, int, int]:
+    """Opcode, content start and content end of the record at an offset.
+
+    Raises:
+        RecordError: It does not end before `end`.
+    """
+    if at + PREFIX.size > end:
+        raise RecordError("a record is cut short")
+    opcode, length = PREFIX.unpack_from(data, at)
+    start = at + PREFIX.size
+    if opcode == 0:
+        raise RecordError("a record has the opcode 0")
+    if length > end - start:
+        raise RecordError(f"a record declares {length} bytes, {end - start} are left")
+    return opcode, start, start + length
+
+
+def read_header(data: memoryview, start: int, end: int) -> tuple[str, str]:
+    """Profile and library."""
+    fields = Fields(data, start, end)
+    return fields.text(), fields.text()
+
+
+def read_footer(data: memoryview, start: int, end: int) -> Footer:
+    return Footer(*Fields(data, start, end).numbers(_FOOTER))
+
+
+def read_schema(data: memoryview, start: int, end: int) -> Schema:
+    fields = Fields(data, start, end)
+    (schema_id,) = fields.numbers(_U16)
+    return Schema(schema_id, fields.text(), fields.text(), fields.bytes())
+
+
+def read_channel(data: memoryview, start: int, end: int) -> Channel:
+    fields = Fields(data, start, end)
+    channel_id, schema_id = fields.numbers(_U16_U16)
+    return Channel(channel_id, schema_id, fields.text(), fields.text(), fields.texts())
+
+
+def read_chunk(data: memoryview, start: int, end: int) -> Chunk:
+    fields = Fields(data, start, end)
+    start_ns, end_ns, size, crc = fields.numbers(_CHUNK)
+    compression = fields.text()
+    (stored,) = fields.numbers(_U64)
+    if stored > end - fields.at:
+        raise RecordError("a chunk's records are longer than the chunk")
+    head = start - PREFIX.size
+    return Chunk(head, end - head, start_ns, end_ns, size, crc, compression, fields.at, stored)
+
+
+def read_chunk_index(data: memoryview, start: int, end: int) -> ChunkIndex:
+    fields = Fields(data, start, end)
+    start_ns, end_ns, chunk_start, chunk_length = fields.numbers(_CHUNK_INDEX)
+    offsets = fields.counts(_U16_U64)
+    (index_length,) = fields.numbers(_U64)
+    compression = fields.text()
+    stored, size = fields.numbers(_SIZES)
+    return ChunkIndex(start_ns, end_ns, chunk_start, chunk_length, offsets, index_length, compression, stored, size)
+
+
+def read_attachment_index(data: memoryview, start: int, end: int) -> AttachmentIndex:
+    fields = Fields(data, start, end)
+    offset, length, log_time_ns, create_time_ns, size = fields.numbers(_ATTACHMENT_INDEX)
+    return AttachmentIndex(offset, length, log_time_ns, create_time_ns, size, fields.text(), fields.text())
+
+
+def read_attachment(data: memoryview, start: int, end: int) -> AttachmentIndex:
+    """An attachment as its index record would list it; its data is not touched."""
+    fields = Fields(data, start, end)
+    log_time_ns, create_time_ns = fields.numbers(_SIZES)
+    name, media_type = fields.text(), fields.text()
+    (size,) = fields.numbers(_U64)
+    if size + 4 > end - fields.at:
+        raise RecordError("an attachment's data is longer than the attachment")
+    head = start - PREFIX.size
+    return AttachmentIndex(head, end - head, log_time_ns, create_time_ns, size, name, media_type)
+
+
+def read_metadata_index(data: memoryview, start: int, end: int) -> MetadataIndex:
+    fields = Fields(data, start, end)
+    offset, length = fields.numbers(_SIZES)
+    return MetadataIndex(offset, length, fields.text())
+
+
+def read_metadata(data: memoryview, start: int, end: int) -> tuple[str, dict[str, str]]:
+    fields = Fields(data, start, end)
+    return fields.text(), fields.texts()
+
+
+def read_statistics(data: memoryview, start: int, end: int) -> Statistics:
+    fields = Fields(data, start, end)
+    return Statistics(*fields.numbers(_STATISTICS), fields.counts(_U16_U64))
+
+
+def read_message_index(data: memoryview, start: int, end: int) -> tuple[int, int, int]:
+    """Channel id, and start and end of its (u64 log time, u64 offset) pairs."""
+    fields = Fields(data, start, end)
+    (channel_id,) = fields.numbers(_U16)
+    (length,) = fields.numbers(_U32)
+    if length != end - fields.at or length % INDEX_ENTRY_BYTES:
+        raise RecordError("a message index's length does not fit")
+    return channel_id, fields.at, end
