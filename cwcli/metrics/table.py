@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -95,6 +95,18 @@ class Table:
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
+
+    def records(self) -> list[dict[str, Any]]:
+        """One dict of Python values a row, for tables small enough to print; ragged columns are left out."""
+        plain: dict[str, list[Any]] = {}
+        for name, column in self.columns.items():
+            if isinstance(column, Strings):
+                plain[name] = [None if code < 0 else column.values[code] for code in column.codes]
+            elif isinstance(column, np.ndarray):
+                plain[name] = column.tolist()
+            elif not isinstance(column, Ragged):
+                plain[name] = list(column)
+        return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
 
 
 def unit_of(column_name: str) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.prediction.rollout import Paths
-from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings
+from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, OutputField, Strings
 
 EGO_STATE_TOPIC = "/cwcli/ego/state"
 REMOTE_STATE_TOPIC = "/cwcli/remote/state"
@@ -170,7 +171,7 @@ def _sorted(channel: OutputChannel) -> OutputChannel:
     )
 
 
-def take(values: Field, rows: Int64Array) -> Field:
+def take(values: OutputField, rows: npt.NDArray[np.intp]) -> OutputField:
     """The given rows of a column.
 
     Raises:

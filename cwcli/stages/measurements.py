@@ -22,16 +22,17 @@ from cwcli.signals.geodesy import LocalMap
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
-def ego_measurements(signal: EgoSignal, local_map: LocalMap) -> list[Measurements]:
+def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Measurements]:
     """One ego signal as measurements, one per quantity that it carries.
 
     Args:
         signal: A canonical signal of the ego.
-        local_map: The map frame.
+        local_map: The map frame; None only where no signal is geographic.
     """
     stamp_ns = signal.stamp_ns
     match signal:
         case PositionSignal():
+            assert local_map is not None
             x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
             covariance = _symmetric(signal.covariance_m2)
             return [Measurements(signal.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance)]
@@ -39,9 +40,7 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap) -> list[Measurement
             return _pose_measurements(signal)
         case VelocitySignal():
             values = np.column_stack([signal.east_mps, signal.north_mps])
-            return [
-                Measurements(signal.source, Kind.VELOCITY, stamp_ns, values, _symmetric(signal.covariance_m2ps2))
-            ]
+            return [Measurements(signal.source, Kind.VELOCITY, stamp_ns, values, _symmetric(signal.covariance_m2ps2))]
         case SpeedSignal():
             return _given(
                 signal.source,
@@ -52,9 +51,7 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap) -> list[Measurement
                 },
             )
         case HeadingSignal():
-            return _given(
-                signal.source, stamp_ns, {Kind.HEADING: (signal.heading_rad, signal.variance_rad2)}
-            )
+            return _given(signal.source, stamp_ns, {Kind.HEADING: (signal.heading_rad, signal.variance_rad2)})
         case ImuSignal():
             values = np.column_stack([signal.accel_mps2, signal.gyro_radps])
             variances = np.column_stack([signal.accel_variance, signal.gyro_variance])

@@ -1,0 +1,194 @@
+"""What `estimate` tells: a line per source and vehicle, the errors against the truth, and the metrics table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.track import SourceReport, Track
+from cwcli.metrics.table import Table
+from cwcli.signals.quality import Quality
+from cwcli.stages.channels import EGO_ID
+from cwcli.stages.result import Cell, Section
+from cwcli.stages.truth import TruthErrors
+
+UNITS = {
+    Kind.POSITION: "m",
+    Kind.VELOCITY: "m/s",
+    Kind.SPEED: "m/s",
+    Kind.HEADING: "rad",
+    Kind.ACCEL: "m/s^2",
+    Kind.YAW_RATE: "rad/s",
+    Kind.IMU: "",
+}
+NIS_WORDS = {None: "", True: "in", False: "OUT"}
+MAX_GAP_NOTES = 5
+NS_PER_S = 1_000_000_000
+
+
+def sections(ego: Track, remote: Mapping[str, Track], errors: TruthErrors | None) -> tuple[Section, ...]:
+    """The stage's tables for the terminal."""
+    found = [_sources_section(ego), _noise_section(ego), _vehicles_section(ego, remote)]
+    if errors is not None:
+        found.append(_errors_section(errors))
+    return tuple(found)
+
+
+def estimate_tables(ego: Track, remote: Mapping[str, Track], errors: TruthErrors | None) -> dict[str, Table]:
+    """One table: a row per metric, so that a gate can name it and two runs can be compared.
+
+    Columns: vehicle, source (topic, or "" for the track as a whole), quantity, metric, value, unit.
+    """
+    rows: list[tuple[str, str, str, str, float, str]] = []
+    for vehicle, track in ((EGO_ID, ego), *remote.items()):
+        for report in track.sources:
+            rows.extend(_report_rows(vehicle, report))
+        rows.append((vehicle, "", "state", "count", float(len(track.stamp_ns)), ""))
+        rows.append((vehicle, "", "position", "median_sigma", _median_sigma(track), "m"))
+    if errors is not None:
+        for error in errors.rows:
+            for metric, value, unit in (
+                ("measured_error_sigma", error.measured_sigma, error.unit),
+                ("measured_error_bias", error.measured_bias, error.unit),
+                ("estimated_error_sigma", error.estimated_sigma, error.unit),
+                ("estimated_error_bias", error.estimated_bias, error.unit),
+                ("error_change", error.change_percent, "%"),
+                ("error_count", float(error.n), ""),
+            ):
+                rows.append((EGO_ID, errors.topic, error.name, metric, value, unit))
+        rows.append((EGO_ID, errors.topic, "position", "nees_mean", errors.position_nees_mean, ""))
+    names = ("vehicle", "source", "quantity", "metric", "value", "unit")
+    columns = list(zip(*rows, strict=True))
+    return {
+        "estimate": Table(
+            "estimate",
+            {
+                name: np.array(column, np.float64) if name == "value" else [str(cell) for cell in column]
+                for name, column in zip(names, columns, strict=True)
+            },
+        )
+    }
+
+
+def gap_notes(qualities: Sequence[Quality], start_ns: int) -> list[str]:
+    """One line for each channel with gaps: how many, and where the longest is."""
+    notes = []
+    for quality in qualities:
+        if not quality.gaps:
+            continue
+        longest = max(quality.gaps, key=lambda gap: gap.duration_s)
+        at_s = (longest.start_ns - start_ns) / NS_PER_S
+        count = len(quality.gaps)
+        notes.append(
+            f"{quality.source}: {count} gap{'s' if count > 1 else ''}, the longest {longest.duration_s:.1f} s "
+            f"from {at_s:.1f} s on"
+        )
+    return notes[:MAX_GAP_NOTES] + (
+        [f"{len(notes) - MAX_GAP_NOTES} more channels have gaps"] if len(notes) > MAX_GAP_NOTES else []
+    )
+
+
+def _sources_section(ego: Track) -> Section:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            report.source,
+            _quantity(report),
+            report.n_used,
+            report.n_gated,
+            _latency_text(report),
+            _bias_text(report),
+        )
+        for report in ego.sources
+    ]
+    columns = ("source", "quantity", "used", "gated", "latency [ms]", "bias")
+    return Section("sources", "Ego sources: what was used and corrected", columns, tuple(rows))
+
+
+def _noise_section(ego: Track) -> Section:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            report.source,
+            _quantity(report),
+            f"{report.sigma:.3g} {UNITS[report.kind]}",
+            report.noise_origin,
+            report.nis_mean / report.nis_dof,
+            _bounds_text(report),
+            NIS_WORDS[report.nis_inside],
+        )
+        for report in ego.sources
+    ]
+    columns = ("source", "quantity", "noise", "from", "NIS/dof", "95 % bounds", "")
+    return Section("noise", "Ego sources: noise and consistency of the innovations", columns, tuple(rows))
+
+
+def _vehicles_section(ego: Track, remote: Mapping[str, Track]) -> Section:
+    rows: list[tuple[Cell, ...]] = []
+    for vehicle, track in ((EGO_ID, ego), *remote.items()):
+        span_s = float(track.stamp_ns[-1] - track.stamp_ns[0]) / NS_PER_S if len(track.stamp_ns) else 0.0
+        speed = track.state[:, 2]
+        gated = sum(report.n_gated for report in track.sources)
+        rows.append((vehicle, len(track.stamp_ns), span_s, float(np.abs(speed).max()), _median_sigma(track), gated))
+    columns = ("vehicle", "states", "span [s]", "max speed [m/s]", "median sigma [m]", "gated")
+    return Section("vehicles", "Estimated tracks", columns, tuple(rows))
+
+
+def _errors_section(errors: TruthErrors) -> Section:
+    rows: list[tuple[Cell, ...]] = [
+        (row.name, row.unit, row.n, row.measured_sigma, row.estimated_sigma, row.change_percent, row.estimated_bias)
+        for row in errors.rows
+    ]
+    columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
+    title = f"1-sigma errors against {errors.topic} (position NEES {errors.position_nees_mean:.2f}, expected 2)"
+    return Section("errors", title, columns, tuple(rows))
+
+
+def _report_rows(vehicle: str, report: SourceReport) -> list[tuple[str, str, str, str, float, str]]:
+    unit = UNITS[report.kind]
+    values = (
+        ("read_count", float(report.n_read), ""),
+        ("used_count", float(report.n_used), ""),
+        ("gated_count", float(report.n_gated), ""),
+        ("reset_count", float(report.n_resets), ""),
+        ("noise_sigma", report.sigma, unit),
+        ("nis_per_dof", report.nis_mean / report.nis_dof, ""),
+        ("nis_lower", report.nis_bounds[0] / report.nis_dof, ""),
+        ("nis_upper", report.nis_bounds[1] / report.nis_dof, ""),
+        ("latency", report.latency_s, "s"),
+        ("latency_sigma", report.latency_sigma_s, "s"),
+        ("bias", report.bias, unit),
+        ("bias_sigma", report.bias_sigma, unit),
+    )
+    return [(vehicle, report.source, _quantity(report), metric, value, u) for metric, value, u in values]
+
+
+def _quantity(report: SourceReport) -> str:
+    return report.kind.name.lower().replace("_", " ")
+
+
+def _latency_text(report: SourceReport) -> str:
+    if report.latency_status == "estimated":
+        return f"{1e3 * report.latency_s:.0f} +- {1e3 * report.latency_sigma_s:.0f}"
+    if report.latency_status == "given":
+        return f"{1e3 * report.latency_s:.0f} (given)"
+    return report.latency_status
+
+
+def _bias_text(report: SourceReport) -> str:
+    if math.isnan(report.bias):
+        return ""
+    return f"{report.bias:.3g} {UNITS[report.kind]}"
+
+
+def _bounds_text(report: SourceReport) -> str:
+    low, high = (bound / report.nis_dof for bound in report.nis_bounds)
+    return "" if math.isnan(low) else f"{low:.2f} to {high:.2f}"
+
+
+def _median_sigma(track: Track) -> float:
+    """Median of the horizontal one-sigma per axis."""
+    if not len(track.stamp_ns):
+        return math.nan
+    return float(np.median(np.sqrt(0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1]))))

@@ -1,0 +1,183 @@
+"""Stage `predict`: states in, predicted paths and their errors out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cwcli.logs.log import Log
+from cwcli.metrics.table import Table, TableColumn
+from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
+from cwcli.prediction.models import DEFAULT_MODEL, MODELS
+from cwcli.prediction.rollout import Discretisation, rollout
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import OutputChannel
+from cwcli.signals.roles import bind
+from cwcli.stages.channels import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, predicted_paths
+from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
+from cwcli.stages.run_record import run_record
+from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
+
+ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
+MAX_MESSAGE_AGE_S = 1.0
+"""How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
+MAX_GAP_S = 0.5
+
+
+@dataclass(frozen=True)
+class PredictConfig:
+    """Settings of the stage.
+
+    Attributes:
+        model: A key of `prediction.MODELS`.
+        horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
+        discretisation: "exact", or "paper" for song2016's recursion.
+        topics: Role -> topic, the user's choices.
+        start_ns, end_ns: Only states logged in this span are used.
+    """
+
+    model: str = DEFAULT_MODEL
+    horizon_s: float = 2.5
+    step_s: float = 0.05
+    discretisation: Discretisation = "exact"
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+
+def predict(log: Log, config: PredictConfig) -> StageResult:
+    """Predict the path of every vehicle from each of its states, and compare every model with what then happened.
+
+    Raises:
+        MissingSignalError: The log has no ego state.
+        UsageError: An unknown model, or a horizon or step that is not positive.
+    """
+    bound = bind(
+        log.channels,
+        config.topics,
+        required=(Role.EGO_STATE,),
+        optional=(Role.REMOTE_STATE,),
+        where=log.name,
+        command="predict",
+    )
+    topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
+    columns = log.load(dict.fromkeys(topics.values()))
+    channels: list[OutputChannel] = []
+    errors: list[dict[str, Any]] = []
+    inputs: list[InputCount] = []
+    for role, path_topic, extra_s in (
+        (Role.EGO_STATE, EGO_PATH_TOPIC, 0.0),
+        (Role.REMOTE_STATE, REMOTE_PATH_TOPIC, MAX_MESSAGE_AGE_S),
+    ):
+        if role not in topics:
+            continue
+        everything = read_states(columns[topics[role]])
+        states = everything.logged_within(config.start_ns, config.end_ns)
+        inputs.append(InputCount(topics[role], role.value, len(everything), len(states)))
+        paths = rollout(
+            config.model,
+            states.state,
+            states.covariance,
+            horizon_s=config.horizon_s + extra_s,
+            step_s=config.step_s,
+            discretisation=config.discretisation,
+        )
+        channels.append(
+            predicted_paths(
+                path_topic,
+                ids=states.ids,
+                stamp_ns=states.stamp_ns,
+                log_time_ns=states.log_time_ns,
+                model=config.model,
+                paths=paths,
+            )
+        )
+        errors.extend(_errors(states, config))
+    table = _table(errors)
+    summary = Summary(
+        title="predict",
+        sections=(_section(errors, config.horizon_s),),
+        inputs=tuple(inputs),
+        notes=bound.notes,
+    )
+    return StageResult(
+        "predict", tuple(channels), {"prediction": table}, summary, run_record("predict", log, config, summary)
+    )
+
+
+def _errors(states: VehicleStates, config: PredictConfig) -> list[dict[str, Any]]:
+    """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
+    horizons = [h for h in ERROR_HORIZONS_S if h <= config.horizon_s + 1e-9]
+    if not horizons or abs(horizons[-1] - config.horizon_s) > 1e-9:
+        horizons.append(config.horizon_s)
+    records = []
+    for vehicle, unordered in vehicle_rows(states.ids):
+        rows = unordered[np.argsort(states.stamp_ns[unordered], kind="stable")]
+        stamp_ns = states.stamp_ns[rows]
+        rows = rows[np.concatenate(([True], np.diff(stamp_ns) > 0))]
+        stamp_ns = states.stamp_ns[rows]
+        compared = compare_models(
+            list(MODELS),
+            states.state[rows],
+            states.covariance[rows],
+            stamp_ns,
+            stamp_ns,
+            states.state[rows, :2],
+            horizons_s=horizons,
+            step_s=config.step_s,
+            max_gap_s=MAX_GAP_S,
+            discretisation=config.discretisation,
+        )
+        columns = horizon_table(compared)
+        for i in range(len(columns["model"])):
+            record: dict[str, Any] = {name: values[i] for name, values in columns.items()}
+            records.append({"vehicle": vehicle, **record})
+    return records
+
+
+def _table(records: list[dict[str, Any]]) -> Table:
+    names = list(records[0]) if records else ["vehicle", "model", "horizon_s", "n"]
+    columns: dict[str, TableColumn] = {}
+    for name in names:
+        values = [record[name] for record in records]
+        columns[name] = values if name in {"vehicle", "model"} else np.array(values)
+    return Table("prediction", columns)
+
+
+def _section(records: list[dict[str, Any]], horizon_s: float) -> Section:
+    """Errors at the horizon: each model, for the ego and for all remote vehicles together."""
+    rows: list[tuple[Cell, ...]] = []
+    for group, is_member in (("ego", True), ("remote", False)):
+        chosen = [
+            r for r in records if (r["vehicle"] == EGO_ID) == is_member and abs(r["horizon_s"] - horizon_s) < 1e-9
+        ]
+        baseline = _pooled([r for r in chosen if r["model"] == BASELINE], "mean_m")
+        for model in dict.fromkeys(r["model"] for r in chosen):
+            own = [r for r in chosen if r["model"] == model and r["n"] > 0]
+            if not own:
+                continue
+            mean = _pooled(own, "mean_m")
+            rows.append(
+                (
+                    group,
+                    model,
+                    sum(int(r["n"]) for r in own),
+                    mean,
+                    max(float(r["p95_m"]) for r in own),
+                    100.0 * (mean / baseline - 1.0) if baseline > 0.0 else math.nan,
+                    100.0 * _pooled(own, "inside_90"),
+                )
+            )
+    title = f"Position error {horizon_s:g} s ahead, against the vehicle's own track"
+    columns = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
+    return Section("prediction", title, columns, tuple(rows))
+
+
+def _pooled(records: list[dict[str, Any]], name: str) -> float:
+    """Mean of a per-vehicle mean, weighted by the number of starts; NaN without any."""
+    n = sum(int(r["n"]) for r in records)
+    return sum(float(r[name]) * int(r["n"]) for r in records if r["n"]) / n if n else math.nan

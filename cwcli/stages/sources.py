@@ -1,0 +1,129 @@
+"""From a log to canonical signals: bind the roles, load the columns in one pass, build the signals, count faults."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cwcli.logs.log import Log
+from cwcli.signals.build import build, require_rows
+from cwcli.signals.canonical import Signal
+from cwcli.signals.clocks import Clock, disagreeing_clocks
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import Columns, Field, Int64Array, Ragged, Strings
+from cwcli.signals.quality import Quality
+from cwcli.signals.roles import bind
+from cwcli.stages.result import InputCount
+
+
+@dataclass(frozen=True)
+class SourceConfig:
+    """Which channels are read, and how.
+
+    Attributes:
+        topics: Role -> topic, the user's choices.
+        clock: A measurement's time: its header `stamp`, or its `log` time.
+        ego_station: Station id of the ego's own V2X messages, or None.
+        start_ns, end_ns: Only messages logged in this span are used.
+    """
+
+    topics: Mapping[str, str] = field(default_factory=dict)
+    clock: Clock = "stamp"
+    ego_station: str | None = None
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The signals of a log.
+
+    Attributes:
+        by_role: Role -> its signals, one per bound channel that has a usable row.
+        qualities: What happened to each channel's messages.
+        notes: For the user.
+    """
+
+    by_role: Mapping[Role, tuple[Signal, ...]]
+    qualities: tuple[Quality, ...]
+    notes: tuple[str, ...]
+
+    def counts(self) -> tuple[InputCount, ...]:
+        """The qualities as lines of the summary."""
+        return tuple(
+            InputCount(q.source, q.role, q.read, q.used, {**q.rejected, **q.set_aside}, dict(q.repaired))
+            for q in self.qualities
+        )
+
+
+def read_sources(
+    log: Log, config: SourceConfig, *, command: str, required: Collection[Role], optional: Collection[Role]
+) -> Sources:
+    """Read the signals that a stage needs.
+
+    Raises:
+        MissingSignalError: A required role has no channel, or more than one, or no message of the ego.
+        UsageError: An override that does not fit the log.
+        DataError: Every message of a required role was rejected.
+        InputError: The log is damaged.
+    """
+    bound = bind(
+        log.channels,
+        config.topics,
+        required=required,
+        optional=optional,
+        ego_station=config.ego_station,
+        where=log.name,
+        command=command,
+    )
+    loaded = log.load(bound.wanted())
+    by_role: dict[Role, tuple[Signal, ...]] = {}
+    qualities: list[Quality] = []
+    for role, bindings in bound.by_role.items():
+        signals: list[Signal] = []
+        for binding in bindings:
+            columns = logged_within(loaded[binding.topic], config.start_ns, config.end_ns)
+            signal, quality = build(
+                role, columns, config.clock, ego_station=config.ego_station, is_override=binding.is_override
+            )
+            qualities.append(quality)
+            if role in required:
+                require_rows(quality, where=log.name)
+            if quality.used:
+                signals.append(signal)
+        if signals:
+            by_role[role] = tuple(signals)
+    notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
+    return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)))
+
+
+def logged_within(columns: Columns, start_ns: int | None, end_ns: int | None) -> Columns:
+    """The messages logged in [start_ns, end_ns); they lie in log-time order."""
+    if start_ns is None and end_ns is None:
+        return columns
+    first = 0 if start_ns is None else int(np.searchsorted(columns.log_time_ns, start_ns))
+    last = len(columns) if end_ns is None else int(np.searchsorted(columns.log_time_ns, end_ns))
+    rows = slice(first, max(first, last))
+    return Columns(
+        columns.topic,
+        columns.schema_name,
+        columns.message_encoding,
+        columns.log_time_ns[rows],
+        columns.publish_time_ns[rows],
+        columns.sequence[rows],
+        {name: _cut(values, rows) for name, values in columns.fields.items()},
+        columns.n_undecodable,
+    )
+
+
+def _cut(values: Field, rows: slice) -> Field:
+    if isinstance(values, Strings):
+        return Strings(values.codes[rows], values.values)
+    if isinstance(values, Ragged):
+        offsets: Int64Array = values.offsets[rows.start : rows.stop + 1]
+        first = int(offsets[0]) if len(offsets) else 0
+        last = int(offsets[-1]) if len(offsets) else 0
+        return Ragged(values.values[first:last], offsets - first)
+    return values[rows]

@@ -1,0 +1,124 @@
+"""The estimate against a truth channel: alignment of the frames, then song2016's table 1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.estimation.consistency import ErrorRow, error_rows, nees
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.track import Track
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.resample import resample
+
+MAX_GAP_S = 0.5
+MIN_ROWS = 20
+
+
+@dataclass(frozen=True)
+class TruthErrors:
+    """Errors against a truth channel.
+
+    Attributes:
+        topic: The truth channel.
+        rows: Per quantity: measured and estimated, as in song2016's table 1.
+        position_nees_mean: Mean normalised error squared of the position; its expectation is 2.
+        n: Truth rows compared.
+        notes: How the frames were aligned.
+    """
+
+    topic: str
+    rows: tuple[ErrorRow, ...]
+    position_nees_mean: float
+    n: int
+    notes: tuple[str, ...]
+
+
+def against_truth(
+    truths: Sequence[Signal],
+    measurements: Sequence[Measurements],
+    ego: Track,
+    local_map: LocalMap | None,
+    origin: tuple[float, float, float] | None,
+) -> TruthErrors | None:
+    """Compare the ego's track with the truth, at the truth's stamps; None without a usable truth channel."""
+    if not truths or not isinstance(truths[0], PoseSignal | PositionSignal):
+        return None
+    signal = truths[0]
+    inside = (signal.stamp_ns >= ego.stamp_ns[0]) & (signal.stamp_ns <= ego.stamp_ns[-1])
+    stamp_ns = signal.stamp_ns[inside]
+    if len(stamp_ns) < MIN_ROWS:
+        return None
+    fixes = next(m for m in measurements if m.kind is Kind.POSITION)
+    measured_xy = _at(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
+    xy, notes = _truth_xy(signal, inside, local_map, origin, measured_xy)
+    truth: dict[str, FloatArray] = {"position": xy}
+    estimated_xy = _at(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_GAP_S)
+    estimated: dict[str, FloatArray] = {"position": estimated_xy}
+    measured: dict[str, FloatArray] = {"position": measured_xy}
+    if isinstance(signal, PoseSignal):
+        columns = {
+            "speed": (signal.speed_mps, Kind.SPEED, 2),
+            "heading": (np.unwrap(signal.yaw_rad), Kind.HEADING, 3),
+            "yaw_rate": (signal.yaw_rate_radps, Kind.YAW_RATE, 5),
+        }
+        for name, (values, kind, column) in columns.items():
+            own = np.asarray(values)[inside]
+            if not np.isfinite(own).any():
+                continue
+            truth[name] = wrap_angle(own) if name == "heading" else own
+            estimated[name] = _at(stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_GAP_S)
+            source = next((m for m in measurements if m.kind is kind), None)
+            if source is not None:
+                raw = np.unwrap(source.values[:, 0]) if name == "heading" else source.values[:, 0]
+                measured[name] = _at(stamp_ns, source.stamp_ns, raw, MAX_GAP_S)
+    covariance = _nearest_covariance(stamp_ns, ego)
+    error = estimated_xy - xy
+    known = np.isfinite(error).all(axis=1)
+    consistency = nees(error[known], covariance[known]) if known.any() else np.array([np.nan])
+    rows = tuple(error_rows(truth, measured, estimated))
+    return TruthErrors(signal.source, rows, float(consistency.mean()), int(known.sum()), notes)
+
+
+def _truth_xy(
+    signal: PoseSignal | PositionSignal,
+    inside: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    local_map: LocalMap | None,
+    origin: tuple[float, float, float] | None,
+    measured_xy: FloatArray,
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """The truth's positions in the map frame, shape (n, 2), and how they got there."""
+    if isinstance(signal, PositionSignal):
+        assert local_map is not None
+        x_m, y_m, _ = local_map.map_from_wgs84(
+            signal.latitude_deg[inside], signal.longitude_deg[inside], signal.altitude_m[inside]
+        )
+        return np.column_stack([x_m, y_m]), ()
+    xyz = np.column_stack([signal.x_m, signal.y_m, signal.z_m])[inside]
+    if local_map is None:
+        return xyz[:, :2], ()
+    if origin is not None:
+        latitude_deg, longitude_deg, altitude_m = LocalMap(*origin).wgs84_from_map(*xyz.T)
+        x_m, y_m, _ = local_map.map_from_wgs84(latitude_deg, longitude_deg, altitude_m)
+        return np.column_stack([x_m, y_m]), (f"{signal.source}: placed by its given origin",)
+    offset = np.nanmedian(measured_xy - xyz[:, :2], axis=0)
+    note = (
+        f"{signal.source}: its origin is not known, so it was shifted onto the measured positions by "
+        f"({offset[0]:.2f}, {offset[1]:.2f}) m; a constant error does not show (--truth-origin gives the origin)"
+    )
+    return xyz[:, :2] + offset, (note,)
+
+
+def _at(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArray, max_gap_s: float) -> FloatArray:
+    return resample(stamp_ns, values, at_ns, max_gap_s=max_gap_s)
+
+
+def _nearest_covariance(stamp_ns: Int64Array, ego: Track) -> FloatArray:
+    after = np.clip(np.searchsorted(ego.stamp_ns, stamp_ns), 1, len(ego.stamp_ns) - 1)
+    nearer = np.where(stamp_ns - ego.stamp_ns[after - 1] < ego.stamp_ns[after] - stamp_ns, after - 1, after)
+    return ego.covariance[nearer][:, :2, :2]

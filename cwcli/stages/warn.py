@@ -1,0 +1,180 @@
+"""Stage `warn`: states and predicted paths in, collision warnings and their scores out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import DataError
+from cwcli.logs.log import Log
+from cwcli.prediction.paths import Paths
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import FloatArray, OutputChannel, Strings
+from cwcli.signals.roles import bind
+from cwcli.stages.channels import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
+from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
+from cwcli.stages.run_record import run_record
+from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
+from cwcli.warning.evaluate import evaluate
+from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
+
+LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
+RAISED = 1
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class WarnConfig:
+    """Settings of the stage.
+
+    Attributes:
+        rule: The rule and its thresholds.
+        topics: Role -> topic, the user's choices.
+        start_ns, end_ns: Only states logged in this span are used.
+    """
+
+    rule: WarningConfig = field(default_factory=WarningConfig)
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+
+def warn(log: Log, config: WarnConfig) -> StageResult:
+    """Warn the ego of the other vehicles, at each of its states.
+
+    Raises:
+        MissingSignalError: The log lacks a state or path channel.
+        UsageError: An unknown rule, or a threshold out of range.
+        DataError: States and paths do not belong together.
+    """
+    bound = bind(
+        log.channels,
+        config.topics,
+        required=(Role.EGO_STATE, Role.EGO_PATH, Role.REMOTE_STATE, Role.REMOTE_PATH),
+        where=log.name,
+        command="warn",
+    )
+    topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
+    columns = log.load(dict.fromkeys(topics.values()))
+    inputs: list[InputCount] = []
+    tracks: dict[Role, list[VehicleTrack]] = {}
+    for state_role, path_role in ((Role.EGO_STATE, Role.EGO_PATH), (Role.REMOTE_STATE, Role.REMOTE_PATH)):
+        everything = read_states(columns[topics[state_role]])
+        states = everything.logged_within(config.start_ns, config.end_ns)
+        paths = read_paths(columns[topics[path_role]])
+        tracks[state_role] = _tracks(states, paths)
+        n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
+        inputs.append(InputCount(topics[state_role], state_role.value, len(everything), n_used))
+        inputs.append(InputCount(topics[path_role], path_role.value, len(paths), n_used))
+    hosts = tracks[Role.EGO_STATE]
+    if len(hosts) != 1:
+        raise DataError(f"expected the states of one ego, found {len(hosts)}", where=topics[Role.EGO_STATE])
+    result = evaluate(hosts[0], tracks[Role.REMOTE_STATE], config.rule)
+    summary = Summary("warn", _sections(result, log.start_ns), tuple(inputs), bound.notes)
+    channels = (
+        OutputChannel(WARNINGS_TOPIC, "cwcli.v1.Warning", result.log_time_ns, result.channel),
+        _log_channel(result),
+    )
+    tables = {table.name: table for table in result.tables}
+    return StageResult("warn", channels, tables, summary, run_record("warn", log, config, summary))
+
+
+def _tracks(states: VehicleStates, predicted: PredictedPaths) -> list[VehicleTrack]:
+    """One track per vehicle: its states, in stamp order, each with the path that starts from it."""
+    path_rows = dict(vehicle_rows(predicted.ids))
+    tracks = []
+    for vehicle, unordered in vehicle_rows(states.ids):
+        candidates = path_rows.get(vehicle)
+        if candidates is None:
+            continue
+        rows = _by_stamp(states.stamp_ns, unordered)
+        candidates = _by_stamp(predicted.stamp_ns, candidates)
+        _, mine, theirs = np.intersect1d(
+            states.stamp_ns[rows], predicted.stamp_ns[candidates], assume_unique=True, return_indices=True
+        )
+        if not len(mine):
+            continue
+        rows, candidates = rows[mine], candidates[theirs]
+        tracks.append(
+            VehicleTrack(
+                id=vehicle,
+                stamp_ns=states.stamp_ns[rows],
+                log_time_ns=states.log_time_ns[rows],
+                state=states.state[rows],
+                paths=_rows(predicted.paths, candidates),
+                length_m=_outline(states.length_m[rows]),
+                width_m=_outline(states.width_m[rows]),
+            )
+        )
+    return tracks
+
+
+def _by_stamp(stamp_ns: npt.NDArray[np.int64], rows: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """The rows in stamp order, the first of each stamp."""
+    ordered = rows[np.argsort(stamp_ns[rows], kind="stable")]
+    return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))]
+
+
+def _rows(paths: Paths, rows: npt.NDArray[np.intp]) -> Paths:
+    return Paths(
+        paths.time_s,
+        paths.x_m[rows],
+        paths.y_m[rows],
+        paths.heading_rad[rows],
+        paths.speed_mps[rows],
+        paths.position_covariance_m2[rows],
+    )
+
+
+def _outline(values_m: FloatArray) -> float | None:
+    """The median of what the vehicle said of its size, or None."""
+    given = values_m[np.isfinite(values_m)]
+    return float(np.median(given)) if len(given) else None
+
+
+def _log_channel(result: WarningResult) -> OutputChannel:
+    """The warnings as `foxglove.Log`, for the viewer's log panel."""
+    state = np.asarray(result.channel["state"])
+    messages = result.channel["message"]
+    assert isinstance(messages, Strings)
+    rows = np.flatnonzero(state != 2)  # a held warning says nothing new
+    return OutputChannel(
+        LOG_TOPIC,
+        "foxglove.Log",
+        result.log_time_ns[rows],
+        {
+            "timestamp": np.asarray(result.channel["stamp_ns"])[rows],
+            "level": np.where(state[rows] == RAISED, LEVEL_WARNING, LEVEL_INFO),
+            "message": Strings(messages.codes[rows], messages.values),
+            "name": constant_strings("cwcli.warn", len(rows)),
+        },
+    )
+
+
+def _sections(result: WarningResult, start_ns: int) -> tuple[Section, ...]:
+    events: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            event["event_id"],
+            event["other_id"],
+            (event["raised_stamp_ns"] - start_ns) / NS_PER_S,
+            event["time_to_event_s"],
+            event["predicted_distance_m"],
+            event["verdict"],
+            event["lead_time_s"],
+            event["closest_distance_m"],
+        )
+        for event in result.events.records()
+    )
+    columns = ("event", "vehicle", "at [s]", "event in [s]", "pred. [m]", "verdict", "lead [s]", "closest [m]")
+    (scores,) = result.scores.records()
+    rule = scores.pop("rule")
+    score_rows = tuple((name.removeprefix("n_").replace("_", " "), value) for name, value in scores.items())
+    counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
+    return (
+        Section("events", f"Warnings (rule {rule}; times from the log's start)", columns, events),
+        Section("scores", "Against what really happened", ("measure", "value"), score_rows),
+        Section("evaluations", "Evaluations of a pair of vehicles", ("what became of them", "count"), counts),
+    )
