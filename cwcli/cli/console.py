@@ -11,8 +11,10 @@ import sys
 from dataclasses import dataclass
 from typing import TextIO
 
-from cwcli.cli.text import WIDTH, join_names, paragraph, printable
+from cwcli.cli.text import join_names, paragraph, printable
 from cwcli.errors import CwcliError
+
+MAX_FOUND_WIDTH = 100  # paths and topics are long; a terminal wraps them
 
 
 @dataclass(frozen=True)
@@ -77,15 +79,22 @@ def format_error(error: CwcliError) -> str:
     where = f"{printable(error.where)}: " if error.where else ""
     lines = [f"error: {where}{printable(error.what)}"]
     if error.found:
-        entries = [printable(entry) for entry in error.found]
-        joined = "  found: " + ", ".join(entries)
-        if len(joined) <= WIDTH + 20 or len(entries) == 1:
-            lines.append(joined)
-        else:
-            lines.extend(("  found: " if i == 0 else "         ") + entry for i, entry in enumerate(entries))
+        lines.extend(_found_lines([printable(entry) for entry in error.found]))
     if error.hint:
         lines.append(f"  hint:  {printable(error.hint)}")
     return "\n".join(lines)
+
+
+def _found_lines(entries: list[str]) -> list[str]:
+    """The entries behind `found:`, as many on a line as fit."""
+    lines = ["  found: " + entries[0]]
+    for entry in entries[1:]:
+        if len(lines[-1]) + len(entry) + 3 <= MAX_FOUND_WIDTH:
+            lines[-1] += f", {entry}"
+        else:
+            lines[-1] += ","
+            lines.append(" " * 9 + entry)
+    return lines
 
 
 def report_error(error: CwcliError) -> None:

@@ -46,6 +46,7 @@ class Job:
         stages: Name -> stage, in order.
         metrics: File of a single stage's main table, or None.
         metrics_dir: Folder for every table of every stage, or None.
+        preflight: Called before the first stage; raises if a later one can't run.
     """
 
     command: str
@@ -56,13 +57,23 @@ class Job:
     talk: TalkOptions
     metrics: str | None = None
     metrics_dir: str | None = None
+    preflight: Callable[[Log, Selection], object] | None = None
 
 
 @dataclass
 class Outcome:
-    """What a job made."""
+    """What a job made.
 
+    Attributes:
+        name: Name of the input, for messages.
+        results: One per stage, in order.
+        faults: What is wrong with the input file, as counts.
+        written: Files, in the order in which they were written.
+    """
+
+    name: str
     results: list[StageResult] = field(default_factory=list)
+    faults: dict[str, int] = field(default_factory=dict)
     written: list[str] = field(default_factory=list)
 
 
@@ -73,26 +84,40 @@ def run_job(job: Job) -> Outcome:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
     """
     console = _console(job)
+    outcome = execute(job)
+    if job.talk.json:
+        console.data(json.dumps(document(job, outcome), indent=2, allow_nan=False))
+    else:
+        tell(job, console, outcome)
+    return outcome
+
+
+def execute(job: Job) -> Outcome:
+    """Run the stages of `job` and write what was asked for, without a word but the progress.
+
+    Raises:
+        CwcliError: Known errors. Nothing is written unless every stage succeeded.
+    """
     _check_targets(job)
-    outcome = Outcome()
     from cwcli.logs.log import Log
 
     with Progress(quiet=job.talk.quiet) as progress:
         progress.step(f"reading {job.source}")
         with Log.open(job.source, recover=job.reading.recover) as log:
+            outcome = Outcome(log.name)
             selection = select(job.reading, log)
+            if job.preflight is not None:
+                job.preflight(log, selection)
             current = log
             for name, stage in job.stages.items():
                 progress.step(f"{name} {log.name}")
                 result = stage(current, selection)
                 outcome.results.append(result)
                 current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
-            faults = _faults(log)
+            outcome.faults = _faults(log)
             if job.reading.strict:
-                _refuse_faults(log.name, outcome.results, faults)
+                _refuse_faults(outcome)
             _write(job, log, outcome, progress)
-            name, damage = log.name, faults
-    _tell(job, console, name, outcome, damage)
     return outcome
 
 
@@ -197,44 +222,46 @@ def _table_files(job: Job, results: Sequence[StageResult]) -> dict[Path, Table]:
     return files
 
 
-def _faults(log: Log) -> dict[str, Any]:
+def _faults(log: Log) -> dict[str, int]:
     """What is wrong with the file, as counts; empty if nothing is."""
     return {name: count for name, count in log.faults.counts().items() if count}
 
 
-def _refuse_faults(name: str, results: Sequence[StageResult], faults: Mapping[str, Any]) -> None:
+def _refuse_faults(outcome: Outcome) -> None:
     """`--strict`: whatever was rejected, repaired or lost is an error."""
-    found = [f"{reason}: {count}" for reason, count in faults.items()]
-    for result in results:
+    found = [f"{reason}: {count}" for reason, count in outcome.faults.items()]
+    for result in outcome.results:
         for entry in result.summary.inputs:
             for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):
                 found += [f"{entry.topic} {kind}: {count} {reason}" for reason, count in counts.items() if count]
     if found:
         raise DataError(
             "the data has faults, and --strict allows none",
-            where=name,
+            where=outcome.name,
             found=tuple(dict.fromkeys(found)),
             hint="run without --strict to have them counted and left out",
         )
 
 
-def _tell(job: Job, console: Console, name: str, outcome: Outcome, faults: Mapping[str, Any]) -> None:
-    if job.talk.json:
-        document = {
-            "cwcli": __version__,
-            "command": job.command,
-            "input": name,
-            "output": job.writing.output,
-            "written": outcome.written,
-            "faults": dict(faults),
-            "stages": {result.stage: result.summary.to_json() for result in outcome.results},
-        }
-        console.data(json.dumps(document, indent=2, allow_nan=False))
-        return
+def document(job: Job, outcome: Outcome) -> dict[str, Any]:
+    """What `--json` prints."""
+    return {
+        "cwcli": __version__,
+        "command": job.command,
+        "input": outcome.name,
+        "output": job.writing.output,
+        "written": outcome.written,
+        "faults": outcome.faults,
+        "stages": {result.stage: result.summary.to_json() for result in outcome.results},
+    }
+
+
+def tell(job: Job, console: Console, outcome: Outcome) -> None:
+    """Print the summaries, the file's faults and what was written."""
     for result in outcome.results:
         print_result(console, result.summary)
-    for reason, count in faults.items():
-        console.note(f"{name}: {reason}: {count}")
+    for reason, count in outcome.faults.items():
+        console.note(f"{outcome.name}: {reason}: {count}")
     print_written(console, outcome.written)
     if not outcome.written and job.writing.output != "-":
         console.note("nothing was written; -o FILE writes the annotated log")

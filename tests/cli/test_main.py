@@ -36,12 +36,13 @@ def test_error_has_the_documented_form() -> None:
     )
 
 
-def test_error_lists_much_found_line_by_line() -> None:
+def test_error_lists_much_found_on_several_lines() -> None:
     error = errors.MissingSignalError("none", found=tuple(f"/topic/{i} (package/msg/Type)" for i in range(9)))
     lines = format_error(error).split("\n")
-    assert len(lines) == 10
-    assert lines[1] == "  found: /topic/0 (package/msg/Type)"
-    assert lines[9] == "         /topic/8 (package/msg/Type)"
+    assert lines[0] == "error: none"
+    assert lines[1] == "  found: /topic/0 (package/msg/Type), /topic/1 (package/msg/Type), /topic/2 (package/msg/Type),"
+    assert lines[2].startswith("         /topic/3 (package/msg/Type), ")
+    assert len(lines) == 4
 
 
 def test_error_escapes_control_characters() -> None:

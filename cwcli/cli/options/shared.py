@@ -65,24 +65,28 @@ class SensorOptions:
     ] = None
 
 
+OutputOption = Annotated[
+    str | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        show_default=False,
+        help="Write the log with the new channels here; - is standard output.",
+    ),
+]
+ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Overwrite files that exist.")]
+
+
 @dataclass(frozen=True)
 class WritingOptions:
     """Where the annotated log goes."""
 
-    output: Annotated[
-        str | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            show_default=False,
-            help="Write the log with the new channels here; - is standard output.",
-        ),
-    ] = None
+    output: OutputOption = None
     replace: Annotated[
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
     ] = False
-    force: Annotated[bool, typer.Option("--force", "-f", help="Overwrite files that exist.")] = False
+    force: ForceOption = False
 
 
 @dataclass(frozen=True)

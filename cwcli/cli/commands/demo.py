@@ -1,0 +1,79 @@
+"""`cwcli demo`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cwcli.cli.commands.estimate import EstimateOptions
+from cwcli.cli.commands.predict import PredictOptions
+from cwcli.cli.commands.run import with_all_stages
+from cwcli.cli.commands.warn import WarnOptions
+from cwcli.cli.console import Console
+from cwcli.cli.options.shared import ReadingOptions, SensorOptions, TalkOptions, WritingOptions
+from cwcli.cli.pipeline import Job, document, execute, make_folder, tell
+
+EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")
+SAMPLES = ("intersection", "rear-end")
+"""Sample logs with another vehicle in them."""
+
+
+def command(
+    talk: TalkOptions,
+    directory: Annotated[
+        str, typer.Option("--directory", "-d", metavar="DIR", help="Write the files into this folder.")
+    ] = "cwcli-demo",
+) -> None:
+    """Run everything on the bundled logs: estimate, predict, warn.
+
+    Files of an earlier demo in the folder are overwritten.
+    """
+    console = Console(quiet=talk.quiet)
+    make_folder(directory)
+    documents = []
+    for name in SAMPLES:
+        with sample_log(name) as source:
+            annotated = Path(directory) / f"{name}.annotated.mcap"
+            metrics = Path(directory) / f"{name}-metrics"
+            job = Job(
+                command="demo",
+                source=str(source),
+                stages={},
+                reading=ReadingOptions(),
+                writing=WritingOptions(output=str(annotated), force=True),
+                talk=talk,
+                metrics_dir=str(metrics),
+            )
+            job = with_all_stages(job, SensorOptions(), EstimateOptions(), PredictOptions(), WarnOptions())
+            outcome = execute(job)
+        if talk.json:
+            documents.append(document(job, outcome))
+        else:
+            console.heading(f"$ cwcli run {name}.mcap -o {annotated} --metrics-dir {metrics}")
+            console.summary("")
+            tell(job, console, outcome)
+            console.summary("")
+    if talk.json:
+        console.data(json.dumps(documents, indent=2, allow_nan=False))
+
+
+@contextmanager
+def sample_log(name: str) -> Iterator[Path]:
+    """The path of a bundled log: from the installed package, else from the checkout."""
+    from importlib.resources import as_file, files
+
+    import cwcli
+
+    checkout = Path(cwcli.__file__).parents[1] / "sample_logs" / f"{name}.mcap"
+    try:
+        resource = files("cwcli.sample_logs") / f"{name}.mcap"
+    except ModuleNotFoundError:
+        yield checkout
+        return
+    with as_file(resource) as path:
+        yield path

@@ -1,0 +1,73 @@
+"""`cwcli run`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cwcli.cli.commands.estimate import EstimateOptions
+from cwcli.cli.commands.predict import PredictOptions
+from cwcli.cli.commands.warn import WarnOptions
+from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions, WritingOptions
+from cwcli.cli.pipeline import Job, Selection, run_job
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+
+EXAMPLES = (
+    "cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/",
+    "cwcli run drive.mcap --warn-rule ttc --predict-horizon 3 --json",
+)
+
+MetricsDirOption = Annotated[
+    str | None,
+    typer.Option(
+        "--metrics-dir",
+        metavar="DIR",
+        show_default=False,
+        help="Write every table of every stage into this folder, as Parquet.",
+    ),
+]
+
+
+def command(
+    log: LogArgument,
+    writing: WritingOptions,
+    reading: ReadingOptions,
+    sensors: SensorOptions,
+    talk: TalkOptions,
+    estimate: EstimateOptions,
+    predict: PredictOptions,
+    warn: WarnOptions,
+    metrics_dir: MetricsDirOption = None,
+) -> None:
+    """Estimate, predict and warn in one pass.
+
+    The same as `cwcli estimate | cwcli predict | cwcli warn`, without the copies in between. Needs the ego's position
+    and the V2X messages of at least one other vehicle.
+    """
+    job = Job("run", log, {}, reading, writing, talk, metrics_dir=metrics_dir)
+    run_job(with_all_stages(job, sensors, estimate, predict, warn))
+
+
+def with_all_stages(
+    job: Job, sensors: SensorOptions, estimate: EstimateOptions, predict: PredictOptions, warn: WarnOptions
+) -> Job:
+    """The job with the three stages; it fails at once if the log has nothing for a later one."""
+
+    def preflight(log: Log, selection: Selection) -> None:
+        from cwcli.signals.roles import Role, bind
+
+        bind(
+            log.channels,
+            selection.topics,
+            required=(Role.EGO_POSITION, Role.REMOTE),
+            ego_station=sensors.ego_station,
+            where=log.name,
+            command="run",
+        )
+
+    stages = {"estimate": estimate.make(sensors), "predict": predict.make(), "warn": warn.make()}
+    return replace(job, stages=stages, preflight=preflight)
