@@ -97,6 +97,7 @@ def _on_track(
     after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, len(stamp_ns) - 1)
     gap_ns = stamp_ns[after] - stamp_ns[after - 1]
     known = (at_ns >= stamp_ns[0]) & (at_ns <= stamp_ns[-1]) & (gap_ns <= max_gap_s * NS_PER_S)
+    known |= (at_ns == stamp_ns[after]) | (at_ns == stamp_ns[after - 1])  # on a point nothing is interpolated
     share = ((at_ns - stamp_ns[after - 1]) / gap_ns)[..., None]
     found = xy[after - 1] + share * (xy[after] - xy[after - 1])
     known &= np.isfinite(found).all(axis=-1)

@@ -6,8 +6,8 @@ d/da0 = int A cos(phi), d/dphi0 = -(y - y0), d/dw0 = -int v W sin(phi), ... A ca
 every integral ends at min(t, ts). The moment ts itself adds nothing to the derivatives, as v(ts) = 0.
 
 "exact" takes three Gauss-Legendre points per step. "paper" is song2016's recursion (eq. 2, 10): along the old
-heading with v dT + a dT^2/2, then v += a dT, phi += w dT, a += j dT, w += dw dT, with the values of step n-1 on every right side.
-Written out for step n -> n+1 it is one node per step with v = v0 + a0 (n + 1/2) dT + j0 dT^2 n^2/2.
+heading with v dT + a dT^2/2, then v += a dT, phi += w dT, a += j dT, w += dw dT, with the values of step n-1 on
+every right side. Written out for step n -> n+1 it is one node per step with v = v0 + a0 (n + 1/2) dT + j0 dT^2 n^2/2.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from cwcli.signals.columns import FloatArray
 Discretisation = Literal["exact", "paper"]
 
 ROWS_AT_ONCE = 256  # keeps the working arrays of one batch inside the processor's cache
+DRIVER_POINTS = 501  # of the driver's variance over the horizon
 
 __all__ = ["Discretisation", "Paths", "path_jacobian", "rollout", "time_grid"]
 
@@ -77,7 +79,7 @@ def rollout(
     n, k = len(state), len(time_s)
     x, y, heading, speed = (np.empty((n, k)) for _ in range(4))
     position_covariance = np.empty((n, k, 3))
-    along, cross = _driver_variance(chosen, time_s, prior)
+    driver = _driver_variance(chosen, float(time_s[-1]), prior)
     for first in range(0, n, ROWS_AT_ONCE):
         rows = slice(first, first + ROWS_AT_ONCE)
         start = state[rows]
@@ -85,7 +87,7 @@ def rollout(
         trust = chosen.trust(start, start_covariance, prior) * np.array(chosen.uses)
         path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation)
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
-        out = _driver_noise(path, start[:, SPEED], time_s, along, cross, prior)
+        out = _driver_noise(path, start[:, SPEED], driver, prior)
         if start_covariance is not None:
             out += _carried(path.jacobian, _shrunk(start_covariance, trust))
         position_covariance[rows] = out
@@ -152,12 +154,21 @@ def _carried(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.stack([xx, xy, yy], axis=-1)
 
 
-def _driver_variance(model: Model, time_s: FloatArray, prior: DriverPrior) -> tuple[FloatArray, FloatArray]:
-    """Displacement variance per unit acceleration variance beyond the model, along and across, each (k,) in s^4."""
+@dataclass(frozen=True)
+class _DriverVariance:
+    """Displacement variance per unit acceleration variance beyond the model, on a fine grid of times, s^4."""
+
+    time_s: FloatArray
+    along: FloatArray
+    cross: FloatArray
+
+
+def _driver_variance(model: Model, horizon_s: float, prior: DriverPrior) -> _DriverVariance:
+    time_s = np.linspace(0.0, horizon_s, DRIVER_POINTS)
     out = model.responses(time_s, prior)
     along = displacement_variance(time_s, _running_integral(out.speed_to_accel, time_s), prior.accel_time_s)
     cross = displacement_variance(time_s, _running_integral(out.heading_to_yaw_rate, time_s), prior.yaw_time_s)
-    return along, cross
+    return _DriverVariance(time_s, along, cross)
 
 
 def _running_integral(values: FloatArray, time_s: FloatArray) -> FloatArray:
@@ -166,12 +177,12 @@ def _running_integral(values: FloatArray, time_s: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _driver_noise(
-    path: Integral, speed_mps: FloatArray, time_s: FloatArray, along: FloatArray, cross: FloatArray, prior: DriverPrior
-) -> FloatArray:
+def _driver_noise(path: Integral, speed_mps: FloatArray, driver: _DriverVariance, prior: DriverPrior) -> FloatArray:
     """The driver's noise in map axes, (n, k, 3): grows while the car moves, along and across its heading."""
-    along_m2 = np.interp(path.moving_s, time_s, along) * prior.along_sigma_mps2(speed_mps)[:, None] ** 2
-    cross_m2 = np.interp(path.moving_s, time_s, cross) * prior.cross_sigma_mps2(speed_mps)[:, None] ** 2
+    along_m2 = np.interp(path.moving_s, driver.time_s, driver.along)
+    along_m2 *= prior.along_sigma_mps2(speed_mps)[:, None] ** 2
+    cross_m2 = np.interp(path.moving_s, driver.time_s, driver.cross)
+    cross_m2 *= prior.cross_sigma_mps2(speed_mps)[:, None] ** 2
     cosine, sine = np.cos(path.heading_rad), np.sin(path.heading_rad)
     xx = along_m2 * cosine**2 + cross_m2 * sine**2
     yy = along_m2 * sine**2 + cross_m2 * cosine**2

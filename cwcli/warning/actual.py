@@ -49,6 +49,7 @@ def interpolate(track: ActualTrack, at_ns: Int64Array, max_gap_s: float) -> Floa
     after = np.clip(np.searchsorted(stamp, at_ns), 1, len(stamp) - 1)
     gap_ns = stamp[after] - stamp[after - 1]
     known = (at_ns >= stamp[0]) & (at_ns <= stamp[-1]) & (gap_ns <= max_gap_s * NS_PER_S)
+    known |= (at_ns == stamp[after]) | (at_ns == stamp[after - 1])  # on a point nothing is interpolated
     share = ((at_ns - stamp[after - 1]) / gap_ns)[:, None]
     found = values[after - 1] + share * (values[after] - values[after - 1])
     out[known] = found[known]
