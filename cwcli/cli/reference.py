@@ -1,4 +1,4 @@
-"""Writes docs/commands.md from the commands themselves: `python -m cwcli.cli.reference`."""
+"""Writes docs/commands.md and docs/channels.md from the code and the schemas: `python -m cwcli.cli.reference`."""
 
 from __future__ import annotations
 
@@ -60,11 +60,19 @@ def _section(title: str, command: Any, name: str) -> str:
     return f"## {title}\n\n```text\n{text.rstrip()}\n```\n"
 
 
+def pages() -> dict[Path, str]:
+    """The generated pages of the checkout, by file."""
+    from cwcli.cli.channel_reference import channel_reference
+
+    docs = Path(__file__).parents[2] / "docs"
+    return {docs / "commands.md": reference(), docs / "channels.md": channel_reference()}
+
+
 def main() -> None:
-    """Write the page into the checkout."""
-    target = Path(__file__).parents[2] / "docs" / "commands.md"
-    target.write_text(reference(), encoding="utf-8")
-    sys.stderr.write(f"wrote {target}\n")
+    """Write the pages into the checkout."""
+    for target, text in pages().items():
+        target.write_text(text, encoding="utf-8")
+        sys.stderr.write(f"wrote {target}\n")
 
 
 if __name__ == "__main__":
