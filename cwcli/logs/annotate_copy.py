@@ -5,12 +5,13 @@ from __future__ import annotations
 import mmap
 
 import numpy as np
+import numpy.typing as npt
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, MetadataIndex
 
 from cwcli.errors import InputError
 from cwcli.logs.chunks import ChunkDamageError, chunk_records, index_entries, open_chunk, stored_bytes, without_channels
-from cwcli.logs.layout import Item, Layout, LooseMessages, LooseRecord
+from cwcli.logs.layout import Item, Layout, LooseMessages, LooseRecord, SalvagedRecords
 from cwcli.logs.message_merge import ChunkPayload
 from cwcli.logs.record_writer import CopiedChunk, RecordWriter
 
@@ -62,7 +63,10 @@ class SourceCopy:
         if isinstance(item, CopiedChunk):
             return self._chunk(writer, item)
         if isinstance(item, LooseMessages):
-            return self._loose_messages(writer, item)
+            records = memoryview(self._data)[item.start : item.start + item.length]
+            return self._unchunked(writer, records, item.entries, compressed=False)
+        if isinstance(item, SalvagedRecords):
+            return self._unchunked(writer, item.records, item.entries, compressed=True)
         if isinstance(item, LooseRecord):
             if item.channel_id not in self._replaced_ids:
                 writer.copy_record(self._descriptor, item.start, item.length)
@@ -101,16 +105,25 @@ class SourceCopy:
             writer.raw_chunk(payload, chunk.index.compression, stored_bytes(self._data, chunk.index))
         return self._count(payload)
 
-    def _loose_messages(self, writer: RecordWriter, item: LooseMessages) -> int | None:
-        records = memoryview(self._data)[item.start : item.start + item.length]
-        entries = item.entries
+    def _unchunked(
+        self,
+        writer: RecordWriter,
+        records: memoryview,
+        entries: dict[int, npt.NDArray[np.void]],
+        *,
+        compressed: bool,
+    ) -> int | None:
+        """Put records that have no chunk of their own into one."""
         if not self._replaced_ids.isdisjoint(entries):
             records = without_channels(records, self._replaced_ids)
             entries = index_entries(records)
         if not entries:
             return None
         payload = _payload(records, entries)
-        writer.raw_chunk(payload, "", records)
+        if compressed:
+            writer.chunk(payload)
+        else:
+            writer.raw_chunk(payload, "", records)
         return self._count(payload)
 
     def _count(self, payload: ChunkPayload) -> int:
@@ -119,7 +132,7 @@ class SourceCopy:
         return min(payload.end_ns, MAX_TIME_NS)
 
 
-def _payload(records: memoryview, entries: dict[int, np.ndarray]) -> ChunkPayload:
+def _payload(records: memoryview, entries: dict[int, npt.NDArray[np.void]]) -> ChunkPayload:
     start_ns = min(int(each["log_time"].min()) for each in entries.values())
     end_ns = max(int(each["log_time"].max()) for each in entries.values())
     return ChunkPayload(np.frombuffer(records, np.uint8), start_ns, end_ns, entries)

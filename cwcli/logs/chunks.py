@@ -6,6 +6,8 @@ import mmap
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
+from io import BytesIO
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +17,7 @@ from mcap.records import ChunkIndex
 from cwcli.logs.message_merge import INDEX_ENTRY
 
 RECORD_PREFIX = struct.Struct("<BQ")
+READ_BYTES = 1 << 16
 MESSAGE_FIELDS = struct.Struct("<BQHIQQ")
 CRC_AT = 9 + 24  # opcode and length, start time, end time, uncompressed size
 
@@ -43,6 +46,27 @@ def open_chunk(data: mmap.mmap, index: ChunkIndex) -> memoryview:
     if crc and crc != zlib.crc32(records):
         raise ChunkDamageError("its CRC does not fit")
     return records
+
+
+def open_cut_chunk(data: mmap.mmap, start: int) -> memoryview:
+    """The whole records of a chunk whose end is missing: as many as can be decompressed.
+
+    Args:
+        data: The whole file.
+        start: Offset of the chunk record, which reaches beyond the file's end.
+    """
+    at = start + CRC_AT + 4
+    try:
+        (name_length,) = struct.unpack_from("<I", data, at)
+        compression = data[at + 4 : at + 4 + name_length].decode()
+        records = memoryview(_decompressed_start(memoryview(data)[at + 4 + name_length + 8 :], compression))
+    except (struct.error, RuntimeError, ValueError, EOFError):
+        return memoryview(b"")
+    whole = 0
+    with suppress(ChunkDamageError):
+        for _, _, end, _ in chunk_records(records):
+            whole = end
+    return records[:whole]
 
 
 def stored_bytes(data: mmap.mmap, index: ChunkIndex) -> memoryview:
@@ -99,6 +123,31 @@ def without_channels(records: memoryview, channel_ids: frozenset[int]) -> memory
                 continue
         kept += records[start:end]
     return memoryview(kept)
+
+
+def _decompressed_start(stored: memoryview, compression: str) -> bytes | memoryview:
+    """What the first part of the stored bytes holds."""
+    if compression == "zstd":
+        import zstandard
+
+        reader = zstandard.ZstdDecompressor().stream_reader(stored)
+    elif compression == "lz4":
+        import lz4.frame
+
+        reader = lz4.frame.LZ4FrameFile(BytesIO(stored))
+    else:
+        return stored if compression == "" else b""
+    found = bytearray()
+    with suppress(RuntimeError, EOFError, ValueError, OSError, _zstd_error()):
+        while block := reader.read(READ_BYTES):
+            found += block
+    return bytes(found)
+
+
+def _zstd_error() -> type[Exception]:
+    import zstandard
+
+    return zstandard.ZstdError
 
 
 def _decompressed(stored: memoryview, compression: str, size: int) -> memoryview:

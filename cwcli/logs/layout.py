@@ -23,7 +23,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
 
 from cwcli.errors import InputError
-from cwcli.logs.chunks import ChunkDamageError, chunk_records, index_entries, open_chunk
+from cwcli.logs.chunks import ChunkDamageError, chunk_records, index_entries, open_chunk, open_cut_chunk
 from cwcli.logs.message_merge import INDEX_ENTRY
 from cwcli.logs.record_writer import MAGIC, CopiedChunk
 
@@ -53,6 +53,14 @@ class LooseMessages:
 
 
 @dataclass(frozen=True)
+class SalvagedRecords:
+    """The whole records of a chunk whose end is missing; `entries` as in `LooseMessages`."""
+
+    records: memoryview
+    entries: dict[int, npt.NDArray[np.void]]
+
+
+@dataclass(frozen=True)
 class LooseRecord:
     """A schema or channel record outside any chunk, or a record of a kind that the format leaves to its users."""
 
@@ -61,7 +69,7 @@ class LooseRecord:
     channel_id: int | None = None
 
 
-Item = CopiedChunk | LooseMessages | LooseRecord | AttachmentIndex | MetadataIndex
+Item = CopiedChunk | LooseMessages | SalvagedRecords | LooseRecord | AttachmentIndex | MetadataIndex
 
 
 @dataclass
@@ -121,6 +129,7 @@ class _Walk:
         while not ended:
             record = self._record(at)
             if record is None:
+                self._salvage(at)
                 following = next((start for start in self._chunk_starts if start > at), len(self._data))
                 self._lose(following - at, "a record is cut short or damaged", at)
                 if following == len(self._data):
@@ -132,6 +141,15 @@ class _Walk:
             at = self._take(opcode, at, end) if not ended else end
         self._complete_channels()
         return layout
+
+    def _salvage(self, at: int) -> None:
+        """Note the whole records of a chunk that the file's end cuts."""
+        if self._recover and at + PREFIX.size < len(self._data) and self._data[at] == Opcode.CHUNK:
+            records = open_cut_chunk(self._data, at)
+            entries = index_entries(records)
+            if entries:
+                self._layout.items.append(SalvagedRecords(records, entries))
+            self._define(records)
 
     def _record(self, at: int) -> tuple[int, int] | None:
         """Kind and end of the record at an offset, or None if there is no whole one."""
@@ -299,12 +317,13 @@ class _Walk:
         for item in layout.items:
             if isinstance(item, CopiedChunk):
                 try:
-                    self._read_definitions(item)
+                    self._define(open_chunk(self._data, item.index))
                 except ChunkDamageError as error:
                     raise InputError(f"a chunk is damaged: {error}", where=self._name) from error
 
-    def _read_definitions(self, chunk: CopiedChunk) -> None:
-        for opcode, start, end, data in chunk_records(open_chunk(self._data, chunk.index)):
+    def _define(self, records: memoryview) -> None:
+        """Take over the schemas and channels that a chunk holds."""
+        for opcode, start, end, data in chunk_records(records):
             if opcode == Opcode.SCHEMA:
                 schema = _parsed(data, start, end, Schema.read)
                 self._layout.schemas.setdefault(schema.id, schema)
@@ -321,7 +340,7 @@ class _Walk:
 def _channel_ids(item: Item) -> Iterator[int]:
     if isinstance(item, CopiedChunk):
         yield from item.message_counts
-    elif isinstance(item, LooseMessages):
+    elif isinstance(item, LooseMessages | SalvagedRecords):
         yield from item.entries
 
 
