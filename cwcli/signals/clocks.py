@@ -246,7 +246,8 @@ def _value_table(values: Sequence[FloatArray], n_rows: int) -> FloatArray:
     """The values side by side, shape (n, k)."""
     if not values:
         return np.zeros((n_rows, 0))
-    return np.concatenate([np.asarray(value, dtype=np.float64).reshape(n_rows, -1) for value in values], axis=1)
+    columns = [value if value.ndim == 2 else value[:, None] for value in values]
+    return np.concatenate(columns, axis=1).astype(np.float64)
 
 
 def _same_rows(a: FloatArray, b: FloatArray) -> BoolArray:

@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 
 Method = Literal["linear", "previous", "nearest"]
 
-S_PER_NS = 1e-9
+NS_PER_S = 1_000_000_000
 
 
 def resample(
@@ -52,7 +52,7 @@ def resample(
     stamps, samples = np.asarray(stamp_ns, dtype=np.int64)[is_sample], samples[is_sample]
     if not len(stamps):
         return np.full(len(at_ns), np.nan)
-    max_gap_ns = max_gap_s / S_PER_NS
+    max_gap_ns = float(np.rint(max_gap_s * NS_PER_S))
     after = np.searchsorted(stamps, at_ns, side="right")
     before = after - 1
     if method == "previous":

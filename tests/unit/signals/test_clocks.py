@@ -1,0 +1,264 @@
+"""Clocks: each fault of a stamp by itself, with its repair and its count."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cwcli.errors import DataError
+from cwcli.signals.clocks import (
+    CLOCK_JUMP,
+    DUPLICATE,
+    NO_STAMP,
+    OUT_OF_ORDER,
+    REPEATED_REJECTED,
+    REPEATED_SPACED,
+    Timeline,
+    disagreeing_clocks,
+    find_gaps,
+    repair_jumps,
+    settle,
+)
+from cwcli.signals.columns import Int64Array
+from cwcli.signals.quality import Quality, RowLedger, require_clean
+from tests.unit.signals.signal_columns import T0_NS, columns_of
+
+MS = 1_000_000
+HOUR_NS = 3_600_000_000_000
+DELAY_NS = 80 * MS
+
+
+def settled(
+    stamp_ns: Int64Array,
+    *,
+    log_ns: Int64Array | None = None,
+    values: Int64Array | None = None,
+    has_stamp: Int64Array | None = None,
+    sender: Int64Array | None = None,
+    clock: str = "stamp",
+) -> tuple[Timeline, Quality]:
+    n_rows = len(stamp_ns)
+    values = np.arange(n_rows) if values is None else values
+    log_ns = steady(n_rows) + DELAY_NS if log_ns is None else log_ns
+    ledger = RowLedger(columns_of("X", {"v": values.astype(float)}, log_time_ns=log_ns), "imu")
+    given = np.ones(n_rows, dtype=bool) if has_stamp is None else has_stamp.astype(bool)
+    timeline = settle(ledger, stamp_ns, given, clock, [values.astype(float)], sender=sender)  # type: ignore[arg-type]
+    quality = ledger.quality
+    assert quality.read == quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values())
+    return timeline, quality
+
+
+def steady(n_rows: int) -> Int64Array:
+    """Stamps 100 ms apart."""
+    return T0_NS + 100 * MS * np.arange(n_rows, dtype=np.int64)
+
+
+def test_settle_good_stamps_stay_and_nothing_is_counted() -> None:
+    timeline, quality = settled(steady(10))
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(10))
+    assert quality.n_faults == 0
+    assert quality.delay_s == pytest.approx(0.08, abs=1e-9)
+
+
+def test_settle_log_clock_takes_the_log_time() -> None:
+    timeline, _ = settled(steady(10) - HOUR_NS, clock="log")
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(10) + DELAY_NS)
+
+
+def test_settle_stamps_never_filled_take_the_log_time() -> None:
+    timeline, quality = settled(np.zeros(5, dtype=np.int64), has_stamp=np.zeros(5))
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(5) + DELAY_NS)
+    assert quality.repaired == {NO_STAMP: 5}
+
+
+def test_settle_one_stamp_missing_takes_log_time_less_the_usual_delay() -> None:
+    given = np.ones(5)
+    given[2] = 0
+    stamps = steady(5)
+    stamps[2] = 0
+    timeline, quality = settled(stamps, has_stamp=given)
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(5))
+    assert quality.repaired == {NO_STAMP: 1}
+
+
+@pytest.mark.parametrize(
+    ("rows", "shift_ns"),
+    [
+        pytest.param(slice(4, 5), HOUR_NS, id="one-row-an-hour-ahead"),
+        pytest.param(slice(4, 5), -2 * HOUR_NS, id="one-row-two-hours-back"),
+        pytest.param(slice(0, 3), -HOUR_NS, id="the-first-rows"),
+        pytest.param(slice(12, 20), HOUR_NS, id="from-the-middle-to-the-end"),
+        pytest.param(slice(6, 9), 400 * 24 * HOUR_NS, id="another-year"),
+    ],
+)
+def test_settle_jump_by_hours_is_moved_back(rows: slice, shift_ns: int) -> None:
+    stamps = steady(20)
+    stamps[rows] += shift_ns
+    timeline, quality = settled(stamps)
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(20))
+    assert quality.repaired == {CLOCK_JUMP: len(range(20)[rows])}
+
+
+def test_settle_two_different_jumps_are_both_moved_back() -> None:
+    stamps = steady(30)
+    stamps[5:9] += HOUR_NS
+    stamps[9:12] -= 3 * HOUR_NS
+    timeline, quality = settled(stamps)
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(30))
+    assert quality.repaired == {CLOCK_JUMP: 7}
+
+
+def test_settle_jump_of_the_log_time_leaves_the_stamps_alone() -> None:
+    log_ns = steady(20) + DELAY_NS
+    log_ns[10:] += HOUR_NS
+    timeline, quality = settled(steady(20), log_ns=log_ns)
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(20))
+    assert quality.n_faults == 0
+
+
+def test_settle_channel_that_pauses_for_an_hour_is_not_a_jump() -> None:
+    stamps = steady(20)
+    stamps[10:] += HOUR_NS
+    timeline, quality = settled(stamps, log_ns=stamps + DELAY_NS)
+    np.testing.assert_array_equal(timeline.stamp_ns, stamps)
+    assert quality.n_faults == 0
+    assert len(quality.gaps) == 1
+    assert quality.gaps[0].duration_s == pytest.approx(3600.1, abs=1e-6)
+
+
+def test_settle_recorder_that_stalls_ten_seconds_is_not_a_jump() -> None:
+    log_ns = steady(200) + DELAY_NS
+    log_ns[50:150] = np.maximum(log_ns[50:150], log_ns[150])
+    timeline, quality = settled(steady(200), log_ns=log_ns)
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(200))
+    assert quality.n_faults == 0
+
+
+def test_settle_rows_out_of_order_are_sorted() -> None:
+    stamps = steady(6)
+    stamps[[2, 3]] = stamps[[3, 2]]
+    timeline, quality = settled(stamps)
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(6))
+    assert timeline.rows.tolist() == [0, 1, 3, 2, 4, 5]
+    assert quality.repaired == {OUT_OF_ORDER: 1}
+
+
+def test_settle_same_message_twice_is_dropped() -> None:
+    timeline, quality = settled(steady(5)[[0, 1, 1, 2, 3]], values=np.array([0, 1, 1, 2, 3]))
+    assert timeline.rows.tolist() == [0, 1, 3, 4]
+    assert quality.rejected == {DUPLICATE: 1}
+
+
+def test_settle_same_message_again_later_is_dropped() -> None:
+    timeline, quality = settled(steady(5)[[0, 1, 2, 1, 3]], values=np.array([0, 1, 2, 1, 3]))
+    assert timeline.rows.tolist() == [0, 1, 2, 4]
+    assert quality.rejected == {DUPLICATE: 1}
+
+
+def test_settle_clock_of_one_second_is_spaced_by_log_time() -> None:
+    stamps = steady(30) // (1000 * MS) * (1000 * MS)
+    timeline, quality = settled(stamps)
+    np.testing.assert_array_equal(timeline.stamp_ns, steady(30))
+    assert quality.repaired == {REPEATED_SPACED: 27}
+
+
+def test_settle_same_stamp_and_log_time_with_other_values_keeps_the_first() -> None:
+    stamps = steady(4)[[0, 1, 1, 2]]
+    timeline, quality = settled(stamps, log_ns=stamps + DELAY_NS)
+    assert timeline.rows.tolist() == [0, 1, 3]
+    assert quality.rejected == {REPEATED_REJECTED: 1}
+
+
+def test_settle_each_sender_has_a_clock_of_its_own() -> None:
+    stamps = np.repeat(steady(10), 2)
+    stamps[1::2] += np.where(np.arange(10) >= 5, HOUR_NS, 0)
+    timeline, quality = settled(stamps, log_ns=np.repeat(steady(10), 2) + DELAY_NS, sender=np.tile([0, 1], 10))
+    np.testing.assert_array_equal(timeline.stamp_ns, np.repeat(steady(10), 2))
+    assert quality.repaired == {CLOCK_JUMP: 5}
+
+
+def test_settle_leaves_rejected_rows_out() -> None:
+    ledger = RowLedger(columns_of("X", {"v": np.zeros(4)}), "imu")
+    ledger.reject(np.array([False, True, False, False]), "bad")
+    timeline = settle(ledger, steady(4), np.ones(4, dtype=bool), "stamp", [np.arange(4.0)])
+    assert timeline.rows.tolist() == [0, 2, 3]
+    assert (ledger.quality.read, ledger.quality.used) == (4, 3)
+
+
+def test_settle_nothing_is_nothing() -> None:
+    timeline, quality = settled(np.zeros(0, dtype=np.int64), log_ns=np.zeros(0, dtype=np.int64))
+    assert len(timeline.rows) == 0
+    assert np.isnan(quality.delay_s)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_settle_leaves_stamps_strictly_increasing_whatever_happens(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    stamps = steady(300)
+    for _ in range(20):
+        row, kind = rng.integers(300), rng.integers(4)
+        if kind == 0:
+            stamps[row:] += rng.integers(-5, 5) * HOUR_NS
+        elif kind == 1:
+            stamps[row] = stamps[row - 1]
+        elif kind == 2:
+            stamps[row] = rng.integers(0, 2**62)
+        else:
+            stamps[row] -= 150 * MS
+    timeline, quality = settled(stamps)
+    assert np.all(np.diff(timeline.stamp_ns) > 0)
+    assert quality.used == len(timeline.rows) > 200
+
+
+def test_repair_jumps_keeps_the_spacing_inside_a_stretch() -> None:
+    stamps = steady(20) + np.random.default_rng(3).integers(-20, 20, 20) * MS
+    jumped = stamps.copy()
+    jumped[8:13] += HOUR_NS
+    repaired, moved = repair_jumps(jumped, steady(20) + DELAY_NS)
+    np.testing.assert_array_equal(np.flatnonzero(moved), np.arange(8, 13))
+    np.testing.assert_array_equal(np.diff(repaired[8:13]), np.diff(stamps[8:13]))
+    assert np.abs(repaired - stamps).max() < 50 * MS
+
+
+def test_find_gaps_of_a_channel_that_dies_halfway() -> None:
+    gaps = find_gaps(steady(100), start_ns=T0_NS, end_ns=T0_NS + 20_000 * MS)
+    assert [(gap.start_ns - T0_NS, gap.end_ns - T0_NS) for gap in gaps] == [(9900 * MS, 20_000 * MS)]
+
+
+def test_find_gaps_of_a_channel_that_starts_late_and_pauses() -> None:
+    stamps = np.concatenate([steady(10), steady(10) + 3000 * MS])
+    gaps = find_gaps(stamps, start_ns=T0_NS - 5000 * MS)
+    assert [gap.duration_s for gap in gaps] == pytest.approx([5.0, 2.1], abs=1e-9)
+
+
+def test_find_gaps_of_an_empty_channel_is_the_whole_log() -> None:
+    assert [gap.duration_s for gap in find_gaps(steady(0), start_ns=0, end_ns=10**9)] == [1.0]
+
+
+def test_find_gaps_does_not_call_the_usual_interval_a_gap() -> None:
+    assert find_gaps(T0_NS + 2_000 * MS * np.arange(10)) == ()
+
+
+def test_disagreeing_clocks_names_the_one_that_counts_from_boot() -> None:
+    qualities = [Quality("/gps/fix", "ego_position", delay_s=0.08), Quality("/v2x/bsm", "remote", delay_s=0.3)]
+    assert disagreeing_clocks(qualities) == ()
+    lines = disagreeing_clocks([*qualities, Quality("/imu", "imu", delay_s=1.5e9)])
+    assert len(lines) == 1
+    assert lines[0].startswith("/imu: stamps are -1499999999.")
+
+
+def test_require_clean_names_topic_time_count_and_reason() -> None:
+    stamps = steady(20)
+    stamps[7:10] += HOUR_NS
+    _, quality = settled(stamps)
+    with pytest.raises(DataError) as raised:
+        require_clean([Quality("/ok", "imu"), quality], log_name="drive.mcap", log_start_ns=T0_NS)
+    assert str(raised.value) == "drive.mcap: /t at 0.780 s: 3 messages repaired (stamp jumps, moved back by log time)"
+    assert raised.value.exit_code == 5
+
+
+def test_require_clean_is_silent_when_nothing_happened() -> None:
+    _, quality = settled(steady(5))
+    quality.set_aside["sent by the ego station"] = 3
+    require_clean([quality])
+    assert quality.n_faults == 0

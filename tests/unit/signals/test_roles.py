@@ -1,0 +1,195 @@
+"""Role binding: candidates, ranks, truth topics, overrides, and the words of the errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.signals.codec import Role
+from cwcli.signals.inputs import INPUTS, input_for, normalise
+from cwcli.signals.roles import Bindings, bind, parse_overrides
+
+
+@dataclass(frozen=True)
+class Channel:
+    topic: str
+    schema_name: str
+    message_encoding: str = "cdr"
+    message_count: int | None = 10
+
+
+FIX = Channel("/gps/fix", "sensor_msgs/msg/NavSatFix")
+VEL = Channel("/gps/vel", "geometry_msgs/msg/TwistWithCovarianceStamped")
+TWIST = Channel("/vehicle/twist", "geometry_msgs/msg/TwistStamped")
+IMU = Channel("/imu/data", "sensor_msgs/Imu", "json")
+CAM = Channel("/v2x/cam", "etsi_its_cam_msgs/msg/CAM")
+BSM = Channel("/v2x/bsm", "BasicSafetyMessage", "json")
+ODE = Channel("/v2x/ode_bsm", "OdeBsmData", "json")
+IMAGE = Channel("/camera/front", "foxglove.CompressedImage", "protobuf")
+GROUND_TRUTH = Channel("/sim/ground_truth/odom", "nav_msgs/msg/Odometry")
+OWN_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "protobuf")
+EMPTY_FIX = Channel("/gps/fix", "sensor_msgs/msg/NavSatFix", message_count=0)
+TRUTH = Channel("/truth/pose", "foxglove.PoseInFrame", "protobuf")
+TRUTH_IMU = Channel("/truth/pose_imu", "foxglove.PoseInFrame", "protobuf")
+ODOM = Channel("/odom", "nav_msgs/msg/Odometry")
+EVERY_ROLE = tuple(Role)
+
+
+def bound(
+    *channels: Channel, overrides: dict[str, str] | None = None, ego_station: str | None = None
+) -> dict[str, str]:
+    bindings = bind(channels, overrides or {}, required=(), optional=EVERY_ROLE, ego_station=ego_station)
+    return {role.value: ",".join(b.topic for b in bindings.of(role)) for role in bindings.by_role}
+
+
+@pytest.mark.parametrize(
+    ("channels", "expected"),
+    [
+        pytest.param(
+            (FIX, VEL, IMU), {"ego_position": "/gps/fix", "ego_velocity": "/gps/vel", "imu": "/imu/data"}, id="dresden"
+        ),
+        pytest.param(
+            (CAM, TWIST, FIX),
+            {"ego_position": "/gps/fix", "ego_speed": "/vehicle/twist", "remote": "/v2x/cam"},
+            id="openacc",
+        ),
+        pytest.param((BSM,), {"remote": "/v2x/bsm"}, id="one-station-and-no-ego"),
+        pytest.param(
+            (ODE,),
+            {
+                "ego_position": "/v2x/ode_bsm",
+                "ego_speed": "/v2x/ode_bsm",
+                "ego_heading": "/v2x/ode_bsm",
+                "remote": "/v2x/ode_bsm",
+            },
+            id="ode-holds-ego-and-remote",
+        ),
+        pytest.param((FIX, ODE), {"ego_position": "/gps/fix"}, id="a-gnss-comes-before-the-own-bsm"),
+        pytest.param((ODOM,), {"ego_position": "/odom", "ego_speed": "/odom"}, id="odometry-alone"),
+        pytest.param((FIX, ODOM), {"ego_position": "/gps/fix", "ego_speed": "/odom"}, id="a-gnss-before-odometry"),
+        pytest.param((TRUTH,), {"truth": "/truth/pose"}, id="truth-is-no-ego-pose"),
+        pytest.param(
+            (GROUND_TRUTH,),
+            {"truth": "/sim/ground_truth/odom"},
+            id="ground-truth",
+        ),
+        pytest.param((IMAGE,), {"camera": "/camera/front"}, id="camera"),
+        pytest.param((OWN_FIX,), {}, id="cwcli-s-own-viewer-channel"),
+        pytest.param((EMPTY_FIX,), {}, id="empty-channel"),
+    ],
+)
+def test_bind_finds(channels: tuple[Channel, ...], expected: dict[str, str]) -> None:
+    found = bound(*channels)
+    assert {role: found.get(role) for role in expected} == expected
+    assert expected or not found
+
+
+def test_bind_own_roles_go_by_name() -> None:
+    state = Channel("/cwcli/ego/state", "cwcli.v1.VehicleState", "protobuf")
+    remote = Channel("/cwcli/remote/state", "cwcli.v1.VehicleState", "protobuf")
+    assert bound(state, remote) == {"ego_state": "/cwcli/ego/state", "remote_state": "/cwcli/remote/state"}
+
+
+def test_bind_ego_station_makes_a_v2x_channel_the_ego() -> None:
+    assert "ego_position" not in bound(BSM)
+    assert bound(BSM, ego_station="2a3c600d")["ego_position"] == "/v2x/bsm"
+
+
+def test_bind_missing_required_role_says_what_was_found_and_what_to_do() -> None:
+    with pytest.raises(MissingSignalError) as raised:
+        bind([FIX, IMAGE], {}, required=[Role.EGO_STATE], where="drive.mcap", command="predict")
+    assert str(raised.value) == "drive.mcap: no channel holds the ego state (needed by `cwcli predict`)"
+    assert raised.value.found == ("/gps/fix (sensor_msgs/msg/NavSatFix)", "/camera/front (foxglove.CompressedImage)")
+    assert raised.value.hint.startswith("run `cwcli estimate ")
+    assert raised.value.exit_code == 4
+
+
+def test_bind_two_candidates_for_a_required_role_names_both_and_the_option() -> None:
+    second = Channel("/novatel/fix", "foxglove.LocationFix", "protobuf")
+    with pytest.raises(MissingSignalError) as raised:
+        bind([FIX, second], {}, required=[Role.EGO_POSITION], where="drive.mcap", command="estimate")
+    message = str(raised.value)
+    assert "/gps/fix (sensor_msgs/msg/NavSatFix)" in message
+    assert "/novatel/fix (foxglove.LocationFix)" in message
+    assert raised.value.hint == "choose one with --topic ego_position=/gps/fix or --topic ego_position=/novatel/fix"
+
+
+def test_bind_two_candidates_for_an_optional_role_leaves_it_with_a_note() -> None:
+    bindings = bind([FIX, TRUTH, TRUTH_IMU], {}, required=[Role.EGO_POSITION], optional=[Role.TRUTH])
+    assert Role.TRUTH not in bindings
+    assert len(bindings.notes) == 1
+    for part in ("/truth/pose ", "/truth/pose_imu ", "--topic truth=/truth/pose_imu"):
+        assert part in bindings.notes[0]
+
+
+def test_bind_override_decides() -> None:
+    bindings = bind([FIX, TRUTH, TRUTH_IMU], {"truth": "/truth/pose_imu"}, required=(), optional=[Role.TRUTH])
+    assert bindings.topic(Role.TRUTH) == "/truth/pose_imu"
+    assert bindings.of(Role.TRUTH)[0].is_override
+
+
+def test_bind_override_may_cross_the_guess_from_the_topic() -> None:
+    assert bound(TWIST, overrides={"ego_velocity": "/vehicle/twist"})["ego_velocity"] == "/vehicle/twist"
+    assert bound(IMU, overrides={"ego_heading": "imu/data"})["ego_heading"] == "/imu/data"
+
+
+def test_bind_override_lists_several_topics_for_remote_only() -> None:
+    assert bound(BSM, CAM, overrides={"remote": "/v2x/bsm,/v2x/cam"})["remote"] == "/v2x/bsm,/v2x/cam"
+    with pytest.raises(UsageError):
+        bound(FIX, ODOM, overrides={"ego_position": "/gps/fix,/odom"})
+
+
+@pytest.mark.parametrize(
+    ("overrides", "parts"),
+    [
+        pytest.param({"ego_positon": "/gps/fix"}, ("no role ego_positon", "ego_position, "), id="unknown-role"),
+        pytest.param({"ego_position": "/gsp/fix"}, ("no topic /gsp/fix", "/gps/fix"), id="unknown-topic"),
+        pytest.param({"ego_position": "/imu/data"}, ("sensor_msgs/Imu can't hold", "/gps/fix"), id="wrong-schema"),
+        pytest.param({"camera": "/imu/data"}, ("can't hold", "no channel of this log"), id="no-topic-can"),
+    ],
+)
+def test_bind_override_that_does_not_fit_lists_what_would(overrides: dict[str, str], parts: tuple[str, str]) -> None:
+    with pytest.raises(UsageError) as raised:
+        bind([FIX, IMU], overrides, required=[Role.EGO_POSITION])
+    assert parts[0] in str(raised.value)
+    assert parts[1] in raised.value.hint
+
+
+def test_parse_overrides_reads_role_and_topic() -> None:
+    assert parse_overrides(["truth=/truth/pose", "imu=/a"]) == {"truth": "/truth/pose", "imu": "/a"}
+
+
+@pytest.mark.parametrize("options", [["truth"], ["truth="], ["imu=/a", "imu=/b"]])
+def test_parse_overrides_refuses(options: list[str]) -> None:
+    with pytest.raises(UsageError):
+        parse_overrides(options)
+
+
+def test_wanted_gathers_the_fields_of_all_roles_and_skips_cameras() -> None:
+    bindings: Bindings = bind([FIX, IMAGE, ODE], {}, required=(), optional=EVERY_ROLE)
+    wanted = bindings.wanted()
+    assert set(wanted) == {"/gps/fix", "/v2x/ode_bsm"}
+    assert {"latitude", "header.stamp.sec", "status.status"} <= wanted["/gps/fix"]
+    assert {"metadata.bsmSource", "payload.data.coreData.secMark"} <= wanted["/v2x/ode_bsm"]
+
+
+@pytest.mark.parametrize(
+    "name", ["sensor_msgs/msg/NavSatFix", "sensor_msgs/NavSatFix", "sensor_msgs::msg::dds_::NavSatFix_"]
+)
+def test_normalise_knows_the_spellings_of_a_ros_schema(name: str) -> None:
+    assert normalise(name) == "sensor_msgs/NavSatFix"
+
+
+def test_input_for_takes_the_java_name_of_an_ode_record() -> None:
+    assert input_for(Role.REMOTE, "us.dot.its.jpo.ode.model.OdeBsmData") is not None
+    assert input_for(Role.REMOTE, "somebody.else.Thing") is None
+
+
+def test_every_entry_of_the_registry_names_its_fields_or_streams() -> None:
+    for name, entries in INPUTS.items():
+        assert name == normalise(name)
+        assert len({entry.role for entry in entries}) == len(entries)
+        for entry in entries:
+            assert entry.build is None or all(entry.fields.values())
