@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -23,18 +24,29 @@ class SimulatedDrive:
     Attributes:
         scenario: What was asked for.
         seed: Of all draws.
-        truth_stamp_ns: Shape (m,): a grid of 1 ms over the run, ns since 1970.
-        truth: Vehicle name -> shape (m, 8), columns as in `truth.STATE_NAMES`, `map` frame, heading not wrapped.
         sensors: Sensor name -> the host's measurements.
         v2x: Vehicle name -> the messages that the host received from it.
     """
 
     scenario: Scenario
     seed: int
-    truth_stamp_ns: Int64Array
-    truth: Mapping[str, FloatArray]
     sensors: Mapping[str, SensorData]
     v2x: Mapping[str, ReceivedMessages]
+
+    @cached_property
+    def truth_stamp_ns(self) -> Int64Array:
+        """Shape (m,): a grid of 1 ms over the run, ns since 1970."""
+        return self.scenario.start_ns + to_ns(self._grid_s)
+
+    @cached_property
+    def truth(self) -> Mapping[str, FloatArray]:
+        """Vehicle name -> shape (m, 8), columns as in `truth.STATE_NAMES`, `map` frame, heading not wrapped."""
+        vehicles = self.scenario.vehicles.items()
+        return MappingProxyType({name: vehicle.motion.at(self._grid_s) for name, vehicle in vehicles})
+
+    @property
+    def _grid_s(self) -> FloatArray:
+        return np.arange(int(np.floor(self.scenario.duration_s / STEP_S + 1e-9)) + 1, dtype=np.float64) * STEP_S
 
 
 def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
@@ -46,7 +58,6 @@ def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
     """
     chosen = scenario.seed if seed is None else seed
     end_s = scenario.duration_s
-    grid_s: FloatArray = np.arange(int(np.floor(end_s / STEP_S + 1e-9)) + 1, dtype=np.float64) * STEP_S
     host = scenario.vehicles[HOST]
     sensors = {
         name: measure(name, host.motion, settings, start_ns=scenario.start_ns, end_s=end_s, seed=chosen, vehicle=HOST)
@@ -70,8 +81,6 @@ def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
     return SimulatedDrive(
         scenario=scenario,
         seed=chosen,
-        truth_stamp_ns=scenario.start_ns + to_ns(grid_s),
-        truth=MappingProxyType({name: vehicle.motion.at(grid_s) for name, vehicle in scenario.vehicles.items()}),
         sensors=MappingProxyType(sensors),
         v2x=MappingProxyType(received),
     )
