@@ -12,6 +12,7 @@ import typer
 import typer.main
 
 from cwcli.cli.app import PlainCommand
+from cwcli.cli.commands.estimate import parse_latency, parse_origin
 from cwcli.cli.options.expand import StageOptions, expand
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
 from cwcli.cli.options.values import time_ns, utc
@@ -169,3 +170,36 @@ def test_utc() -> None:
     assert utc(START_NS) == "2023-11-14 22:13:20.123 UTC"
     assert utc(2**63 - 1) == "2262-04-11 23:47:16.854 UTC"
     assert utc(2**64 * 1000) == f"{2**64 * 1000} ns"
+
+
+@pytest.mark.parametrize(
+    ("entries", "expected"),
+    [
+        ([], "auto"),
+        (["auto"], "auto"),
+        (["none"], "none"),
+        (["/gps/fix=80"], {"/gps/fix": 0.08}),
+        (["/gps/vel:velocity=300ms", "/a=b=-50"], {"/gps/vel:velocity": 0.3, "/a=b": -0.05}),
+    ],
+)
+def test_parse_latency(entries: list[str], expected: object) -> None:
+    assert parse_latency(entries) == expected
+
+
+@pytest.mark.parametrize(
+    "entries", [["fast"], ["/a="], ["=5"], ["/a=inf"], ["/a=1", "/a=2"], ["auto", "/a=1"], ["none", "auto"]]
+)
+def test_parse_latency_refuses(entries: list[str]) -> None:
+    with pytest.raises(UsageError, match="--latency"):
+        parse_latency(entries)
+
+
+def test_parse_origin() -> None:
+    assert parse_origin(None) is None
+    assert parse_origin("48.98,8.39,116.4") == (48.98, 8.39, 116.4)
+
+
+@pytest.mark.parametrize("text", ["48.98", "a,b,c", "91,0,0", "0,181,0", "0,0,nan", "nan,0,0"])
+def test_parse_origin_refuses(text: str) -> None:
+    with pytest.raises(UsageError, match="--truth-origin"):
+        parse_origin(text)

@@ -1,0 +1,57 @@
+"""What the tests of the command line share."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SAMPLES = ROOT / "sample_logs"
+TIMEOUT_S = 120
+
+Run = Callable[..., subprocess.CompletedProcess[bytes]]
+
+
+@pytest.fixture(scope="session")
+def intersection() -> Path:
+    """A bundled log with an ego and one other vehicle, 10 s."""
+    return SAMPLES / "intersection.mcap"
+
+
+@pytest.fixture
+def cwcli(tmp_path: Path) -> Run:
+    """Runs `cwcli` as a process of its own, in an empty folder, without a terminal."""
+
+    def run(*arguments: str | Path, **settings: Any) -> subprocess.CompletedProcess[bytes]:
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("CWCLI_")}
+        environment |= {"PYTHONPATH": str(ROOT), **settings.pop("env", {})}
+        return subprocess.run(
+            [sys.executable, "-m", "cwcli", *map(str, arguments)],
+            capture_output="stdout" not in settings,
+            check=False,
+            cwd=tmp_path,
+            env=environment,
+            timeout=TIMEOUT_S,
+            **settings,
+        )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def predicted(intersection: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The intersection with states and paths."""
+    folder = tmp_path_factory.mktemp("predicted")
+    for command, source, target in (("estimate", intersection, "e.mcap"), ("predict", folder / "e.mcap", "p.mcap")):
+        subprocess.run(
+            [sys.executable, "-m", "cwcli", command, str(source), "-o", str(folder / target), "--quiet"],
+            check=True,
+            cwd=ROOT,
+        )
+    return folder / "p.mcap"

@@ -1,0 +1,267 @@
+"""The stages from the command line: files, pipes, JSON, refusals, and what ends a run early."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from tests.cli.conftest import ROOT, Run
+
+STATE_TOPICS = {"/cwcli/ego/state", "/cwcli/remote/state"}
+PATH_TOPICS = {"/cwcli/ego/path", "/cwcli/remote/path"}
+WARNING_TOPICS = {"/cwcli/warnings", "/cwcli/log"}
+
+
+def messages(data: bytes) -> list[tuple[str, int, bytes]]:
+    """Topic, log time and payload of every message, by the official reader with CRC validation."""
+    reader = make_reader(io.BytesIO(data), validate_crcs=True)
+    return [(channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()]
+
+
+def topics(path: Path) -> set[str]:
+    return {topic for topic, _, _ in messages(path.read_bytes())}
+
+
+def test_run_adds_channels_and_keeps_every_message(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    done = cwcli("run", intersection, "-o", "out.mcap", "--metrics-dir", "metrics")
+    assert done.returncode == 0, done.stderr.decode()
+    before = messages(intersection.read_bytes())
+    after = messages((tmp_path / "out.mcap").read_bytes())
+    added = [entry for entry in after if entry[0].startswith("/cwcli/")]
+    assert sorted(entry for entry in after if not entry[0].startswith("/cwcli/")) == sorted(before)
+    assert {topic for topic, _, _ in added} >= STATE_TOPICS | PATH_TOPICS | WARNING_TOPICS
+    shown = done.stdout.decode()
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "\x1b" not in shown + done.stderr.decode()
+    assert "wrote out.mcap" in shown
+    for path in (tmp_path / "metrics").iterdir():
+        assert f"wrote metrics/{path.name}" in shown
+    assert {"estimate.parquet", "prediction.parquet"} & {path.name for path in (tmp_path / "metrics").iterdir()}
+
+
+def test_pipe_gives_the_same_as_run(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    command = f"{sys.executable} -m cwcli"
+    done = subprocess.run(
+        [
+            "bash",
+            "-o",
+            "pipefail",
+            "-c",
+            f"{command} estimate {intersection} -o - | {command} predict - -o - | "
+            f"{command} warn - -o {tmp_path}/w.mcap",
+        ],
+        capture_output=True,
+        check=False,
+        cwd=ROOT,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    assert cwcli("run", intersection, "-o", "r.mcap", "--quiet").returncode == 0
+    assert sorted(messages((tmp_path / "w.mcap").read_bytes())) == sorted(messages((tmp_path / "r.mcap").read_bytes()))
+
+
+def test_output_to_stdout_keeps_tables_off_it(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("estimate", intersection, "-o", "-")
+    assert done.returncode == 0
+    assert {topic for topic, _, _ in messages(done.stdout)} >= STATE_TOPICS
+    assert b"Input messages" in done.stderr
+
+
+def test_json_is_the_only_thing_on_stdout(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("run", intersection, "--json")
+    document = json.loads(done.stdout, parse_constant=pytest.fail)
+    assert done.returncode == 0
+    assert list(document["stages"]) == ["estimate", "predict", "warn"]
+    for stage in document["stages"].values():
+        for entry in stage["inputs"]:
+            assert entry["read"] >= entry["used"] >= 0
+
+
+def test_quiet_prints_nothing(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("estimate", intersection, "-o", "e.mcap", "--quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+
+
+def test_metadata_holds_the_resolved_configuration(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text('[estimate]\nrate = 10\nmodel = "cwcli"\n')
+    done = cwcli(
+        "estimate", intersection, "-o", "e.mcap", "--config", "c.toml", "--causal", env={"CWCLI_ESTIMATE_GATE": "0.99"}
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    with (tmp_path / "e.mcap").open("rb") as file:
+        records = {record.name: record.metadata for record in make_reader(file).iter_metadata()}
+    record = records["cwcli.run.estimate"]
+    configuration = json.loads(record["configuration"])
+    assert record["input_sha256"] == hashlib.sha256(intersection.read_bytes()).hexdigest()
+    assert record["version"] == "0.1.0"
+    assert configuration["rate_hz"] == 10
+    assert configuration["estimator"]["causal"] is True
+    assert configuration["estimator"]["gate_probability"] == 0.99
+
+
+def test_start_and_end_limit_the_messages(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("estimate", intersection, "--start", "2", "--end", "4", "--json")
+    stage = json.loads(done.stdout)["stages"]["estimate"]
+    fixes = next(entry for entry in stage["inputs"] if entry["topic"] == "/gps/fix")
+    assert fixes["read"] == pytest.approx(40, abs=1)
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_metrics_file(cwcli: Run, predicted: Path, tmp_path: Path, suffix: str) -> None:
+    from pyarrow import csv, parquet
+
+    done = cwcli("warn", predicted, "--metrics", f"w{suffix}")
+    assert done.returncode == 0, done.stderr.decode()
+    path = tmp_path / f"w{suffix}"
+    table = parquet.read_table(path) if suffix == ".parquet" else csv.read_csv(path)
+    assert table.num_columns > 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["estimate", "LOG", "-o", "there.mcap"], 6, "exists"),
+        (["estimate", "LOG", "-o", "."], 6, "directory"),
+        (["estimate", "LOG", "-o", "none/out.mcap"], 6, "does not exist"),
+        (["estimate", "LOG", "-o", "LOG", "--force"], 6, "input itself"),
+        (["estimate", "LOG", "--metrics", "m.txt"], 2, "Parquet or CSV"),
+        (["estimate", "LOG", "--metrics", "x.csv", "-o", "x.csv"], 2, "same file"),
+        (["estimate", "LOG", "--metrics", "there.csv"], 6, "exists"),
+        (["estimate", "LOG", "-o", "-", "--json"], 2, "standard output"),
+        (["estimate", "LOG", "--start", "5", "--end", "4"], 2, "not after"),
+        (["estimate", "LOG", "--start", "soon"], 2, "ISO 8601"),
+        (["estimate", "LOG", "--topic", "imu"], 2, "ROLE=/topic"),
+        (["estimate", "LOG", "--topic", "sonar=/gps/fix"], 2, "sonar"),
+        (["estimate", "LOG", "--topic", "imu=/none"], 2, "/none"),
+        (["estimate", "LOG", "--latency", "fast"], 2, "--latency"),
+        (["estimate", "LOG", "--rate", "0"], 2, "--rate"),
+        (["predict", "LOG", "--model", "warp", "--horizon", "2"], 4, "ego state"),
+        (["predict", "LOG"], 4, "cwcli estimate"),
+        (["warn", "LOG"], 4, "cwcli"),
+        (["run", "STRAIGHT"], 4, "remote"),
+        (["run", "LOG", "--metrics-dir", "there.mcap"], 6, "not a folder"),
+        (["simulate", "straight"], 2, "-o"),
+        (["simulate", "none", "-o", "x.mcap"], 2, "none"),
+        (["simulate", "straight", "-o", "there.mcap"], 6, "exists"),
+        (["simulate", "straight", "-o", "x.mcap", "--seed", "-1"], 2, "--seed"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_refusals(cwcli: Run, intersection: Path, tmp_path: Path, arguments: list[str], code: int, words: str) -> None:
+    names = {"LOG": str(intersection), "STRAIGHT": str(intersection.with_name("straight.mcap"))}
+    before = intersection.read_bytes()
+    for name in ("there.mcap", "there.csv"):
+        (tmp_path / name).write_text("mine")
+    done = cwcli(*(names.get(argument, argument) for argument in arguments))
+    shown = done.stderr.decode()
+    assert done.returncode == code, shown
+    assert done.stdout == b""
+    assert shown.startswith("error: ")
+    assert words in shown
+    assert "Traceback" not in shown
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["there.csv", "there.mcap"]
+    assert (tmp_path / "there.mcap").read_text() == (tmp_path / "there.csv").read_text() == "mine"
+    assert intersection.read_bytes() == before
+
+
+def test_force_overwrites(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    (tmp_path / "e.mcap").write_text("old")
+    assert cwcli("estimate", intersection, "-o", "e.mcap", "--force", "--quiet").returncode == 0
+    assert topics(tmp_path / "e.mcap") >= STATE_TOPICS
+
+
+def test_replace_replaces_the_channels_of_an_earlier_run(cwcli: Run, predicted: Path, tmp_path: Path) -> None:
+    refused = cwcli("predict", predicted, "-o", "p.mcap")
+    assert refused.returncode == 6
+    assert b"--replace" in refused.stderr
+    done = cwcli("predict", predicted, "-o", "p.mcap", "--replace", "--horizon", "1", "--quiet")
+    assert done.returncode == 0, done.stderr.decode()
+    counts = [
+        sum(topic == "/cwcli/ego/path" for topic, _, _ in messages(path.read_bytes()))
+        for path in (predicted, tmp_path / "p.mcap")
+    ]
+    assert counts[0] == counts[1] > 0
+
+
+def test_run_twice_with_replace(cwcli: Run, predicted: Path, tmp_path: Path) -> None:
+    done = cwcli("run", predicted, "-o", "r.mcap", "--replace", "--quiet")
+    assert done.returncode == 0, done.stderr.decode()
+    assert topics(tmp_path / "r.mcap") >= STATE_TOPICS | PATH_TOPICS | WARNING_TOPICS
+
+
+def test_strict_refuses_what_was_rejected(cwcli: Run, tmp_path: Path) -> None:
+    assert cwcli("simulate", "intersection", "-o", "d.mcap", "--quiet").returncode == 0
+    done = cwcli("estimate", "d.mcap", "-o", "e.mcap", "--strict", "--topic", "ego_position=/gps/fix")
+    counted = json.loads(cwcli("estimate", "d.mcap", "--json").stdout)["stages"]["estimate"]["inputs"]
+    faulty = any(entry["rejected"] or entry["repaired"] for entry in counted)
+    assert done.returncode == (5 if faulty else 0), done.stderr.decode()
+    assert (tmp_path / "e.mcap").exists() is not faulty
+
+
+def test_closed_pipe_leaves_with_141(intersection: Path) -> None:
+    for arguments in (["info", str(intersection)], ["estimate", str(intersection), "-o", "-", "--quiet"]):
+        reader, writer = os.pipe()
+        os.close(reader)
+        done = subprocess.run(
+            [sys.executable, "-m", "cwcli", *arguments], stdout=writer, stderr=subprocess.PIPE, check=False, cwd=ROOT
+        )
+        os.close(writer)
+        assert (done.returncode, done.stderr) == (141, b"")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupt_leaves_no_file(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    """The run waits for standard input, so it is in the middle of its work when the signal comes."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cwcli", "estimate", "-", "-o", "e.mcap"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path)},
+    )
+    assert process.stdin is not None
+    process.stdin.write(b"\x89MCAP0\r\n")
+    process.stdin.flush()
+    deadline = time.monotonic() + 20
+    while not any(tmp_path.iterdir()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, error = process.communicate(timeout=20)
+    assert process.returncode == code
+    assert b"Traceback" not in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_demo_runs_everything_and_names_its_files(cwcli: Run, tmp_path: Path) -> None:
+    for _ in range(2):
+        done = cwcli("demo")
+        shown = done.stdout.decode()
+        assert done.returncode == 0, done.stderr.decode()
+    assert max(map(len, shown.splitlines())) <= 80
+    for path in (tmp_path / "cwcli-demo").rglob("*.*"):
+        if path.is_file():
+            assert f"wrote {path.relative_to(tmp_path)}" in shown
+    assert topics(tmp_path / "cwcli-demo" / "intersection.annotated.mcap") >= WARNING_TOPICS
+
+
+def test_demo_json(cwcli: Run) -> None:
+    documents = json.loads(cwcli("demo", "-d", "d", "--json").stdout)
+    assert [list(document["stages"]) for document in documents] == [["estimate", "predict", "warn"]] * 2
+
+
+def test_simulate_is_reproducible(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    assert cwcli("simulate", "intersection", "-o", "a.mcap").returncode == 0
+    piped = cwcli("simulate", "intersection", "-o", "-")
+    assert (tmp_path / "a.mcap").read_bytes() == piped.stdout == intersection.read_bytes()
+    assert b"seed 1" in piped.stderr
