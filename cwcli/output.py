@@ -195,7 +195,15 @@ def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Pa
     if str(target) == STDOUT:
         _stdout_descriptor()
         return
-    path, name = _real_path(target), str(target)
+    name = str(target)
+    try:
+        with _medium(name):
+            _check_file(_real_path(target), name, force, inputs)
+    except ValueError as error:  # a zero byte in the name
+        raise OutputError(str(error), where=name) from error
+
+
+def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> None:
     for each in inputs:
         if path.exists() and each.exists() and path.samefile(each):
             raise OutputError("the output is the input itself", where=name, hint="name another file with -o")
