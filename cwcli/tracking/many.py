@@ -8,21 +8,30 @@ from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.prepare import Prepared
 from cwcli.tracking.scan_loop import Association, ScanLoop
 
+# A sensor watches at least this much, however little it saw: m; m, rad, m/s.
+_LEAST_EXTENT = {0: (20.0, 20.0), 1: (20.0, 1.0), 2: (20.0, 1.0, 10.0)}
+
 
 def volume(prepared: Prepared, source: int) -> float:
-    """Size of the part of the measurement space in which a source's detections lie (2.5 to 97.5 % of each value)."""
+    """Size of the part of the measurement space in which a source's detections lie: 2.5 to 97.5 % of each value.
+
+    Positions count from the sensor, so that a drive through the map does not widen it.
+    """
     rows = prepared.rows
     mine = rows.source == source
+    kind = int(rows.kind[mine].max(initial=0))
+    least = np.array(_LEAST_EXTENT[kind])
     if mine.sum() < 2:
-        return 1.0
-    radar = bool((rows.kind[mine] > 0).any())
-    z = rows.z[mine][:, : 3 if radar and (rows.kind[mine] == 2).any() else 2].copy()
-    if radar:
-        middle = np.angle(np.exp(1j * z[:, 1]).mean())
-        z[:, 1] = (z[:, 1] - middle + np.pi) % (2.0 * np.pi) - np.pi
+        return float(np.prod(least))
+    z = rows.z[mine][:, : len(least)]
+    if kind == 0:
+        z = z - rows.origin[mine, :2]
+    else:
+        z = z.copy()
+        z[:, 1] -= np.angle(np.exp(1j * z[:, 1]).mean())
+        z[:, 1] = (z[:, 1] + np.pi) % (2.0 * np.pi) - np.pi
     low, high = np.quantile(z, [0.025, 0.975], axis=0)
-    floor = np.sqrt(np.array([rows.r[mine][:, k, k].mean() for k in range(z.shape[1])]))
-    return float(np.prod(np.maximum((high - low) / 0.95, 6.0 * floor)))
+    return float(np.prod(np.maximum((high - low) / 0.95, least)))
 
 
 def associate(prepared: Prepared, config: TrackerConfig) -> Association:
