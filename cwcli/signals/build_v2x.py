@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from cwcli.signals.build_position import reject_bad_positions
@@ -122,13 +120,6 @@ def own_heading_builder(codec: V2xCodec) -> Build:
         return signal, ledger.quality
 
     return build
-
-
-OWN_BUILDERS: dict[Role, Callable[[V2xCodec], Build]] = {
-    Role.EGO_POSITION: own_position_builder,
-    Role.EGO_SPEED: own_speed_builder,
-    Role.EGO_HEADING: own_heading_builder,
-}
 
 
 def _own(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RowLedger, Senders, RemoteRows]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from cwcli.signals.canonical import Signal
-from cwcli.signals.clocks import Clock
-from cwcli.signals.columns import Columns
-from cwcli.signals.quality import Quality
+if TYPE_CHECKING:  # binding channels to roles takes no numpy
+    from cwcli.signals.canonical import Signal
+    from cwcli.signals.clocks import Clock
+    from cwcli.signals.columns import Columns
+    from cwcli.signals.quality import Quality
 
 
 class Role(StrEnum):
@@ -47,7 +49,8 @@ class Reading:
     is_override: bool = False
 
 
-Build = Callable[[Columns, Reading], tuple[Signal, Quality]]
+Build = Callable[["Columns", Reading], "tuple[Signal, Quality]"]
+Fields = Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class Input:
     """
 
     role: Role
-    fields: dict[str, tuple[str, ...]]
+    fields: Fields
     build: Build | None
     rank: int | None = 0
     needs_ego_station: bool = False

@@ -6,21 +6,66 @@ To add a message type: write its builder in a file, and add one entry here.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from cwcli.signals import etsi, j2735
-from cwcli.signals.build_camera import build_camera_info
-from cwcli.signals.build_imu import build_imu
-from cwcli.signals.build_motion import build_quaternion_heading, build_twist, build_velocity_report
-from cwcli.signals.build_pose import build_odometry_speed, build_pose, build_vehicle_state
-from cwcli.signals.build_position import build_fix
-from cwcli.signals.build_v2x import OWN_BUILDERS, remote_builder
-from cwcli.signals.codec import Input, Role
-from cwcli.signals.leaves import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
-from cwcli.signals.remote_rows import V2xCodec
+from cwcli.signals.codec import Build, Fields, Input, Reading, Role
+from cwcli.signals.leaf_names import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+
+if TYPE_CHECKING:
+    from cwcli.signals.canonical import Signal
+    from cwcli.signals.columns import Columns
+    from cwcli.signals.quality import Quality
 
 GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
 
-Fields = dict[str, tuple[str, ...]]
+
+def _named(name: str) -> Any:
+    """`module.name` of this package."""
+    module, _, attribute = name.rpartition(".")
+    return getattr(import_module(f"cwcli.signals.{module}"), attribute)
+
+
+def _builder(name: str) -> Build:
+    """The builder `module.name`, imported when a channel is built: binding (`cwcli info`) takes no numpy."""
+
+    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
+        made: tuple[Signal, Quality] = _named(name)(columns, reading)
+        return made
+
+    return build
+
+
+def _v2x_builder(maker: str, codec: str) -> Build:
+    """The builder that `build_v2x.<maker>` makes for a codec, both imported when a channel is built."""
+
+    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
+        made: tuple[Signal, Quality] = _named(f"build_v2x.{maker}")(_named(codec))(columns, reading)
+        return made
+
+    return build
+
+
+class _LaterFields(Mapping[str, tuple[str, ...]]):
+    """Leaf fields that are looked up in a codec's tables when they are needed."""
+
+    def __init__(self, find: Callable[[], Fields]) -> None:
+        self._find = find
+
+    @cached_property
+    def _found(self) -> Fields:
+        return self._find()
+
+    def __getitem__(self, encoding: str) -> tuple[str, ...]:
+        return self._found[encoding]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
 
 
 def normalise(schema_name: str) -> str:
@@ -62,6 +107,16 @@ def _quaternion(path: str) -> tuple[str, ...]:
     return tuple(f"{path}.{axis}" for axis in "xyzw")
 
 
+_build_camera_info = _builder("build_camera.build_camera_info")
+_build_imu = _builder("build_imu.build_imu")
+_build_quaternion_heading = _builder("build_motion.build_quaternion_heading")
+_build_twist = _builder("build_motion.build_twist")
+_build_velocity_report = _builder("build_motion.build_velocity_report")
+_build_odometry_speed = _builder("build_pose.build_odometry_speed")
+_build_pose = _builder("build_pose.build_pose")
+_build_vehicle_state = _builder("build_pose.build_vehicle_state")
+_build_fix = _builder("build_position.build_fix")
+
 _FIX = ("latitude", "longitude", "altitude", "position_covariance", "position_covariance_type")
 _ROS_FIX = _ros("status.status", *_FIX)
 _FOXGLOVE_FIX = _foxglove(*_FIX)
@@ -88,9 +143,6 @@ _POSE_IN_FRAME = _foxglove(*_xyz("pose.position"), *_quaternion("pose.orientatio
 _VELOCITY_REPORT = _ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
 _CAMERA_INFO = _ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
 _CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P")
-_EN_CAM = tuple(etsi.EN_PATHS.values())
-_TS_CAM = tuple(etsi.TS_PATHS.values())
-_CARMA_FLAGS = tuple(dict.fromkeys(path for path, _ in j2735.CARMA_PRESENCE.values()))
 _STATE: Fields = {
     "protobuf": ("stamp_ns", "id", "x_m", "y_m", "speed_mps", "heading_rad", "yaw_rate_radps"),
 }
@@ -98,35 +150,68 @@ _FRAMES: Fields = {}
 """Cameras are streamed frame by frame: no columns."""
 
 
-def _both(leaves: tuple[str, ...]) -> Fields:
-    return {"cdr": leaves, "json": leaves}
-
-
 def _fix(fields: Fields) -> tuple[Input, ...]:
-    return (Input(Role.EGO_POSITION, fields, build_fix), Input(Role.TRUTH, fields, build_fix))
+    return (Input(Role.EGO_POSITION, fields, _build_fix), Input(Role.TRUTH, fields, _build_fix))
 
 
 def _twist(fields: Fields) -> tuple[Input, ...]:
     return (
-        Input(Role.EGO_VELOCITY, fields, build_twist, fits=is_gnss_topic),
-        Input(Role.EGO_SPEED, fields, build_twist, fits=is_vehicle_topic),
+        Input(Role.EGO_VELOCITY, fields, _build_twist, fits=is_gnss_topic),
+        Input(Role.EGO_SPEED, fields, _build_twist, fits=is_vehicle_topic),
     )
 
 
 def _pose(fields: Fields) -> tuple[Input, ...]:
-    return (Input(Role.TRUTH, fields, build_pose), Input(Role.EGO_POSITION, fields, build_pose, rank=2))
+    return (Input(Role.TRUTH, fields, _build_pose), Input(Role.EGO_POSITION, fields, _build_pose, rank=2))
 
 
-def _v2x(fields: Fields, codec: V2xCodec, *, says_who_is_ego: bool = False) -> tuple[Input, ...]:
+_OWN_MAKERS = {
+    Role.EGO_POSITION: "own_position_builder",
+    Role.EGO_SPEED: "own_speed_builder",
+    Role.EGO_HEADING: "own_heading_builder",
+}
+
+
+def _v2x(find: Callable[[], Fields], codec: str, *, says_who_is_ego: bool = False) -> tuple[Input, ...]:
     """A V2X schema: remote vehicles, and the ego's own messages where it is known which ones these are."""
+    fields = _LaterFields(find)
     own = (
-        Input(role, fields, builder(codec), rank=1, needs_ego_station=not says_who_is_ego)
-        for role, builder in OWN_BUILDERS.items()
+        Input(role, fields, _v2x_builder(maker, codec), rank=1, needs_ego_station=not says_who_is_ego)
+        for role, maker in _OWN_MAKERS.items()
     )
-    return (Input(Role.REMOTE, fields, remote_builder(codec)), *own)
+    return (Input(Role.REMOTE, fields, _v2x_builder("remote_builder", codec)), *own)
 
 
-_JSON_BSM: Fields = {"json": j2735.json_fields()}
+def _cam_fields(paths: str) -> Callable[[], Fields]:
+    """Leaf fields of a CAM, from a table of `etsi`."""
+
+    def find() -> Fields:
+        leaves = tuple(_named(f"etsi.{paths}").values())
+        return {"cdr": leaves, "json": leaves}
+
+    return find
+
+
+def _ros_bsm_fields() -> Fields:
+    from cwcli.signals import j2735
+
+    leaves = tuple(j2735.ROS.values())
+    return {"cdr": leaves, "json": leaves}
+
+
+def _carma_bsm_fields() -> Fields:
+    from cwcli.signals import j2735
+
+    leaves = (*j2735.ROS.values(), *dict.fromkeys(path for path, _ in j2735.CARMA_PRESENCE.values()))
+    return {"cdr": leaves, "json": leaves}
+
+
+def _json_bsm_fields() -> Fields:
+    from cwcli.signals import j2735
+
+    return {"json": j2735.json_fields()}
+
+
 _CAMERA = (Input(Role.CAMERA, _FRAMES, None),)
 
 INPUTS: dict[str, tuple[Input, ...]] = {
@@ -134,40 +219,40 @@ INPUTS: dict[str, tuple[Input, ...]] = {
     "foxglove.LocationFix": _fix(_FOXGLOVE_FIX),
     "foxglove_msgs/LocationFix": _fix(_FOXGLOVE_FIX),
     "sensor_msgs/Imu": (
-        Input(Role.IMU, _IMU, build_imu),
-        Input(Role.EGO_HEADING, _IMU_ORIENTATION, build_quaternion_heading, rank=None),
+        Input(Role.IMU, _IMU, _build_imu),
+        Input(Role.EGO_HEADING, _IMU_ORIENTATION, _build_quaternion_heading, rank=None),
     ),
     "geometry_msgs/TwistStamped": _twist(_TWIST),
     "geometry_msgs/TwistWithCovarianceStamped": _twist(_TWIST_COVARIANCE),
     "geometry_msgs/QuaternionStamped": (
-        Input(Role.EGO_HEADING, _ros(*_quaternion("quaternion")), build_quaternion_heading),
+        Input(Role.EGO_HEADING, _ros(*_quaternion("quaternion")), _build_quaternion_heading),
     ),
     "geometry_msgs/PoseStamped": _pose(_POSE_STAMPED),
-    "nav_msgs/Odometry": (*_pose(_ODOMETRY), Input(Role.EGO_SPEED, _ODOMETRY, build_odometry_speed, rank=2)),
+    "nav_msgs/Odometry": (*_pose(_ODOMETRY), Input(Role.EGO_SPEED, _ODOMETRY, _build_odometry_speed, rank=2)),
     "foxglove.PoseInFrame": _pose(_POSE_IN_FRAME),
     "foxglove_msgs/PoseInFrame": _pose(_POSE_IN_FRAME),
-    "autoware_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, build_velocity_report),),
-    "autoware_auto_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, build_velocity_report),),
+    "autoware_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, _build_velocity_report),),
+    "autoware_auto_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, _build_velocity_report),),
     "sensor_msgs/CompressedImage": _CAMERA,
     "sensor_msgs/Image": _CAMERA,
     "foxglove.CompressedImage": _CAMERA,
     "foxglove.RawImage": _CAMERA,
     "foxglove_msgs/CompressedImage": _CAMERA,
     "foxglove_msgs/RawImage": _CAMERA,
-    "sensor_msgs/CameraInfo": (Input(Role.CAMERA_INFO, _CAMERA_INFO, build_camera_info),),
-    "foxglove.CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, build_camera_info),),
-    "foxglove_msgs/CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, build_camera_info),),
-    "etsi_its_cam_msgs/CAM": _v2x(_both(_EN_CAM), etsi.CAM),
-    "etsi_its_cam_ts_msgs/CAM": _v2x(_both(_TS_CAM), etsi.CAM),
-    "j2735_v2x_msgs/BSM": _v2x(_both(tuple(j2735.ROS.values())), j2735.ROS_BSM),
-    "carma_v2x_msgs/BSM": _v2x(_both((*j2735.ROS.values(), *_CARMA_FLAGS)), j2735.CARMA_BSM),
-    "BasicSafetyMessage": _v2x(_JSON_BSM, j2735.JSON_BSM),
-    "MessageFrame": _v2x(_JSON_BSM, j2735.JSON_BSM),
-    "OdeBsmData": _v2x(_JSON_BSM, j2735.JSON_BSM, says_who_is_ego=True),
-    "OdeBsmJson": _v2x(_JSON_BSM, j2735.JSON_BSM, says_who_is_ego=True),
-    "OdeMessageFrameData": _v2x(_JSON_BSM, j2735.JSON_BSM, says_who_is_ego=True),
+    "sensor_msgs/CameraInfo": (Input(Role.CAMERA_INFO, _CAMERA_INFO, _build_camera_info),),
+    "foxglove.CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, _build_camera_info),),
+    "foxglove_msgs/CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, _build_camera_info),),
+    "etsi_its_cam_msgs/CAM": _v2x(_cam_fields("EN_PATHS"), "etsi.CAM"),
+    "etsi_its_cam_ts_msgs/CAM": _v2x(_cam_fields("TS_PATHS"), "etsi.CAM"),
+    "j2735_v2x_msgs/BSM": _v2x(_ros_bsm_fields, "j2735.ROS_BSM"),
+    "carma_v2x_msgs/BSM": _v2x(_carma_bsm_fields, "j2735.CARMA_BSM"),
+    "BasicSafetyMessage": _v2x(_json_bsm_fields, "j2735.JSON_BSM"),
+    "MessageFrame": _v2x(_json_bsm_fields, "j2735.JSON_BSM"),
+    "OdeBsmData": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
+    "OdeBsmJson": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
+    "OdeMessageFrameData": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
     "cwcli.v1.VehicleState": (
-        Input(Role.TRUTH, _STATE, build_vehicle_state),
+        Input(Role.TRUTH, _STATE, _build_vehicle_state),
         Input(Role.EGO_STATE, _STATE, None),
         Input(Role.REMOTE_STATE, _STATE, None),
     ),

@@ -8,20 +8,6 @@ from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, NS_PER_S
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
 from cwcli.signals.quality import BoolArray
 
-HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
-"""ROS 2 names; the JSON ones of ROS 1 bridges (`secs`, `nsecs`, `nsec`) are in `JSON_STAMPS`."""
-JSON_STAMPS = (
-    "header.stamp.secs",
-    "header.stamp.nsecs",
-    "header.stamp.nsec",
-    "timestamp",
-    "timestamp.sec",
-    "timestamp.nsec",
-    "timestamp.nanosec",
-)
-PROTOBUF_STAMP = ("timestamp.seconds", "timestamp.nanos")
-CDR_FOXGLOVE_STAMP = ("timestamp.sec", "timestamp.nanosec")
-
 _SECONDS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec")
 _NANOSECONDS = (
     "header.stamp.nanosec",
