@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.build_motion import BODY_FRAMES, MAP_FRAMES, NOT_FINITE, build_twist, filled, yaw_of
+from cwcli.signals.build_motion import NOT_FINITE, build_twist, filled, yaw_of
 from cwcli.signals.canonical import PoseSignal, SpeedSignal, VelocitySignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.codec import Reading, Role
@@ -14,18 +15,23 @@ from cwcli.signals.covariances import given_plane_covariance
 from cwcli.signals.leaves import find, frame_id, matrix, numbers, stamps, vector, whole_numbers
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
+ComplexArray = npt.NDArray[np.complex128]
+
+MIN_SPEED_FOR_AXES_MPS = 0.5
+MIN_ROWS_FOR_AXES = 10
+
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
     """Build poses. An orientation that is the identity in every message is taken as not given (yaw NaN).
 
-    The twist of an `Odometry` is in the child frame: its x is the speed. Where there is no orientation, or the child
-    frame is a map frame, the speed is the magnitude of the velocity.
+    The twist of an `Odometry` is in the child frame: its x is the speed. Some senders put it in the axes of the pose;
+    the way from pose to pose tells. Where there is no orientation the speed is the magnitude of the twist.
     """
     ledger = RowLedger(columns, reading.role)
     base = "pose.pose" if find(columns, "pose.pose.position.x") is not None else "pose"
     position_m = vector(columns, f"{base}.position")
     yaw_rad = _given_yaw(columns, ledger, f"{base}.orientation")
-    speed_mps, yaw_rate = _motion(columns, ledger, yaw_rad)
+    speed_mps, yaw_rate = _motion(columns, ledger, position_m, yaw_rad)
     ledger.reject(~(np.isfinite(position_m[:, 0]) & np.isfinite(position_m[:, 1])), NOT_FINITE)
     covariance = matrix(columns, "pose.covariance", 36)
     plane_m2 = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
@@ -90,16 +96,35 @@ def _given_yaw(columns: Columns, ledger: RowLedger, base: str) -> FloatArray:
     return yaw_rad
 
 
-def _motion(columns: Columns, ledger: RowLedger, yaw_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _motion(
+    columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Speed and yaw rate of the twist, NaN where the message has none."""
     if find(columns, "twist.twist.linear.x") is None:
         nothing = np.full(len(columns), np.nan)
         return nothing, nothing
-    x_mps, y_mps = numbers(columns, "twist.twist.linear.x"), numbers(columns, "twist.twist.linear.y")
+    twist = numbers(columns, "twist.twist.linear.x") + 1j * numbers(columns, "twist.twist.linear.y")
     yaw_rate = filled(ledger, numbers(columns, "twist.twist.angular.z"), "yaw rate")
-    child = frame_id(columns, "child_frame_id")
-    is_map = child in MAP_FRAMES or (child == frame_id(columns) and child not in BODY_FRAMES)
-    if is_map or not np.isfinite(yaw_rad).any():
+    if not np.isfinite(yaw_rad).any():
         ledger.note("the speed is the magnitude of the twist")
-        return np.hypot(x_mps, y_mps), yaw_rate
-    return x_mps, yaw_rate
+        return np.abs(twist), yaw_rate
+    if _is_map_twist(columns, position_m, yaw_rad, twist):
+        ledger.note("the twist is in the axes of the pose, not of the child frame: turned by the yaw")
+        twist = twist * np.exp(-1j * yaw_rad)
+    return twist.real, yaw_rate
+
+
+def _is_map_twist(columns: Columns, position_m: FloatArray, yaw_rad: FloatArray, twist: ComplexArray) -> bool:
+    """Whether the way from pose to pose follows the twist as it stands, clearly better than turned by the yaw."""
+    stamp_ns, has_stamp = stamps(columns)
+    step_s = np.diff(stamp_ns) * 1e-9
+    with np.errstate(divide="ignore", invalid="ignore"):
+        driven = np.diff(position_m[:, 0] + 1j * position_m[:, 1]) / step_s
+    middle = 0.5 * (twist[:-1] + twist[1:])
+    use = has_stamp[:-1] & has_stamp[1:] & (step_s > 0.0) & np.isfinite(driven) & np.isfinite(middle * yaw_rad[:-1])
+    use &= np.abs(middle) > MIN_SPEED_FOR_AXES_MPS
+    if np.count_nonzero(use) < MIN_ROWS_FOR_AXES:
+        return False
+    as_map = np.mean(np.abs(driven - middle)[use])
+    as_child = np.mean(np.abs(driven - middle * np.exp(1j * yaw_rad[:-1]))[use])
+    return bool(as_map < 0.5 * as_child)
