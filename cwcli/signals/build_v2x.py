@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.signals.build_position import reject_bad_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
 from cwcli.signals.clocks import Timeline, settle
-from cwcli.signals.codec import Build, Reading, Role
+from cwcli.signals.codec import Build, Reading
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
