@@ -1,7 +1,8 @@
-"""Profiles: the segments of a scenario file as pieces of constant jerk and of linear curvature or yaw rate.
+"""Profiles: the segments of a scenario file as polynomial pieces of speed and of curvature or yaw rate.
 
 A segment goes from the present value to its target at the given rate, and holds it to its end. So acceleration,
-curvature and yaw rate are continuous, and jerk and yaw acceleration are bounded.
+curvature and yaw rate are continuous, and jerk and yaw acceleration are bounded; where a segment is `smooth`, jerk and
+yaw acceleration are continuous too.
 """
 
 from __future__ import annotations
@@ -11,42 +12,42 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from numpy.polynomial.polynomial import polyder, polyroots, polyval
+
 from cwcli.simulation.spec import LATERAL_KEYS, LONGITUDINAL_KEYS, bad_value, read_table
 
 EDGE_TOLERANCE_S = 1e-9
 SPEED_TOLERANCE_MPS = 1e-9
+SMOOTH_PEAK = 1.5
+"""Largest rate of a smooth ramp over its mean rate: the slope of 3 u^2 - 2 u^3 at u = 1/2."""
 
 Piece = TypeVar("Piece", bound="SpeedPiece | TurnPiece")
 
 
 @dataclass(frozen=True)
 class SpeedPiece:
-    """From `start_s` on: speed and acceleration at its start, and the constant jerk."""
+    """From `start_s` on: speed (m/s) as a polynomial, in ascending powers of the time since then."""
 
     start_s: float
-    speed_mps: float
-    accel_mps2: float
-    jerk_mps3: float
+    coefficients: tuple[float, ...]
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Speed and acceleration at a time of the run."""
         t = time_s - self.start_s
-        speed = self.speed_mps + self.accel_mps2 * t + self.jerk_mps3 * t * t / 2
-        return speed, self.accel_mps2 + self.jerk_mps3 * t
+        return float(polyval(t, self.coefficients)), float(polyval(t, polyder(self.coefficients)))
 
 
 @dataclass(frozen=True)
 class TurnPiece:
-    """From `start_s` on: curvature (`is_curvature`) or yaw rate, linear in time. Units 1/m or rad/s, and per second."""
+    """From `start_s` on: curvature (1/m, if `is_curvature`) or yaw rate (rad/s), a polynomial like the speed's."""
 
     start_s: float
     is_curvature: bool
-    value: float
-    rate: float
+    coefficients: tuple[float, ...]
 
     def at(self, time_s: float) -> float:
         """Curvature or yaw rate at a time of the run."""
-        return self.value + self.rate * (time_s - self.start_s)
+        return float(polyval(time_s - self.start_s, self.coefficients))
 
 
 @dataclass(frozen=True)
@@ -84,11 +85,11 @@ def read_profile(longitudinal: Any, lateral: Any, *, speed_mps: float, end_s: fl
     Raises:
         UsageError: A gap or an overlap, a segment too short for its target, a negative speed, a wrong key or value.
     """
-    speed: list[SpeedPiece] = [SpeedPiece(0.0, speed_mps, 0.0, 0.0)]
+    speed: list[SpeedPiece] = [SpeedPiece(0.0, (speed_mps,))]
     for place, segment, end in _segments(longitudinal, LONGITUDINAL_KEYS, end_s, f"{path}.longitudinal", source):
         _exactly_one(segment, ("accel_mps2", "speed_mps"), place, source)
         speed += _speed_pieces(speed[-1], segment, end, place, source)
-    turn: list[TurnPiece] = [TurnPiece(0.0, True, 0.0, 0.0)]
+    turn: list[TurnPiece] = [TurnPiece(0.0, True, (0.0,))]
     for place, segment, end in _segments(lateral, LATERAL_KEYS, end_s, f"{path}.lateral", source):
         _exactly_one(segment, ("curvature_1pm", "yaw_rate_dps"), place, source)
         turn += _turn_pieces(turn[-1], speed, segment, end, place, source)
@@ -141,45 +142,56 @@ def _exactly_one(segment: dict[str, Any], names: tuple[str, str], place: str, so
 def _speed_pieces(last: SpeedPiece, segment: dict[str, Any], end_s: float, place: str, source: str) -> list[SpeedPiece]:
     start = segment["from_s"]
     speed, accel = last.at(start)
-    jerk = segment["jerk_mps3"]
-    phases: list[tuple[float, float]]
+    mean_jerk = segment["jerk_mps3"] / (SMOOTH_PEAK if segment["smooth"] else 1.0)
     if segment["accel_mps2"] is not None:
-        change = segment["accel_mps2"] - accel
-        phases = [(abs(change) / jerk, math.copysign(jerk, change))]
+        phases = [(abs(segment["accel_mps2"] - accel) / mean_jerk, segment["accel_mps2"])]
     else:
-        phases = _speed_change(speed, accel, segment["speed_mps"], segment["limit_mps2"], jerk)
+        phases = _speed_change(speed, accel, segment["speed_mps"], segment["limit_mps2"], mean_jerk)
     _refuse_short(start, sum(duration for duration, _ in phases), end_s, place, source)
     pieces = []
-    for duration, phase_jerk in phases:
+    for duration, next_accel in phases:
         if duration > 0:
-            pieces.append(SpeedPiece(start, speed, accel, phase_jerk))
+            ramp = _ramp(accel, next_accel, duration, is_smooth=segment["smooth"])
+            pieces.append(SpeedPiece(start, (speed, *(c / (k + 1) for k, c in enumerate(ramp)))))
             start += duration
-            speed, accel = pieces[-1].at(start)
+            speed, accel = pieces[-1].at(start)[0], next_accel
     if segment["accel_mps2"] is not None:
-        pieces.append(SpeedPiece(start, speed, segment["accel_mps2"], 0.0))
+        pieces.append(SpeedPiece(start, (speed, segment["accel_mps2"])))
     else:
-        pieces.append(SpeedPiece(start, segment["speed_mps"], 0.0, 0.0))  # exact: no drift by rounding
+        pieces.append(SpeedPiece(start, (segment["speed_mps"],)))  # exact: no drift by rounding
     return pieces
 
 
-def _speed_change(speed: float, accel: float, target: float, limit: float, jerk: float) -> list[tuple[float, float]]:
-    """Phases (duration, jerk) of the fastest change from (speed, accel) to (target, 0) with |accel| <= limit.
+def _ramp(start: float, end: float, duration_s: float, *, is_smooth: bool) -> tuple[float, ...]:
+    """A value's way from `start` to `end` as a polynomial of time: linear, or 3 u^2 - 2 u^3 with u = t / duration."""
+    change = end - start
+    if is_smooth:
+        return (start, 0.0, 3 * change / duration_s**2, -2 * change / duration_s**3)
+    return (start, change / duration_s)
+
+
+def _speed_change(
+    speed: float, accel: float, target: float, limit: float, mean_jerk: float
+) -> list[tuple[float, float]]:
+    """Phases (duration, acceleration at its end) of the fastest change to (target, 0) with |accel| <= limit.
 
     The acceleration goes to a peak, holds if the peak is the limit, and returns to 0. The peak p follows from the
-    change of speed over both ramps, s (p^2 - a^2) / 2 J + s p^2 / 2 J = v1 - v0, with s the sign of the peak.
+    change of speed over both ramps, s (p^2 - a^2) / 2 J + s p^2 / 2 J = v1 - v0, with s the sign of the peak and J the
+    mean jerk of a ramp. (A ramp, smooth or not, is symmetric: it changes the speed by its duration times the mean of
+    its two accelerations.)
     """
     if accel == 0 and speed == target:
         return []
-    speed_if_released = speed + accel * abs(accel) / (2 * jerk)
+    speed_if_released = speed + accel * abs(accel) / (2 * mean_jerk)
     sign = 1.0 if target >= speed_if_released else -1.0
-    peak = math.sqrt(max(0.0, sign * jerk * (target - speed) + accel * accel / 2))
+    peak = math.sqrt(max(0.0, sign * mean_jerk * (target - speed) + accel * accel / 2))
     hold = 0.0
     if peak > limit:
-        ramps = sign * (2 * limit * limit - accel * accel) / (2 * jerk)
+        ramps = sign * (2 * limit * limit - accel * accel) / (2 * mean_jerk)
         hold = sign * (target - speed - ramps) / limit
         peak = limit
-    rise = sign * peak - accel
-    return [(abs(rise) / jerk, math.copysign(jerk, rise)), (hold, 0.0), (peak / jerk, -sign * jerk)]
+    rise = abs(sign * peak - accel)
+    return [(rise / mean_jerk, sign * peak), (hold, sign * peak), (peak / mean_jerk, 0.0)]
 
 
 def _turn_pieces(
@@ -199,11 +211,12 @@ def _turn_pieces(
                 source, place, "starts at rest from another kind of turn", "the same kind, or a moving vehicle"
             )
         value = value / speed_mps if is_curvature else value * speed_mps
-    change = target - value
-    duration = abs(change) / rate
+    duration = abs(target - value) / rate * (SMOOTH_PEAK if segment["smooth"] else 1.0)
     _refuse_short(start, duration, end_s, place, source)
-    ramp = [TurnPiece(start, is_curvature, value, math.copysign(rate, change))] if duration > 0 else []
-    return [*ramp, TurnPiece(start + duration, is_curvature, target, 0.0)]
+    held = TurnPiece(start + duration, is_curvature, (target,))
+    if duration == 0:
+        return [held]
+    return [TurnPiece(start, is_curvature, _ramp(value, target, duration, is_smooth=segment["smooth"])), held]
 
 
 def _refuse_short(start_s: float, needed_s: float, end_s: float, place: str, source: str) -> None:
@@ -214,21 +227,15 @@ def _refuse_short(start_s: float, needed_s: float, end_s: float, place: str, sou
 
 
 def _refuse_reverse(pieces: Sequence[SpeedPiece], end_s: float, path: str, source: str) -> None:
-    """Refuse a negative speed; a speed's minimum lies at the edge of a piece or where the acceleration crosses zero."""
+    """Refuse a negative speed; a speed's minimum lies at the edge of a piece or where the acceleration is zero."""
     for i, piece in enumerate(pieces):
         end = pieces[i + 1].start_s if i + 1 < len(pieces) else end_s
-        times = [piece.start_s, end]
-        if piece.jerk_mps3 != 0:
-            times.append(min(max(piece.start_s - piece.accel_mps2 / piece.jerk_mps3, piece.start_s), end))
-        for time_s in times:
+        inner = [piece.start_s + root.real for root in polyroots(polyder(piece.coefficients)) if root.imag == 0]
+        for time_s in (piece.start_s, end, *(time_s for time_s in inner if piece.start_s < time_s < end)):
             speed = piece.at(time_s)[0]
             if speed < -SPEED_TOLERANCE_MPS:
-                raise bad_value(
-                    source,
-                    f"{path}.longitudinal",
-                    f"reaches {speed:.2f} m/s at {time_s:.2f} s",
-                    "a speed of 0 m/s or more",
-                )
+                what = f"reaches {speed:.2f} m/s at {time_s:.2f} s"
+                raise bad_value(source, f"{path}.longitudinal", what, "a speed of 0 m/s or more")
 
 
 def _piece_at(pieces: Sequence[Piece], time_s: float) -> Piece:

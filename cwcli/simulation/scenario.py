@@ -6,6 +6,7 @@ import re
 import tomllib
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -258,6 +259,9 @@ def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Vehi
 
 
 def _start_ns(value: Any, source: str) -> int:
+    if isinstance(value, str):  # as JSON holds it
+        with suppress(ValueError):
+            value = datetime.fromisoformat(value)
     if not isinstance(value, datetime) or value.tzinfo is None:
         raise bad_value(source, "start_time", f"is {value!r}", "a date and time with offset, e.g. 2016-10-01T08:00:00Z")
     since = value - _EPOCH

@@ -146,6 +146,9 @@ VEHICLE_KEYS: Keys = {
 """Besides these, a vehicle holds the lists `longitudinal` and `lateral`."""
 
 _FROM = Number(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
+_SMOOTH = Flag(
+    False, "Whether the rate itself rises and falls (a cubic ramp): 1.5 times as long at the same largest rate."
+)
 _TO = Number(None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later.")
 
 LONGITUDINAL_KEYS: Keys = {
@@ -156,16 +159,20 @@ LONGITUDINAL_KEYS: Keys = {
         None, 0, 70, "m/s", "Or: the speed to go to and hold, in the shortest time that the limits allow."
     ),
     "limit_mps2": Number(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
-    "jerk_mps3": Number(2, 0.01, 100, "m/s^3", "Rate at which the acceleration changes."),
+    "jerk_mps3": Number(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
+    "smooth": _SMOOTH,
 }
 
 LATERAL_KEYS: Keys = {
     "from_s": _FROM,
     "to_s": _TO,
     "curvature_1pm": Number(None, -1, 1, "1/m", "Path curvature to go to and hold; positive = left."),
-    "curvature_rate_1pmps": Number(0.01, 1e-5, 10, "1/m/s", "Rate at which the curvature changes (a clothoid)."),
+    "curvature_rate_1pmps": Number(
+        0.01, 1e-5, 10, "1/m/s", "Largest rate at which the curvature changes (a clothoid if not smooth)."
+    ),
     "yaw_rate_dps": Number(None, -90, 90, "deg/s", "Or: the yaw rate to go to and hold; positive = left."),
-    "yaw_accel_dps2": Number(20, 0.01, 500, "deg/s^2", "Rate at which the yaw rate changes."),
+    "yaw_accel_dps2": Number(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
+    "smooth": _SMOOTH,
 }
 
 _SENSOR_KEYS: Keys = {

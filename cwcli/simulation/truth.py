@@ -8,10 +8,12 @@ far below a micrometre. The vehicle is a point without side slip that moves alon
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polymul, polyval
 
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.profile import Profile
 from cwcli.simulation.spec import bad_value
 
@@ -37,14 +39,20 @@ _GAUSS_NODES = 0.5 * np.array([1 - _HALF_NODE, 1.0, 1 + _HALF_NODE])
 _GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
+N_SPEED = 5
+N_YAW_RATE = 8
+"""Terms of the polynomials: a smooth ramp is cubic in acceleration and in curvature; their product is of degree 7."""
+_POWERS = np.arange(1, N_YAW_RATE + 1)
+
+
 @dataclass(frozen=True)
 class _Pieces:
     """The profile on the common edges of its pieces, as polynomials of the time since each edge.
 
     Attributes:
         edge_s: Shape (m,), the start of each piece; the first reaches back without end.
-        speed: Shape (m, 3), ascending powers.
-        yaw_rate: Shape (m, 4), ascending powers.
+        speed: Shape (m, N_SPEED), ascending powers.
+        yaw_rate: Shape (m, N_YAW_RATE), ascending powers.
         heading_rad: Shape (m,), at the edges.
     """
 
@@ -102,18 +110,28 @@ class Motion:
         pieces = self._pieces
         index = np.clip(np.searchsorted(pieces.edge_s, time_s, side="right") - 1, 0, None)
         t = time_s - pieces.edge_s[index]
-        v0, v1, v2 = pieces.speed[index].T
-        w0, w1, w2, w3 = pieces.yaw_rate[index].T
         return np.column_stack(
             [
-                v0 + t * (v1 + t * v2),
-                pieces.heading_rad[index] + t * (w0 + t * (w1 / 2 + t * (w2 / 3 + t * w3 / 4))),
-                v1 + 2 * t * v2,
-                w0 + t * (w1 + t * (w2 + t * w3)),
-                2 * v2,
-                w1 + t * (2 * w2 + t * 3 * w3),
+                _evaluate(pieces.speed, index, t),
+                pieces.heading_rad[index] + t * _evaluate(pieces.yaw_rate / _POWERS, index, t),
+                _evaluate(_derivative(pieces.speed), index, t),
+                _evaluate(pieces.yaw_rate, index, t),
+                _evaluate(_derivative(_derivative(pieces.speed)), index, t),
+                _evaluate(_derivative(pieces.yaw_rate), index, t),
             ]
         )
+
+
+def _evaluate(coefficients: FloatArray, index: Int64Array, t: FloatArray) -> FloatArray:
+    """Row `index` of the polynomials (ascending powers) at `t`, by Horner's rule."""
+    total = np.zeros(len(t))
+    for column in coefficients.T[::-1]:
+        total = total * t + column[index]
+    return total
+
+
+def _derivative(coefficients: FloatArray) -> FloatArray:
+    return coefficients[:, 1:] * np.arange(1, coefficients.shape[1])
 
 
 def _merge(profile: Profile, heading_rad: float) -> _Pieces:
@@ -121,33 +139,28 @@ def _merge(profile: Profile, heading_rad: float) -> _Pieces:
     starts = {piece.start_s for piece in profile.speed} | {piece.start_s for piece in profile.turn}
     inner = sorted(start for start in starts if 0 < start < profile.end_s)
     edges = np.array([-BEFORE_S, 0.0, *inner, profile.end_s])
-    speed = np.zeros((len(edges), 3))
-    yaw_rate = np.zeros((len(edges), 4))
-    speed[0, 0] = profile.speed[0].speed_mps
-    for i, edge in enumerate(edges[1:], start=1):
-        is_after = i + 1 == len(edges)
-        speed[i], yaw_rate[i] = _polynomials(profile, float(edge), is_after=is_after)
+    speed = np.zeros((len(edges), N_SPEED))
+    yaw_rate = np.zeros((len(edges), N_YAW_RATE))
+    speed[0, 0] = profile.speed[0].coefficients[0]
+    for i, edge in enumerate(edges[1:].tolist(), start=1):
+        speed_piece, turn_piece = profile.speed_piece_at(edge), profile.turn_piece_at(edge)
+        v = _shifted(speed_piece.coefficients, edge - speed_piece.start_s)
+        turn = _shifted(turn_piece.coefficients, edge - turn_piece.start_s)
+        if edge == profile.end_s:  # after the run: constant speed and turn
+            v, turn = v[:1], turn[:1]
+        w = polymul(turn, v) if turn_piece.is_curvature else turn  # yaw rate = curvature * speed
+        speed[i, : len(v)], yaw_rate[i, : len(w)] = v, w
     spans = np.diff(edges)
-    turned = spans * (
-        yaw_rate[:-1, 0]
-        + spans * (yaw_rate[:-1, 1] / 2 + spans * (yaw_rate[:-1, 2] / 3 + spans * yaw_rate[:-1, 3] / 4))
-    )
+    turned = spans * _evaluate(yaw_rate / _POWERS, np.arange(len(spans)), spans)
     headings = heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
     return _Pieces(edges, speed, yaw_rate, headings)
 
 
-def _polynomials(profile: Profile, edge_s: float, *, is_after: bool) -> tuple[list[float], list[float]]:
-    """Coefficients of speed and of yaw rate from an edge on. After the run both rates of change are zero."""
-    piece = profile.speed_piece_at(edge_s)
-    v, a = piece.at(edge_s)
-    j = 0.0 if is_after else piece.jerk_mps3
-    a = 0.0 if is_after else a
-    turn = profile.turn_piece_at(edge_s)
-    value, rate = turn.at(edge_s), 0.0 if is_after else turn.rate
-    if not turn.is_curvature:
-        return [v, a, j / 2], [value, rate, 0.0, 0.0]
-    # yaw rate = curvature * speed: (k + k' t)(v + a t + j t^2 / 2)
-    return [v, a, j / 2], [value * v, value * a + rate * v, value * j / 2 + rate * a, rate * j / 2]
+def _shifted(coefficients: tuple[float, ...], shift: float) -> FloatArray:
+    """The same polynomial in powers of the time since a later origin (Taylor's formula)."""
+    return np.array(
+        [polyval(shift, polyder(coefficients, k)) / factorial(k) for k in range(len(coefficients))], dtype=np.float64
+    )
 
 
 def check_possible(

@@ -93,8 +93,8 @@ def test_curve_radius_entry_and_exit() -> None:
     assert state[:, 5].max() == pytest.approx(10 / 40)
 
 
-@pytest.mark.parametrize(("name", "limit"), [("straight", 20), ("curve", 40)])
-def test_order_of_the_three_families_on_exact_states(name: str, limit: float) -> None:
+@pytest.mark.parametrize("name", ["straight", "curve"])
+def test_order_of_the_three_families_on_exact_states(name: str) -> None:
     # Figures 3 and 5: speed worst, acceleration between, jerk best, in the mean and in the maximum.
     scenario = load_scenario(name)
     time_s = np.arange(0.0, scenario.duration_s - 2.5, 0.01)
@@ -102,10 +102,5 @@ def test_order_of_the_three_families_on_exact_states(name: str, limit: float) ->
     later = motion.at(time_s + 2.5)[:, :2]
     errors = {m: np.hypot(*(predict(motion.at(time_s), m) - later).T) for m in ("jerk", "accel", "speed")}
     for statistic in (np.mean, np.max):
-        assert statistic(errors["jerk"]) < statistic(errors["accel"]) < statistic(errors["speed"]) < limit
-
-
-def test_jerk_of_the_straight_scenario_explains_figure_7() -> None:
-    # A jerk that ends right after the prediction was made leaves an error of J h^3 / 6. Figure 7: 7.9 m at 2.9 s.
-    _, state = host_states(load_scenario("straight"))
-    assert state[:, 6].max() * 2.9**3 / 6 == pytest.approx(7.9, abs=0.3)
+        assert statistic(errors["jerk"]) < 0.75 * statistic(errors["accel"])
+        assert statistic(errors["accel"]) < 0.75 * statistic(errors["speed"])

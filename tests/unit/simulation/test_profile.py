@@ -63,6 +63,24 @@ def test_speed_segment_that_starts_while_accelerating_overshoots_and_returns() -
     assert speed_and_accel(made, end_s + 1e-9) == pytest.approx((13.0, 0.0), abs=1e-8)
 
 
+def test_smooth_ramp_peaks_at_its_jerk_and_takes_half_as_long_again() -> None:
+    # To 2.5 m/s^2 at 1.25 m/s^3: 1.5 * 2 s. Half way half the acceleration; in all the speed gains 2.5 * 3 / 2.
+    made = profile([{"from_s": 0, "accel_mps2": 2.5, "jerk_mps3": 1.25, "smooth": True}], speed_mps=10)
+    assert speed_and_accel(made, 1.5)[1] == pytest.approx(1.25, abs=ATOL)
+    slope = (speed_and_accel(made, 1.5 + 1e-5)[1] - speed_and_accel(made, 1.5 - 1e-5)[1]) / 2e-5
+    assert slope == pytest.approx(1.25, abs=1e-6)
+    assert speed_and_accel(made, 1e-3)[1] < 1e-5
+    assert speed_and_accel(made, 3.0) == pytest.approx((13.75, 2.5), abs=ATOL)
+
+
+def test_smooth_speed_change_meets_its_target() -> None:
+    # 7.5 m/s with a peak of 2.5 m/s^2: two ramps of 3 s, and nothing to hold between them.
+    segment = {"from_s": 0, "speed_mps": 7.5, "limit_mps2": 2.5, "jerk_mps3": 1.25, "smooth": True}
+    made = profile([segment], speed_mps=0)
+    assert speed_and_accel(made, 3.0) == pytest.approx((3.75, 2.5), abs=1e-9)
+    assert speed_and_accel(made, 6.0 - 1e-9) == pytest.approx((7.5, 0.0), abs=1e-9)
+
+
 def test_curvature_ramp_by_hand() -> None:
     made = profile(None, [{"from_s": 0, "curvature_1pm": 0.025, "curvature_rate_1pmps": 0.0125}], speed_mps=10)
     assert made.turn_piece_at(1.0).at(1.0) == pytest.approx(0.0125, abs=ATOL)
@@ -136,7 +154,7 @@ def test_change_from_curvature_to_yaw_rate_keeps_the_yaw_rate() -> None:
         pytest.param(
             [{"from_s": 0, "accel": 1}],
             "vehicles.host.longitudinal.0.accel is unknown; "
-            "permitted: from_s, to_s, accel_mps2, speed_mps, limit_mps2, jerk_mps3",
+            "permitted: from_s, to_s, accel_mps2, speed_mps, limit_mps2, jerk_mps3, smooth",
             id="unknown-key",
         ),
         pytest.param([], "vehicles.host.longitudinal is []; permitted: a list of segments", id="empty"),

@@ -48,6 +48,8 @@ def test_minimal_scenario_gets_the_documented_defaults() -> None:
 def test_start_time_with_an_offset() -> None:
     document = override(MINIMAL, "start_time=2024-02-29T01:00:00.25+01:00")
     assert parse_scenario(document, name="small").start_ns == 1_709_164_800 * 10**9 + 250_000_000
+    as_text = override(MINIMAL, 'start_time="2024-02-29 01:00:00.25+01:00"')
+    assert parse_scenario(as_text, name="small").start_ns == parse_scenario(document, name="small").start_ns
 
 
 def test_station_ids_are_stable_and_can_be_given() -> None:
@@ -84,7 +86,7 @@ def test_scenario_from_a_file(tmp_path: Path) -> None:
     path.write_text("duration_s = 3\n[vehicles.host]\nspeed_mps = 5\n")
     scenario = load_scenario(path, ("host.speed_mps=6",))
     assert scenario.name == "my-drive"
-    assert scenario.vehicles["host"].profile.speed[0].speed_mps == 6.0
+    assert scenario.vehicles["host"].profile.speed[0].coefficients == (6.0,)
 
 
 @pytest.mark.parametrize(
