@@ -92,7 +92,15 @@ def annotate(
         _refuse(sorted(layout.metadata_names() & set(metadata)), "metadata record", source.name, replace)
         new = assign_ids(layout, channels, replaced)
         merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
-        copy = SourceCopy(layout, descriptor, data, frozenset(replaced), frozenset(metadata), source.name)
+        copy = SourceCopy(
+            layout,
+            descriptor,
+            data,
+            replaced_ids=frozenset(replaced),
+            replaced_metadata=frozenset(metadata),
+            written_schema_ids=frozenset(each.schema.id for each in new),
+            name=source.name,
+        )
         with open_output(target, force=force, inputs=(source.path,)) as output:
             n_added = _write(RecordWriter(output), layout, copy, new, merge, metadata)
             n_bytes = output.position

@@ -21,6 +21,14 @@ MAX_TIME_NS = (1 << 63) - 1
 class SourceCopy:
     """Copies the records of a source, all but those of replaced channels and metadata records.
 
+    Args:
+        layout: What the source holds.
+        descriptor, data: The open source, and its bytes.
+        replaced_ids: Channels to leave out.
+        replaced_metadata: Names of metadata records to leave out.
+        written_schema_ids: Schemas that stand at the beginning already.
+        name: For messages.
+
     Attributes:
         n_messages, n_chunks: Copied so far.
     """
@@ -32,6 +40,7 @@ class SourceCopy:
         data: mmap.mmap,
         replaced_ids: frozenset[int],
         replaced_metadata: frozenset[str],
+        written_schema_ids: frozenset[int],
         name: str,
     ) -> None:
         self._layout = layout
@@ -39,6 +48,7 @@ class SourceCopy:
         self._data = data
         self._replaced_ids = replaced_ids
         self._replaced_metadata = replaced_metadata
+        self._written_schema_ids = written_schema_ids
         self._name = name
         self.n_messages = 0
         self.n_chunks = 0
@@ -68,7 +78,7 @@ class SourceCopy:
         if isinstance(item, SalvagedRecords):
             return self._unchunked(writer, item.records, item.entries, compressed=True)
         if isinstance(item, LooseRecord):
-            if item.channel_id not in self._replaced_ids:
+            if item.channel_id not in self._replaced_ids and item.schema_id not in self._written_schema_ids:
                 writer.copy_record(self._descriptor, item.start, item.length)
         elif isinstance(item, AttachmentIndex):
             writer.copy_attachment(self._descriptor, item)

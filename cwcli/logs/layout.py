@@ -67,6 +67,7 @@ class LooseRecord:
     start: int
     length: int
     channel_id: int | None = None
+    schema_id: int | None = None
 
 
 Item = CopiedChunk | LooseMessages | SalvagedRecords | LooseRecord | AttachmentIndex | MetadataIndex
@@ -172,11 +173,11 @@ class _Walk:
             elif opcode == Opcode.SCHEMA:
                 schema = _parsed(self._data, at, end, Schema.read)
                 layout.schemas.setdefault(schema.id, schema)
-                layout.items.append(LooseRecord(at, end - at))
+                layout.items.append(LooseRecord(at, end - at, schema_id=schema.id))
             elif opcode == Opcode.CHANNEL:
                 channel = _parsed(self._data, at, end, Channel.read)
                 layout.channels.setdefault(channel.id, channel)
-                layout.items.append(LooseRecord(at, end - at, channel.id))
+                layout.items.append(LooseRecord(at, end - at, channel_id=channel.id))
             elif opcode == Opcode.ATTACHMENT:
                 self._take_attachment(at, end)
             elif opcode == Opcode.METADATA:
