@@ -54,7 +54,7 @@ class SourceCopy:
         self.n_chunks = 0
 
     def begin(self, writer: RecordWriter) -> None:
-        """The header, and the definitions that the summary is to list."""
+        """The header, and the definitions that the summary is to list; written too where their chunk may be lost."""
         layout = self._layout
         if layout.header_length:
             writer.copy_header(self._descriptor, layout.header_length)
@@ -62,11 +62,12 @@ class SourceCopy:
             writer.header("", "")
         kept = [each for each in layout.channels.values() if each.id not in self._replaced_ids]
         orphans = {layout.channels[each].schema_id for each in self._replaced_ids} - {each.schema_id for each in kept}
+        listed_only = not layout.n_bytes_lost
         for schema in layout.schemas.values():
             if schema.id not in orphans:
-                writer.schema(schema, listed_only=True)
+                writer.schema(schema, listed_only=listed_only)
         for channel in kept:
-            writer.channel(channel, listed_only=True)
+            writer.channel(channel, listed_only=listed_only)
 
     def item(self, writer: RecordWriter, item: Item) -> int | None:
         """Copy one item; returns the last log time in it, or None if it holds no message."""

@@ -49,17 +49,19 @@ def open_chunk(data: mmap.mmap, index: ChunkIndex) -> memoryview:
 
 
 def open_cut_chunk(data: mmap.mmap, start: int) -> memoryview:
-    """The whole records of a chunk whose end is missing: as many as can be decompressed.
+    """The whole records of a chunk that is cut or whose length is wrong: as many as can be decompressed.
 
     Args:
         data: The whole file.
-        start: Offset of the chunk record, which reaches beyond the file's end.
+        start: Offset of the chunk record.
     """
     at = start + CRC_AT + 4
     try:
         (name_length,) = struct.unpack_from("<I", data, at)
         compression = data[at + 4 : at + 4 + name_length].decode()
-        records = memoryview(_decompressed_start(memoryview(data)[at + 4 + name_length + 8 :], compression))
+        at += 4 + name_length
+        (stored,) = struct.unpack_from("<Q", data, at)
+        records = memoryview(_decompressed_start(memoryview(data)[at + 8 : at + 8 + stored], compression))
     except (struct.error, RuntimeError, ValueError, EOFError):
         return memoryview(b"")
     whole = 0
