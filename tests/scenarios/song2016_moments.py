@@ -1,14 +1,19 @@
 """Warning moments of song2016 from the true states: equations 9, 2 and 10 written out, no filter, no noise.
 
-An oracle of its own: it shares no code with the prediction and warning rooms.
+An oracle of its own: it shares no code with the prediction and warning rooms. To see the moments of a scenario, or of a
+variation of it:
+
+    python -m tests.scenarios.song2016_moments rear-end lead.longitudinal.2.jerk_mps3=3
 """
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.simulation.scenario import Scenario
+from cwcli.simulation.scenario import HOST, Scenario, load_scenario
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -62,3 +67,9 @@ def moments(scenario: Scenario, other: str, lag_s: FloatArray | None = None) -> 
 def _first_below(time_s: FloatArray, a: FloatArray, b: FloatArray) -> float:
     is_below = np.hypot(*(a - b).T) < THRESHOLD_M
     return float(time_s[np.argmax(is_below)]) if is_below.any() else float("nan")
+
+
+if __name__ == "__main__":
+    varied = load_scenario(sys.argv[1], tuple(sys.argv[2:]))
+    remote_name = next(name for name in varied.vehicles if name != HOST)
+    print("  ".join(f"{model} {moment:.3f} s" for model, moment in moments(varied, remote_name).items()))
