@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray, Int64Array
 
 MAX_CANDIDATES = 32
+MAX_PAIRS_OF_GROUP = 2000
 _NO_PAIR = 1.0e9
 
 
@@ -44,6 +45,16 @@ def solve(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
     return rows[good], columns[rows][good]
 
 
+def _best_of_each_row(gain: FloatArray, k: int) -> FloatArray:
+    """`gain` with -inf in all but the k best columns of each row; of equals the first stay."""
+    if gain.shape[1] <= k:
+        return gain
+    best = np.argpartition(-gain, k - 1, axis=1)[:, :k]
+    out = np.full_like(gain, -np.inf)
+    np.put_along_axis(out, best, np.take_along_axis(gain, best, axis=1), axis=1)
+    return out
+
+
 def _groups(useful: np.ndarray) -> list[Int64Array]:
     """Rows that share columns, directly or through others."""
     m = useful.shape[0]
@@ -68,10 +79,7 @@ def assign(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
         rows = np.flatnonzero((gain > 0.0).any(axis=1))
     if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    small = gain[rows]
-    if small.shape[1] > MAX_CANDIDATES:
-        cut = np.partition(small, -MAX_CANDIDATES, axis=1)[:, -MAX_CANDIDATES]
-        small = np.where(small >= cut[:, None], small, -np.inf)
+    small = _best_of_each_row(gain[rows], MAX_CANDIDATES)
     columns = np.flatnonzero((small > 0.0).any(axis=0))
     small = small[:, columns]
     useful = small > 0.0
@@ -81,6 +89,9 @@ def assign(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
     for group in _groups(useful[rest]) if len(rest) else []:
         members = rest[group]
         mine = np.flatnonzero(useful[members].any(axis=0))
+        if len(mine) > MAX_PAIRS_OF_GROUP:
+            small[members] = _best_of_each_row(small[members], max(2, MAX_PAIRS_OF_GROUP // len(members)))
+            mine = np.flatnonzero((small[members] > 0.0).any(axis=0))
         i, j = solve(small[np.ix_(members, mine)])
         a.append(rows[members[i]])
         b.append(columns[mine[j]])

@@ -129,6 +129,26 @@ class Moments:
             states.append(track.state[last, :4])
         return cls(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
 
+    def at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> Moments:
+        """Each id at the stamps that lie within its life, linear between its rows, never across a longer gap."""
+        stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
+        wanted = np.unique(stamp_ns)
+        for k in np.unique(self.id).tolist():
+            mine = np.flatnonzero(self.id == k)
+            mine = mine[np.argsort(self.stamp_ns[mine], kind="stable")]
+            known = self.stamp_ns[mine]
+            here = wanted[(wanted >= known[0]) & (wanted <= known[-1])]
+            right = np.searchsorted(known, here)
+            left = np.where(known[right] == here, right, right - 1)
+            near = (known[right] - known[left]) * 1e-9 <= max_gap_s
+            here, left, right = here[near], left[near], right[near]
+            span = np.maximum(known[right] - known[left], 1)
+            part = ((here - known[left]) / span)[:, None]
+            stamps.append(here)
+            ids.append(np.full(len(here), k))
+            states.append((1.0 - part) * self.state[mine[left]] + part * self.state[mine[right]])
+        return Moments(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
+
 
 def score(truth: Moments, tracks: Moments, *, cutoff_m: float = 5.0, p: float = 2.0) -> TrackingScores:
     """Compare tracks with the truth at every moment of the truth. Track rows at other moments are left out.

@@ -1,8 +1,8 @@
 """Tracking against Stone Soup and filterpy on the same detections, in one run.
 
     pip install -e ".[bench]"
-    python tests/bench/bench_tracking.py                 # speed, and 10 seeds of the crossing targets (about 2 min)
-    python tests/bench/bench_tracking.py --seeds 100     # the comparison of docs/tracking.md (about 15 min)
+    python tests/bench/bench_tracking.py                 # speed, and 10 seeds of the crossing targets (about 1 min)
+    python tests/bench/bench_tracking.py --seeds 100     # the comparison of docs/tracking.md (about 7 min)
 
 It prints Markdown tables and exits with 1 when a limit is not reached.
 """
@@ -198,7 +198,7 @@ def stonesoup_tracks(
 ) -> Moments:
     """Stone Soup's multi-target tracker with (global) nearest neighbour, as in its tutorials 5 to 7 and 9.
 
-    The settings are the best of a grid over missed_distance 3, 4, 5, min_points 3, 4, 5 and patience 3, 5 on ten seeds.
+    The settings are the best of a grid on five seeds: missed_distance 3, 4, 5; min_points 2, 3, 4, 5; patience 3, 5.
     """
     from stonesoup.dataassociator.neighbour import GlobalNearestNeighbour, NearestNeighbour
     from stonesoup.deleter.time import UpdateTimeStepsDeleter
@@ -268,9 +268,7 @@ def compare_gospa(n_seeds: int) -> bool:
         "Stone Soup GNN": lambda scene: stonesoup_tracks(scene, is_global=True),
         "Stone Soup NN": lambda scene: stonesoup_tracks(scene, is_global=False),
     }
-    print(
-        f"\n| {n_seeds} seeds | GOSPA, m | 95 % | localisation, m^2 | missed | false | id switches | s/drive |"
-    )
+    print(f"\n| {n_seeds} seeds | GOSPA, m | 95 % | localisation, m^2 | missed | false | id switches | s/drive |")
     print("|---|---|---|---|---|---|---|---|")
     means = []
     for name, run in trackers.items():

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
@@ -41,3 +43,13 @@ def test_nothing_to_assign():
     for gain in (np.zeros((0, 3)), np.zeros((3, 0)), np.full((2, 2), -np.inf), np.full((2, 2), -1.0)):
         i, j = assign(gain)
         assert len(i) == len(j) == 0
+
+
+def test_five_hundred_tracks_that_all_want_ten_thousand_detections_stay_small():
+    gain = np.random.default_rng(0).random((500, 10_000)) + 1.0
+    tracemalloc.start()
+    i, j = assign(gain)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5 * gain.nbytes  # a square matrix of all would be 22 times
+    assert len(i) == len(set(j.tolist())) > 450

@@ -1,0 +1,127 @@
+"""To and from the forms that messages have: radar tracks in Cartesian form, targets as vehicle states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.tracking.tracker import TrackResult
+
+# Below this speed the direction of motion is mostly noise: the last heading is held.
+MIN_HEADING_SPEED_MPS = 0.5
+# Variance of a heading that may be anything, rad^2
+_ANY_HEADING = np.pi**2 / 3.0
+
+
+def polar_from_cartesian(
+    position_m: FloatArray,
+    velocity_mps: FloatArray,
+    position_covariance: FloatArray | None = None,
+    velocity_covariance: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Radar values of tracks that a radar reports in Cartesian form (`radar_msgs/RadarTracks`).
+
+    Only the closing part of the velocity is kept: the rest is the radar's own filter's guess, not a measurement.
+
+    Args:
+        position_m, velocity_mps: Shape (n, 2), in the sensor's axes, velocity relative to the sensor.
+        position_covariance, velocity_covariance: Shape (n, 2, 2), NaN = not given, or None.
+
+    Returns:
+        Values (n, 3): range, azimuth, range rate, and their covariance (n, 3, 3), NaN where not given.
+    """
+    r = np.hypot(position_m[:, 0], position_m[:, 1])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        line = position_m / r[:, None]
+    rate = (line * velocity_mps).sum(axis=1)
+    values = np.stack([r, np.arctan2(position_m[:, 1], position_m[:, 0]), rate], axis=1)
+    n = len(r)
+    covariance = np.full((n, 3, 3), np.nan)
+    if position_covariance is None:
+        return values, covariance
+    speed = velocity_covariance if velocity_covariance is not None else np.full((n, 2, 2), np.nan)
+    across = np.stack([-line[:, 1], line[:, 0]], axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        jacobian = np.zeros((n, 3, 4))
+        jacobian[:, 0, :2] = line
+        jacobian[:, 1, :2] = across / r[:, None]
+        jacobian[:, 2, :2] = (velocity_mps - rate[:, None] * line) / r[:, None]
+        jacobian[:, 2, 2:] = line
+        both = np.zeros((n, 4, 4))
+        both[:, :2, :2], both[:, 2:, 2:] = position_covariance, speed
+        covariance = jacobian @ both @ jacobian.transpose(0, 2, 1)
+    covariance[~np.isfinite(covariance).all(axis=(1, 2))] = np.nan
+    return values, covariance
+
+
+@dataclass(frozen=True)
+class TargetRows:
+    """All tracks as rows in the order of time (`/cwcli/targets`).
+
+    Attributes:
+        stamp_ns, id: Shape (n,).
+        state: Shape (n, 4): x_m, y_m, vx_mps, vy_mps.
+        covariance: Shape (n, 4, 4).
+        sensor: Source that updated the row; absent where the track coasted.
+    """
+
+    stamp_ns: Int64Array
+    id: Int64Array
+    state: FloatArray
+    covariance: FloatArray
+    sensor: Strings
+
+
+def target_rows(result: TrackResult) -> TargetRows:
+    """All tracks of a result as rows, by time, then id."""
+    tracks = result.tracks
+    none = np.zeros(0, np.int64)
+    stamp = np.concatenate([none, *(t.stamp_ns for t in tracks)])
+    ids = np.concatenate([none, *(np.full(len(t), t.id) for t in tracks)])
+    state = np.concatenate([np.zeros((0, 4)), *(t.state[:, :4] for t in tracks)])
+    covariance = np.concatenate([np.zeros((0, 4, 4)), *(t.covariance[:, :4, :4] for t in tracks)])
+    source = np.concatenate([none, *(t.source for t in tracks)])
+    order = np.lexsort((ids, stamp))
+    sensor = Strings(source[order].astype(np.int32), result.sources)
+    return TargetRows(stamp[order], ids[order], state[order], covariance[order], sensor)
+
+
+def vehicle_states(
+    state: FloatArray, covariance: FloatArray, *, min_speed_mps: float = MIN_HEADING_SPEED_MPS
+) -> tuple[FloatArray, FloatArray]:
+    """One target's rows as vehicle states, so that prediction and warning take it like a V2X vehicle.
+
+    Args:
+        state: Shape (n, 4): x, y, vx, vy, in the order of time.
+        covariance: Shape (n, 4, 4).
+        min_speed_mps: Below it the heading is the last one from above it (or the next, before the first).
+
+    Returns:
+        States (n, 8): x, y, speed, heading, acceleration, yaw rate, jerk, yaw acceleration, the last four 0, and their
+        covariance (n, 8, 8), zero for those four.
+    """
+    n = len(state)
+    speed = np.hypot(state[:, 2], state[:, 3])
+    heading = np.unwrap(np.arctan2(state[:, 3], state[:, 2]))
+    moves = speed >= min_speed_mps
+    if moves.any():
+        last = np.maximum.accumulate(np.where(moves, np.arange(n), -1))
+        heading = heading[np.where(last >= 0, last, np.argmax(moves))]
+    out = np.zeros((n, 8))
+    out[:, :2], out[:, 2] = state[:, :2], speed
+    out[:, 3] = heading - 2.0 * np.pi * np.floor((heading + np.pi) / (2.0 * np.pi))
+    c, s, size = np.cos(heading), np.sin(heading), np.maximum(speed, min_speed_mps)
+    jacobian = np.zeros((n, 4, 4))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
+    jacobian[:, 2, 2], jacobian[:, 2, 3] = c, s
+    jacobian[:, 3, 2], jacobian[:, 3, 3] = -s / size, c / size
+    small = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    wide = small[:, 3, 3] > _ANY_HEADING
+    small[wide, 3, :] = 0.0
+    small[wide, :, 3] = 0.0
+    small[wide, 3, 3] = _ANY_HEADING
+    full = np.zeros((n, 8, 8))
+    full[:, :4, :4] = small
+    return out, full
