@@ -104,8 +104,8 @@ def in_order(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
     row that is late by no more than the limit. One stamp from the future costs one row, not the rest of the log.
     """
     n = len(stamp_ns)
-    late = round(max_lateness_s * 1e9)
-    if n < 2 or int((np.maximum.accumulate(stamp_ns) - stamp_ns).max()) <= late:
+    stamp_s = stamp_ns * 1e-9  # a fraction of a microsecond is enough here, and absurd stamps can't overflow
+    if n < 2 or (np.maximum.accumulate(stamp_s) - stamp_s).max() <= max_lateness_s:
         return np.ones(n, bool)
     tails: list[int] = []
     ends: list[int] = []
@@ -125,10 +125,9 @@ def in_order(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
     while i >= 0:
         spine[i] = True
         i = int(before[i])
-    none_before, none_after = np.iinfo(np.int64).min + late, np.iinfo(np.int64).max - late
-    reached = np.maximum.accumulate(np.where(spine, stamp_ns, none_before))
-    ahead = np.minimum.accumulate(np.where(spine, stamp_ns, none_after)[::-1])[::-1]
-    return spine | ((stamp_ns >= reached - late) & (stamp_ns <= ahead + late))
+    reached = np.maximum.accumulate(np.where(spine, stamp_s, -np.inf))
+    ahead = np.minimum.accumulate(np.where(spine, stamp_s, np.inf)[::-1])[::-1]
+    return spine | ((stamp_s >= reached - max_lateness_s) & (stamp_s <= ahead + max_lateness_s))
 
 
 def ego_at(ego: EgoStates, stamp_ns: Int64Array) -> tuple[FloatArray, Mask]:

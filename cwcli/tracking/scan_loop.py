@@ -104,11 +104,19 @@ class ScanLoop:
         for k in range(len(scans)):
             stamp, first = int(scans.stamp_ns[k]), int(scans.first[k])
             scan = rows.take(slice(first, int(scans.first[k + 1])))
+            self._forget(stamp)
             self._predict(stamp)
             taken = self._update(stamp, scan, first, int(scans.source[k]), scans.pose[k])
             self._end(stamp)
             self._begin(stamp, scan, first, np.setdiff1d(np.arange(len(scan)), taken))
         return self._result()
+
+    def _forget(self, stamp: int) -> None:
+        """End the tracks that nothing was seen of for too long, before they can claim anything."""
+        living = self.living
+        waited_s = (stamp - living.last_hit_ns[: living.n]) * 1e-9
+        if (waited_s > self.config.max_coast_s).any():
+            living.keep(waited_s <= self.config.max_coast_s)
 
     def _predict(self, stamp: int) -> None:
         living, dt = self.living, (stamp - self.now) * 1e-9
@@ -164,9 +172,8 @@ class ScanLoop:
         for i in np.flatnonzero((odds > _log_odds(config.confirm_probability)) & ~confirmed):
             confirmed[i] = True
             self.confirmed[int(living.key[i])] = stamp
-        coasting = (stamp - living.last_hit_ns[:n]) * 1e-9 > config.max_coast_s
-        tentative = living.misses[:n] >= config.tentative_misses
-        dead = coasting | np.where(confirmed, odds < _log_odds(config.delete_probability), tentative)
+        forlorn = living.misses[:n] >= config.tentative_misses
+        dead = np.where(confirmed, odds < _log_odds(config.delete_probability), forlorn)
         for key in living.key[:n][~dead & confirmed].tolist():
             self.ended[key] = stamp
         if dead.any():

@@ -18,6 +18,7 @@ from cwcli.tracking.prepare import Rows
 from cwcli.tracking.single import log_likelihood
 
 MAX_FACTOR = 300.0
+MAX_ROWS = 20_000
 
 
 @dataclass(frozen=True)
@@ -94,13 +95,27 @@ def minimise(
     return best, best_cost, calls
 
 
+def _enough(targets: Sequence[Rows]) -> list[Rows]:
+    """The longest targets, `MAX_ROWS` rows in all: more would not make the noise better known, only later."""
+    out, left = [], MAX_ROWS
+    for target in sorted(targets, key=len, reverse=True):
+        if left <= 0:
+            break
+        out.append(target.take(slice(0, left)))
+        left -= len(out[-1])
+    return out
+
+
 def tune(targets: Sequence[Rows], config: FilterConfig) -> Tuned:
     """Find the process noise of `config` and the sigma factors of each source that make the rows most likely.
+
+    The rows are not gated: what is an outlier can't be told before the noise is known.
 
     Args:
         targets: The rows of each target, in the order of time. They share `sources`.
         config: The filter; its noises are the start of the search.
     """
+    targets = _enough(targets)
     sources = targets[0].sources if targets else ()
     present = [k for k in range(len(sources)) if any((t.source == k).any() for t in targets)]
     widths = []

@@ -62,6 +62,14 @@ def test_a_target_that_leaves_dies_and_its_id_is_not_used_again():
     assert result.tracks[1].stamp_ns[0] >= 6 * S
 
 
+def test_a_track_is_not_revived_after_a_long_pause():
+    stamp = np.concatenate([np.arange(30), 1e8 + np.arange(30)]).astype(np.int64) * 100_000_000
+    xy = np.array([walker(k) for k in range(60)])
+    result = track_many([Detections("lidar", Kind.POSITION, stamp, xy)], SENSOR, CAUSAL)
+    assert [t.id for t in result.tracks] == [1, 2]
+    assert len(result.tracks[0]) <= 30
+
+
 def test_lone_points_are_no_track():
     rng = np.random.default_rng(0)
     scans = [[rng.uniform(-50, 50, 2) for _ in range(5)] for _ in range(100)]

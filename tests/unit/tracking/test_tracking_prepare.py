@@ -94,6 +94,12 @@ def test_time_going_backwards_costs_the_fewest_rows(stamp_s, kept):
     assert in_order(stamp, 1.0).astype(int).tolist() == kept
 
 
+def test_absurd_stamps_do_not_overflow():
+    ends = np.iinfo(np.int64)
+    stamp = np.array([ends.max, 0, S, ends.min, 2 * S, 3 * S], np.int64)
+    assert in_order(stamp, 1.0).tolist() == [False, True, True, False, True, True]
+
+
 def test_time_going_backwards_is_counted():
     stamp = np.array([100, 101, 1, 102]) * S
     count = prepare([lidar(np.ones((4, 2)), stamp)]).counts["lidar"]
