@@ -1,9 +1,13 @@
-"""The prior on what a driver does: how large accelerations are, and how long they last.
+"""The prior on what a driver does: how large accelerations are, how long they last, how much they change.
 
 Longitudinal and lateral acceleration are taken as first-order Gauss-Markov processes (Singer 1970, "Estimating
-optimal tracking filter performance for manned maneuvering targets", IEEE Trans. AES-6(4)): zero mean, a stated
-sigma, correlation exp(-|t|/tau). From that one assumption follow the growth of the position covariance of every
-model (whatever a model leaves out is the driver's noise) and the trust of the adaptive model.
+optimal tracking filter performance for manned maneuvering targets", IEEE Trans. AES-6(4)): zero mean, correlation
+exp(-|t|/tau). Two things follow: how far the adaptive model trusts a measured derivative, and how the position
+covariance of every model grows, since whatever a model leaves out is the driver's noise.
+
+One number can't hold for every drive: a platoon on a motorway changes its speed far less than a car in a town. What
+tells them apart is in the state itself. On real drives the error 2.5 s ahead grows in proportion to the acceleration at
+the start, along and across (docs/prediction.md), so the noise has a floor and a share of the present acceleration.
 """
 
 from __future__ import annotations
@@ -12,61 +16,102 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.prediction.state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 from cwcli.signals.columns import FloatArray
 
 
 @dataclass(frozen=True)
 class DriverPrior:
-    """Prior sigmas and correlation times of a car in traffic.
+    """What cars in traffic do. Sigmas are one standard deviation; times are correlation times.
 
     Attributes:
-        accel_sigma_mps2, accel_time_s: Longitudinal acceleration.
-        jerk_sigma_mps3, jerk_time_s: Its rate of change.
-        lateral_sigma_mps2, yaw_time_s: Lateral acceleration, speed times yaw rate, that the driver adds.
+        accel_sigma_mps2, accel_time_s: Longitudinal acceleration; a pedal is held for a few seconds.
+        jerk_sigma_mps3, jerk_time_s: Its rate of change; a pedal moves for about half a second.
+        yaw_rate_sigma_radps, yaw_time_s: Yaw rate; a bend takes some seconds.
+        yaw_accel_sigma_radps2, yaw_accel_time_s: Its rate of change; the wheel turns in for about half a second.
         curvature_sigma_1pm: Caps yaw rate and lateral noise at low speed, where the steering lock rules.
-        yaw_rate_sigma_radps: Prior of the yaw rate at crossing speed; with curvature and lateral limits below it.
-        yaw_accel_sigma_radps2, yaw_accel_time_s: Rate of change of the yaw rate.
+        lateral_sigma_mps2: Lateral acceleration, speed times yaw rate.
+        along_floor_mps2, along_share: Longitudinal noise: floor, and share of the present acceleration.
+        cross_floor_mps2, cross_share: Lateral noise: floor, and share of the present lateral acceleration.
         creep_speed_mps: Below it the longitudinal noise falls in proportion to speed: a standing car mostly stays.
     """
 
-    accel_sigma_mps2: float = 1.0
-    accel_time_s: float = 4.0
+    accel_sigma_mps2: float = 0.7
+    accel_time_s: float = 3.0
     jerk_sigma_mps3: float = 1.0
-    jerk_time_s: float = 0.6
-    lateral_sigma_mps2: float = 0.6
-    yaw_time_s: float = 3.0
-    curvature_sigma_1pm: float = 0.05
+    jerk_time_s: float = 0.8
     yaw_rate_sigma_radps: float = 0.3
+    yaw_time_s: float = 6.0
     yaw_accel_sigma_radps2: float = 0.2
     yaw_accel_time_s: float = 0.5
-    creep_speed_mps: float = 2.0
+    curvature_sigma_1pm: float = 0.05
+    lateral_sigma_mps2: float = 1.0
+    along_floor_mps2: float = 0.4
+    along_share: float = 0.5
+    cross_floor_mps2: float = 0.25
+    cross_share: float = 0.7
+    creep_speed_mps: float = 1.0
 
-    def along_sigma_mps2(self, speed_mps: FloatArray) -> FloatArray:
-        """Sigma of the longitudinal acceleration noise at a start speed, shape of `speed_mps`."""
-        share = np.minimum(np.abs(speed_mps) / self.creep_speed_mps, 1.0)
-        return np.asarray(self.accel_sigma_mps2 * share)
+    def trust(self, state: FloatArray, covariance: FloatArray | None) -> FloatArray:
+        """g = s^2 / (s^2 + P), the posterior mean's share of a measured derivative under the prior N(0, s^2).
 
-    def cross_sigma_mps2(self, speed_mps: FloatArray) -> FloatArray:
-        """Sigma of the lateral acceleration noise at a start speed, shape of `speed_mps`."""
-        return np.minimum(self.lateral_sigma_mps2, speed_mps**2 * self.curvature_sigma_1pm)
+        Args:
+            state: Shape (n, 8).
+            covariance: Shape (n, 8, 8); None: full trust.
+
+        Returns:
+            Shape (n, 4) for acceleration, jerk, yaw rate, yaw acceleration.
+        """
+        n = len(state)
+        if covariance is None:
+            return np.ones((n, 4))
+        speed = np.maximum(np.abs(state[:, SPEED]), MIN_SPEED_MPS)
+        sigma = np.empty((n, 4))
+        sigma[:, 0] = self.accel_sigma_mps2
+        sigma[:, 1] = self.jerk_sigma_mps3
+        sigma[:, 2] = np.minimum(self.yaw_rate_sigma_radps, speed * self.curvature_sigma_1pm)
+        sigma[:, 3] = self.yaw_accel_sigma_radps2
+        columns = [ACCEL, JERK, YAW_RATE, YAW_ACCEL]
+        noise = np.maximum(covariance[:, columns, columns], 0.0)
+        return np.asarray(sigma**2 / (sigma**2 + noise), dtype=np.float64)
+
+    def along_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
+        """Sigma of the longitudinal acceleration that the driver adds, shape (n,)."""
+        accel = trust[:, 0] * state[:, ACCEL]
+        coming = trust[:, 1] * state[:, JERK] * self.jerk_time_s
+        creep = np.minimum(np.abs(state[:, SPEED]) / self.creep_speed_mps, 1.0)
+        return np.asarray(np.sqrt(self.along_floor_mps2**2 + self.along_share**2 * (accel**2 + coming**2)) * creep)
+
+    def cross_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
+        """Sigma of the lateral acceleration that the driver adds, shape (n,)."""
+        speed = np.abs(state[:, SPEED])
+        lateral = speed * trust[:, 2] * state[:, YAW_RATE]
+        coming = speed * trust[:, 3] * state[:, YAW_ACCEL] * self.yaw_accel_time_s
+        sigma = np.sqrt(self.cross_floor_mps2**2 + self.cross_share**2 * (lateral**2 + coming**2))
+        return np.asarray(np.minimum(sigma, speed**2 * self.curvature_sigma_1pm))
+
+    def prior_lateral_sigma_mps2(self, speed_mps: FloatArray) -> FloatArray:
+        """Prior sigma of the lateral acceleration, speed times yaw rate, shape of `speed_mps`."""
+        speed = np.abs(speed_mps)
+        yaw_rate = np.minimum(self.yaw_rate_sigma_radps, speed * self.curvature_sigma_1pm)
+        return np.asarray(np.minimum(speed * yaw_rate, self.lateral_sigma_mps2))
 
 
-def displacement_variance(time_s: FloatArray, response_s2: FloatArray, tau_s: float) -> FloatArray:
-    """Variance of the displacement that a unit Gauss-Markov acceleration causes beyond a model's own share.
+MIN_SPEED_MPS = 0.5  # keeps the yaw-rate prior from vanishing where the filter's own heading noise rules
 
-    The displacement is X(t) = int int a. The model already accounts for r(t) a(0), with r its response to the
-    acceleration at the start (0: ignores it; t^2/2: holds it). What is left has the variance
-    var[X] - 2 r cov[X, a(0)] + r^2 var[a], all for unit sigma.
 
-    Args:
-        time_s: Shape (k,).
-        response_s2: Shape (k,): r(t).
-        tau_s: Correlation time.
+def added_variance(time_s: FloatArray, tau_s: float) -> FloatArray:
+    """Variance of the displacement that a unit Gauss-Markov acceleration adds, its start value being known.
 
-    Returns:
-        Shape (k,), s^4: multiply by the acceleration's variance.
+    var[int int a] - (int int E[a | a(0)])^2, in s^4, shape of `time_s`; grows as t^5 / (10 tau) at first.
     """
     decay = np.exp(-time_s / tau_s)
-    own = 2.0 * (tau_s * time_s**3 / 3.0 - tau_s**2 * time_s**2 / 2.0 + tau_s**4 - tau_s**3 * decay * (time_s + tau_s))
-    shared = tau_s * time_s - tau_s**2 * (1.0 - decay)
-    return np.maximum(own - 2.0 * response_s2 * shared + response_s2**2, 0.0)
+    whole = 2.0 * (
+        tau_s * time_s**3 / 3.0 - tau_s**2 * time_s**2 / 2.0 + tau_s**4 - tau_s**3 * decay * (time_s + tau_s)
+    )
+    return np.asarray(np.maximum(whole - held_displacement(time_s, tau_s) ** 2, 0.0))
+
+
+def held_displacement(time_s: FloatArray, tau_s: float) -> FloatArray:
+    """Displacement that a unit acceleration at the start causes while it fades, s^2: int int exp(-t/tau)."""
+    return np.asarray(tau_s * time_s + tau_s**2 * np.expm1(-time_s / tau_s))

@@ -1,127 +1,21 @@
-"""Predicted against what then happened, at each horizon and for each model."""
+"""Every model against what then happened, from the same starts; constant velocity is always among them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from cwcli.prediction.calibrate import calibrated
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.paths import Paths
+from cwcli.prediction.models import MODELS
+from cwcli.prediction.outcome import ELLIPSE_50, ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.prediction.rollout import Discretisation, rollout
 from cwcli.signals.columns import FloatArray, Int64Array
 
 BASELINE = "cv"
-ELLIPSE_50 = 2.0 * np.log(2.0)  # chi-square quantiles with two degrees of freedom: -2 ln(1 - level)
-ELLIPSE_90 = 2.0 * np.log(10.0)
-NS_PER_S = 1_000_000_000
 
-BoolArray = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class HorizonErrors:
-    """Errors of n starts at h horizons: actual minus predicted.
-
-    Attributes:
-        horizon_s: Shape (h,).
-        is_known: Shape (n, h): the track holds the moment, and not inside a gap. The rest is NaN elsewhere.
-        distance_m: Shape (n, h).
-        along_m, cross_m: Shape (n, h): along the predicted heading (positive: the car got farther) and to its left.
-        mahalanobis2: Shape (n, h): squared, under the predicted position covariance.
-    """
-
-    horizon_s: FloatArray
-    is_known: BoolArray
-    distance_m: FloatArray
-    along_m: FloatArray
-    cross_m: FloatArray
-    mahalanobis2: FloatArray
-
-
-def horizon_errors(
-    paths: Paths,
-    start_stamp_ns: Int64Array,
-    track_stamp_ns: Int64Array,
-    track_xy: FloatArray,
-    horizons_s: Sequence[float],
-    max_gap_s: float = 0.5,
-) -> HorizonErrors:
-    """Compare predicted points with a track.
-
-    Args:
-        paths: n starts.
-        start_stamp_ns: Shape (n,): time of each start.
-        track_stamp_ns: Shape (m,), strictly increasing.
-        track_xy: Shape (m, 2), metres, the same map.
-        horizons_s: Times from the start; each within the paths.
-        max_gap_s: Between track points farther apart than this nothing is interpolated.
-
-    Raises:
-        ValueError: A horizon outside the paths, or shapes that don't fit.
-    """
-    if len(start_stamp_ns) != len(paths) or track_xy.shape != (len(track_stamp_ns), 2):
-        raise ValueError("starts and paths, or track stamps and positions, differ in length")
-    horizon = np.asarray(horizons_s, dtype=np.float64)
-    if len(horizon) and (horizon.min() < 0.0 or horizon.max() > paths.time_s[-1] + 1e-9):
-        raise ValueError(f"a horizon is outside the paths' 0 to {paths.time_s[-1]:g} s")
-    at_ns = start_stamp_ns[:, None] + np.rint(horizon * NS_PER_S).astype(np.int64)[None, :]
-    actual, is_known = _on_track(at_ns, track_stamp_ns, track_xy, max_gap_s)
-    predicted = _at_horizons(paths, horizon)
-    error_x, error_y = actual[..., 0] - predicted["x"], actual[..., 1] - predicted["y"]
-    cosine, sine = np.cos(predicted["heading"]), np.sin(predicted["heading"])
-    xx, xy, yy = (predicted[name] for name in ("xx", "xy", "yy"))
-    determinant = xx * yy - xy**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        squared = (yy * error_x**2 - 2.0 * xy * error_x * error_y + xx * error_y**2) / determinant
-    return HorizonErrors(
-        horizon_s=horizon,
-        is_known=is_known & np.isfinite(error_x),
-        distance_m=np.hypot(error_x, error_y),
-        along_m=error_x * cosine + error_y * sine,
-        cross_m=-error_x * sine + error_y * cosine,
-        mahalanobis2=squared,
-    )
-
-
-def _on_track(
-    at_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
-) -> tuple[FloatArray, BoolArray]:
-    """Track position at the given times, shape (..., 2), NaN where unknown; and where it is known."""
-    position = np.full((*at_ns.shape, 2), np.nan)
-    known = np.zeros(at_ns.shape, dtype=bool)
-    if len(stamp_ns) < 2:
-        return position, known
-    after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, len(stamp_ns) - 1)
-    gap_ns = stamp_ns[after] - stamp_ns[after - 1]
-    known = (at_ns >= stamp_ns[0]) & (at_ns <= stamp_ns[-1]) & (gap_ns <= max_gap_s * NS_PER_S)
-    known |= (at_ns == stamp_ns[after]) | (at_ns == stamp_ns[after - 1])  # on a point nothing is interpolated
-    share = ((at_ns - stamp_ns[after - 1]) / gap_ns)[..., None]
-    found = xy[after - 1] + share * (xy[after] - xy[after - 1])
-    known &= np.isfinite(found).all(axis=-1)
-    position[known] = found[known]
-    return position, known
-
-
-def _at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, FloatArray]:
-    """Point, heading and covariance of each path at the horizons, linear between points, (n, h) each."""
-    after = np.clip(np.searchsorted(paths.time_s, horizon_s - 1e-9), 1, len(paths.time_s) - 1)
-    share = (horizon_s - paths.time_s[after - 1]) / (paths.time_s[after] - paths.time_s[after - 1])
-
-    def at(values: FloatArray) -> FloatArray:
-        return np.asarray(values[:, after - 1] + share * (values[:, after] - values[:, after - 1]))
-
-    covariance = paths.position_covariance_m2
-    return {
-        "x": at(paths.x_m),
-        "y": at(paths.y_m),
-        "heading": at(paths.heading_rad),
-        "xx": at(covariance[..., 0]),
-        "xy": at(covariance[..., 1]),
-        "yy": at(covariance[..., 2]),
-    }
+__all__ = ["BASELINE", "HorizonErrors", "compare_models", "horizon_errors", "horizon_table"]
 
 
 def compare_models(
@@ -137,13 +31,13 @@ def compare_models(
     max_gap_s: float = 0.5,
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
+    calibrate: bool = True,
 ) -> dict[str, HorizonErrors]:
     """`horizon_errors` of each model from the same starts; constant velocity comes first, asked for or not.
 
-    "paper" applies to the models that the paper has; the others stay exact.
+    The starts are of one vehicle in time order. "paper" applies to the models that the paper has; the others stay
+    exact. With `calibrate` each model's covariance follows its own record (`prediction.calibrate`).
     """
-    from cwcli.prediction.models import MODELS
-
     errors: dict[str, HorizonErrors] = {}
     for name in dict.fromkeys([BASELINE, *models]):
         form: Discretisation = discretisation if name not in MODELS or MODELS[name].in_paper else "exact"
@@ -156,6 +50,8 @@ def compare_models(
             discretisation=form,
             prior=prior,
         )
+        if calibrate:
+            paths = calibrated(paths, start_stamp_ns, state[:, :2])
         errors[name] = horizon_errors(paths, start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
     return errors
 

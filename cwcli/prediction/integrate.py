@@ -18,18 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.models.base import (
-    ACCEL,
-    HEADING,
-    JERK,
-    SPEED,
-    YAW_ACCEL,
-    YAW_RATE,
-    Model,
-    Responses,
-    X,
-    Y,
-)
+from cwcli.prediction.models.base import Model, Responses
+from cwcli.prediction.state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 from cwcli.signals.columns import FloatArray
 
 GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])

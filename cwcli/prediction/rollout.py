@@ -8,11 +8,12 @@ from typing import Literal
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.prediction.driver import DriverPrior, displacement_variance
+from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
 from cwcli.prediction.integrate import Integral, integrate
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.models.base import DERIVATIVES, SPEED, Model
+from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
+from cwcli.prediction.state import DERIVATIVES, SPEED
 from cwcli.signals.columns import FloatArray
 
 Discretisation = Literal["exact", "paper"]
@@ -87,7 +88,7 @@ def rollout(
         trust = chosen.trust(start, start_covariance, prior) * np.array(chosen.uses)
         path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation)
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
-        out = _driver_noise(path, start[:, SPEED], driver, prior)
+        out = _driver_noise(path, start, prior.trust(start, start_covariance), driver, prior)
         if start_covariance is not None:
             out += _carried(path.jacobian, _shrunk(start_covariance, trust))
         position_covariance[rows] = out
@@ -156,19 +157,32 @@ def _carried(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _DriverVariance:
-    """Displacement variance per unit acceleration variance beyond the model, on a fine grid of times, s^4."""
+    """Displacement variance per unit acceleration variance on a fine grid of times, s^4.
+
+    Attributes:
+        time_s: Shape (p,).
+        along_added, cross_added: What the driver adds after the start.
+        along_ignored, cross_ignored: What the model makes wrong of the acceleration at the start.
+    """
 
     time_s: FloatArray
-    along: FloatArray
-    cross: FloatArray
+    along_added: FloatArray
+    cross_added: FloatArray
+    along_ignored: FloatArray
+    cross_ignored: FloatArray
 
 
 def _driver_variance(model: Model, horizon_s: float, prior: DriverPrior) -> _DriverVariance:
     time_s = np.linspace(0.0, horizon_s, DRIVER_POINTS)
     out = model.responses(time_s, prior)
-    along = displacement_variance(time_s, _running_integral(out.speed_to_accel, time_s), prior.accel_time_s)
-    cross = displacement_variance(time_s, _running_integral(out.heading_to_yaw_rate, time_s), prior.yaw_time_s)
-    return _DriverVariance(time_s, along, cross)
+    along, cross = (_running_integral(r, time_s) for r in (out.speed_to_accel, out.heading_to_yaw_rate))
+    return _DriverVariance(
+        time_s,
+        along_added=added_variance(time_s, prior.accel_time_s),
+        cross_added=added_variance(time_s, prior.yaw_time_s),
+        along_ignored=(held_displacement(time_s, prior.accel_time_s) - along) ** 2,
+        cross_ignored=(held_displacement(time_s, prior.yaw_time_s) - cross) ** 2,
+    )
 
 
 def _running_integral(values: FloatArray, time_s: FloatArray) -> FloatArray:
@@ -177,14 +191,27 @@ def _running_integral(values: FloatArray, time_s: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _driver_noise(path: Integral, speed_mps: FloatArray, driver: _DriverVariance, prior: DriverPrior) -> FloatArray:
-    """The driver's noise in map axes, (n, k, 3): grows while the car moves, along and across its heading."""
-    along_m2 = np.interp(path.moving_s, driver.time_s, driver.along)
-    along_m2 *= prior.along_sigma_mps2(speed_mps)[:, None] ** 2
-    cross_m2 = np.interp(path.moving_s, driver.time_s, driver.cross)
-    cross_m2 *= prior.cross_sigma_mps2(speed_mps)[:, None] ** 2
+def _driver_noise(
+    path: Integral, start: FloatArray, trust: FloatArray, driver: _DriverVariance, prior: DriverPrior
+) -> FloatArray:
+    """The driver's noise in map axes, (m, k, 3): grows while the car moves, along and across its heading.
+
+    Args:
+        start: Shape (m, 8).
+        trust: Shape (m, 4): of the prior, whatever the model.
+    """
+    creep = np.minimum(np.abs(start[:, SPEED]) / prior.creep_speed_mps, 1.0)
+    along_m2 = _spread(path.moving_s, driver.time_s, driver.along_added, prior.along_sigma_mps2(start, trust))
+    along_m2 += _spread(path.moving_s, driver.time_s, driver.along_ignored, prior.accel_sigma_mps2 * creep)
+    cross_m2 = _spread(path.moving_s, driver.time_s, driver.cross_added, prior.cross_sigma_mps2(start, trust))
+    ignored = prior.prior_lateral_sigma_mps2(start[:, SPEED])
+    cross_m2 += _spread(path.moving_s, driver.time_s, driver.cross_ignored, ignored)
     cosine, sine = np.cos(path.heading_rad), np.sin(path.heading_rad)
     xx = along_m2 * cosine**2 + cross_m2 * sine**2
     yy = along_m2 * sine**2 + cross_m2 * cosine**2
     xy = (along_m2 - cross_m2) * cosine * sine
     return np.stack([xx, xy, yy], axis=-1)
+
+
+def _spread(moving_s: FloatArray, time_s: FloatArray, variance_s4: FloatArray, sigma_mps2: FloatArray) -> FloatArray:
+    return np.asarray(np.interp(moving_s, time_s, variance_s4) * sigma_mps2[:, None] ** 2)

@@ -15,10 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.models.base import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE, Model, Responses
+from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray
-
-MIN_SPEED_MPS = 0.5  # keeps the yaw-rate prior from vanishing where the filter's own heading noise rules
 
 
 def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
@@ -36,22 +34,8 @@ def _fading(time_s: FloatArray, tau_s: float, rate_tau_s: float) -> tuple[FloatA
 
 
 def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
-    """g = s^2 / (s^2 + P) for (accel, jerk, yaw rate, yaw accel), shape (n, 4); ones without a covariance."""
-    if covariance is None:
-        return np.ones((len(state), 4))
-    speed = np.maximum(np.abs(state[:, SPEED]), MIN_SPEED_MPS)
-    yaw_rate_sigma = np.minimum(prior.yaw_rate_sigma_radps, speed * prior.curvature_sigma_1pm)
-    sigma = np.column_stack(
-        [
-            np.full(len(state), prior.accel_sigma_mps2),
-            np.full(len(state), prior.jerk_sigma_mps3),
-            yaw_rate_sigma,
-            np.full(len(state), prior.yaw_accel_sigma_radps2),
-        ]
-    )
-    columns = [ACCEL, JERK, YAW_RATE, YAW_ACCEL]
-    noise = np.maximum(covariance[:, columns, columns], 0.0)
-    return np.asarray(sigma**2 / (sigma**2 + noise), dtype=np.float64)
+    """g for (accel, jerk, yaw rate, yaw accel), shape (n, 4); ones without a covariance."""
+    return prior.trust(state, covariance)
 
 
 MODEL = Model(

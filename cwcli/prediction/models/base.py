@@ -20,9 +20,6 @@ import numpy as np
 from cwcli.prediction.driver import DriverPrior
 from cwcli.signals.columns import FloatArray
 
-X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
-DERIVATIVES = (ACCEL, JERK, YAW_RATE, YAW_ACCEL)
-
 
 class Responses(NamedTuple):
     """Responses at the times asked for, each of the shape of the times.

@@ -110,7 +110,15 @@ def test_coverage_of_drawn_outcomes_is_the_ellipses_level() -> None:
     state[:, :2] = rng.multivariate_normal([0.0, 0.0], covariance[0, :2, :2], size=n)
     time = np.array([0.0, 10.0])
     errors = compare_models(
-        ["cv"], state, covariance, np.full(n, T0_NS), stamps(time), np.zeros((2, 2)), horizons_s=[1.0], max_gap_s=20.0
+        ["cv"],
+        state,
+        covariance,
+        np.full(n, T0_NS),
+        stamps(time),
+        np.zeros((2, 2)),
+        horizons_s=[1.0],
+        max_gap_s=20.0,
+        calibrate=False,
     )
     table = horizon_table(errors)
     assert table["inside_50"][0] == pytest.approx(0.5, abs=0.015)

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cwcli.errors import UsageError
-from cwcli.prediction.driver import DriverPrior, displacement_variance
+from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.rollout import Paths, rollout, time_grid
 
@@ -184,8 +184,7 @@ def test_auto_halves_what_is_as_noisy_as_the_prior() -> None:
     np.testing.assert_allclose(trust, [[0.5, 0.25, 1.0, 1.0]])
 
 
-@pytest.mark.parametrize("response", ["none", "held", "fading"])
-def test_displacement_variance_against_a_simulated_process(response: str) -> None:
+def test_displacement_variance_against_a_simulated_process() -> None:
     # a Gauss-Markov acceleration of unit variance, integrated twice: 20,000 runs of 2.5 s
     tau, step, n = 3.0, 0.01, 250
     rng = np.random.default_rng(0)
@@ -198,9 +197,10 @@ def test_displacement_variance_against_a_simulated_process(response: str) -> Non
         speed += (accel + following) * step / 2
         accel = following
     time = np.array([0.0, 1.0, 2.5])
-    own = {"none": 0.0 * time, "held": time**2 / 2, "fading": tau * time - tau**2 * (1 - np.exp(-time / tau))}
-    found = np.var(place - own[response][-1] * first)
-    assert displacement_variance(time, own[response], tau)[-1] == pytest.approx(found, rel=0.04)
+    held = np.cov(place, first)[0, 1] / np.var(first)
+    assert held_displacement(time, tau)[-1] == pytest.approx(held, rel=0.02)
+    assert added_variance(time, tau)[-1] == pytest.approx(np.var(place - held * first), rel=0.04)
+    assert added_variance(np.array([0.1]), tau)[0] == pytest.approx(0.1**5 / (10 * tau), rel=0.1)
 
 
 def test_time_grid_reaches_the_horizon() -> None:

@@ -1,0 +1,96 @@
+"""The scale of the ellipses: causal, bounded, and on target in the long run."""
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from cwcli.prediction.calibrate import Calibration, calibrated, predict_vehicles, variance_scale
+from cwcli.prediction.outcome import ELLIPSE_90, horizon_errors
+from cwcli.prediction.paths import Paths
+from cwcli.prediction.rollout import rollout
+
+FloatArray = npt.NDArray[np.float64]
+T0_NS = 1_700_000_000_000_000_000
+STEP_S = 0.1
+
+
+def stamps(n: int) -> npt.NDArray[np.int64]:
+    return T0_NS + np.arange(n) * 100_000_000
+
+
+def standing(n: int, variance_m2: float) -> Paths:
+    """n starts of a car that is predicted to stand at the origin, with a round covariance."""
+    covariance = np.zeros((n, 8, 8))
+    covariance[:, 0, 0] = covariance[:, 1, 1] = variance_m2
+    return rollout("cv", np.zeros((n, 8)), covariance)
+
+
+def white(n: int, sigma_m: float, seed: int) -> FloatArray:
+    return np.random.default_rng(seed).normal(size=(n, 2)) * sigma_m
+
+
+@pytest.mark.parametrize("true_sigma", [0.3, 1.0, 2.5])
+def test_coverage_reaches_its_level_whatever_the_claimed_sigma(true_sigma: float) -> None:
+    n = 12_000  # 20 min
+    positions = white(n, true_sigma, 0)
+    paths = calibrated(standing(n, 1.0), stamps(n), positions)
+    errors = horizon_errors(paths, stamps(n), stamps(n), positions, [2.5])
+    inside = errors.mahalanobis2[errors.is_known[:, 0], 0] <= ELLIPSE_90
+    assert inside[2000:].mean() == pytest.approx(0.9, abs=0.02)
+
+
+def test_scale_knows_nothing_of_outcomes_to_come() -> None:
+    n = 400
+    positions = white(n, 3.0, 1)
+    before = variance_scale(standing(n, 1.0), stamps(n), positions)
+    changed = positions.copy()
+    changed[200:] += 50.0
+    after = variance_scale(standing(n, 1.0), stamps(n), changed)
+    np.testing.assert_array_equal(after[:200], before[:200])
+    assert after[230] > before[230]
+
+
+def test_scale_is_one_until_there_is_an_outcome() -> None:
+    scale = variance_scale(standing(100, 1.0), stamps(100), white(100, 9.0, 2))
+    assert (scale[:25] == 1.0).all()  # the first outcome is known after 2.5 s
+    assert scale[26] > 1.0
+
+
+def test_scale_by_hand() -> None:
+    # every outcome outside: the log grows by 0.2 * 0.1 s * 0.9 with each; the first start's own step is 0
+    positions = np.full((40, 2), 100.0)
+    scale = variance_scale(standing(40, 1.0), stamps(40), positions)
+    np.testing.assert_allclose(np.log(scale[25:]), np.arange(15) * 0.018, atol=1e-12)
+
+
+def test_scale_stays_within_its_limit() -> None:
+    far = np.full((3000, 2), 1e6)
+    assert variance_scale(standing(3000, 1.0), stamps(3000), far)[-1] == pytest.approx(Calibration().limit)
+    near = np.zeros((3000, 2))
+    low = variance_scale(standing(3000, 1.0), stamps(3000), near, Calibration(rate_1ps=2.0))[-1]
+    assert low == pytest.approx(1.0 / Calibration().limit)
+
+
+def test_start_of_a_path_is_left_alone() -> None:
+    paths = standing(300, 1.0)
+    found = calibrated(paths, stamps(300), np.full((300, 2), 100.0))
+    np.testing.assert_array_equal(found.position_covariance_m2[:, 0], paths.position_covariance_m2[:, 0])
+    ratio = found.position_covariance_m2[-1, :, 0] / paths.position_covariance_m2[-1, :, 0]
+    np.testing.assert_allclose(np.log(ratio), np.log(ratio[-1]) * paths.time_s / 2.5, atol=1e-12)
+
+
+def test_vehicles_are_kept_apart_and_rows_may_be_mixed() -> None:
+    n = 300
+    state = np.zeros((2 * n, 8))
+    state[1::2, :2] = white(n, 5.0, 3)
+    covariance = np.tile(np.diag([1.0, 1.0, 0, 0, 0, 0, 0, 0]), (2 * n, 1, 1))
+    vehicle = np.tile([0, 1], n)
+    both_ns = np.repeat(stamps(n), 2)
+    order = np.random.default_rng(4).permutation(2 * n)
+    mixed = predict_vehicles("cv", vehicle[order], both_ns[order], state[order], covariance[order])
+    for one in (0, 1):
+        rows = np.flatnonzero(vehicle == one)
+        alone = calibrated(rollout("cv", state[rows], covariance[rows]), both_ns[rows], state[rows, :2])
+        found = np.empty_like(mixed.position_covariance_m2)
+        found[order] = mixed.position_covariance_m2
+        np.testing.assert_allclose(found[rows], alone.position_covariance_m2)
