@@ -45,18 +45,64 @@ class Integral:
     jacobian: FloatArray
 
 
+@dataclass(frozen=True)
+class _Motion:
+    """A model with its prior, in one discretisation, for m starts.
+
+    Attributes:
+        time_s: Shape (k,): the path's times.
+        hold_s: Shape (m, 2) or None: see `Model.hold`.
+    """
+
+    model: Model
+    prior: DriverPrior
+    time_s: FloatArray
+    is_paper: bool
+    hold_s: FloatArray | None
+
+    def of(self, rows: npt.NDArray[np.bool_ | np.intp]) -> _Motion:
+        """The same for some of the starts."""
+        hold_s = None if self.hold_s is None else self.hold_s[rows]
+        return _Motion(self.model, self.prior, self.time_s, self.is_paper, hold_s)
+
+    def at(self, moving: FloatArray) -> Responses:
+        """Responses at times (1 or m, ...)."""
+        if self.is_paper:
+            return _paper_at(self.model, moving, self.time_s)
+        if self.hold_s is None:
+            return self.model.responses(moving, self.prior)
+        shape = (-1,) + (1,) * (moving.ndim - 1)
+        jerk_s, yaw_s = (np.minimum(moving, self.hold_s[:, i].reshape(shape)) for i in (0, 1))
+        free = self.model.responses(moving, self.prior)
+        jerk, yaw = (self.model.responses(acting, self.prior) for acting in (jerk_s, yaw_s))
+        # after the hold the rate's share in acceleration (yaw rate) stays: it grows linearly from there
+        return Responses(
+            free.speed_to_accel,
+            jerk.speed_to_jerk + jerk_s * (moving - jerk_s),
+            free.heading_to_yaw_rate,
+            yaw.heading_to_yaw_accel + yaw_s * (moving - yaw_s),
+        )
+
+    def nodes(self, moving: FloatArray, width: FloatArray) -> tuple[Responses, FloatArray]:
+        """Responses at the quadrature nodes of each step, and the nodes' weights, (1 or m, k - 1, nodes)."""
+        if self.is_paper:
+            return _paper_nodes(self.model, width, self.time_s), width
+        return self.at(moving[:, :-1, None] + width * GAUSS_NODES), width * GAUSS_WEIGHTS
+
+
 def integrate(model: Model, state: FloatArray, time_s: FloatArray, prior: DriverPrior, discretisation: str) -> Integral:
     """The path of m starts, shape (m, 8), over the times (k,), which start at 0 and have a common step."""
-    grid = _paper_grid(model, time_s) if discretisation == "paper" else model.responses(time_s, prior)
-    speed = _speed(state, grid)
-    stop_s = _stop_time(model, state, speed, time_s, prior, discretisation)
+    hold_s = None if model.hold is None else model.hold(state, prior)
+    motion = _Motion(model, prior, time_s, discretisation == "paper", hold_s)
+    grid = motion.at(time_s[None, :])
+    stop_s = _stop_time(motion, state, _speed(state, grid))
     stops = np.isfinite(stop_s)
     if not stops.any():
-        return _path(model, state, time_s[None, :], grid, time_s, prior, discretisation)
+        return _path(motion, state, time_s[None, :], grid)
     if stops.all():
-        return _stopping(model, state, stop_s, time_s, prior, discretisation)
-    going = _path(model, state[~stops], time_s[None, :], grid, time_s, prior, discretisation)
-    stopping = _stopping(model, state[stops], stop_s[stops], time_s, prior, discretisation)
+        return _stopping(motion, state, stop_s)
+    going = _path(motion.of(~stops), state[~stops], time_s[None, :], motion.of(~stops).at(time_s[None, :]))
+    stopping = _stopping(motion.of(stops), state[stops], stop_s[stops])
     return _merge(stops, stopping, going)
 
 
@@ -77,11 +123,12 @@ def _column(state: FloatArray, index: int, ndim: int) -> FloatArray:
     return state[:, index].reshape((-1,) + (1,) * max(ndim - 1, 1))
 
 
-def _stop_time(
-    model: Model, state: FloatArray, speed: FloatArray, time_s: FloatArray, prior: DriverPrior, discretisation: str
-) -> FloatArray:
-    """When each car comes to a stop, shape (m,); infinity if it doesn't. A car that stands and doesn't start: 0."""
-    start = state[:, SPEED]
+def _stop_time(motion: _Motion, state: FloatArray, speed: FloatArray) -> FloatArray:
+    """When each car comes to a stop, shape (m,); infinity if it doesn't. A car that stands and doesn't start: 0.
+
+    `speed` is the free one on the grid, (m, k).
+    """
+    time_s, start = motion.time_s, state[:, SPEED]
     direction = np.where(start < 0.0, -1.0, 1.0)
     crossed = direction[:, None] * speed[:, 1:] < 0.0
     standing = (start == 0.0) & (speed[:, 1] <= 0.0)
@@ -89,54 +136,37 @@ def _stop_time(
     rows = np.flatnonzero(crossed.any(axis=1) & ~standing)
     if len(rows):
         after = crossed[rows].argmax(axis=1) + 1
-        if discretisation == "paper":  # speed is linear inside a step
+        if motion.is_paper:  # speed is linear inside a step
             before_v, after_v = speed[rows, after - 1], speed[rows, after]
             stop_s[rows] = time_s[after - 1] + (time_s[1] - time_s[0]) * before_v / (before_v - after_v)
         else:
-            stop_s[rows] = _bisect(model, state[rows], direction[rows], time_s[after - 1], time_s[after], prior)
+            stop_s[rows] = _bisect(motion.of(rows), state[rows], direction[rows], time_s[after - 1], time_s[after])
     stop_s[standing] = 0.0
     return stop_s
 
 
-def _bisect(
-    model: Model, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray, prior: DriverPrior
-) -> FloatArray:
+def _bisect(motion: _Motion, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """The moment between `low` and `high` (each (m,)) where direction * v changes from >= 0 to < 0."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        moving = direction * _speed(state, model.responses(middle[:, None], prior))[:, 0] >= 0.0
+        moving = direction * _speed(state, motion.at(middle[:, None]))[:, 0] >= 0.0
         low, high = np.where(moving, middle, low), np.where(moving, high, middle)
     return 0.5 * (low + high)
 
 
-def _stopping(
-    model: Model, state: FloatArray, stop_s: FloatArray, time_s: FloatArray, prior: DriverPrior, discretisation: str
-) -> Integral:
+def _stopping(motion: _Motion, state: FloatArray, stop_s: FloatArray) -> Integral:
     """Paths of cars that stop: every integral ends at the stop."""
+    time_s = motion.time_s
     moving = np.minimum(time_s[None, :], stop_s[:, None])
-    grid = _paper_at(model, moving, time_s) if discretisation == "paper" else model.responses(moving, prior)
-    path = _path(model, state, moving, grid, time_s, prior, discretisation)
+    path = _path(motion, state, moving, motion.at(moving))
     speed = np.where(time_s[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
     return Integral(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
 
 
-def _path(
-    model: Model,
-    state: FloatArray,
-    moving: FloatArray,
-    grid: Responses,
-    time_s: FloatArray,
-    prior: DriverPrior,
-    discretisation: str,
-) -> Integral:
+def _path(motion: _Motion, state: FloatArray, moving: FloatArray, grid: Responses) -> Integral:
     """Quadrature over the steps of `moving`, shape (1 or m, k)."""
-    m, k = len(state), len(time_s)
-    width = np.diff(moving, axis=1)[..., None]
-    if discretisation == "paper":
-        at, weight = _paper_nodes(model, width, time_s), width
-    else:
-        at = model.responses(moving[:, :-1, None] + width * GAUSS_NODES, prior)
-        weight = width * GAUSS_WEIGHTS
+    m, k = len(state), len(motion.time_s)
+    at, weight = motion.nodes(moving, np.diff(moving, axis=1)[..., None])
     heading = _heading(state, at)
     speed = _speed(state, at)
     cosine, sine = np.cos(heading) * weight, np.sin(heading) * weight
@@ -146,12 +176,14 @@ def _path(
     dx, dy = _running(moved_x), _running(moved_y)
     jacobian[0, :, :, HEADING], jacobian[1, :, :, HEADING] = -dy, dx
     jacobian[0, :, :, SPEED], jacobian[1, :, :, SPEED] = _running(cosine), _running(sine)
-    for used, index, response in zip(model.uses[:2], (ACCEL, JERK), (at.speed_to_accel, at.speed_to_jerk), strict=True):
+    for used, index, response in zip(
+        motion.model.uses[:2], (ACCEL, JERK), (at.speed_to_accel, at.speed_to_jerk), strict=True
+    ):
         if used:
             jacobian[0, :, :, index] = _running(cosine * response)
             jacobian[1, :, :, index] = _running(sine * response)
     for used, index, response in zip(
-        model.uses[2:], (YAW_RATE, YAW_ACCEL), (at.heading_to_yaw_rate, at.heading_to_yaw_accel), strict=True
+        motion.model.uses[2:], (YAW_RATE, YAW_ACCEL), (at.heading_to_yaw_rate, at.heading_to_yaw_accel), strict=True
     ):
         if used:
             jacobian[0, :, :, index] = -_running(moved_y * response)
@@ -173,13 +205,8 @@ def _running(nodes: FloatArray) -> FloatArray:
     return out
 
 
-def _paper_grid(model: Model, time_s: FloatArray) -> Responses:
-    """Responses of eq. 10's recursion at its own steps: v_n = v0 + a0 n dT + j0 dT^2 n (n-1)/2; (1, k) each."""
-    return _paper_at(model, time_s[None, :], time_s)
-
-
 def _paper_at(model: Model, moving: FloatArray, time_s: FloatArray) -> Responses:
-    """The same at times inside the steps, linear in between, shape of `moving`."""
+    """Responses of eq. 10's recursion, v_n = v0 + a0 n dT + j0 dT^2 n (n-1)/2, linear inside the steps."""
     step = time_s[1] - time_s[0]
     whole = np.floor(moving / step + 1e-9)
     second = step**2 * whole * (whole - 1.0) / 2.0 + whole * step * (moving - whole * step)

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
 from cwcli.prediction.integrate import Integral, integrate
-from cwcli.prediction.models import MODELS
+from cwcli.prediction.models import HYPOTHESES, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.state import DERIVATIVES, SPEED
@@ -59,7 +59,7 @@ def rollout(
     start's covariance) plus what the driver may do beyond the model (`DriverPrior`), along and across the heading.
 
     Args:
-        model: A key of `MODELS`.
+        model: A key of `MODELS` or `HYPOTHESES`.
         state: Shape (n, 8): x_m, y_m, speed_mps, heading_rad, accel_mps2, yaw_rate_radps, jerk_mps3, yaw_accel_radps2.
         covariance: Shape (n, 8, 8), same order; None: the start is taken as known, only the driver's noise grows.
         horizon_s, step_s: The last point is the first that reaches the horizon.
@@ -116,11 +116,12 @@ def path_jacobian(
 
 
 def _model(name: str, discretisation: Discretisation) -> Model:
-    if name not in MODELS:
+    known = MODELS | HYPOTHESES
+    if name not in known:
         raise UsageError(f"there is no motion model '{name}'", hint=f"one of: {', '.join(MODELS)}")
-    if discretisation == "paper" and not MODELS[name].in_paper:
+    if discretisation == "paper" and not known[name].in_paper:
         raise UsageError(f"model '{name}' has no form in song2016", hint="use --discretisation exact")
-    return MODELS[name]
+    return known[name]
 
 
 def _check_shapes(state: FloatArray, covariance: FloatArray | None) -> None:

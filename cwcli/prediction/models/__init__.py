@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cwcli.prediction.models import auto, ca, cj_cya, ctra, ctrv, cv
+from cwcli.prediction.models import auto, ca, cj_cya, ctra, ctrv, cv, onset
 from cwcli.prediction.models.base import Model
 
 MODELS: dict[str, Model] = {
@@ -14,3 +14,8 @@ MODELS: dict[str, Model] = {
     "cj-cya": cj_cya.MODEL,
 }
 DEFAULT_MODEL = "auto"
+
+HYPOTHESES: dict[str, Model] = {
+    "onset": onset.MODEL,
+}
+"""What may be, rather than what is likeliest: rolled out like a model, but not compared with what then happened."""

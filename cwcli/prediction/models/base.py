@@ -35,6 +35,7 @@ class Responses(NamedTuple):
     heading_to_yaw_accel: FloatArray
 
 
+Hold = Callable[[FloatArray, DriverPrior], FloatArray]
 Trust = Callable[[FloatArray, FloatArray | None, DriverPrior], FloatArray]
 
 
@@ -49,6 +50,9 @@ class Model:
         responses: Times (any shape), prior -> `Responses`.
         trust: State (n, 8), covariance (n, 8, 8) or None, prior -> shape (n, 4): the factor in [0, 1] put on each
             of (accel, jerk, yaw rate, yaw accel).
+        hold: None: the responses are the same for all starts. Else: trusted state (n, 8), prior -> shape (n, 2): until
+            when jerk and yaw acceleration act; they then stop, and acceleration and yaw rate stay as they are. Only
+            for hypotheses: the Jacobian takes these times as given.
         in_paper: Whether song2016's recursion (eq. 2, 9, 10) covers it.
     """
 
@@ -57,6 +61,7 @@ class Model:
     uses: tuple[bool, bool, bool, bool]
     responses: Callable[[FloatArray, DriverPrior], Responses]
     trust: Trust
+    hold: Hold | None = None
     in_paper: bool = True
 
 

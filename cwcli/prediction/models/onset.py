@@ -1,0 +1,67 @@
+"""A manoeuvre that has begun goes on: the hypothesis to warn by, not the likeliest path.
+
+A driver who has just begun to brake hard or to turn in mostly means it, but on average over all driving neither
+lasts: a predictor that believed it always would be worse than constant velocity. So this model is not a predictor of
+the mean. It says where the car will be if jerk and yaw acceleration go on as they are until the car's limits: full
+braking (or full throttle, which is weaker but rarely matters) and the lateral acceleration of a brisk turn. The
+covariance along its path takes the moments at which the limits are reached as given.
+
+Rates that do not stand out of the filter's noise are left out: the positive-part James-Stein factor
+g = max(0, 1 - P / d^2) is 0 where the derivative is below its own sigma and near 1 where it is clear.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.prediction.driver import DriverPrior
+from cwcli.prediction.models.base import Model, Responses
+from cwcli.prediction.state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
+from cwcli.signals.columns import FloatArray
+
+ACCEL_LIMIT_MPS2 = 8.0  # full braking on a dry road, ABS; song2016's lead car brakes no harder
+LATERAL_LIMIT_MPS2 = 4.0  # of a brisk turn; normal drivers stay below it
+MIN_SPEED_MPS = 1.0
+
+
+def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
+    """Constant jerk and yaw acceleration; `hold` ends them."""
+    half_square = 0.5 * time_s**2
+    return Responses(time_s, half_square, time_s, half_square)
+
+
+def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
+    """Acceleration and yaw rate as in `auto`; their rates only where they stand out of the noise. Shape (n, 4)."""
+    out = prior.trust(state, covariance)
+    if covariance is None:
+        return out
+    for column, index in ((1, JERK), (3, YAW_ACCEL)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            clear = 1.0 - covariance[:, index, index] / state[:, index] ** 2
+        out[:, column] = np.clip(np.nan_to_num(clear, nan=0.0, neginf=0.0), 0.0, 1.0)
+    return out
+
+
+def hold(state: FloatArray, prior: DriverPrior) -> FloatArray:
+    """Until when jerk and yaw acceleration act, shape (n, 2): when acceleration and yaw rate reach their limits."""
+    yaw_rate_limit = LATERAL_LIMIT_MPS2 / np.maximum(np.abs(state[:, SPEED]), MIN_SPEED_MPS)
+    limits = (np.full(len(state), ACCEL_LIMIT_MPS2), yaw_rate_limit)
+    out = np.empty((len(state), 2))
+    for column, (value, rate, limit) in enumerate(
+        zip((state[:, ACCEL], state[:, YAW_RATE]), (state[:, JERK], state[:, YAW_ACCEL]), limits, strict=True)
+    ):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            until = (np.sign(rate) * limit - value) / rate
+        out[:, column] = np.where(rate == 0.0, np.inf, np.maximum(until, 0.0))
+    return out
+
+
+MODEL = Model(
+    name="onset",
+    summary="a manoeuvre that has begun goes on to the car's limits",
+    uses=(True, True, True, True),
+    responses=responses,
+    trust=trust,
+    hold=hold,
+    in_paper=False,
+)
