@@ -1,0 +1,254 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""zhang2011's genetic search for one lane boundary, and the objective of given parabolas.
+
+The objective reads block responses that were computed once per frame (`cwcli.vision.objective`): integers, in 1/90 grey
+level. So the sum along a parabola is exact, and one division gives the same number on every machine. All other
+arithmetic is +, -, * and / of doubles in a fixed order (compiled with -ffp-contract=off), and `floor`.
+
+Random numbers: PCG32 (O'Neill 2014, XSH-RR 64/32), seeded by state and stream as in its reference implementation. A number
+below n is the upper half of the 64-bit product n * u32; an event of probability p happens if u32 < p * 2^32.
+
+The plain NumPy twin is in tests/unit/vision/naive_search.py.
+"""
+
+from libc.math cimport floor
+
+ctypedef unsigned int uint32
+ctypedef unsigned long long uint64
+
+cdef enum:
+    POPULATION = 50
+    MAX_BITS = 30
+
+cdef double TWO_32 = 4294967296.0
+
+
+cdef struct Pcg:
+    uint64 state
+    uint64 increment
+
+
+cdef struct Region:
+    double low[3]
+    double span[3]
+    double decimals[3]
+    uint32 largest[3]
+    int shift[3]
+    int bits
+
+
+cdef inline uint32 draw(Pcg* random) noexcept nogil:
+    cdef uint64 old = random.state
+    random.state = old * <uint64>6364136223846793005ULL + random.increment
+    cdef uint32 shifted = <uint32>(((old >> 18) ^ old) >> 27)
+    cdef uint32 turn = <uint32>(old >> 59)
+    return (shifted >> turn) | (shifted << ((32 - turn) & 31))
+
+
+cdef inline void seed(Pcg* random, uint64 state, uint64 stream) noexcept nogil:
+    random.state = 0
+    random.increment = (stream << 1) | 1
+    draw(random)
+    random.state += state
+    draw(random)
+
+
+cdef inline uint32 below(Pcg* random, uint32 n) noexcept nogil:
+    return <uint32>((<uint64>draw(random) * n) >> 32)
+
+
+cdef inline double rounded(double value, double per_unit) noexcept nogil:
+    """To the nearest multiple of 1 / per_unit, halves up."""
+    return floor(value * per_unit + 0.5) / per_unit
+
+
+cdef inline void decode(Region* region, uint32 code, double* abc) noexcept nogil:
+    """Eq. 5, rounded to the decimals of each parameter."""
+    cdef int k
+    cdef double number
+    for k in range(3):
+        number = <double>((code >> region.shift[k]) & region.largest[k])
+        abc[k] = rounded(region.low[k] + number / <double>region.largest[k] * region.span[k], region.decimals[k])
+
+
+cdef double judge(
+    const int[:, :, ::1] response, double a, double b, double c, bint is_left, int* n_blocks
+) noexcept nogil:
+    """Eq. 2, 3: mean response of the blocks on the image; -1e300 if there are none."""
+    cdef double slope = b if is_left else -b
+    cdef Py_ssize_t kind = 1 if slope > 2.0 else (2 if slope < 0.5 else 0)
+    cdef Py_ssize_t i, column
+    cdef Py_ssize_t width = response.shape[2]
+    cdef double y = 2.0
+    cdef double x
+    cdef long long total = 0
+    cdef int n = 0
+    for i in range(response.shape[1]):
+        x = floor((a * y + b) * y + c + 0.5)
+        if x >= 2.0 and x <= <double>(width - 1):
+            column = <Py_ssize_t>x - 1
+            total += response[kind, i, column]
+            n += 1
+        y += 3.0
+    n_blocks[0] = n
+    if n == 0:
+        return -1e300
+    return <double>total / (90.0 * n)
+
+
+def objective(const int[:, :, ::1] response, const double[:, ::1] parabolas, bint is_left, double[::1] value,
+              int[::1] n_blocks):
+    """Eq. 2 or 3 of many parabolas (see the stub)."""
+    cdef Py_ssize_t i
+    with nogil:
+        for i in range(parabolas.shape[0]):
+            value[i] = judge(response, parabolas[i, 0], parabolas[i, 1], parabolas[i, 2], is_left, &n_blocks[i])
+
+
+cdef void cross(Pcg* random, uint32* first, uint32* second, int bits) noexcept nogil:
+    """Three-point crossover: the second and the fourth of the four segments change places."""
+    cdef uint32 p = 1 + below(random, bits - 1)
+    cdef uint32 q = 1 + below(random, bits - 1)
+    cdef uint32 r
+    cdef uint32 low, middle, high, differing
+    while q == p:
+        q = 1 + below(random, bits - 1)
+    r = 1 + below(random, bits - 1)
+    while r == p or r == q:
+        r = 1 + below(random, bits - 1)
+    low = min(p, q, r)
+    high = max(p, q, r)
+    middle = p + q + r - low - high
+    differing = (first[0] ^ second[0]) & segments(low, middle, high, bits)
+    first[0] ^= differing
+    second[0] ^= differing
+
+
+cdef inline uint32 segments(uint32 p, uint32 q, uint32 r, int bits) noexcept nogil:
+    """Bits p to q and r to the end, counted from the left of a string of `bits` bits."""
+    cdef uint32 from_p = (<uint32>1 << (bits - p)) - 1
+    cdef uint32 from_q = (<uint32>1 << (bits - q)) - 1
+    cdef uint32 from_r = (<uint32>1 << (bits - r)) - 1
+    return (from_p ^ from_q) | from_r
+
+
+def crossover_mask(int p, int q, int r, int bits):
+    """The bits that crossover at p, q, r exchanges (see the stub)."""
+    return segments(p, q, r, bits)
+
+
+def mutation_mask(int place, int bits):
+    """The bit that a mutation at `place` changes (see the stub)."""
+    return <uint32>1 << (bits - 1 - place)
+
+
+cdef void set_region(Region* region, const double[::1] low, const double[::1] high, const int[::1] bits,
+                     const double[::1] decimals) noexcept nogil:
+    cdef int k
+    region.bits = bits[0] + bits[1] + bits[2]
+    region.shift[0] = bits[1] + bits[2]
+    region.shift[1] = bits[2]
+    region.shift[2] = 0
+    for k in range(3):
+        region.low[k] = low[k]
+        region.span[k] = high[k] - low[k]
+        region.decimals[k] = decimals[k]
+        region.largest[k] = (<uint32>1 << bits[k]) - 1
+
+
+def decode_code(uint32 code, const double[::1] low, const double[::1] high, const int[::1] bits,
+                const double[::1] decimals, double[::1] parabola):
+    """Eq. 5 (see the stub)."""
+    cdef Region region
+    set_region(&region, low, high, bits, decimals)
+    decode(&region, code, &parabola[0])
+
+
+def search(
+    const int[:, :, ::1] response,
+    bint is_left,
+    const double[::1] low,
+    const double[::1] high,
+    const int[::1] bits,
+    const double[::1] decimals,
+    int generations,
+    double crossover_rate,
+    double mutation_rate,
+    uint64 seed_state,
+    uint64 seed_stream,
+    double[::1] parabola,
+):
+    """The genetic search (see the stub)."""
+    cdef Region region
+    cdef Pcg random
+    cdef uint32 parents[POPULATION]
+    cdef uint32 children[POPULATION]
+    cdef double fitness[POPULATION]
+    cdef double wheel[POPULATION]
+    cdef double abc[3]
+    cdef double total, ball, best_value
+    cdef uint32 best
+    cdef uint32 crossover_below = <uint32>(crossover_rate * TWO_32)
+    cdef uint32 mutation_below = <uint32>(mutation_rate * TWO_32)
+    cdef int i, low_i, high_i, middle, worst, generation, n_blocks
+    set_region(&region, low, high, bits, decimals)
+    if region.bits > MAX_BITS or region.bits < 4:
+        raise ValueError(f"a chromosome of {region.bits} bits")
+    with nogil:
+        seed(&random, seed_state, seed_stream)
+        best = 0
+        best_value = -2e300
+        for i in range(POPULATION):
+            parents[i] = draw(&random) >> (32 - region.bits)
+        for i in range(POPULATION):
+            decode(&region, parents[i], abc)
+            fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, &n_blocks)
+            if fitness[i] > best_value:
+                best_value = fitness[i]
+                best = parents[i]
+        for generation in range(generations):
+            # Selection by a roulette wheel (eq. 7); a field is as wide as the fitness, none if that is negative.
+            total = 0.0
+            for i in range(POPULATION):
+                if fitness[i] > 0.0:
+                    total += fitness[i]
+                wheel[i] = total
+            for i in range(POPULATION):
+                if total > 0.0:
+                    ball = <double>draw(&random) / TWO_32 * total
+                    low_i = 0
+                    high_i = POPULATION - 1
+                    while low_i < high_i:
+                        middle = (low_i + high_i) // 2
+                        if wheel[middle] > ball:
+                            high_i = middle
+                        else:
+                            low_i = middle + 1
+                    children[i] = parents[low_i]
+                else:
+                    children[i] = parents[below(&random, POPULATION)]
+            for i in range(POPULATION):
+                if draw(&random) < crossover_below:
+                    cross(&random, &children[i], &children[(i + 1) % POPULATION], region.bits)
+            for i in range(POPULATION):
+                if draw(&random) < mutation_below:
+                    children[i] ^= <uint32>1 << (region.bits - 1 - below(&random, region.bits))
+            worst = 0
+            for i in range(POPULATION):
+                parents[i] = children[i]
+                decode(&region, parents[i], abc)
+                fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, &n_blocks)
+                if fitness[i] < fitness[worst]:
+                    worst = i
+            # Elitism: the best so far takes the place of the worst; then the best so far is brought up to date.
+            parents[worst] = best
+            fitness[worst] = best_value
+            for i in range(POPULATION):
+                if fitness[i] > best_value:
+                    best_value = fitness[i]
+                    best = parents[i]
+        decode(&region, best, abc)
+        parabola[0] = abc[0]
+        parabola[1] = abc[1]
+        parabola[2] = abc[2]
+    return best_value

@@ -1,0 +1,1 @@
+"""Lane boundaries in camera frames: frames, camera geometry, search methods, overlays."""

@@ -1,0 +1,43 @@
+"""One lane boundary in the image (zhang2011, eq. 1).
+
+Coordinates of a search image of `height_px` rows: pixels are numbered from 1 at the bottom left, x to the right, y up, so
+the centre of the pixel in column u and row v (from 0 at the top left, as in NumPy and OpenCV) has x = u + 1 and
+y = height_px - v.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+from cwcli.signals.columns import FloatArray
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """x = a y^2 + b y + c in the pixels of the search image (eq. 1).
+
+    Attributes:
+        a: 1/pixel; positive bends to the right.
+        b: Slope at the bottom.
+        c: Foot, pixels.
+        score: Value of the method's objective, in grey levels where it is zhang2011's.
+        probability: That this is a boundary, 0 to 1; NaN if the method makes no such statement.
+        found: Whether the method says that there is a boundary.
+        covariance: Shape (3, 3) of (a, b, c); None if the method does not give one, then the camera geometry assumes one.
+    """
+
+    a: float
+    b: float
+    c: float
+    score: float
+    probability: float
+    found: bool
+    covariance: FloatArray | None = None
+
+    def x_px(self, y_px: FloatArray) -> FloatArray:
+        """x at the given y, both in pixels as above."""
+        return (self.a * y_px + self.b) * y_px + self.c
+
+
+NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)

@@ -1,0 +1,255 @@
+"""A camera above a flat road: intrinsics with distortion, mounting, and the maps between image and ground plane.
+
+Frames of reference: the image has u to the right and v down, in pixels, and the centre of the top left pixel is (0, 0), as
+in OpenCV. The optical frame has x right, y down, z forward. The body frame has x forward, y left, z up (REP-103); its
+origin here is the point of the road below the camera, moved sideways to the car's centre line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.signals.canonical import CameraInfoSignal
+from cwcli.signals.columns import FloatArray
+
+DEFAULT_FIELD_OF_VIEW_RAD = math.radians(60.0)
+"""Horizontal, where the log holds no calibration."""
+FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt")
+POLYNOMIAL_MODELS = ("plumb_bob", "rational_polynomial", "thin_prism", "radtan", "")
+MIN_DEPTH = 1e-9
+
+_BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Optical axes of a camera that looks straight ahead, level."""
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """Where the camera is on the car.
+
+    Attributes:
+        height_m: Above the road.
+        pitch_rad: Nose down positive (REP-103).
+        yaw_rad: Counter-clockwise positive: looking to the left.
+        roll_rad: Positive about the forward axis: right side down.
+        lateral_offset_m: Left of the car's centre line.
+    """
+
+    height_m: float = 1.3
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    roll_rad: float = 0.0
+    lateral_offset_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A calibrated, mounted camera for images of one size.
+
+    Attributes:
+        width_px, height_px: Image size.
+        fx, fy, cx, cy: Pixels.
+        distortion_model: As in the message: "" or a polynomial model (`plumb_bob`, `rational_polynomial`) or a fisheye
+            one (`equidistant`).
+        distortion: Its coefficients.
+        mounting: On the car.
+        is_default: There was no calibration; the intrinsics are assumed.
+    """
+
+    width_px: int
+    height_px: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion_model: str = ""
+    distortion: tuple[float, ...] = ()
+    mounting: Mounting = field(default_factory=Mounting)
+    is_default: bool = False
+
+    def resized(self, width_px: int, height_px: int) -> Camera:
+        """The same camera for images scaled to another size (also if the aspect ratio changes)."""
+        sx, sy = width_px / self.width_px, height_px / self.height_px
+        return replace(
+            self,
+            width_px=width_px,
+            height_px=height_px,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=(self.cx + 0.5) * sx - 0.5,
+            cy=(self.cy + 0.5) * sy - 0.5,
+        )
+
+    def turned(self, *, pitch_rad: float = math.nan, yaw_rad: float = math.nan) -> Camera:
+        """The same camera with another pitch and yaw; NaN keeps the old one."""
+        mounting = self.mounting
+        if not math.isnan(pitch_rad):
+            mounting = replace(mounting, pitch_rad=pitch_rad)
+        if not math.isnan(yaw_rad):
+            mounting = replace(mounting, yaw_rad=yaw_rad)
+        return replace(self, mounting=mounting)
+
+    def body_from_optical(self) -> FloatArray:
+        """Shape (3, 3): directions of the optical frame in the body frame, Rz(yaw) Ry(pitch) Rx(roll)."""
+        return rotation(self.mounting.yaw_rad, self.mounting.pitch_rad, self.mounting.roll_rad) @ _BODY_FROM_OPTICAL
+
+    def matrix(self) -> FloatArray:
+        """Shape (3, 3): K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def rays_from_image(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+        """Directions (x, y, 1) in the optical frame of image points, distortion removed.
+
+        Returns:
+            Shape (n, 3).
+        """
+        if not any(self.distortion):
+            x, y = (u_px - self.cx) / self.fx, (v_px - self.cy) / self.fy
+            return np.column_stack([x, y, np.ones_like(x)])
+        import cv2
+
+        points = np.column_stack([u_px, v_px]).astype(np.float64).reshape(-1, 1, 2)
+        stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
+        coefficients = np.array(self.distortion)
+        if self.is_fisheye():
+            ideal = cv2.fisheye.undistortPoints(points, self.matrix(), coefficients, criteria=stop)
+        else:
+            ideal = cv2.undistortPoints(points, self.matrix(), coefficients, criteria=stop)
+        return np.column_stack([ideal.reshape(-1, 2), np.ones(len(points))])
+
+    def ground_from_image(self, u_px: FloatArray, v_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where image points lie on the road, body frame.
+
+        Args:
+            u_px, v_px: Shape (n,).
+
+        Returns:
+            x_m, y_m: Shape (n,); NaN at and above the horizon.
+        """
+        return self.ground_from_rays(self.rays_from_image(u_px, v_px))
+
+    def ground_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `ground_from_image`, from optical directions of shape (n, 3)."""
+        body = rays @ self.body_from_optical().T
+        down = -body[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(down > MIN_DEPTH, self.mounting.height_m / down, np.nan)
+        return scale * body[:, 0], scale * body[:, 1] + self.mounting.lateral_offset_m
+
+    def image_from_ground(
+        self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray | float = 0.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Image points of points in the body frame.
+
+        Returns:
+            u_px, v_px: Shape (n,); NaN behind the camera.
+        """
+        body = np.column_stack([x_m, y_m - self.mounting.lateral_offset_m, np.zeros_like(x_m) + z_m])
+        body[:, 2] -= self.mounting.height_m
+        optical = body @ self.body_from_optical()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ideal = np.where(optical[:, 2:] > MIN_DEPTH, optical[:, :2] / optical[:, 2:], np.nan)
+        if not any(self.distortion):
+            return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
+        import cv2
+
+        at = np.isfinite(ideal).all(axis=1)
+        pixels = np.full_like(ideal, np.nan)
+        if at.any():
+            zero, coefficients = np.zeros(3), np.array(self.distortion)
+            points = np.column_stack([ideal[at], np.ones(at.sum())]).reshape(-1, 1, 3)
+            if self.is_fisheye():
+                made = cv2.fisheye.projectPoints(points, zero, zero, self.matrix(), coefficients)[0]
+            else:
+                made = cv2.projectPoints(points, zero, zero, self.matrix(), coefficients)[0]
+            pixels[at] = made.reshape(-1, 2)
+        return pixels[:, 0], pixels[:, 1]
+
+    def horizon_v_px(self) -> float:
+        """Row of the horizon straight ahead of the car, distortion left out; may lie outside the image."""
+        ahead = self.body_from_optical().T @ np.array([1.0, 0.0, 0.0])
+        return float(self.cy + self.fy * ahead[1] / ahead[2]) if ahead[2] > MIN_DEPTH else math.nan
+
+    def is_fisheye(self) -> bool:
+        """Whether the distortion is a fisheye model's."""
+        return self.distortion_model.lower() in FISHEYE_MODELS
+
+
+def rotation(yaw_rad: float, pitch_rad: float, roll_rad: float) -> FloatArray:
+    """Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
+    cz, sz, cy, sy = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
+    cx, sx = math.cos(roll_rad), math.sin(roll_rad)
+    rz = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+    ry = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    rx = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+    return np.asarray(rz @ ry @ rx)
+
+
+def default_camera(
+    width_px: int, height_px: int, mounting: Mounting, *, field_of_view_rad: float = DEFAULT_FIELD_OF_VIEW_RAD
+) -> Camera:
+    """The stated default: square pixels, the optical axis at the image's centre, no distortion.
+
+    Args:
+        width_px, height_px: Image size.
+        mounting: On the car.
+        field_of_view_rad: Horizontal, over the whole width.
+    """
+    focal_px = width_px / 2.0 / math.tan(field_of_view_rad / 2.0)
+    return Camera(
+        width_px=width_px,
+        height_px=height_px,
+        fx=focal_px,
+        fy=focal_px,
+        cx=(width_px - 1) / 2.0,
+        cy=(height_px - 1) / 2.0,
+        mounting=mounting,
+        is_default=True,
+    )
+
+
+def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectified: bool) -> Camera:
+    """The camera of a calibration message.
+
+    Args:
+        info: The message.
+        mounting: On the car.
+        is_rectified: The images are rectified already: P holds their intrinsics, and there is no distortion. (The
+            rectifying rotation of a stereo camera is left out: the mounting is that of the rectified image.)
+
+    Raises:
+        UsageError: The distortion model is unknown.
+    """
+    model = info.distortion_model.lower()
+    if model not in FISHEYE_MODELS + POLYNOMIAL_MODELS:
+        raise UsageError(
+            f"the distortion model {info.distortion_model!r} is unknown",
+            where=info.source,
+            hint=f"known: {', '.join(name for name in (*POLYNOMIAL_MODELS, *FISHEYE_MODELS) if name)}",
+        )
+    k = info.projection[:, :3] if is_rectified else info.intrinsic
+    return Camera(
+        width_px=info.width_px,
+        height_px=info.height_px,
+        fx=float(k[0, 0]),
+        fy=float(k[1, 1]),
+        cx=float(k[0, 2]),
+        cy=float(k[1, 2]),
+        distortion_model="" if is_rectified else model,
+        distortion=() if is_rectified else coefficients_of(model, info.distortion),
+        mounting=mounting,
+    )
+
+
+def coefficients_of(model: str, values: FloatArray | Sequence[float]) -> tuple[float, ...]:
+    """The coefficients in a number that OpenCV takes: 4 for a fisheye, else 4, 5, 8, 12 or 14; zeros fill up."""
+    given = [float(value) for value in values]
+    if not any(given):
+        return ()
+    lengths = (4,) if model in FISHEYE_MODELS else (4, 5, 8, 12, 14)
+    length = next((n for n in lengths if n >= len(given)), lengths[-1])
+    return tuple((given + [0.0] * length)[:length])

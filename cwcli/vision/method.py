@@ -1,0 +1,79 @@
+"""What a lane method is given and what it gives back.
+
+A method is registered in `cwcli.vision.methods.METHODS`. Its search keeps state between the frames of one camera; a change
+of the image size, or a jump of the time, starts a new search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import nan
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.vision.boundary import Boundary
+from cwcli.vision.camera import Camera
+
+GreyImage = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class LaneFrame:
+    """One frame for the search.
+
+    Attributes:
+        grey: Shape (height, width), uint8, of the size that the method's `search_size` asked for. May be read-only.
+        camera: The camera in the pixels of `grey`.
+        stamp_ns: Time of the frame.
+        number: 0, 1, 2, ... over the frames that could be decoded; seeds of random searches derive from it.
+        speed_mps, yaw_rate_radps: The ego's motion at that time, NaN where the log does not tell.
+    """
+
+    grey: GreyImage
+    camera: Camera
+    stamp_ns: int
+    number: int
+    speed_mps: float = nan
+    yaw_rate_radps: float = nan
+
+
+@dataclass(frozen=True)
+class LaneFit:
+    """Both boundaries of one frame.
+
+    Attributes:
+        left, right: In the pixels of the search image.
+        pitch_rad: The camera's pitch as the method estimates it from the frames, nose down positive; NaN: keep the
+            mounting's.
+        yaw_rad: Likewise the yaw, counter-clockwise positive.
+    """
+
+    left: Boundary
+    right: Boundary
+    pitch_rad: float = nan
+    yaw_rad: float = nan
+
+
+class LaneSearch(Protocol):
+    """A search over the frames of one camera, in order; holds the state between them."""
+
+    def step(self, frame: LaneFrame) -> LaneFit:
+        """Find both boundaries in the next frame."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A registered method.
+
+    Attributes:
+        summary: One line for `--help`.
+        search_size: (width_px, height_px) of the camera's image -> the size that the search wants.
+        make: Seed -> a new search.
+    """
+
+    summary: str
+    search_size: Callable[[int, int], tuple[int, int]]
+    make: Callable[[int], LaneSearch]

@@ -1,0 +1,173 @@
+"""The lane boundaries of zhang2011, exactly: objective eq. 2, 3; coding eq. 4, 5; genetic search in three phases.
+
+The image is squeezed to 320 x 240 whatever its aspect ratio: the regions and the 150 searched rows belong to that size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.method import LaneFit, LaneFrame
+from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, Int32Array, block_responses
+
+CROSSOVER_RATE = 0.45
+MUTATION_RATE = 0.05
+DECIMALS = (4, 2, 0)
+"""Of a, b, c."""
+FIRST_LEFT = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
+FIRST_RIGHT = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
+
+_POWERS = np.array([10.0**m for m in DECIMALS])
+_MASK_64 = (1 << 64) - 1
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One of the three phases.
+
+    Attributes:
+        bits: Length of the strings of a, b, c (table 3).
+        generations: g_max (table 4).
+        reach: Half widths of the region around the previous result; None: the first frame's region.
+    """
+
+    bits: tuple[int, int, int]
+    generations: int
+    reach: tuple[float, float, float] | None
+
+
+FIRST = Phase((7, 8, 8), 180, None)
+SECOND = Phase((6, 7, 7), 120, (0.003, 0.6, 60.0))
+THIRD = Phase((5, 5, 5), 25, (0.001, 0.15, 15.0))
+
+
+def phase_of(n_before: int) -> Phase:
+    """The phase of a frame that follows `n_before` frames of the same run: 1st, 2nd to 6th, later ones."""
+    if n_before == 0:
+        return FIRST
+    return SECOND if n_before < 6 else THIRD
+
+
+def n_bits(low: float, high: float, decimals: int) -> int:
+    """Length of the string of a parameter: the k of 2^(k-1) < (high - low) 10^m < 2^k (eq. 4)."""
+    steps = round((high - low) * 10**decimals)
+    return int(steps).bit_length()
+
+
+def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, int]) -> tuple[float, float, float]:
+    """a, b, c of a chromosome (eq. 5), each rounded to its decimals.
+
+    Args:
+        code: Zeros and ones: the strings of a, b and c.
+        low, high: Shape (3,): the region.
+        bits: Their lengths.
+    """
+    from cwcli.kernels import lane_search
+
+    made = np.empty(3)
+    lane_search.decode_code(int(code, 2), low, high, np.array(bits, np.int32), _POWERS, made)
+    return float(made[0]), float(made[1]), float(made[2])
+
+
+def crossover(first: str, second: str, points: tuple[int, int, int]) -> tuple[str, str]:
+    """Two chromosomes after an exchange of the second and fourth of the segments that three points cut."""
+    from cwcli.kernels import lane_search
+
+    n = len(first)
+    differing = (int(first, 2) ^ int(second, 2)) & lane_search.crossover_mask(*points, n)
+    return f"{int(first, 2) ^ differing:0{n}b}", f"{int(second, 2) ^ differing:0{n}b}"
+
+
+def mutate(code: str, place: int) -> str:
+    """A chromosome with the bit at `place` (from 0 at the left) changed."""
+    from cwcli.kernels import lane_search
+
+    return f"{int(code, 2) ^ lane_search.mutation_mask(place, len(code)):0{len(code)}b}"
+
+
+def search_boundary(
+    responses: Int32Array,
+    phase: Phase,
+    previous: Boundary,
+    *,
+    is_left: bool,
+    seed: int,
+    stream: int,
+) -> Boundary:
+    """One boundary of one frame.
+
+    Args:
+        responses: Of this side (`block_responses`).
+        phase: Bits, generations and region.
+        previous: Of the frame before; not used in the first phase.
+        is_left: Which side.
+        seed, stream: Of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
+    """
+    from cwcli.kernels import lane_search
+
+    if phase.reach is None:
+        region = np.array(FIRST_LEFT if is_left else FIRST_RIGHT)
+        low, high = np.ascontiguousarray(region[:, 0]), np.ascontiguousarray(region[:, 1])
+    else:
+        centre, reach = np.array([previous.a, previous.b, previous.c]), np.array(phase.reach)
+        low, high = centre - reach, centre + reach
+    made = np.empty(3)
+    score = lane_search.search(
+        responses,
+        is_left,
+        low,
+        high,
+        np.array(phase.bits, np.int32),
+        _POWERS,
+        phase.generations,
+        CROSSOVER_RATE,
+        MUTATION_RATE,
+        seed & _MASK_64,
+        stream,
+        made,
+    )
+    if score <= 0.0:
+        return NOT_FOUND
+    return Boundary(float(made[0]), float(made[1]), float(made[2]), score, nan, True)
+
+
+class Zhang2011Search:
+    """Both boundaries over the frames of one camera; each side has its own phase.
+
+    The paper does not say what happens when there is nothing to see. Here a boundary whose objective is not positive is
+    'not found', and its search begins again with the first phase. The random numbers of a frame depend on the seed, the
+    frame's number and the side alone.
+
+    Args:
+        seed: Of all random numbers.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._last = [NOT_FOUND, NOT_FOUND]
+        self._n_before = [0, 0]
+
+    def step(self, frame: LaneFrame) -> LaneFit:
+        """Find both boundaries in the next frame (320 x 240)."""
+        for side, responses in enumerate(block_responses(frame.grey)):
+            made = search_boundary(
+                responses,
+                phase_of(self._n_before[side]),
+                self._last[side],
+                is_left=side == 0,
+                seed=self._seed,
+                stream=2 * frame.number + side,
+            )
+            self._last[side] = made
+            self._n_before[side] = self._n_before[side] + 1 if made.found else 0
+        return LaneFit(*self._last)
+
+
+def search_size(width_px: int, height_px: int) -> tuple[int, int]:
+    """The paper's image size, whatever the camera's."""
+    return WIDTH_PX, HEIGHT_PX
