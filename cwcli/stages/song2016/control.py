@@ -1,0 +1,118 @@
+"""Figures 12 to 15: what the fuzzy controller makes of each family's warning moment."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cwcli.control.closed_loop import Motion, Outcome, driver_policy, fuzzy_policy, replay
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.scenario import HOST, Scenario
+from cwcli.stages.song2016.finding import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
+from cwcli.stages.song2016.methods import FAMILIES
+from cwcli.stages.song2016.warning import OURS, Moments
+
+GRID_S = 0.01
+EXTRA_S = 6.0
+"""The scenario ends with the collision; the car needs some seconds more to come to rest."""
+FIGURES = {"rear-end": ("fig 12", "fig 13"), "intersection": ("fig 14", "fig 15")}
+LABELS = {family: f"constant {family}" for family in FAMILIES} | {OURS: "our default"}
+
+
+def control_part(name: str, moments: Moments) -> Part:
+    """The replay of one scenario under control, for each family's warning moments over all seeds."""
+    host = true_motion(moments.scenario, HOST)
+    other = true_motion(moments.scenario, moments.other)
+    outcomes = {
+        method: replay(host, other, np.where(np.isnan(when), np.inf, when), fuzzy_policy)
+        for method, when in moments.by_method.items()
+    }
+    jerk = moments.by_method["jerk"]
+    nothing = replay(host, other, np.array([np.inf]), fuzzy_policy)
+    driver = replay(host, other, np.where(np.isnan(jerk), np.inf, jerk), driver_policy)
+    findings = _rear_end(outcomes) if name == "rear-end" else _intersection(outcomes)
+    figure = FIGURES[name][0]
+    findings += [
+        _reported(figure, f"{name}: no action", nothing.min_distance_m),
+        _reported(figure, f"{name}: driver brakes 1.5 s after the jerk model's warning", driver.min_distance_m),
+        _reported(figure, f"{name}: our default", outcomes[OURS].min_distance_m),
+    ]
+    return Part(tuple(findings), _plots(name, outcomes))
+
+
+def true_motion(scenario: Scenario, vehicle: str) -> Motion:
+    """The vehicle's true motion, carried on with its last speed and yaw rate for `EXTRA_S`."""
+    time_s = np.arange(round((scenario.duration_s + EXTRA_S) / GRID_S) + 1, dtype=np.float64) * GRID_S
+    state = scenario.vehicles[vehicle].motion.at(time_s)
+    return Motion(time_s, state[:, 0], state[:, 1], state[:, 3], np.maximum(state[:, 2], 0.0))
+
+
+def _rear_end(outcomes: dict[str, Outcome]) -> list[Finding]:
+    """Constant speed collides, the other two don't, the jerk model keeps the larger gap."""
+    findings = []
+    for family in FAMILIES:
+        outcome = outcomes[family]
+        share = 100.0 * float(outcome.collided.mean())
+        expected = 100.0 if family == "speed" else 0.0
+        verdict = "reproduced" if abs(share - expected) <= 5.0 else "differs"
+        findings.append(
+            Finding(
+                "fig 12",
+                f"rear-end: runs that collide, constant {family}",
+                "%",
+                expected,
+                share,
+                math.nan,
+                math.nan,
+                verdict,
+                is_required=True,
+            )
+        )
+    findings += [_reported("fig 12", f"rear-end: constant {f}", outcomes[f].min_distance_m) for f in FAMILIES]
+    gaps = [float(np.median(outcomes[family].min_distance_m)) for family in ("acceleration", "jerk")]
+    findings.append(
+        _holds("fig 12", "rear-end: the jerk model leaves a larger gap than acceleration", gaps[1] > gaps[0])
+    )
+    return findings
+
+
+def _intersection(outcomes: dict[str, Outcome]) -> list[Finding]:
+    """The yaw-acceleration model keeps the largest minimum distance."""
+    findings = [_reported("fig 14", f"intersection: constant {f}", outcomes[f].min_distance_m) for f in FAMILIES]
+    medians = {family: float(np.median(outcomes[family].min_distance_m)) for family in FAMILIES}
+    largest = medians["jerk"] > max(medians["acceleration"], medians["speed"])
+    findings.append(_holds("fig 14", "intersection: the yaw-acceleration model keeps the largest distance", largest))
+    return findings
+
+
+def _holds(figure: str, what: str, holds: bool) -> Finding:
+    verdict = "reproduced" if holds else "differs"
+    return Finding(figure, what, "", 1.0, float(holds), math.nan, math.nan, verdict, is_required=True)
+
+
+def _reported(figure: str, what: str, values_m: FloatArray) -> Finding:
+    median, low, high = median_interval(values_m)
+    return Finding(figure, f"{what}, least distance, median", "m", NOT_PRINTED, median, low, high, "reported")
+
+
+def _plots(name: str, outcomes: dict[str, Outcome]) -> tuple[Plot, ...]:
+    distance, speed = FIGURES[name]
+    return (
+        Plot(
+            distance,
+            f"{name}: distance under control (first seed)",
+            "time [s]",
+            "distance [m]",
+            [Curve(LABELS[m], o.time_s, o.distance_m[0]) for m, o in outcomes.items()],
+            {},
+            ("collision", 2.5),
+        ),
+        Plot(
+            speed,
+            f"{name}: speed of the host under control (first seed)",
+            "time [s]",
+            "speed [m/s]",
+            [Curve(LABELS[m], o.time_s, o.speed_mps[0]) for m, o in outcomes.items()],
+        ),
+    )

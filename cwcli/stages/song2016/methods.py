@@ -1,0 +1,163 @@
+"""The paper's chain and ours on the same simulated drives: sensors -> states -> paths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.song2016 import filter_vectors
+from cwcli.estimation.track import Track, estimate_track
+from cwcli.prediction.rollout import rollout
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.simulation.drive import SimulatedDrive
+from cwcli.simulation.scenario import HOST, Scenario
+from cwcli.simulation.sensors import measure
+from cwcli.stages.predict import MAX_MESSAGE_AGE_S
+from cwcli.warning.types import VehicleTrack
+
+STEP_S = 0.05  # dT of eq. 2
+STEP_NS = 50_000_000
+HORIZON_S = 2.5  # song2016, section 4
+DERIVATIVE_SAMPLES = 5
+"""Jerk and yaw acceleration are the least-squares slope of the filtered acceleration and yaw rate over the last 0.2 s.
+The paper says that they are "computed from the measured" values and not how. Five samples are the shortest window whose
+noise is below what a driver does: the filtered acceleration has 0.03 m/s^2, so the slope has about 0.2 m/s^3."""
+FAMILIES = {"speed": "cv", "acceleration": "ctra", "jerk": "cj-cya"}
+"""The paper's three families (eq. 9, 2, 10) and our names of the models."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One vehicle of one seed, at the common 20 Hz stamps of its sensors.
+
+    Attributes:
+        time_s: Shape (n,).
+        truth: Shape (n, 8).
+        vectors: Shape (n, 6): the measurement vector Z of eq. 1.
+        sigma: Shape (6,): its noise.
+    """
+
+    time_s: FloatArray
+    truth: FloatArray
+    vectors: FloatArray
+    sigma: FloatArray
+
+
+def sense(scenario: Scenario, vehicle: str, seed: int) -> Run:
+    """The paper's synchronous measurement vector of one vehicle (eq. 1), from the scenario's sensors."""
+    motion = scenario.vehicles[vehicle].motion
+    data = {
+        name: measure(name, motion, settings, start_ns=0, end_s=scenario.duration_s, seed=seed, vehicle=vehicle)
+        for name, settings in scenario.sensors.items()
+    }
+    columns = (("gnss", 0), ("gnss", 1), ("speed", 0), ("gnss_heading", 0), ("imu", 0), ("imu", 5))
+    n = min(len(data[name].values) for name, _ in columns)
+    vectors = np.column_stack([data[name].values[:n, column] for name, column in columns])
+    sigma = np.array([data[name].sigma[column] for name, column in columns])
+    time_s = np.asarray(data["gnss"].stamp_ns[:n] * 1e-9, dtype=np.float64)
+    return Run(time_s, motion.at(time_s), vectors, sigma)
+
+
+def paper_states(run: Run) -> FloatArray:
+    """song2016's filter (eq. 8) and the derivatives that its prediction needs, shape (n, 8)."""
+    states, _ = filter_vectors(run.vectors, tuple(run.sigma))
+    return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])
+
+
+def our_track(run: Run, *, causal: bool = True) -> Track:
+    """Our default estimator on the same measurements, told the same noise."""
+    stamp_ns = np.arange(len(run.vectors), dtype=np.int64) * STEP_NS
+    columns = {
+        Kind.POSITION: [0, 1],
+        Kind.SPEED: [2],
+        Kind.HEADING: [3],
+        Kind.ACCEL: [4],
+        Kind.YAW_RATE: [5],
+    }
+    measurements = [_measured(kind, stamp_ns, run.vectors[:, own], run.sigma[own]) for kind, own in columns.items()]
+    return estimate_track(measurements, EstimatorConfig(latency="none", causal=causal), stamp_ns)
+
+
+def our_vehicles(drive: SimulatedDrive, model: str) -> tuple[VehicleTrack, list[VehicleTrack]]:
+    """What our default chain knows on line: the host from its sensors, the others from the messages it received.
+
+    The host's states come at 20 Hz, the others' at the times of their messages, each from the past alone (causal).
+
+    Args:
+        drive: A simulated drive with at least one other vehicle on V2X.
+        model: The motion model, a key of `prediction.MODELS`.
+    """
+    first_ns = max(int(data.stamp_ns.min()) for data in drive.sensors.values())
+    last_ns = min(int(data.stamp_ns.max()) for data in drive.sensors.values())
+    grid_ns = np.arange(first_ns, last_ns + 1, STEP_NS, dtype=np.int64)
+    config = EstimatorConfig(latency="none", causal=True)
+    sizes = drive.scenario.vehicles[HOST]
+    track = estimate_track(_host_measurements(drive), config, grid_ns)
+    host = _vehicle(HOST, track, grid_ns, model, HORIZON_S, sizes.length_m, sizes.width_m)
+    others = []
+    for received in drive.v2x.values():
+        stamp_ns, rows = np.unique(received.stamp_ns, return_index=True)
+        columns = {
+            Kind.POSITION: [0, 1],
+            Kind.SPEED: [2],
+            Kind.HEADING: [3],
+            Kind.ACCEL: [4],
+            Kind.YAW_RATE: [5],
+        }
+        said = [
+            _measured(kind, stamp_ns, received.state[rows][:, own], received.sigma[own])
+            for kind, own in columns.items()
+        ]
+        track = estimate_track(said, config, stamp_ns)
+        reach_s = HORIZON_S + MAX_MESSAGE_AGE_S
+        heard_ns = received.log_time_ns[rows]
+        others.append(
+            _vehicle(received.station_id, track, heard_ns, model, reach_s, received.length_m, received.width_m)
+        )
+    return host, others
+
+
+def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
+    sensors = drive.sensors
+    gnss, imu = sensors["gnss"], sensors["imu"]
+    return [
+        _measured(Kind.POSITION, gnss.stamp_ns, gnss.values[:, :2], gnss.sigma[:2]),
+        _measured(Kind.SPEED, sensors["speed"].stamp_ns, sensors["speed"].values, sensors["speed"].sigma),
+        _measured(
+            Kind.HEADING,
+            sensors["gnss_heading"].stamp_ns,
+            sensors["gnss_heading"].values,
+            sensors["gnss_heading"].sigma,
+        ),
+        Measurements("imu", Kind.IMU, imu.stamp_ns, imu.values, np.tile(np.square(imu.sigma), (len(imu.values), 1))),
+    ]
+
+
+def _measured(kind: Kind, stamp_ns: Int64Array, values: FloatArray, sigma: FloatArray) -> Measurements:
+    return Measurements(kind.name.lower(), kind, stamp_ns, values, np.tile(np.square(sigma), (len(values), 1)))
+
+
+def _vehicle(
+    name: str, track: Track, log_time_ns: Int64Array, model: str, horizon_s: float, length_m: float, width_m: float
+) -> VehicleTrack:
+    paths = rollout(model, track.state, track.covariance, horizon_s=horizon_s, step_s=STEP_S)
+    return VehicleTrack(name, track.stamp_ns, log_time_ns, track.state, paths, length_m, width_m)
+
+
+def trailing_slope(values: FloatArray, samples: int = DERIVATIVE_SAMPLES) -> FloatArray:
+    """Least-squares slope over the last `samples` values, per second; 0 until there are so many. Shape (n,)."""
+    offsets = np.arange(samples) - (samples - 1) / 2.0
+    weights = offsets / (offsets @ offsets) / STEP_S
+    slope = np.zeros_like(values)
+    if len(values) >= samples:
+        slope[samples - 1 :] = np.convolve(values, weights[::-1], mode="valid")
+    return slope
+
+
+def paper_points(states: FloatArray, family: str, horizon_s: float) -> FloatArray:
+    """Where the paper's recursion (eq. 9, 2 or 10) puts the vehicle `horizon_s` later, shape (n, 2)."""
+    paths = rollout(FAMILIES[family], states, None, horizon_s=horizon_s, step_s=STEP_S, discretisation="paper")
+    return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])

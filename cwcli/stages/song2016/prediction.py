@@ -1,0 +1,163 @@
+"""Figures 3, 5 and 7: the error of the predicted position for the three families and for three horizons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.estimation.track import Track
+from cwcli.prediction.models import DEFAULT_MODEL
+from cwcli.prediction.rollout import rollout
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.stages.song2016.finding import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval, ordered
+from cwcli.stages.song2016.methods import (
+    FAMILIES,
+    HORIZON_S,
+    STEP_S,
+    our_track,
+    paper_points,
+    paper_states,
+    sense,
+)
+
+HORIZONS_S = (2.1, 2.5, 2.9)
+FIGURES = {"straight": "fig 3", "curve": "fig 5"}
+OURS = "cwcli"
+WARM_UP_S = 2.0
+"""Starts before this are left out: the filters have not settled, and a tracked car is not switched on when it matters."""
+LARGEST_AT_2_9_S = 7.9
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Prediction errors of one scenario.
+
+    Attributes:
+        time_s: Shape (n,), of the starts.
+        mean_m, max_m: Method -> shape (seeds,): over the starts.
+        example_m: Method -> shape (n,), the first seed.
+        horizon_max_m: Horizon -> shape (seeds,): largest error of the jerk model.
+        horizon_example_m: Horizon -> time and error of the first seed.
+    """
+
+    time_s: FloatArray
+    mean_m: dict[str, FloatArray]
+    max_m: dict[str, FloatArray]
+    example_m: dict[str, FloatArray]
+    horizon_max_m: dict[float, FloatArray]
+    horizon_example_m: dict[float, tuple[FloatArray, FloatArray]]
+
+
+def prediction_errors(name: str, n_seeds: int, tick: Callable[[], None]) -> Errors:
+    """Predict from every state of the host, in every seed, and compare with the truth."""
+    scenario = load_scenario(name)
+    motion = scenario.vehicles[HOST].motion
+    means: dict[str, list[float]] = {method: [] for method in (*FAMILIES, OURS)}
+    largest: dict[str, list[float]] = {method: [] for method in means}
+    by_horizon: dict[float, list[float]] = {horizon: [] for horizon in HORIZONS_S}
+    example: dict[str, FloatArray] = {}
+    horizon_example: dict[float, tuple[FloatArray, FloatArray]] = {}
+    start_s = np.zeros(0)
+    for seed in range(n_seeds):
+        run = sense(scenario, HOST, seed)
+        states = paper_states(run)
+        start_s, errors = _errors_at(run.time_s, scenario.duration_s, HORIZON_S, motion.at)
+        for family in FAMILIES:
+            error_m = errors(paper_points(states, family, HORIZON_S))
+            example.setdefault(family, error_m)
+            means[family].append(float(error_m.mean()))
+            largest[family].append(float(error_m.max()))
+        error_m = errors(_default_points(our_track(run)))
+        example.setdefault(OURS, error_m)
+        means[OURS].append(float(error_m.mean()))
+        largest[OURS].append(float(error_m.max()))
+        for horizon in HORIZONS_S:
+            at_s, at_horizon = _errors_at(run.time_s, scenario.duration_s, horizon, motion.at)
+            error_m = at_horizon(paper_points(states, "jerk", horizon))
+            by_horizon[horizon].append(float(error_m.max()))
+            horizon_example.setdefault(horizon, (at_s, error_m))
+        tick()
+    return Errors(
+        start_s,
+        {method: np.array(values) for method, values in means.items()},
+        {method: np.array(values) for method, values in largest.items()},
+        example,
+        {horizon: np.array(values) for horizon, values in by_horizon.items()},
+        horizon_example,
+    )
+
+
+def prediction_part(name: str, errors: Errors) -> Part:
+    """Figure 3 or 5: the order of the families, in the mean and in the maximum; our default beside them."""
+    figure = FIGURES[name]
+    findings: list[Finding] = []
+    medians: dict[str, list[float]] = {"mean": [], "largest": []}
+    for method in ("jerk", "acceleration", "speed", OURS):
+        label = "our default" if method == OURS else f"constant {method}"
+        for kind, values in (("mean", errors.mean_m[method]), ("largest", errors.max_m[method])):
+            median, low, high = median_interval(values)
+            findings.append(
+                Finding(figure, f"{name}: {kind} error, {label}", "m", NOT_PRINTED, median, low, high, "reported")
+            )
+            if method != OURS:
+                medians[kind].append(median)
+    for kind, values_m in medians.items():
+        holds = ordered(values_m)
+        findings.append(
+            Finding(
+                figure,
+                f"{name}: {kind} error: jerk below acceleration below speed",
+                "",
+                1.0,
+                float(holds),
+                math.nan,
+                math.nan,
+                "reproduced" if holds else "differs",
+                is_required=True,
+            )
+        )
+    labels = {family: f"constant {family}" for family in FAMILIES} | {OURS: "our default"}
+    plot = Plot(
+        figure,
+        f"{name}: position error {HORIZON_S:g} s ahead (first seed)",
+        "time of the prediction [s]",
+        "error [m]",
+        [Curve(labels[method], errors.time_s, values) for method, values in errors.example_m.items()],
+    )
+    return Part(tuple(findings), (plot,))
+
+
+def horizon_part(errors: Errors) -> Part:
+    """Figure 7: the jerk model at three horizons, straight scenario."""
+    findings = []
+    for horizon, values in errors.horizon_max_m.items():
+        median, low, high = median_interval(values)
+        paper = LARGEST_AT_2_9_S if horizon == max(HORIZONS_S) else NOT_PRINTED
+        what = f"straight: largest error of constant jerk, {horizon:g} s ahead"
+        findings.append(Finding("fig 7", what, "m", paper, median, low, high, "reported"))
+    plot = Plot(
+        "fig 7",
+        "straight: position error of constant jerk at three horizons (first seed)",
+        "time of the prediction [s]",
+        "error [m]",
+        [Curve(f"{h:g} s", time_s, error_m) for h, (time_s, error_m) in errors.horizon_example_m.items()],
+    )
+    return Part(tuple(findings), (plot,))
+
+
+def _errors_at(
+    time_s: FloatArray, end_s: float, horizon_s: float, true_state: Callable[[FloatArray], FloatArray]
+) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+    """The starts whose outcome is known, and a function from predicted points (n, 2) of all starts to their errors."""
+    rows = np.flatnonzero((time_s >= WARM_UP_S) & (time_s + horizon_s <= end_s + 1e-9))
+    actual = true_state(time_s[rows] + horizon_s)[:, :2]
+    return time_s[rows], lambda points: np.asarray(np.hypot(*(points[rows] - actual).T))
+
+
+def _default_points(track: Track) -> FloatArray:
+    paths = rollout(DEFAULT_MODEL, track.state, track.covariance, horizon_s=HORIZON_S, step_s=STEP_S)
+    return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])
