@@ -176,11 +176,11 @@ def test_two_remote_vehicles_share_the_topics_in_order(tmp_path: Path) -> None:
     drive = simulate(load_scenario("rear-end", third), 3)
     written = {entry.topic: entry for entry in write_log(drive, tmp_path / "three.mcap")}
     received = messages(tmp_path / "three.mcap", "/v2x/bsm")
-    assert len(received) == written["/v2x/bsm"].n_messages == 2 * 161
+    assert len(received) == written["/v2x/bsm"].n_messages == 2 * 201
     times = [message.log_time for message, _ in received]
     assert times == sorted(times)
     assert len({body["coreData"]["id"] for _, body in received}) == 2
-    assert written["/simulation/vehicles"].n_messages == 2 * 161
+    assert written["/simulation/vehicles"].n_messages == 2 * 201
 
 
 def test_metadata_is_enough_to_make_the_log_again(crossing: tuple[SimulatedDrive, Path], tmp_path: Path) -> None:
@@ -213,7 +213,7 @@ def test_existing_target_is_kept_unless_forced(tmp_path: Path) -> None:
         write_log(drive, target)
     assert target.read_text() == "mine"
     write_log(drive, target, force=True)
-    assert len(messages(target, "/gps/fix")) == 161
+    assert len(messages(target, "/gps/fix")) == 201
 
 
 def records(path: Path) -> list[tuple[str, object]]:

@@ -43,7 +43,7 @@ def test_exact_states_leave_room_for_the_lag_of_a_filter(name: str) -> None:
     assert exact["ideal"] == pytest.approx(published["ideal"], abs=TOLERANCE_S)
     assert exact["ideal"] <= exact["jerk"] + 0.005 < exact["accel"] < exact["speed"]
     for model in ("jerk", "accel"):
-        assert published[model] - 0.13 < exact[model] < published[model]
+        assert published[model] - 0.16 < exact[model] < published[model]
     assert exact["speed"] == pytest.approx(published["speed"], abs=0.05)
 
 

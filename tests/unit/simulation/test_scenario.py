@@ -118,7 +118,7 @@ def test_scenario_from_a_file(tmp_path: Path) -> None:
         ("v2x=3", "v2x is 3; permitted: a table"),
         ("vehicles.Other.speed_mps=3", "vehicles.Other is no name; permitted: lower-case letters, digits, - and _"),
         ("vehicles.host=3", "vehicles.host is 3; permitted: a table"),
-        ("friction=0.2", "vehicles.lead needs 8.00 m/s^2 of the tyres at 6.20 s; permitted: 0 to 1.96 m/s^2 "),
+        ("friction=0.2", "vehicles.lead needs 8.00 m/s^2 of the tyres at 5.79 s; permitted: 0 to 1.96 m/s^2 "),
     ],
 )
 def test_bad_value_names_file_key_and_permitted_range(setting: str, message: str) -> None:

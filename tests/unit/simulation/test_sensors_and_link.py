@@ -154,11 +154,11 @@ def test_seed_decides_the_draws_and_not_the_truth() -> None:
 def test_truth_grid_is_one_millisecond_and_holds_every_vehicle() -> None:
     made = drive("rear-end")
     assert set(made.truth) == {"host", "lead"}
-    assert made.truth["lead"].shape == (8001, 8)
+    assert made.truth["lead"].shape == (10001, 8)
     assert np.all(np.diff(made.truth_stamp_ns) == 1_000_000)
-    # Until 1.3 s both drive 20 m/s; at 3.4 s the lead has lost 1 m/s^2 * (2.1 - 0.1) s = 2 m/s (ramp of 0.2 s).
-    assert made.truth["lead"][1300, :3] == pytest.approx([46.0, 0.0, 20.0])
-    assert made.truth["lead"][3400, 2] == pytest.approx(18.0, abs=1e-9)
+    # Until 1.4 s both drive 20 m/s; at 3.45 s the lead has lost 1 m/s^2 * (2.05 - 0.05) s = 2 m/s (ramp of 0.1 s).
+    assert made.truth["lead"][1400, :3] == pytest.approx([48.0, 0.0, 20.0])
+    assert made.truth["lead"][3450, 2] == pytest.approx(18.0, abs=1e-9)
 
 
 def test_v2x_noise_is_the_estimated_column_of_table_1() -> None:
