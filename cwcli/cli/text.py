@@ -69,6 +69,11 @@ def size(n_bytes: int) -> str:
     raise AssertionError("unreachable")
 
 
+def count(n: int, noun: str) -> str:
+    """`1 chunk`, `2 chunks`."""
+    return f"{n} {noun}{'' if n == 1 else 's'}"
+
+
 def wrap(text: str, width: int) -> list[str]:
     """`text` in lines of at most `width` cells, broken at spaces, else after `/ _ . ,`, else anywhere."""
     lines: list[str] = []

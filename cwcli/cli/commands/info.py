@@ -9,7 +9,7 @@ from cwcli.cli.console import Console
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
 from cwcli.cli.options.values import NS_PER_S, utc
 from cwcli.cli.tables import Cell, table
-from cwcli.cli.text import duration, join_names, paragraph, printable, size
+from cwcli.cli.text import count, duration, join_names, paragraph, printable, size
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
@@ -119,7 +119,7 @@ def show(console: Console, document: Document) -> None:
     ]
     console.summary(table(("topic", "schema", "encoding", "messages", "Hz", "role"), rows))
     console.summary("")
-    console.summary(table(("command", "can run", "the log lacks"), _command_rows(document["commands"])))
+    console.summary(table(("command", "can run", "not in the log"), _command_rows(document["commands"])))
     for note in document["notes"]:
         console.note(note)
 
@@ -130,7 +130,7 @@ def _facts(document: Document) -> list[tuple[str, str]]:
         ("size", size(document["size_bytes"])),
         ("start", document["start"]),
         ("duration", duration(document["duration_s"])),
-        ("messages", f"{document['messages']} in {document['chunks']} chunks, compression {compression}"),
+        ("messages", f"{document['messages']} in {count(document['chunks'], 'chunk')}, compression {compression}"),
         ("profile", document["profile"] or "-"),
         ("library", document["library"] or "-"),
     ]
@@ -145,14 +145,9 @@ def _facts(document: Document) -> list[tuple[str, str]]:
 def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:
     rows: list[tuple[Cell, ...]] = []
     for name, entry in commands.items():
-        if entry["ready"]:
-            answer = "yes"
-        elif entry["missing"]:
-            answer = "no"
-        else:
-            answer = f"after {join_names(entry['after'])}"
-        lacks = [f"{role} (required)" for role in entry["missing"]] + [
-            role for role in entry["would_use"] if role not in entry["missing"]
-        ]
-        rows.append((name, answer, ", ".join(lacks) or "-"))
+        if entry["missing"]:
+            rows.append((name, "no", f"needs {join_names(entry['missing'])}"))
+            continue
+        answer = "yes" if entry["ready"] else f"after {join_names(entry['after'])}"
+        rows.append((name, answer, f"could use {join_names(entry['would_use'])}" if entry["would_use"] else "-"))
     return rows
