@@ -1,6 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Walks CDR messages along a compiled layout and puts the wanted leaves into columns."""
 
+from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 
 cdef enum:
@@ -80,7 +81,7 @@ def walk(
     cdef Py_ssize_t k, n = starts.shape[0], n_ragged = ragged.shape[0], s
     cdef const unsigned char* p = &data[0] if data.shape[0] else NULL
     cdef int result
-    cdef long long[::1] before = cursors.copy()
+    cdef long long* before = <long long*>malloc(8 * (n_ragged + 1))
     cdef Layout layout
     layout.program = &program[0, 0] if program.shape[0] else NULL
     layout.n_ops = program.shape[0]
@@ -89,6 +90,8 @@ def walk(
     layout.slots = &slots[0] if slots.shape[0] else NULL
     layout.ragged = &ragged[0] if n_ragged else NULL
     layout.cursors = &cursors[0] if n_ragged else NULL
+    if before == NULL:
+        raise MemoryError
     with nogil:
         for k in range(n):
             for s in range(n_ragged):
@@ -99,6 +102,7 @@ def walk(
                 if result:
                     cursors[s] = before[s]
                 (<long long*><size_t>cursor_columns[s])[k] = cursors[s]
+    free(before)
 
 
 cdef int walk_one(

@@ -8,7 +8,7 @@ Source: RFC 8259, and NaN, Infinity and -Infinity as Python's json module reads 
 """
 
 from libc.math cimport INFINITY, NAN
-from libc.stdlib cimport strtod
+from libc.stdlib cimport calloc, free, strtod
 from libc.string cimport memcmp, memcpy
 
 cdef enum:
@@ -391,9 +391,11 @@ def walk(
     """
     cdef Py_ssize_t k, s, at, n = starts.shape[0], n_slots = cursors.shape[0]
     cdef State state
-    cdef long long[::1] before = cursors.copy()
-    import array
-    cdef long long[::1] stamps = array.array("q", bytes(8 * entries.shape[0]))
+    cdef long long* before
+    cdef long long* memory = <long long*>calloc(n_slots + entries.shape[0] + 1, 8)
+    if memory == NULL:
+        raise MemoryError
+    before = memory
     state.p = &data[0] if data.shape[0] else NULL
     state.keys = &keys[0] if keys.shape[0] else NULL
     state.entries = &entries[0, 0]
@@ -403,7 +405,7 @@ def walk(
     state.element_tags = &element_tags[0] if n_slots else NULL
     state.element_values = &element_values[0] if n_slots else NULL
     state.cursors = &cursors[0] if n_slots else NULL
-    state.stamps = &stamps[0]
+    state.stamps = memory + n_slots
     state.serial = 0
     state.learns = learns
     with nogil:
@@ -427,11 +429,13 @@ def walk(
                     (<unsigned char*><size_t>tags[s])[first_row + k] = 0
                 if at == UNKNOWN:
                     status[k] = S_UNKNOWN_KEY
-                    with gil:
-                        return k
+                    break
                 status[k] = S_ODD
             else:
                 status[k] = S_NOT_ASCII if state.has_high else S_OK
             for s in range(n_slots):
                 (<long long*><size_t>cursor_columns[s])[k] = cursors[s]
-    return n
+        else:
+            k = n
+    free(memory)
+    return k

@@ -7,6 +7,7 @@ makes the message `STATUS_ODD`: the official parser then decides.
 Source: https://protobuf.dev/programming-guides/encoding/
 """
 
+from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy, memset
 
 cdef enum:
@@ -183,7 +184,7 @@ def walk(
     """
     cdef Py_ssize_t k, s, n = starts.shape[0], n_ragged = cursors.shape[0]
     cdef const unsigned char* p = &data[0] if data.shape[0] else NULL
-    cdef long long[::1] before = cursors.copy()
+    cdef long long* before = <long long*>malloc(8 * (n_ragged + 1))
     cdef Tables tables
     cdef int result
     tables.fields = &fields[0, 0]
@@ -194,6 +195,8 @@ def walk(
     tables.oneofs = &oneofs[0] if oneofs.shape[0] else NULL
     tables.ragged = &ragged[0] if ragged.shape[0] else NULL
     tables.cursors = &cursors[0] if n_ragged else NULL
+    if before == NULL:
+        raise MemoryError
     with nogil:
         for k in range(n):
             for s in range(n_ragged):
@@ -204,6 +207,7 @@ def walk(
                 if result:
                     cursors[s] = before[s]
                 (<long long*><size_t>cursor_columns[s])[k] = cursors[s]
+    free(before)
 
 
 cdef int walk_one(

@@ -1,80 +1,233 @@
-"""A log: an MCAP file, or standard input, with the channels that a run has added in memory."""
+"""A log: an MCAP file, or standard input, with the channels that a run has added in memory.
+
+What counts as damage:
+
+- A file without a footer was cut (the recorder was killed, the copy broke off), also where it happens to end between two
+  records: opening it is an error that names `--recover`, which reads what is there and sets `Faults.truncated`.
+- A file with a footer but without a summary, or with one that leaves out what the format lets it leave out, is whole. It is
+  read record by record, which is slower, and nothing is counted.
+- A damaged summary is an error; `--recover` then reads the file record by record.
+- A damaged chunk is an error when a message in it is wanted, at the time it is read; `--recover` leaves the chunk out.
+- A message index that does not fit its chunk harms nobody, because messages are found in the chunk itself: it is counted.
+- A message that can't be decoded is counted and left out.
+
+Every message is found by walking the records of its chunk, not by its index entry: both take the same time, and the walk also
+finds what an index misses. The indexes tell which chunks need not be opened at all.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from cwcli.errors import InputError, MissingSignalError
+from cwcli.logs.channel import ChannelInfo, channels_of
 from cwcli.logs.faults import Faults
-from cwcli.logs.records import AttachmentIndex
+from cwcli.logs.opening import open_structure
+from cwcli.logs.records import MESSAGE_HEADER_BYTES, PREFIX, AttachmentIndex, RecordError, read_metadata, read_prefix
+from cwcli.logs.source import Source, open_source
+from cwcli.logs.structure import Structure
 
 if TYPE_CHECKING:
     from cwcli.logs.frames import Frame
+    from cwcli.logs.message_reader import MessageReader
     from cwcli.signals.columns import Columns, OutputChannel
 
+__all__ = ["ChannelInfo", "Faults", "Log"]
 
-@dataclass(frozen=True)
-class ChannelInfo:
-    """A channel as the file declares it.
-
-    Attributes:
-        id: In the file; negative for a channel in memory.
-        message_count: None where the file does not tell.
-    """
-
-    id: int
-    topic: str
-    schema_name: str
-    schema_encoding: str
-    message_encoding: str
-    message_count: int | None
-    metadata: Mapping[str, str] = field(default_factory=dict)
-    schema_data: bytes = b""
+HASH_BLOCK_BYTES = 1 << 20
+MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
 
 
 class Log:
-    name: str
-    path: Path
-    recover: bool
-    channels: tuple[ChannelInfo, ...]
-    profile: str
-    library: str
-    start_ns: int
-    end_ns: int
-    n_messages: int
-    n_chunks: int
-    compressions: tuple[str, ...]
-    attachments: tuple[AttachmentIndex, ...]
-    metadata: tuple[tuple[str, Mapping[str, str]], ...]
-    faults: Faults
-    added_channels: tuple[OutputChannel, ...]
-    added_metadata: Mapping[str, Mapping[str, str]]
+    """An opened log. A context manager; arrays and frames that it gave out stay valid after it is closed.
+
+    Attributes:
+        name: For messages: the file name as given, or `<stdin>`.
+        path: The file; a temporary one for a pipe.
+        recover: Damage is counted instead of raised.
+        channels: All channels, those in memory behind those of the file.
+        profile, library: From the header.
+        start_ns, end_ns: First and last log time of the file's messages; 0 if there is none.
+        n_messages, n_chunks: In the file.
+        compressions: Of its chunks, "" (none) left out, in order of first use.
+        attachments: Of the file.
+        metadata: Name and entries of each metadata record, those in memory behind those of the file.
+        faults: What is wrong; grows while the log is read.
+        added_channels, added_metadata: What `with_channels` added.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        structure: Structure,
+        faults: Faults,
+        *,
+        recover: bool,
+        verify: bool,
+        added_channels: tuple[OutputChannel, ...] = (),
+        added_metadata: Mapping[str, Mapping[str, str]] | None = None,
+        owner: Log | None = None,
+    ) -> None:
+        self._source = source
+        self._structure = structure
+        self._verify = verify
+        self._owner = owner
+        self._reader: MessageReader | None = None if owner is None else owner._message_reader()
+        self._digest: str | None = None
+        self.recover = recover
+        self.faults = faults
+        self.added_channels = added_channels
+        self.added_metadata: Mapping[str, Mapping[str, str]] = added_metadata or {}
+        self.name = source.name
+        self.path: Path = source.path
+        self.profile = structure.profile
+        self.library = structure.library
+        counted = structure.statistics
+        self.start_ns = counted.start_ns if counted else 0
+        self.end_ns = counted.end_ns if counted else 0
+        self.n_messages = counted.n_messages if counted else 0
+        self.n_chunks = len(structure.chunks)
+        used = dict.fromkeys(chunk.compression for chunk in structure.chunks)
+        self.compressions: tuple[str, ...] = tuple(name for name in used if name)
+        self.attachments: tuple[AttachmentIndex, ...] = tuple(structure.attachments)
+        added = self._memory_channels()
+        hidden = {channel.topic for channel in added}
+        self._in_file = channels_of(structure)
+        self.channels: tuple[ChannelInfo, ...] = (
+            *(channel for channel in self._in_file if channel.topic not in hidden),
+            *added,
+        )
 
     @classmethod
     def open(cls, source: str | Path, *, recover: bool = False, verify: bool = True) -> Log:
-        raise NotImplementedError
+        """Open a log.
+
+        Args:
+            source: File name, or `-` for standard input, which is copied to a temporary file first.
+            recover: Read what is intact of a damaged file, and count the rest.
+            verify: Check CRCs and message indexes.
+
+        Raises:
+            InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
+            OutputError: The temporary copy of standard input can't be written.
+            UsageError: Standard input is a terminal.
+        """
+        opened = open_source(source)
+        try:
+            faults = Faults()
+            structure = open_structure(opened.data, opened.name, faults, recover=recover, verify=verify)
+            return cls(opened, structure, faults, recover=recover, verify=verify)
+        except BaseException:
+            opened.close()
+            raise
+
+    @property
+    def metadata(self) -> tuple[tuple[str, Mapping[str, str]], ...]:
+        """Name and entries of each metadata record.
+
+        Raises:
+            InputError: One is damaged, and `recover` is off.
+        """
+        found: list[tuple[str, Mapping[str, str]]] = []
+        for index in self._structure.metadata:
+            try:
+                _, start, end = read_prefix(self._source.data, index.offset, index.offset + index.length)
+                found.append(read_metadata(self._source.data, start, end))
+            except RecordError as error:
+                if not self.recover:
+                    what = f"a metadata record is damaged: {error} (at byte {index.offset})"
+                    raise InputError(what, where=self.name, hint="--recover leaves it out") from error
+        return (*found, *self.added_metadata.items())
 
     def load(self, wanted: Mapping[str, Collection[str] | None]) -> dict[str, Columns]:
-        raise NotImplementedError
+        """Topics as columns, in one pass over the file.
+
+        Messages lie in log-time order, in file order where times are equal. Channels of one topic are joined. For what
+        becomes of a message's fields see `cwcli.signals.columns.Columns` and the decoders in `cwcli.logs.codecs`.
+
+        Args:
+            wanted: Topic -> dotted leaf fields, or None for all. Fields that the messages do not have are left out.
+
+        Raises:
+            MissingSignalError: There is no such topic.
+            InputError: An encoding or a schema is unknown, or the file is damaged and `recover` is off.
+            DataError: A topic has several schemas.
+        """
+        in_memory = {channel.topic: channel for channel in self.added_channels}
+        loaded: dict[str, Columns] = {}
+        from_file = {topic: fields for topic, fields in wanted.items() if topic not in in_memory}
+        if from_file:
+            from cwcli.logs.load import load_columns
+
+            channels = {topic: self._file_channels(topic) for topic in from_file}
+            loaded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name)
+        for topic, fields in wanted.items():
+            if topic in in_memory:
+                from cwcli.logs.memory import memory_columns
+
+                loaded[topic] = memory_columns(in_memory[topic], fields)
+        return {topic: loaded[topic] for topic in wanted}
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> Columns:
+        """One topic as columns; see `load`."""
         return self.load({topic: fields})[topic]
 
     def frames(self, topic: str) -> Iterator[Frame]:
-        raise NotImplementedError
+        """The camera frames of a topic, one at a time, in log-time order.
+
+        Raises:
+            MissingSignalError: There is no such topic.
+            InputError: It holds no frames, or the file is damaged and `recover` is off.
+        """
+        from cwcli.logs.frames import stream_frames
+
+        return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
 
     def sha256(self) -> str:
-        raise NotImplementedError
+        """Hash of the file, in hexadecimal; computed once."""
+        if self._owner is not None:
+            return self._owner.sha256()
+        if self._digest is None:
+            import hashlib
+
+            digest = hashlib.sha256()
+            data = self._source.data
+            for at in range(0, len(data), HASH_BLOCK_BYTES):
+                digest.update(data[at : at + HASH_BLOCK_BYTES])
+            self._digest = digest.hexdigest()
+        return self._digest
 
     def with_channels(
         self, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]] | None = None
     ) -> Log:
-        raise NotImplementedError
+        """The same log with more channels, as if they had been in the file. A topic of the file is hidden by a new one.
 
-    def close(self) -> None: ...
+        The log that this one comes from stays open; close that one.
+
+        Args:
+            channels: New channels; one of an earlier call on the same topic is replaced.
+            metadata: New metadata records.
+        """
+        by_topic = {channel.topic: channel for channel in (*self.added_channels, *channels)}
+        return Log(
+            self._source,
+            self._structure,
+            self.faults,
+            recover=self.recover,
+            verify=self._verify,
+            added_channels=tuple(by_topic.values()),
+            added_metadata={**self.added_metadata, **(metadata or {})},
+            owner=self if self._owner is None else self._owner,
+        )
+
+    def close(self) -> None:
+        """Let go of the file, and remove the temporary one of a pipe."""
+        self._reader = None
+        if self._owner is None:
+            self._source.close()
 
     def __enter__(self) -> Self:
         return self
@@ -83,3 +236,31 @@ class Log:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _message_reader(self) -> MessageReader:
+        if self._reader is None:
+            from cwcli.logs.message_reader import MessageReader
+
+            self._reader = MessageReader(
+                self._source.data, self._structure, self.faults, self.name, recover=self.recover, verify=self._verify
+            )
+        return self._reader
+
+    def _memory_channels(self) -> tuple[ChannelInfo, ...]:
+        if not self.added_channels:
+            return ()
+        from cwcli.logs.memory import memory_info
+
+        return tuple(memory_info(channel, -1 - k) for k, channel in enumerate(self.added_channels))
+
+    def _file_channels(self, topic: str) -> list[ChannelInfo]:
+        """The file's channels of a topic.
+
+        Raises:
+            MissingSignalError: There is none.
+        """
+        found = [channel for channel in self._in_file if channel.topic == topic]
+        if not found:
+            names = sorted({channel.topic for channel in self.channels})
+            raise MissingSignalError(f"there is no channel {topic}", where=self.name, found=tuple(names))
+        return found

@@ -1,0 +1,52 @@
+"""What a log says of a channel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from cwcli.logs.structure import Structure
+
+
+@dataclass(frozen=True)
+class ChannelInfo:
+    """A channel as the file declares it.
+
+    Attributes:
+        id: In the file; negative for a channel in memory.
+        topic: Its topic.
+        schema_name, schema_encoding, schema_data: "" and b"" where it has no schema.
+        message_encoding: `cdr`, `protobuf`, `json`, or what else stands there.
+        message_count: None where the file does not tell.
+        metadata: As in the file.
+    """
+
+    id: int
+    topic: str
+    schema_name: str
+    schema_encoding: str
+    message_encoding: str
+    message_count: int | None
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    schema_data: bytes = field(default=b"", repr=False)
+
+
+def channels_of(structure: Structure) -> tuple[ChannelInfo, ...]:
+    """The channels of a file, by id."""
+    counted = structure.statistics.channel_counts if structure.statistics else None
+    found = []
+    for channel in sorted(structure.channels.values()):
+        schema = structure.schemas.get(channel.schema_id)
+        found.append(
+            ChannelInfo(
+                id=channel.id,
+                topic=channel.topic,
+                schema_name=schema.name if schema else "",
+                schema_encoding=schema.encoding if schema else "",
+                message_encoding=channel.message_encoding,
+                message_count=None if counted is None else counted.get(channel.id, 0),
+                metadata=channel.metadata,
+                schema_data=schema.data if schema else b"",
+            )
+        )
+    return tuple(found)

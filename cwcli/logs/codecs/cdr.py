@@ -1,0 +1,162 @@
+"""CDR messages (`cdr` with `ros2msg` schemas) to columns."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.kernels import cdr as kernel
+from cwcli.logs.codecs.base import Outcome
+from cwcli.logs.codecs.cdr_program import MAX_ALIGN_V2, Leaf, Program, compile_program
+from cwcli.logs.codecs.ros2msg import parse_definitions
+from cwcli.logs.codecs.slots import (
+    BoolArray,
+    FixedSlot,
+    Payloads,
+    RaggedSlot,
+    SpanSlot,
+    StringSlot,
+    addresses,
+    grown_capacity,
+    ragged_addresses,
+    take_ragged,
+)
+from cwcli.signals.columns import Field, Int64Array, NumericArray, Ragged
+
+REASONS = {
+    kernel.STATUS_SHORT: "the message ends before its fields do",
+    kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
+}
+
+
+class CdrDecoder:
+    """Decodes one channel.
+
+    A column's type follows from the schema alone: sequences are `Ragged` also when all are equally long; leaves inside fixed
+    arrays of messages are (n, k). Left out are strings inside sequences and arrays, and octet sequences unless they are named.
+
+    Args:
+        schema_name: As the file gives it.
+        schema_data: `ros2msg` text.
+        fields: Wanted leaves, or None for all.
+        blobs: Octet sequences that `blobs` gives out.
+        n_expected: Number of messages, if known.
+
+    Raises:
+        SchemaError: The schema can't be understood, or holds what is not decoded.
+    """
+
+    def __init__(
+        self,
+        schema_name: str,
+        schema_data: bytes,
+        fields: Collection[str] | None,
+        *,
+        blobs: Collection[str] = (),
+        n_expected: int = 0,
+    ) -> None:
+        root, definitions = parse_definitions(schema_name, schema_data.decode(errors="replace"))
+        wanted = None if fields is None else frozenset(fields)
+
+        def wants(path: str, is_octets: bool) -> bool:
+            return not is_octets if wanted is None else path in wanted
+
+        self._program = compile_program(root, definitions, wants, blobs=frozenset(blobs))
+        self._program_v2 = self._second(
+            compile_program(root, definitions, wants, blobs=frozenset(blobs), max_align=MAX_ALIGN_V2)
+        )
+        self.restart(n_expected)
+
+    def restart(self, n_expected: int = 0) -> None:
+        """Forget all messages."""
+        self._slots: list[FixedSlot | StringSlot] = [_slot(leaf) for leaf in self._program.slots]
+        self._ragged = [RaggedSlot(leaf.dtype) for leaf in self._program.ragged]
+        self._capacity = n_expected
+        self._status: list[BoolArray] = []
+        self._reasons: dict[str, int] = {}
+        self._n = 0
+        for slot in self._slots:
+            slot.grow(self._capacity)
+
+    def add(self, payloads: Payloads) -> None:
+        """Decode a batch."""
+        n, first = len(payloads), self._n
+        if not n:
+            return
+        self._grow(first + n)
+        buffers, cursor_columns = ragged_addresses(self._ragged, n, payloads.n_bytes)
+        status = np.zeros(n, np.uint8)
+        kernel.walk(
+            payloads.data,
+            payloads.starts,
+            payloads.ends,
+            self._program.operations,
+            self._program_v2,
+            addresses(self._slots, first, n),
+            buffers,
+            np.zeros(len(self._ragged), np.int64),
+            cursor_columns,
+            first,
+            status,
+        )
+        is_ok = status == kernel.STATUS_OK
+        for slot in self._slots:
+            slot.take(payloads.data, first, is_ok)
+        for ragged in self._ragged:
+            ragged.end()
+        self._status.append(is_ok)
+        if not is_ok.all():
+            for code, reason in REASONS.items():
+                count = int((status == code).sum())
+                if count:
+                    self._reasons[reason] = self._reasons.get(reason, 0) + count
+        self._n += n
+
+    def blobs(self, path: str) -> list[bytes | memoryview]:
+        """A blob field of each message of the last batch."""
+        for leaf, slot in zip(self._program.slots, self._slots, strict=True):
+            if leaf.path == path and isinstance(slot, SpanSlot):
+                return slot.views()
+        raise KeyError(path)
+
+    def outcome(self) -> Outcome:
+        """What became of the messages."""
+        return Outcome(np.concatenate([np.zeros(0, np.bool_), *self._status]), self._reasons)
+
+    def finish(self, rows: Int64Array) -> dict[str, Field]:
+        """The given messages as columns."""
+        fields: dict[str, Field] = {}
+        for leaf, slot in zip(self._program.slots, self._slots, strict=True):
+            if isinstance(slot, FixedSlot):
+                fields[leaf.path] = _truth(leaf, slot.array[rows])
+            elif not isinstance(slot, SpanSlot):
+                fields[leaf.path] = slot.finish(rows)
+        for leaf, ragged in zip(self._program.ragged, self._ragged, strict=True):
+            found = take_ragged(ragged.finish(), rows)
+            values = _truth(leaf, found.values)
+            # Inside fixed arrays every row has the same number of elements.
+            fields[leaf.path] = Ragged(values, found.offsets) if leaf.count is None else values.reshape(-1, leaf.count)
+        return fields
+
+    def _second(self, program: Program) -> npt.NDArray[np.int32]:
+        # XCDR2 puts a length before collections of strings and messages, which no ROS 2 recorder writes: not decoded.
+        return np.zeros((0, 6), np.int32) if program.has_loops else program.operations
+
+    def _grow(self, needed: int) -> None:
+        capacity = grown_capacity(self._capacity, needed)
+        if capacity != self._capacity:
+            self._capacity = capacity
+        for slot in self._slots:
+            slot.grow(capacity)
+
+
+def _slot(leaf: Leaf) -> FixedSlot | StringSlot:
+    if leaf.kind == "fixed":
+        return FixedSlot(leaf.dtype, leaf.count)
+    return StringSlot() if leaf.kind == "string" else SpanSlot()
+
+
+def _truth(leaf: Leaf, values: NumericArray) -> NumericArray:
+    return values != 0 if leaf.is_bool else values

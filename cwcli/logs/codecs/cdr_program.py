@@ -1,0 +1,225 @@
+"""Compiles a `ros2msg` definition into the operations of `cwcli.kernels.cdr`.
+
+CDR (XCDR1): primitives are aligned to their size, counted from behind the four bytes of the encapsulation header; a string is
+a 32-bit length (with the final NUL) and its bytes; a sequence is a 32-bit count and its elements. Runs of primitives whose
+padding is known become one operation.
+
+Source: OMG DDSI-RTPS 2.5, 10; DDS-XTypes 1.3, 7.4.1 and 7.4.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.logs.codecs.ros2msg import (
+    PRIMITIVES,
+    STRING,
+    WSTRING,
+    Definitions,
+    MessageField,
+    SchemaError,
+    find_definition,
+)
+
+SKIP, FIXED, TEXT, SEQUENCE, LOOP, REPEAT, END, APPEND, BLOB = range(9)
+MAX_LOOPS = 16
+MAX_NESTING = 64
+MAX_OPERATIONS = 1 << 20
+MAX_ALIGN = 8
+MAX_ALIGN_V2 = 4
+OCTETS = ("uint8", "byte", "char", "int8")
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A column that a program fills.
+
+    Attributes:
+        path: Dotted.
+        kind: "fixed", "string", "ragged" or "blob".
+        dtype: NumPy type of an element, "" for strings and blobs.
+        count: Elements of a fixed array, or of all fixed arrays around a leaf; None for a scalar or a sequence.
+        is_bool: Shown as truth values.
+    """
+
+    path: str
+    kind: str
+    dtype: str = ""
+    count: int | None = None
+    is_bool: bool = False
+
+
+@dataclass
+class Program:
+    """Operations, and the columns that they fill.
+
+    Attributes:
+        operations: Shape (m, 6), int32.
+        slots: Fixed, string and blob leaves by slot.
+        ragged: Ragged leaves by slot.
+        has_loops: It holds sequences or arrays of strings or messages.
+    """
+
+    operations: npt.NDArray[np.int32]
+    slots: list[Leaf]
+    ragged: list[Leaf]
+    has_loops: bool
+
+
+Wants = Callable[[str, bool], bool]
+"""Whether a leaf is wanted, from its path and whether it is a sequence of octets."""
+
+
+def compile_program(
+    root: str,
+    definitions: Definitions,
+    wants: Wants,
+    *,
+    blobs: frozenset[str] = frozenset(),
+    max_align: int = MAX_ALIGN,
+) -> Program:
+    """Compile a message.
+
+    Args:
+        root: Short name of the message.
+        definitions: From `ros2msg.parse_definitions`.
+        wants: Which leaves become columns; the others are walked over.
+        blobs: Octet sequences of which only the place is wanted.
+        max_align: 8, or 4 for XCDR2.
+
+    Raises:
+        SchemaError: A message is not defined, holds itself, or holds a wstring.
+    """
+    compiler = _Compiler(definitions, wants, blobs, max_align)
+    compiler.message(root, "", ())
+    operations = np.array(compiler.operations, np.int32).reshape(-1, 6)
+    return Program(operations, compiler.slots, compiler.ragged, compiler.has_loops)
+
+
+@dataclass
+class _Compiler:
+    definitions: Definitions
+    wants: Wants
+    blobs: frozenset[str]
+    max_align: int
+    operations: list[list[int]] = field(default_factory=list)
+    slots: list[Leaf] = field(default_factory=list)
+    ragged: list[Leaf] = field(default_factory=list)
+    has_loops: bool = False
+    loops: list[int | None] = field(default_factory=list)
+    modulus: int = 8
+    residue: int = 0
+
+    def message(self, name: str, prefix: str, parents: tuple[str, ...]) -> None:
+        if name in parents or len(parents) > MAX_NESTING:
+            raise SchemaError(f"{name} holds itself")
+        fields = find_definition(self.definitions, name)
+        if not fields:
+            self._primitives("u1", 1, None)  # an empty message has one octet, as IDL allows no empty structure
+        for each in fields:
+            path = f"{prefix}{each.name}"
+            if each.type == WSTRING:
+                raise SchemaError(f"{path} is a wstring, which CDR encoders write in different ways")
+            if each.type in PRIMITIVES:
+                self._primitive_field(each, path)
+            elif each.type == STRING:
+                self._within(each, lambda path=path: self._string(path))  # type: ignore[misc]
+            else:
+                self._within(
+                    each,
+                    lambda each=each, path=path: self.message(each.type, f"{path}.", (*parents, name)),  # type: ignore[misc]
+                )
+        if len(self.operations) > MAX_OPERATIONS:
+            raise SchemaError("the message is too large")
+
+    def _primitive_field(self, each: MessageField, path: str) -> None:
+        dtype = PRIMITIVES[each.type]
+        is_octets = each.is_sequence and each.type in OCTETS
+        is_wanted = self.wants(path, is_octets)
+        is_bool = each.type == "bool"
+        if each.is_sequence:
+            size = int(dtype[1])
+            if path in self.blobs and is_octets and not self.loops:
+                self._emit(BLOB, 4, 0, 0, self._slot(Leaf(path, "blob")))
+            else:
+                slot = self._ragged(Leaf(path, "ragged", dtype, None, is_bool)) if is_wanted else -1
+                self._emit(SEQUENCE, min(size, self.max_align), size, 0, slot)
+            self._forget()
+        elif not is_wanted:
+            self._primitives(dtype, each.length or 1, None)
+        elif self.loops:
+            counts = [*self.loops, each.length or 1]
+            static = None if None in counts else int(np.prod([n for n in counts if n is not None]))
+            slot = self._ragged(Leaf(path, "ragged", dtype, static, is_bool))
+            self._primitives(dtype, each.length or 1, (APPEND, slot))
+        else:
+            slot = self._slot(Leaf(path, "fixed", dtype, each.length, is_bool))
+            self._primitives(dtype, each.length or 1, (FIXED, slot))
+
+    def _string(self, path: str) -> None:
+        is_wanted = not self.loops and self.wants(path, False)
+        self._emit(TEXT, 4, 0, 0, self._slot(Leaf(path, "string")) if is_wanted else -1)
+        self._forget()
+
+    def _within(self, each: MessageField, body: Callable[[], None]) -> None:
+        """The body once, or in a loop."""
+        if not each.is_sequence and each.length is None:
+            body()
+            return
+        self.has_loops = True
+        if len(self.loops) == MAX_LOOPS:
+            raise SchemaError("sequences are nested too deeply")
+        begin = len(self.operations)
+        if each.is_sequence:
+            self._emit(LOOP, 4, 0, 0, -1)
+        else:
+            self._emit(REPEAT, 1, 0, each.length or 1, -1)
+        self._forget()
+        self.loops.append(each.length)
+        body()
+        self.loops.pop()
+        self._emit(END, 1, 0, 0, -1)
+        self.operations[begin][5] = len(self.operations)
+        self._forget()
+
+    def _primitives(self, dtype: str, count: int, use: tuple[int, int] | None) -> None:
+        """`count` primitives, skipped, or used by (code, slot)."""
+        size = int(dtype[1])
+        align = min(size, self.max_align)
+        padding = -self.residue % align if align <= self.modulus else None
+        if use is not None:
+            self._emit(use[0], align, size, count, use[1])
+        elif padding is None:
+            self._skip(align, size * count)
+        else:
+            self._skip(1, padding + size * count)
+        if padding is None:
+            self.modulus, self.residue, padding = align, 0, 0
+        self.residue = (self.residue + padding + size * count) % self.modulus
+
+    def _skip(self, align: int, n_bytes: int) -> None:
+        """Skip bytes; joined with a skip right before, unless a loop begins or ends there."""
+        last = self.operations[-1] if self.operations else None
+        if last is not None and last[0] == SKIP and align == 1:
+            last[2] += n_bytes
+        else:
+            self._emit(SKIP, align, n_bytes, 1, -1)
+
+    def _emit(self, code: int, align: int, size: int, count: int, slot: int) -> None:
+        self.operations.append([code, align, size, count, slot, 0])
+
+    def _forget(self) -> None:
+        """The position's alignment is not known any more."""
+        self.modulus, self.residue = 1, 0
+
+    def _slot(self, leaf: Leaf) -> int:
+        self.slots.append(leaf)
+        return len(self.slots) - 1
+
+    def _ragged(self, leaf: Leaf) -> int:
+        self.ragged.append(leaf)
+        return len(self.ragged) - 1

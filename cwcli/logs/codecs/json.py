@@ -1,0 +1,210 @@
+"""JSON messages to columns; see `json_columns` for what becomes of which value.
+
+The kernel decodes what is usual; Python's json module decides over every message that is not. Both fill the same columns.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection
+
+import numpy as np
+
+from cwcli.kernels import json_walk as kernel
+from cwcli.logs.codecs.base import Outcome
+from cwcli.logs.codecs.json_columns import ARRAY, STRING, Elements, JsonSlot, scalar
+from cwcli.logs.codecs.json_tree import Key, KeyTree
+from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity
+from cwcli.signals.columns import Field, Int64Array
+
+INVALID = "the message is not valid JSON"
+NO_OBJECT = "the message is not a JSON object"
+
+
+class JsonDecoder:
+    """Decodes one channel. The schema is not looked at: the messages themselves tell what they hold.
+
+    Args:
+        fields: Wanted leaves, or None for all.
+        blobs: Strings of base64 that `blobs` gives out.
+        n_expected: Number of messages, if known.
+    """
+
+    def __init__(self, fields: Collection[str] | None, *, blobs: Collection[str] = (), n_expected: int = 0) -> None:
+        self._tree = KeyTree.of(fields, blobs)
+        self._tables = self._tree.tables()
+        self._blobs = frozenset(blobs)
+        self._blob_rows: dict[str, list[bytes | memoryview]] = {}
+        self.restart(n_expected)
+
+    def restart(self, n_expected: int = 0) -> None:
+        """Forget all messages."""
+        self._slots = [JsonSlot(0) for _ in self._tree.paths]
+        self._capacity = n_expected
+        self._is_ok: list[BoolArray] = []
+        self._reasons: dict[str, int] = {}
+        self._n = 0
+
+    def add(self, payloads: Payloads) -> None:
+        """Decode a batch."""
+        n, first = len(payloads), self._n
+        if not n:
+            return
+        self._capacity = grown_capacity(self._capacity, first + n)
+        n_bytes = payloads.n_bytes
+        for slot in self._slots:
+            self._begin(slot, n, n_bytes)
+        status = np.zeros(n, np.uint8)
+        at = self._walk(payloads, status, 0)
+        learned = -1
+        while at < n:
+            if at == learned:  # its keys can't be learned
+                status[at] = kernel.STATUS_ODD
+                for slot in self._slots:
+                    slot.cursors[at] = slot.cursors[at - 1] if at else 0
+                at += 1
+            else:
+                self._learn(payloads.message(at), n, n_bytes)
+                learned = at
+            at = self._walk(payloads, status, at)
+        is_ok = status == kernel.STATUS_OK
+        instead: list[dict[int, Elements]] = [{} for _ in self._slots]
+        for row in np.flatnonzero(~is_ok).tolist():
+            is_ok[row] = self._decide(payloads.message(row), row, int(status[row]), n, n_bytes, instead)
+        for path in self._blobs:
+            self._blob_rows[path] = self._slots[self._tree.paths.index(path)].take_places(payloads, first)
+        for slot, rows in zip(self._slots, instead, strict=True):
+            slot.end(payloads.data, payloads.starts, first, rows)
+        self._is_ok.append(is_ok)
+        self._n += n
+
+    def blobs(self, path: str) -> list[bytes | memoryview]:
+        """A base64 field of each message of the last batch, still in base64."""
+        return self._blob_rows[path]
+
+    def outcome(self) -> Outcome:
+        """What became of the messages."""
+        return Outcome(np.concatenate([np.zeros(0, np.bool_), *self._is_ok]), self._reasons)
+
+    def finish(self, rows: Int64Array) -> dict[str, Field]:
+        """The given messages as columns."""
+        fields: dict[str, Field] = {}
+        with_below = {key.path for key in _all_keys(self._tree.root) if key.below is not None}
+        if not self._n:
+            return fields
+        for path, slot in zip(self._tree.paths, self._slots, strict=True):
+            if path not in self._blobs:
+                column = slot.finish(rows, has_below=path in with_below)
+                if column is not None:
+                    fields.setdefault(path, column)
+        return fields
+
+    def _begin(self, slot: JsonSlot, n: int, n_bytes: int) -> None:
+        slot.tags.grow(self._capacity)
+        slot.values.grow(self._capacity)
+        slot.begin(n, n_bytes)
+
+    def _walk(self, payloads: Payloads, status: np.ndarray, begin: int) -> int:
+        slots = self._slots
+        cursors = np.array([slot.cursors[begin - 1] if begin else 0 for slot in slots], np.int64)
+        return kernel.walk(
+            payloads.data,
+            payloads.starts,
+            payloads.ends,
+            *self._tables,
+            _addresses([slot.tags.array for slot in slots]),
+            _addresses([slot.values.array for slot in slots]),
+            _addresses([slot.element_tags for slot in slots]),
+            _addresses([slot.element_values for slot in slots]),
+            cursors,
+            _addresses([slot.cursors for slot in slots]),
+            self._tree.learns,
+            begin,
+            self._n,
+            status,
+        )
+
+    def _learn(self, message: bytes, n: int, n_bytes: int) -> None:
+        """Add the message's keys."""
+        try:
+            value = json.loads(message)
+        except (ValueError, RecursionError):
+            value = None
+        before = len(self._tree.paths)
+        self._tree.learn(value, self._tree.root)
+        for _ in range(before, len(self._tree.paths)):
+            slot = JsonSlot(self._n)
+            self._begin(slot, n, n_bytes)
+            self._slots.append(slot)
+        self._tables = self._tree.tables()
+
+    def _decide(
+        self, message: bytes, row: int, status: int, n: int, n_bytes: int, instead: list[dict[int, Elements]]
+    ) -> bool:
+        """Decode one message with the json module where the kernel did not; returns whether that was possible."""
+        try:
+            if status == kernel.STATUS_NOT_ASCII:
+                message.decode("utf-8", "surrogatepass")
+                return True
+            value = json.loads(message)
+        except (ValueError, RecursionError):
+            return self._refuse(INVALID)
+        if not isinstance(value, dict):
+            return self._refuse(NO_OBJECT)
+        if self._tree.learns:
+            self._learn(message, n, n_bytes)
+            instead.extend({} for _ in range(len(instead), len(self._slots)))
+        self._put_object(value, self._tree.root, row, instead, in_array=False)
+        return True
+
+    def _refuse(self, reason: str) -> bool:
+        self._reasons[reason] = self._reasons.get(reason, 0) + 1
+        return False
+
+    def _put_object(
+        self,
+        value: dict[str, object],
+        keys: dict[str, Key],
+        row: int,
+        instead: list[dict[int, Elements]],
+        *,
+        in_array: bool,
+    ) -> None:
+        for name, inner in value.items():
+            key = keys.get(name)
+            if key is not None:
+                self._put(inner, key, row, instead, in_array=in_array)
+
+    def _put(self, value: object, key: Key, row: int, instead: list[dict[int, Elements]], *, in_array: bool) -> None:
+        slot = self._slots[key.slot] if key.slot >= 0 else None
+        if isinstance(value, dict):
+            if key.below is not None:
+                self._put_object(value, key.below, row, instead, in_array=in_array)
+        elif isinstance(value, list):
+            if slot is not None and not in_array:
+                slot.tags.array[self._n + row] = ARRAY
+            for each in value:
+                self._put(each, key, row, instead, in_array=True)
+        elif slot is None:
+            return
+        elif in_array:
+            tags, values = instead[key.slot].setdefault(row, ([], []))
+            tag, number = (STRING, 0) if isinstance(value, str) else scalar(value)
+            tags.append(tag)
+            values.append(number)
+        elif isinstance(value, str):
+            slot.put_string(self._n + row, value)
+        else:
+            slot.tags.array[self._n + row], slot.values.array[self._n + row] = scalar(value)
+
+
+def _all_keys(keys: dict[str, Key]) -> list[Key]:
+    found = list(keys.values())
+    for key in keys.values():
+        if key.below is not None:
+            found += _all_keys(key.below)
+    return found
+
+
+def _addresses(arrays: list[np.ndarray]) -> Int64Array:
+    return np.array([array.__array_interface__["data"][0] for array in arrays], np.int64)

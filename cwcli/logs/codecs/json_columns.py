@@ -1,0 +1,203 @@
+"""The column of one JSON leaf: what its values were in each message decides what it becomes.
+
+- numbers: int64 if all are integers, else float64; truth values: bool;
+- absent and null: NaN, and the column is float64;
+- one string among them: `Strings` (absent: -1), numbers as they are spelled;
+- arrays of numbers: (n, k) if all messages have k of them, else `Ragged`; nested arrays are flattened; leaves of objects in
+  arrays are `Ragged`, and an object that lacks the leaf adds nothing; null and strings in arrays are NaN.
+
+Arrays of nothing but strings are left out.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.kernels.message_scan import intern_spans
+from cwcli.logs.codecs.slots import ByteArray, FixedSlot, Payloads, as_matrix, first_seen, merge_equal, take_ragged
+from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
+
+ABSENT, NULL, BOOL, INT, FLOAT, STRING, ARRAY, ESCAPED, CODED = range(9)
+MAX_INT = (1 << 63) - 1
+TagArray = npt.NDArray[np.uint8]
+Elements = tuple[list[int], list[int]]
+"""Tags and values of the elements of one message."""
+
+
+def scalar(value: object) -> tuple[int, int]:
+    """Tag and value of a Python number, truth value or null."""
+    if value is None:
+        return NULL, 0
+    if isinstance(value, bool):
+        return BOOL, int(value)
+    if isinstance(value, int) and -MAX_INT - 1 <= value <= MAX_INT:
+        return INT, value
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        number = float("inf") if value > 0 else float("-inf")  # type: ignore[operator]
+    return FLOAT, int(np.array(number, np.float64).view(np.int64))
+
+
+class JsonSlot:
+    """The values of one leaf, message by message.
+
+    Attributes:
+        tags, values: One row a message; see `cwcli.kernels.json_walk`. The value of a string is its code.
+        element_tags, element_values, cursors: The kernel's buffers for elements of arrays, in the current batch.
+    """
+
+    def __init__(self, n_earlier: int) -> None:
+        self.tags = FixedSlot(np.uint8)
+        self.values = FixedSlot(np.int64)
+        self.element_tags = np.zeros(0, np.uint8)
+        self.element_values = np.zeros(0, np.int64)
+        self.cursors = np.zeros(0, np.int64)
+        self._counts = [np.zeros(n_earlier, np.int64)]
+        self._element_tags: list[TagArray] = []
+        self._element_values: list[Int64Array] = []
+        self._known: dict[bytes, int] = {}
+        self._strings: list[bytes] = []
+
+    def begin(self, n: int, n_bytes: int) -> None:
+        """Before a batch of n messages."""
+        capacity = n_bytes // 2 + 8
+        self.element_tags = np.empty(capacity, np.uint8)
+        self.element_values = np.empty(capacity, np.int64)
+        self.cursors = np.zeros(n, np.int64)
+
+    def end(self, data: ByteArray, starts: Int64Array, first_row: int, instead: dict[int, Elements]) -> None:
+        """After a batch: keep its elements, with those of `instead` for some rows, and code its strings."""
+        counts = np.diff(self.cursors, prepend=0)
+        used = int(self.cursors[-1]) if len(self.cursors) else 0
+        tags, values = self.element_tags[:used].copy(), self.element_values[:used].copy()
+        rows = sorted(row for row, (inner, _) in instead.items() if inner)
+        if rows:
+            sizes = [len(instead[row][0]) for row in rows]
+            at = np.repeat(np.cumsum(counts)[rows], sizes)
+            tags = np.insert(tags, at, np.array([tag for row in rows for tag in instead[row][0]], np.uint8))
+            values = np.insert(values, at, np.array([value for row in rows for value in instead[row][1]], np.int64))
+            counts[rows] = sizes
+        self._counts.append(counts)
+        self._element_tags.append(tags)
+        self._element_values.append(values)
+        self.element_tags, self.element_values = np.zeros(0, np.uint8), np.zeros(0, np.int64)
+        self._code_strings(data, starts, first_row)
+
+    def put_string(self, row: int, text: str) -> None:
+        """Set one row."""
+        octets = text.encode(errors="surrogatepass")
+        code = self._known.setdefault(octets, len(self._strings))
+        if code == len(self._strings):
+            self._strings.append(octets)
+        self.tags.array[row], self.values.array[row] = CODED, code
+
+    def take_places(self, payloads: Payloads, first_row: int) -> list[bytes | memoryview]:
+        """The strings of the batch as they stand in the messages; they are not kept."""
+        whole = memoryview(payloads.data)
+        n = len(payloads)
+        tags, values = self.tags.array[first_row : first_row + n], self.values.array[first_row : first_row + n]
+        found: list[bytes | memoryview] = []
+        for start, tag, value in zip(payloads.starts.tolist(), tags.tolist(), values.tolist(), strict=True):
+            if tag == CODED:
+                found.append(self._strings[value])
+            elif tag in (STRING, ESCAPED):
+                begin = start + (value >> 32)
+                text = whole[begin : begin + (value & 0xFFFFFFFF)]
+                found.append(text if tag == STRING else json.loads(b'"' + text.tobytes() + b'"').encode())
+            else:
+                found.append(b"")
+        tags[:] = ABSENT
+        self._known.clear()
+        self._strings.clear()
+        return found
+
+    def finish(self, rows: Int64Array, *, has_below: bool) -> Field | None:
+        """The column for the given messages, or None if the leaf is in none of them.
+
+        Args:
+            rows: Messages.
+            has_below: The key also holds objects.
+        """
+        tags, values = self.tags.array[rows], self.values.array[rows]
+        counts = np.concatenate(self._counts)
+        offsets = np.concatenate([[0], np.cumsum(counts)])
+        n_elements = int(counts[rows].sum())
+        if n_elements or (ARRAY in tags and not has_below):
+            element_tags = np.concatenate([np.zeros(0, np.uint8), *self._element_tags])
+            element_values = np.concatenate([np.zeros(0, np.int64), *self._element_values])
+            return _sequence(
+                tags,
+                values,
+                take_ragged(Ragged(element_tags, offsets), rows),
+                take_ragged(Ragged(element_values, offsets), rows).values.view(np.int64),
+            )
+        if not tags.any() or (ARRAY in tags and np.isin(tags, (ABSENT, NULL, ARRAY)).all()):
+            return None
+        return self._strings_column(tags, values) if STRING in tags else _numbers(tags, values)
+
+    def _strings_column(self, tags: TagArray, values: Int64Array) -> Strings:
+        texts = [value.decode(errors="backslashreplace") for value in self._strings]
+        codes = np.where(tags == STRING, values, -1).astype(np.int32)
+        for row in np.flatnonzero(np.isin(tags, (BOOL, INT, FLOAT))).tolist():
+            codes[row] = len(texts)
+            texts.append(_spelled(int(tags[row]), values[row : row + 1]))
+        return first_seen(merge_equal(Strings(codes, tuple(texts))))
+
+    def _code_strings(self, data: ByteArray, starts: Int64Array, first_row: int) -> None:
+        """Turn places in the messages into codes."""
+        n = len(starts)
+        tags = self.tags.array[first_row : first_row + n]
+        values = self.values.array[first_row : first_row + n]
+        for row in np.flatnonzero(tags == ESCAPED).tolist():
+            begin = int(starts[row]) + (int(values[row]) >> 32)
+            text = data[begin : begin + (int(values[row]) & 0xFFFFFFFF)].tobytes()
+            self.put_string(first_row + row, json.loads(b'"' + text + b'"'))
+        at = np.flatnonzero(tags == STRING)
+        if len(at):
+            spans = np.stack([starts[at] + (values[at] >> 32), values[at] & 0xFFFFFFFF], axis=1)
+            codes = np.zeros(len(at), np.int32)
+            intern_spans(data, spans, codes, self._known, self._strings)
+            values[at] = codes
+        tags[tags == CODED] = STRING
+
+
+def _numbers(tags: TagArray, values: Int64Array) -> NumericArray:
+    kinds = set(np.unique(tags).tolist())
+    if kinds == {BOOL}:
+        return values != 0
+    if kinds == {INT}:
+        return values.astype(np.int64)
+    return _floats(tags, values)
+
+
+def _floats(tags: TagArray, values: Int64Array) -> FloatArray:
+    floats = np.where(tags == FLOAT, values.view(np.float64), values.astype(np.float64))
+    floats[~np.isin(tags, (BOOL, INT, FLOAT))] = np.nan
+    return floats
+
+
+def _sequence(tags: TagArray, values: Int64Array, element_tags: Ragged, element_values: Int64Array) -> Field | None:
+    """A column of arrays; a lone number stands for an array of one."""
+    inner = element_tags.values.astype(np.uint8)
+    sizes = np.diff(element_tags.offsets)
+    alone = np.flatnonzero(np.isin(tags, (NULL, BOOL, INT, FLOAT)) & (sizes == 0))
+    if len(inner) and (inner == STRING).all() | (inner == ESCAPED).all() and not len(alone):
+        return None
+    alone = alone[tags[alone] != NULL]
+    if len(alone):
+        at = element_tags.offsets[alone]
+        inner = np.insert(inner, at, tags[alone])
+        element_values = np.insert(element_values, at, values[alone])
+        sizes[alone] = 1
+    ragged = Ragged(_numbers(inner, element_values), np.concatenate([[0], np.cumsum(sizes)]))
+    return as_matrix(ragged) if (tags == ARRAY).all() else ragged
+
+
+def _spelled(tag: int, value: Int64Array) -> str:
+    if tag == BOOL:
+        return "true" if value[0] else "false"
+    return str(int(value[0])) if tag == INT else repr(float(value.view(np.float64)[0]))

@@ -1,0 +1,108 @@
+"""The keys of a JSON channel, as a tree that grows with what its messages hold."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+MAX_KEYS = 4096
+"""Keys that are learned; further ones are left out: they are data rather than names."""
+
+
+@dataclass
+class Key:
+    """A key of an object.
+
+    Attributes:
+        path: Dotted, from the message down.
+        slot: Number of its column, or -1.
+        below: The keys of the object that is its value (or of the objects in its array), or None.
+    """
+
+    path: str
+    slot: int = -1
+    below: dict[str, Key] | None = None
+
+
+@dataclass
+class KeyTree:
+    """The known keys.
+
+    Attributes:
+        root: Keys of the message.
+        paths: Path of each slot.
+        learns: Unknown keys become columns.
+    """
+
+    root: dict[str, Key] = field(default_factory=dict)
+    paths: list[str] = field(default_factory=list)
+    learns: bool = False
+
+    @classmethod
+    def of(cls, fields: Collection[str] | None, blobs: Collection[str] = ()) -> KeyTree:
+        """The tree of the wanted leaves, or one that learns."""
+        tree = cls(learns=fields is None)
+        for path in dict.fromkeys((*(fields or ()), *blobs)):
+            keys = tree.root
+            names = path.split(".")
+            for k, name in enumerate(names):
+                key = keys.setdefault(name, Key(".".join(names[: k + 1])))
+                if k + 1 < len(names):
+                    key.below = keys = {} if key.below is None else key.below
+            if key.slot < 0:
+                tree._give_slot(key)
+        return tree
+
+    def learn(self, value: object, keys: dict[str, Key], prefix: str = "") -> None:
+        """Add the keys of an object, or of the objects in an array."""
+        if isinstance(value, list):
+            for each in value:
+                self.learn(each, keys, prefix)
+        elif isinstance(value, dict):
+            for name, inner in value.items():
+                key = keys.get(name)
+                if key is None:
+                    if len(self.paths) >= MAX_KEYS:
+                        self.learns = False
+                        return
+                    key = keys[name] = Key(prefix + name)
+                    self._give_slot(key)
+                if _holds_object(inner):
+                    if key.below is None:
+                        key.below = {}
+                    self.learn(inner, key.below, f"{key.path}.")
+
+    def tables(self) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """Keys, entries and nodes, as the kernel wants them."""
+        text = bytearray()
+        entries: list[list[int]] = []
+        nodes: list[list[int]] = [[0, 0]]
+        waiting: list[tuple[int, dict[str, Key]]] = [(0, self.root)]
+        while waiting:
+            node, keys = waiting.pop()
+            nodes[node] = [len(entries), len(keys)]
+            for name, key in keys.items():
+                child = -1
+                if key.below is not None:
+                    child = len(nodes)
+                    nodes.append([0, 0])
+                    waiting.append((child, key.below))
+                octets = name.encode(errors="surrogatepass")
+                entries.append([len(text), len(octets), key.slot, child])
+                text += octets
+        return (
+            np.frombuffer(bytes(text) or b"\0", np.uint8),
+            np.array(entries or [[0, 0, -1, -1]], np.int32),
+            np.array(nodes, np.int32),
+        )
+
+    def _give_slot(self, key: Key) -> None:
+        key.slot = len(self.paths)
+        self.paths.append(key.path)
+
+
+def _holds_object(value: object) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and any(map(_holds_object, value)))

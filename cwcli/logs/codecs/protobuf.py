@@ -1,0 +1,270 @@
+"""Protobuf messages to columns.
+
+The kernel decodes what is usual; the official parser decides over every message that is not (text beyond ASCII, groups, wire
+types that are not the declared ones, damage). Both fill the same columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from typing import Any
+
+import numpy as np
+
+from cwcli.kernels import protobuf as kernel
+from cwcli.logs.codecs.base import Outcome
+from cwcli.logs.codecs.protobuf_tables import Leaf, compile_tables, is_repeated
+from cwcli.logs.codecs.ros2msg import SchemaError
+from cwcli.logs.codecs.slots import (
+    BoolArray,
+    FixedSlot,
+    Payloads,
+    RaggedSlot,
+    SpanSlot,
+    StringSlot,
+    addresses,
+    as_matrix,
+    first_seen,
+    grown_capacity,
+    ragged_addresses,
+    take_ragged,
+)
+from cwcli.signals.columns import Field, Int64Array, NumericArray, Strings
+
+MAX_GROWTH = 8
+"""Bytes in a column per byte of a message: a packed varint of one byte becomes an int64."""
+UNDECODABLE = "the message is not a valid one of its schema"
+
+
+class ProtobufDecoder:
+    """Decodes one channel.
+
+    A scalar that is left out of a message has its default, 0, as the format means it. A field that the schema marks as optional,
+    and all that lies in a message that is left out, is NaN in a float column (strings: -1) where it is absent. Repeated scalars
+    are (n, k) if all messages have the same number of them, else `Ragged`; leaves of repeated messages always are `Ragged`.
+    Left out are bytes, repeated strings, maps, and what a message type holds of itself.
+
+    Args:
+        schema_name: Full name of the message type.
+        schema_data: Serialised `FileDescriptorSet`.
+        fields: Wanted leaves, or None for all.
+        blobs: Bytes fields that `blobs` gives out.
+        n_expected: Number of messages, if known.
+
+    Raises:
+        SchemaError: The schema can't be understood.
+    """
+
+    def __init__(
+        self,
+        schema_name: str,
+        schema_data: bytes,
+        fields: Collection[str] | None,
+        *,
+        blobs: Collection[str] = (),
+        n_expected: int = 0,
+    ) -> None:
+        descriptor = find_message(schema_name, schema_data)
+        self._descriptor = descriptor
+        self._parser: Any = None
+        wanted = None
+        if fields is not None:
+            names = frozenset(fields)
+            prefixes = {name[: k + 1] for name in names for k, letter in enumerate(name) if letter == "."}
+            wanted = (names | prefixes).__contains__
+        self._tables = compile_tables(descriptor, wanted, frozenset(blobs))
+        self.restart(n_expected)
+
+    def restart(self, n_expected: int = 0) -> None:
+        """Forget all messages."""
+        self._slots: list[FixedSlot | StringSlot] = [_slot(leaf) for leaf in self._tables.slots]
+        self._ragged = [RaggedSlot(leaf.dtype) for leaf in self._tables.ragged]
+        self._presence = [FixedSlot(np.uint8) for _ in range(self._tables.n_presence)]
+        self._oneofs = [FixedSlot(np.int32) for _ in range(self._tables.n_oneofs)]
+        self._capacity = n_expected
+        self._is_ok: list[BoolArray] = []
+        self._n = 0
+        self._n_undecodable = 0
+
+    def add(self, payloads: Payloads) -> None:
+        """Decode a batch."""
+        n, first = len(payloads), self._n
+        if not n:
+            return
+        self._capacity = grown_capacity(self._capacity, first + n)
+        for slot in (*self._slots, *self._presence):
+            slot.grow(self._capacity)
+        for oneof in self._oneofs:
+            oneof.array = np.zeros(n, np.int32)
+        buffers, cursor_columns = ragged_addresses(self._ragged, n, MAX_GROWTH * payloads.n_bytes)
+        status = np.zeros(n, np.uint8)
+        kernel.walk(
+            payloads.data,
+            payloads.starts,
+            payloads.ends,
+            self._tables.fields,
+            self._tables.nodes,
+            self._tables.elements,
+            addresses(self._slots, first, n),
+            addresses(self._presence, first, n),
+            addresses(self._oneofs, first, n) - 4 * first,
+            buffers,
+            np.zeros(len(self._ragged), np.int64),
+            cursor_columns,
+            first,
+            status,
+        )
+        is_ok = status == kernel.STATUS_OK
+        self._check_enumerations(is_ok, first)
+        for slot in self._slots:
+            slot.take(payloads.data, first, is_ok)
+        instead: list[dict[int, NumericArray]] = [{} for _ in self._ragged]
+        for row in np.flatnonzero(~is_ok).tolist():
+            is_ok[row] = self._decode_odd(payloads.message(row), first, row, instead)
+        for ragged, rows in zip(self._ragged, instead, strict=True):
+            ragged.end(rows)
+        self._is_ok.append(is_ok)
+        self._n += n
+
+    def blobs(self, path: str) -> list[bytes | memoryview]:
+        """A blob field of each message of the last batch."""
+        for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
+            if leaf.path == path and isinstance(slot, SpanSlot):
+                return slot.views()
+        raise KeyError(path)
+
+    def outcome(self) -> Outcome:
+        """What became of the messages."""
+        is_ok = np.concatenate([np.zeros(0, np.bool_), *self._is_ok])
+        n_bad = int((~is_ok).sum())
+        return Outcome(is_ok, {UNDECODABLE: n_bad} if n_bad else {})
+
+    def finish(self, rows: Int64Array) -> dict[str, Field]:
+        """The given messages as columns."""
+        fields: dict[str, Field] = {}
+        for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
+            if isinstance(slot, SpanSlot):
+                continue
+            is_there = None
+            if leaf.presence >= 0 and self._n:
+                is_there = self._presence[leaf.presence].array[rows] != 0
+            if isinstance(slot, StringSlot):
+                strings = slot.finish(rows) if self._n else Strings(np.zeros(0, np.int32), ())
+                fields[leaf.path] = _absent_strings(strings, is_there)
+            else:
+                fields[leaf.path] = _absent_numbers(slot.array[rows], is_there)
+        for leaf, ragged in zip(self._tables.ragged, self._ragged, strict=True):
+            found = take_ragged(ragged.finish(), rows)
+            fields[leaf.path] = found if leaf.in_element else as_matrix(found)
+        return fields
+
+    def _check_enumerations(self, is_ok: BoolArray, first: int) -> None:
+        """Values that a closed enumeration does not know are for the official parser."""
+        n = len(is_ok)
+        for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
+            if leaf.closed and isinstance(slot, FixedSlot):
+                is_ok &= np.isin(slot.array[first : first + n], (*leaf.closed, 0))
+        for leaf, ragged in zip(self._tables.ragged, self._ragged, strict=True):
+            if leaf.closed:
+                is_ok &= ragged.cursors == np.concatenate([[0], ragged.cursors[:-1]])
+
+    def _decode_odd(self, message: bytes, first: int, row: int, instead: list[dict[int, NumericArray]]) -> bool:
+        """Decode one message with the official parser; returns whether that was possible."""
+        if self._parser is None:
+            from google.protobuf.message_factory import GetMessageClass
+
+            self._parser = GetMessageClass(self._descriptor)
+        parsed = self._parser()
+        at = first + row
+        for presence in self._presence:
+            presence.array[at] = 0
+        try:
+            parsed.ParseFromString(message)
+        except Exception:  # the parser's own error class has changed its place between versions
+            return False
+        for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
+            is_there, value = _value(parsed, leaf)
+            if leaf.presence >= 0:
+                self._presence[leaf.presence].array[at] = is_there
+            if isinstance(slot, SpanSlot):
+                slot.instead[row] = value
+            elif isinstance(slot, StringSlot):
+                slot.put(at, value.encode(errors="surrogateescape"))
+            else:
+                slot.array[at] = value
+        for leaf, ragged, rows in zip(self._tables.ragged, self._ragged, instead, strict=True):
+            rows[row] = np.array(list(_values(parsed, leaf.chain)), ragged.dtype)
+        return True
+
+
+def find_message(schema_name: str, schema_data: bytes) -> Any:
+    """The descriptor of a message type, in a pool of its own: the same name may mean something else in another file.
+
+    Raises:
+        SchemaError: The schema can't be understood.
+    """
+    from google.protobuf.descriptor_pb2 import FileDescriptorSet
+    from google.protobuf.descriptor_pool import DescriptorPool
+
+    try:
+        waiting = {each.name: each for each in FileDescriptorSet.FromString(schema_data).file}
+    except Exception as error:
+        raise SchemaError("the schema is not a FileDescriptorSet") from error
+    pool = DescriptorPool()
+
+    def add(name: str) -> None:
+        each = waiting.pop(name, None)
+        if each is not None:
+            for dependency in each.dependency:
+                add(dependency)
+            pool.Add(each)
+
+    try:
+        while waiting:
+            add(next(iter(waiting)))
+        return pool.FindMessageTypeByName(schema_name)
+    except (TypeError, KeyError, ValueError, RecursionError) as error:
+        reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else "it is incomplete"
+        raise SchemaError(f"the schema can't be used: {reason}") from error
+
+
+def _slot(leaf: Leaf) -> FixedSlot | StringSlot:
+    if leaf.kind == "fixed":
+        return FixedSlot(leaf.dtype)
+    return StringSlot() if leaf.kind == "string" else SpanSlot()
+
+
+def _value(parsed: Any, leaf: Leaf) -> tuple[bool, Any]:
+    """Whether a leaf is there, and its value or its default."""
+    at, is_there = parsed, True
+    for each in leaf.chain:
+        if each.has_presence and not at.HasField(each.name):
+            is_there = False
+        at = getattr(at, each.name)
+    return is_there, at
+
+
+def _values(parsed: Any, chain: tuple[Any, ...]) -> Iterator[Any]:
+    """All values of a leaf below repeated fields, in order."""
+    each, rest = chain[0], chain[1:]
+    value = getattr(parsed, each.name)
+    for one in value if is_repeated(each) else (value,):
+        if rest:
+            yield from _values(one, rest)
+        else:
+            yield one
+
+
+def _absent_numbers(values: NumericArray, is_there: BoolArray | None) -> NumericArray:
+    if is_there is None or is_there.all():
+        return values
+    shown = values.astype(np.float64)
+    shown[~is_there] = np.nan
+    return shown
+
+
+def _absent_strings(strings: Strings, is_there: BoolArray | None) -> Strings:
+    if is_there is None or is_there.all():
+        return strings
+    codes = np.where(is_there, strings.codes, np.int32(-1)).astype(np.int32)
+    return first_seen(Strings(codes, strings.values))

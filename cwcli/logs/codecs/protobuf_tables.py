@@ -1,0 +1,241 @@
+"""Compiles a protobuf message type into the tables of `cwcli.kernels.protobuf`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+VARINT64, VARINT32, ZIGZAG32, ZIGZAG64, BOOLEAN, FIXED32, FIXED64, TEXT, OCTETS, MESSAGE, GROUP = range(1, 12)
+STORE_NOT, STORE_ROW, STORE_APPEND, STORE_ELEMENT = range(4)
+
+KINDS: dict[int, tuple[int, str]] = {
+    1: (FIXED64, "f8"),
+    2: (FIXED32, "f4"),
+    3: (VARINT64, "i8"),
+    4: (VARINT64, "u8"),
+    5: (VARINT32, "i4"),
+    6: (FIXED64, "u8"),
+    7: (FIXED32, "u4"),
+    8: (BOOLEAN, "?"),
+    9: (TEXT, ""),
+    10: (GROUP, ""),
+    11: (MESSAGE, ""),
+    12: (OCTETS, ""),
+    13: (VARINT32, "u4"),
+    14: (VARINT32, "i4"),
+    15: (FIXED32, "i4"),
+    16: (FIXED64, "i8"),
+    17: (ZIGZAG32, "i4"),
+    18: (ZIGZAG64, "i8"),
+}
+"""`FieldDescriptor.type` -> kind of the kernel, and NumPy type."""
+TYPE_ENUM = 14
+N_COLUMNS = 10
+MAX_LEAVES = 1 << 14
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A column that the tables fill.
+
+    Attributes:
+        path: Dotted.
+        chain: Field descriptors from the root to the leaf.
+        kind: "fixed", "string", "blob", or "ragged".
+        dtype: NumPy type of an element, "" for strings and blobs.
+        presence: Slot of the flags that tell whether it was there, or -1: it always is, if only as its default.
+        in_element: It lies in a repeated message.
+        closed: The values of a closed enumeration, or ().
+    """
+
+    path: str
+    chain: tuple[Any, ...]
+    kind: str
+    dtype: str = ""
+    presence: int = -1
+    in_element: bool = False
+    closed: tuple[int, ...] = ()
+
+
+@dataclass
+class Tables:
+    """What the kernel needs, and the columns that it fills.
+
+    Attributes:
+        fields, nodes, elements: As the kernel's arguments.
+        slots: Fixed, string and blob leaves by slot.
+        ragged: Ragged leaves by slot.
+        n_presence, n_oneofs: Numbers of such slots.
+    """
+
+    fields: npt.NDArray[np.int32]
+    nodes: npt.NDArray[np.int32]
+    elements: npt.NDArray[np.int32]
+    slots: list[Leaf]
+    ragged: list[Leaf]
+    n_presence: int
+    n_oneofs: int
+
+
+def compile_tables(descriptor: Any, wants: Callable[[str], bool] | None, blobs: frozenset[str] = frozenset()) -> Tables:
+    """Compile a message type.
+
+    Args:
+        descriptor: Of the root message.
+        wants: Which leaves become columns, None for all; the others are only checked.
+        blobs: Bytes fields of which only the place is wanted.
+    """
+    compiler = _Compiler(wants, blobs)
+    compiler.node(descriptor, _Place())
+    nodes: list[tuple[int, int]] = []
+    fields: list[list[int]] = [[0] * N_COLUMNS]
+    for rows in compiler.nodes:
+        nodes.append((len(fields), len(rows)))
+        fields.extend(rows)
+    return Tables(
+        np.array(fields, np.int32),
+        np.array(nodes, np.int32),
+        np.array(compiler.elements or [0], np.int32),
+        compiler.slots,
+        compiler.ragged,
+        compiler.n_presence,
+        compiler.n_oneofs,
+    )
+
+
+def is_repeated(each: Any) -> bool:
+    """Whether a field is repeated."""
+    known = getattr(each, "is_repeated", None)
+    return bool(known) if known is not None else each.label == 3
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a message lies in the tree.
+
+    Attributes:
+        prefix: Of its leaves' paths.
+        chain: Field descriptors down to it.
+        types: Full names of the messages around it, itself not.
+        presence: Slot of the nearest optional field above.
+        element_slots: Ragged slots that the repeated message around it fills, or None outside of one.
+    """
+
+    prefix: str = ""
+    chain: tuple[Any, ...] = ()
+    types: tuple[str, ...] = ()
+    presence: int = -1
+    element_slots: list[int] | None = None
+
+
+@dataclass
+class _Compiler:
+    wants: Callable[[str], bool] | None
+    blobs: frozenset[str]
+    nodes: list[list[list[int]]] = field(default_factory=list)
+    elements: list[int] = field(default_factory=list)
+    slots: list[Leaf] = field(default_factory=list)
+    ragged: list[Leaf] = field(default_factory=list)
+    n_presence: int = 0
+    n_oneofs: int = 0
+    checked: dict[str, int] = field(default_factory=dict)
+
+    def node(self, descriptor: Any, place: _Place) -> int:
+        """A message whose leaves may be wanted; returns its node."""
+        rows: list[list[int]] = []
+        self.nodes.append(rows)
+        index = len(self.nodes) - 1
+        oneofs: dict[str, int] = {}
+        for each in sorted(descriptor.fields, key=lambda one: one.number):
+            row = self._row(each, oneofs)
+            kind, dtype = KINDS[each.type]
+            path = place.prefix + each.name
+            presence = place.presence
+            if each.has_presence and place.element_slots is None:
+                presence = row[5] = self._new_presence()
+            if kind == MESSAGE:
+                self._message(each, row, place, presence)
+            elif kind < TEXT and self._is_wanted(path):
+                self._scalar(each, row, dtype, place, presence)
+            elif kind in (TEXT, OCTETS) and place.element_slots is None and not is_repeated(each):
+                wanted = path in self.blobs if kind == OCTETS else self._is_wanted(path)
+                if wanted:
+                    self.slots.append(
+                        Leaf(path, (*place.chain, each), "blob" if kind == OCTETS else "string", "", presence)
+                    )
+                    row[3:5] = STORE_ROW, len(self.slots) - 1
+            rows.append(row)
+        return index
+
+    def _message(self, each: Any, row: list[int], place: _Place, presence: int) -> None:
+        path = place.prefix + each.name
+        inner_type = each.message_type
+        types = (*place.types, each.containing_type.full_name)
+        is_map = inner_type.GetOptions().map_entry
+        if is_map or inner_type.full_name in types or not self._reaches(f"{path}."):
+            row[7] = self._check_only(inner_type)
+            return
+        element_slots: list[int] | None = [] if is_repeated(each) else place.element_slots
+        inner = _Place(f"{path}.", (*place.chain, each), types, presence, element_slots)
+        row[7] = self.node(inner_type, inner)
+        if is_repeated(each) and element_slots is not None:
+            row[8], row[9] = len(self.elements), len(element_slots)
+            for slot in element_slots:
+                self.elements += [slot, np.dtype(self.ragged[slot].dtype).itemsize]
+
+    def _scalar(self, each: Any, row: list[int], dtype: str, place: _Place, presence: int) -> None:
+        path, chain = place.prefix + each.name, (*place.chain, each)
+        closed: tuple[int, ...] = ()
+        if each.type == TYPE_ENUM and getattr(each.enum_type, "is_closed", False):
+            closed = tuple(value.number for value in each.enum_type.values)
+        in_element = place.element_slots is not None
+        if not in_element and not is_repeated(each):
+            self.slots.append(Leaf(path, chain, "fixed", dtype, presence, False, closed))
+            row[3:5] = STORE_ROW, len(self.slots) - 1
+            return
+        self.ragged.append(Leaf(path, chain, "ragged", dtype, -1, in_element, closed))
+        row[3:5] = STORE_APPEND if is_repeated(each) else STORE_ELEMENT, len(self.ragged) - 1
+        if place.element_slots is not None and not is_repeated(each):
+            place.element_slots.append(len(self.ragged) - 1)
+
+    def _check_only(self, descriptor: Any) -> int:
+        """A message of which no leaf is wanted: one node per type, which may lead back to itself."""
+        known = self.checked.get(descriptor.full_name)
+        if known is not None:
+            return known
+        rows: list[list[int]] = []
+        self.nodes.append(rows)
+        index = self.checked[descriptor.full_name] = len(self.nodes) - 1
+        oneofs: dict[str, int] = {}
+        for each in sorted(descriptor.fields, key=lambda one: one.number):
+            row = self._row(each, oneofs)
+            if KINDS[each.type][0] == MESSAGE:
+                row[7] = self._check_only(each.message_type)
+            rows.append(row)
+        return index
+
+    def _row(self, each: Any, oneofs: dict[str, int]) -> list[int]:
+        oneof = -1
+        if each.containing_oneof is not None and len(each.containing_oneof.fields) > 1:
+            if each.containing_oneof.name not in oneofs:
+                oneofs[each.containing_oneof.name] = self.n_oneofs
+                self.n_oneofs += 1
+            oneof = oneofs[each.containing_oneof.name]
+        return [each.number, KINDS[each.type][0], int(is_repeated(each)), STORE_NOT, -1, -1, oneof, 0, 0, 0]
+
+    def _is_wanted(self, path: str) -> bool:
+        return (self.wants is None or self.wants(path)) and len(self.slots) + len(self.ragged) < MAX_LEAVES
+
+    def _reaches(self, prefix: str) -> bool:
+        """Whether a wanted leaf lies below."""
+        if self.wants is None:
+            return True
+        return self.wants(prefix) or any(blob.startswith(prefix) for blob in self.blobs)
+
+    def _new_presence(self) -> int:
+        self.n_presence += 1
+        return self.n_presence - 1

@@ -1,0 +1,68 @@
+"""The message encodings that cwcli reads. A further one is a file beside this and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+from cwcli.logs.codecs.base import Decoder
+from cwcli.logs.codecs.ros2msg import SchemaError
+
+
+class ChannelLike(Protocol):
+    """What a decoder needs to know of a channel."""
+
+    @property
+    def message_encoding(self) -> str: ...
+    @property
+    def schema_encoding(self) -> str: ...
+    @property
+    def schema_name(self) -> str: ...
+    @property
+    def schema_data(self) -> bytes: ...
+
+
+Fields = Collection[str] | None
+Maker = Callable[[ChannelLike, Fields, Collection[str], int], Decoder]
+
+
+def make_decoder(channel: ChannelLike, fields: Fields, *, blobs: Collection[str] = (), n_expected: int = 0) -> Decoder:
+    """A decoder for a channel; one for each channel of each file, so that nothing is shared between files.
+
+    Raises:
+        SchemaError: The encoding is unknown, or the schema can't be used.
+    """
+    maker = DECODERS.get((channel.message_encoding, channel.schema_encoding))
+    maker = maker or DECODERS.get((channel.message_encoding, ANY))
+    if maker is None:
+        known = ", ".join(f"{message}/{schema}".removesuffix(f"/{ANY}") for message, schema in DECODERS)
+        encodings = f"{channel.message_encoding[:40] or '-'}/{channel.schema_encoding[:40] or '-'}"
+        raise SchemaError(f"its encoding {encodings} is unknown (known: {known})")
+    return maker(channel, fields, blobs, n_expected)
+
+
+def _cdr(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
+    from cwcli.logs.codecs.cdr import CdrDecoder
+
+    return CdrDecoder(channel.schema_name, channel.schema_data, fields, blobs=blobs, n_expected=n_expected)
+
+
+def _protobuf(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
+    from cwcli.logs.codecs.protobuf import ProtobufDecoder
+
+    return ProtobufDecoder(channel.schema_name, channel.schema_data, fields, blobs=blobs, n_expected=n_expected)
+
+
+def _json(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
+    from cwcli.logs.codecs.json import JsonDecoder
+
+    return JsonDecoder(fields, blobs=blobs, n_expected=n_expected)
+
+
+ANY = "*"
+DECODERS: dict[tuple[str, str], Maker] = {
+    ("cdr", "ros2msg"): _cdr,
+    ("protobuf", "protobuf"): _protobuf,
+    ("json", ANY): _json,
+}
+"""(message encoding, schema encoding) -> decoder."""

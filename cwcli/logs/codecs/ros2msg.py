@@ -1,0 +1,133 @@
+"""`ros2msg` schema texts: message definitions, one behind the other, as ROS 2 concatenates them.
+
+Source: https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html and the MCAP registry's `ros2msg`. Constants, default
+values, bounds and comments do not change the bytes of a message and are skipped.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+PRIMITIVES: dict[str, str] = {
+    "bool": "u1",
+    "byte": "u1",
+    "char": "i1",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "int64": "i8",
+    "uint64": "u8",
+    "float32": "f4",
+    "float64": "f8",
+}
+"""Type -> NumPy type. `char` is signed, as the official decoder reads it."""
+
+STRING = "string"
+WSTRING = "wstring"
+_PREDEFINED = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
+}
+_SEPARATOR = re.compile(r"^={3,}\s*$", re.MULTILINE)
+_NAME_LINE = re.compile(r"^MSG:\s+(\S+)\s*$", re.MULTILINE)
+_TYPE = re.compile(r"^([\w/]+)(<=\d+)?(?:\[(<=)?(\d*)\])?$")
+_CONSTANT = re.compile(r"^\w+\s*=")
+
+
+class SchemaError(ValueError):
+    """A schema that can't be understood, or holds what cwcli does not decode."""
+
+
+class MessageField(NamedTuple):
+    """A field of a message.
+
+    Attributes:
+        name: Its name.
+        type: A primitive, `string`, `wstring`, or a message by its short name `package/Name`.
+        is_sequence: Its length stands in the message.
+        length: Elements of a fixed array, or None.
+    """
+
+    name: str
+    type: str
+    is_sequence: bool
+    length: int | None
+
+
+Definitions = dict[str, tuple[MessageField, ...]]
+
+
+def parse_definitions(schema_name: str, text: str) -> tuple[str, Definitions]:
+    """The messages of a schema.
+
+    Returns:
+        Short name of the root message, and the fields of each message by short name.
+
+    Raises:
+        SchemaError: The text can't be understood.
+    """
+    root = short_name(schema_name)
+    definitions: Definitions = {name: _fields("builtin_interfaces", body) for name, body in _PREDEFINED.items()}
+    for k, part in enumerate(_SEPARATOR.split(text.replace("\r\n", "\n"))):
+        named = _NAME_LINE.search(part)
+        if named is None and k:
+            raise SchemaError("a part of the schema has no `MSG:` line")
+        name = short_name(named.group(1)) if named else root
+        body = part[: named.start()] + part[named.end() :] if named else part
+        definitions[name] = _fields(name.split("/")[0], body)
+    if root not in definitions:
+        raise SchemaError(f"the schema does not define {schema_name}")
+    return root, definitions
+
+
+def short_name(name: str) -> str:
+    """`sensor_msgs/msg/Imu` -> `sensor_msgs/Imu`."""
+    parts = name.split("/")
+    return f"{parts[0]}/{parts[-1]}"
+
+
+def find_definition(definitions: Definitions, name: str) -> tuple[MessageField, ...]:
+    """The fields of a message.
+
+    Raises:
+        SchemaError: It is not defined.
+    """
+    found = definitions.get(name)
+    if found is None:
+        raise SchemaError(f"the schema does not define {name}")
+    return found
+
+
+def _fields(package: str, body: str) -> tuple[MessageField, ...]:
+    fields = []
+    for raw_line in body.replace("\t", " ").split("\n"):
+        line = raw_line.partition("#")[0].strip()
+        if not line:
+            continue
+        type_text, _, rest = line.partition(" ")
+        rest = rest.lstrip()
+        if _CONSTANT.match(rest):
+            continue
+        name = rest.partition(" ")[0]
+        matched = _TYPE.match(type_text)
+        if not name or not matched:
+            raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
+        base, _, is_bounded, size = matched.groups()
+        is_array = "[" in type_text
+        length = int(size) if is_array and size and not is_bounded else None
+        if length == 0:
+            raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
+        fields.append(MessageField(name, _resolved(base, package), is_array and length is None, length))
+    return tuple(fields)
+
+
+def _resolved(base: str, package: str) -> str:
+    if base in PRIMITIVES or base in (STRING, WSTRING):
+        return base
+    if base == "Header":
+        return "std_msgs/Header"
+    return short_name(base) if "/" in base else f"{package}/{base}"

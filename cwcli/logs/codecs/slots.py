@@ -1,0 +1,242 @@
+"""Where decoders put the leaves: growing columns, filled by the kernels batch by batch through their addresses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.kernels.message_scan import intern_spans
+from cwcli.signals.columns import Field, Int64Array, NumericArray, Ragged, Strings
+
+BoolArray = npt.NDArray[np.bool_]
+ByteArray = npt.NDArray[np.uint8]
+SPAN_BYTES = 16
+
+
+@dataclass(frozen=True)
+class Payloads:
+    """Messages of one channel.
+
+    Attributes:
+        data: What they lie in: a chunk, or the file.
+        starts, ends: Shape (n,), int64.
+    """
+
+    data: ByteArray
+    starts: Int64Array
+    ends: Int64Array
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def n_bytes(self) -> int:
+        """Bytes of all messages."""
+        return int((self.ends - self.starts).sum())
+
+    def rows(self, start: int, stop: int) -> Payloads:
+        """Messages `start` to `stop`."""
+        return Payloads(self.data, self.starts[start:stop], self.ends[start:stop])
+
+    def message(self, row: int) -> bytes:
+        """One message."""
+        return self.data[self.starts[row] : self.ends[row]].tobytes()
+
+
+class FixedSlot:
+    """A growing column; new rows are zero.
+
+    Attributes:
+        array: Shape (capacity,), or (capacity, k) for `count` = k.
+    """
+
+    def __init__(self, dtype: npt.DTypeLike, count: int | None = None) -> None:
+        self.array = np.zeros((0,) if count is None else (0, count), dtype)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for `capacity` rows."""
+        if len(self.array) < capacity:
+            grown = np.zeros((capacity, *self.array.shape[1:]), self.array.dtype)
+            grown[: len(self.array)] = self.array
+            self.array = grown
+
+    def address(self, first_row: int, n: int) -> int:
+        """Of row 0."""
+        return _address(self.array)
+
+    def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+        """After a batch: nothing to do."""
+
+
+class StringSlot:
+    """A growing column of strings: the kernel writes spans, which are dictionary-coded after each batch.
+
+    Attributes:
+        spans: Shape (n, 2) of the batch: start and length. Rows that the kernel leaves alone are empty strings.
+        codes: Shape (capacity,).
+        values: Distinct strings as bytes.
+    """
+
+    def __init__(self) -> None:
+        self.spans = np.zeros((0, 2), np.int64)
+        self.codes = np.zeros(0, np.int32)
+        self.values: list[bytes] = []
+        self._known: dict[bytes, int] = {}
+
+    def grow(self, capacity: int) -> None:
+        """Make room for `capacity` rows."""
+        if len(self.codes) < capacity:
+            grown = np.zeros(capacity, np.int32)
+            grown[: len(self.codes)] = self.codes
+            self.codes = grown
+
+    def address(self, first_row: int, n: int) -> int:
+        """Of row 0, as if the batch's spans were all rows'."""
+        self.spans = np.zeros((n, 2), np.int64)
+        return _address(self.spans) - SPAN_BYTES * first_row
+
+    def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+        """After a batch: code its strings."""
+        self.spans[~is_ok, 0] = -1
+        n = len(self.spans)
+        intern_spans(data, self.spans, self.codes[first_row : first_row + n], self._known, self.values)
+
+    def put(self, row: int, text: bytes) -> None:
+        """Set one row."""
+        code = self._known.setdefault(text, len(self.values))
+        if code == len(self.values):
+            self.values.append(text)
+        self.codes[row] = code
+
+    def finish(self, rows: Int64Array) -> Strings:
+        """The given rows. Bytes that are not UTF-8 are shown as escapes."""
+        values = tuple(value.decode(errors="backslashreplace") for value in self.values)
+        return first_seen(merge_equal(Strings(self.codes[rows], values)))
+
+
+class SpanSlot(StringSlot):
+    """Spans of the batch alone: where the bytes of an image are."""
+
+    def grow(self, capacity: int) -> None:
+        """Nothing is kept."""
+
+    def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+        """After a batch: remember what the spans look into."""
+        self.spans[~is_ok] = 0
+        self.data = data
+        self.instead: dict[int, bytes] = {}
+
+    def views(self) -> list[bytes | memoryview]:
+        """The bytes of each message of the batch."""
+        whole = memoryview(self.data)
+        return [
+            self.instead[row] if row in self.instead else whole[start : start + size]
+            for row, (start, size) in enumerate(self.spans.tolist())
+        ]
+
+
+class RaggedSlot:
+    """A growing column of sequences.
+
+    Attributes:
+        dtype: Of the elements.
+        cursors: Shape (n,) of the batch: bytes written after each message.
+    """
+
+    def __init__(self, dtype: npt.DTypeLike) -> None:
+        self.dtype = np.dtype(dtype)
+        self.cursors = np.zeros(0, np.int64)
+        self.buffer = np.zeros(0, np.uint8)
+        self._values: list[NumericArray] = []
+        self._counts: list[Int64Array] = []
+
+    def begin(self, n: int, n_bytes: int) -> None:
+        """Before a batch: memory for `n_bytes`, which costs nothing until it is written to."""
+        self.cursors = np.zeros(n, np.int64)
+        self.buffer = np.empty(n_bytes + 64, np.uint8)
+
+    def end(self, instead: Mapping[int, NumericArray] | None = None) -> None:
+        """After a batch: keep what was written, with other elements for the rows of `instead`."""
+        counts = np.diff(self.cursors, prepend=0) // self.dtype.itemsize
+        used = int(self.cursors[-1]) if len(self.cursors) else 0
+        values = self.buffer[:used].view(self.dtype).copy()
+        if instead:
+            rows = sorted(instead)
+            is_kept = np.ones(len(counts), np.bool_)
+            is_kept[rows] = False
+            values = values[np.repeat(is_kept, counts)]
+            counts[rows] = 0
+            sizes = [len(instead[row]) for row in rows]
+            before = np.cumsum(counts)[rows]
+            values = np.insert(values, np.repeat(before, sizes), np.concatenate([instead[row] for row in rows]))
+            counts[rows] = sizes
+        self._values.append(values)
+        self._counts.append(counts)
+        self.buffer = np.zeros(0, np.uint8)
+
+    def finish(self) -> Ragged:
+        """All rows."""
+        counts = np.concatenate([np.zeros(1, np.int64), *self._counts])
+        return Ragged(np.concatenate([np.zeros(0, self.dtype), *self._values]), np.cumsum(counts))
+
+
+def addresses(slots: Sequence[FixedSlot | StringSlot], first_row: int, n: int) -> Int64Array:
+    """Shape (len(slots),): where each slot's row 0 is, once there is room for the batch."""
+    return np.array([slot.address(first_row, n) for slot in slots] or [0], np.int64)
+
+
+def ragged_addresses(slots: Sequence[RaggedSlot], n: int, n_bytes: int) -> tuple[Int64Array, Int64Array]:
+    """Where the kernel writes elements, and where it writes the cursors; shape (len(slots),) each."""
+    for slot in slots:
+        slot.begin(n, n_bytes)
+    return (
+        np.array([_address(slot.buffer) for slot in slots], np.int64),
+        np.array([_address(slot.cursors) for slot in slots], np.int64),
+    )
+
+
+def grown_capacity(current: int, needed: int) -> int:
+    """Room for at least `needed` rows, so that growing stays rare."""
+    return current if current >= needed else max(needed, 2 * current)
+
+
+def take_ragged(ragged: Ragged, rows: Int64Array) -> Ragged:
+    """The given rows, in the given order."""
+    sizes = np.diff(ragged.offsets)[rows]
+    offsets = np.zeros(len(rows) + 1, np.int64)
+    np.cumsum(sizes, out=offsets[1:])
+    shift = np.repeat(ragged.offsets[:-1][rows] - offsets[:-1], sizes)
+    return Ragged(ragged.values[np.arange(offsets[-1]) + shift], offsets)
+
+
+def as_matrix(ragged: Ragged) -> Ragged | NumericArray:
+    """Shape (n, k) where all rows have the same number k > 0 of elements."""
+    sizes = np.diff(ragged.offsets)
+    if not len(sizes) or not sizes[0] or (sizes != sizes[0]).any():
+        return ragged
+    return ragged.values.reshape(len(sizes), -1)
+
+
+def first_seen(strings: Strings) -> Strings:
+    """The same strings, the values in order of first appearance and none unused."""
+    codes, first = np.unique(strings.codes, return_index=True)
+    codes, first = codes[codes >= 0], first[codes >= 0]
+    order = np.argsort(first)
+    new_code = np.full(len(strings.values) + 1, -1, np.int32)
+    new_code[codes[order]] = np.arange(len(codes), dtype=np.int32)
+    return Strings(new_code[strings.codes], tuple(strings.values[code] for code in codes[order].tolist()))
+
+
+def merge_equal(strings: Strings) -> Strings:
+    """The same strings with equal values under one code: different bytes may show as the same text."""
+    index: dict[str, int] = {}
+    codes = np.array([index.setdefault(value, len(index)) for value in strings.values] + [-1], np.int32)
+    return Strings(codes[strings.codes], tuple(index))
+
+
+def _address(array: npt.NDArray[np.generic]) -> int:
+    address: int = array.__array_interface__["data"][0]
+    return address

@@ -1,0 +1,157 @@
+"""Topics as columns: one pass over the chunks that hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cwcli.errors import DataError, InputError
+from cwcli.logs.codecs.base import Decoder
+from cwcli.logs.codecs.registry import make_decoder
+from cwcli.logs.codecs.ros2msg import SchemaError
+from cwcli.logs.codecs.slots import Payloads
+from cwcli.logs.faults import Faults
+from cwcli.logs.message_reader import Batch, MessageReader
+from cwcli.signals.columns import Columns
+
+if TYPE_CHECKING:
+    from cwcli.logs.channel import ChannelInfo
+
+MAX_BATCH_BYTES = 4 << 20
+"""Of payloads that go to a decoder at once: its buffers for sequences are several times as large."""
+
+
+class _Topic:
+    """What is collected of one topic."""
+
+    def __init__(self, channels: Sequence[ChannelInfo], decoder: Decoder) -> None:
+        self.channels = channels
+        self.decoder = decoder
+        self.batches: list[Batch] = []
+
+    def add(self, batch: Batch) -> None:
+        for payloads in split_by_bytes(batch.payloads):
+            self.decoder.add(payloads)
+        empty = np.zeros(0, np.int64)
+        nothing = Payloads(np.zeros(0, np.uint8), empty, empty)
+        self.batches.append(Batch(nothing, batch.channel_id, batch.sequence, batch.log_time_ns, batch.publish_time_ns))
+
+    def columns(self, faults: Faults) -> Columns:
+        """In log-time order, in file order where the times are equal."""
+        log_time_ns = np.concatenate([np.zeros(0, np.int64), *(each.log_time_ns for each in self.batches)])
+        publish_time_ns = np.concatenate([np.zeros(0, np.int64), *(each.publish_time_ns for each in self.batches)])
+        sequence = np.concatenate([np.zeros(0, np.uint32), *(each.sequence for each in self.batches)])
+        outcome = self.decoder.outcome()
+        order = np.argsort(log_time_ns, kind="stable")
+        rows = order[outcome.is_ok[order]]
+        channel = self.channels[0]
+        if outcome.reasons:
+            faults.undecodable[channel.topic] = dict(outcome.reasons)
+        return Columns(
+            topic=channel.topic,
+            schema_name=channel.schema_name,
+            message_encoding=channel.message_encoding,
+            log_time_ns=log_time_ns[rows],
+            publish_time_ns=publish_time_ns[rows],
+            sequence=sequence[rows],
+            fields=self.decoder.finish(rows),
+            n_undecodable=len(log_time_ns) - len(rows),
+        )
+
+
+def load_columns(
+    reader: MessageReader,
+    channels: Mapping[str, Sequence[ChannelInfo]],
+    wanted: Mapping[str, Collection[str] | None],
+    faults: Faults,
+    name: str,
+) -> dict[str, Columns]:
+    """Read topics as columns.
+
+    Args:
+        reader: Of the file.
+        channels: Topic -> its channels; each has one at least.
+        wanted: Topic -> leaf fields, or None for all.
+        faults: Counts the messages that can't be decoded.
+        name: Of the file, for messages.
+
+    Raises:
+        InputError: An encoding or a schema is unknown or unusable, or the file is damaged and `recover` is off.
+        DataError: A topic has several schemas.
+    """
+    topics: list[_Topic] = []
+    topic_of = np.zeros(1 << 16, np.int64)
+    for topic, fields in wanted.items():
+        single_schema(channels[topic], name)
+        n_expected = sum(channel.message_count or 0 for channel in channels[topic])
+        decoder = decoder_for(channels[topic][0], fields, name, n_expected=min(n_expected, MAX_EXPECTED))
+        topic_of[[channel.id for channel in channels[topic]]] = len(topics)
+        topics.append(_Topic(channels[topic], decoder))
+    for batch in reader.batches([channel.id for topic in topics for channel in topic.channels]):
+        index = topic_of[batch.channel_id]
+        for k, topic in enumerate(topics):
+            rows = np.flatnonzero(index == k)
+            if len(rows):
+                topic.add(batch if len(rows) == len(batch) else batch.take(rows))
+    return {topic.channels[0].topic: topic.columns(faults) for topic in topics}
+
+
+MAX_EXPECTED = 1 << 22
+"""Rows for which room is made before they are seen: a file's counts are not trusted with more memory."""
+
+
+def decoder_for(
+    channel: ChannelInfo,
+    fields: Collection[str] | None,
+    name: str,
+    *,
+    blobs: Collection[str] = (),
+    n_expected: int = 0,
+) -> Decoder:
+    """A channel's decoder.
+
+    Raises:
+        InputError: Its encoding or its schema is unknown or unusable.
+    """
+    try:
+        return make_decoder(channel, fields, blobs=blobs, n_expected=n_expected)
+    except SchemaError as error:
+        what = f"the channel {channel.topic} ({channel.schema_name or 'no schema'}) can't be read: {error}"
+        raise InputError(what, where=name) from error
+
+
+def single_schema(channels: Sequence[ChannelInfo], name: str) -> None:
+    """Check that the channels of one topic can be read as one.
+
+    Raises:
+        DataError: They have different schemas.
+    """
+    first = channels[0]
+    for other in channels[1:]:
+        if _schema(other) != _schema(first):
+            one, two = (
+                f"{each.schema_name or 'no schema'} ({each.message_encoding}, channel {each.id})"
+                for each in (first, other)
+            )
+            raise DataError(f"the topic {first.topic} has two schemas: {one} and {two}", where=name)
+
+
+def split_by_bytes(payloads: Payloads) -> Iterator[Payloads]:
+    """Pieces of bounded size."""
+    sizes = payloads.ends - payloads.starts
+    total = np.cumsum(sizes)
+    if not len(total) or total[-1] <= MAX_BATCH_BYTES:
+        yield payloads
+        return
+    start = 0
+    while start < len(total):
+        before = int(total[start - 1]) if start else 0
+        stop = max(int(np.searchsorted(total, before + MAX_BATCH_BYTES, side="right")), start + 1)
+        yield payloads.rows(start, stop)
+        start = stop
+
+
+def _schema(channel: ChannelInfo) -> tuple[str, str, str, bytes]:
+    return channel.message_encoding, channel.schema_encoding, channel.schema_name, channel.schema_data

@@ -1,0 +1,272 @@
+"""Messages of some channels, as arrays of where they are: chunk by chunk, without one Python object per message."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import InputError
+from cwcli.kernels.message_scan import DAMAGED, FULL, scan_messages
+from cwcli.logs.codecs.slots import ByteArray, Payloads
+from cwcli.logs.faults import Faults
+from cwcli.logs.payload import ChunkError, chunk_payload, partial_payload
+from cwcli.logs.records import (
+    INDEX_ENTRY_BYTES,
+    MESSAGE_HEADER_BYTES,
+    MESSAGE_INDEX,
+    PREFIX,
+    ChunkIndex,
+    RecordError,
+    read_message_index,
+    read_prefix,
+)
+from cwcli.logs.structure import Structure
+from cwcli.signals.columns import Int64Array
+
+MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
+MAX_BATCH_MESSAGES = 1 << 16
+N_AHEAD = 2
+MIN_BYTES_FOR_THREADS = 4 << 20
+RECOVER_HINT = "--recover reads what is intact"
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Messages of the wanted channels in one chunk, in file order.
+
+    Attributes:
+        payloads: The messages.
+        channel_id, sequence, log_time_ns, publish_time_ns: Shape (n,).
+    """
+
+    payloads: Payloads
+    channel_id: npt.NDArray[np.uint16]
+    sequence: npt.NDArray[np.uint32]
+    log_time_ns: Int64Array
+    publish_time_ns: Int64Array
+
+    def __len__(self) -> int:
+        return len(self.channel_id)
+
+    def take(self, rows: npt.NDArray[np.intp]) -> Batch:
+        """Some of the messages."""
+        payloads = Payloads(self.payloads.data, self.payloads.starts[rows], self.payloads.ends[rows])
+        return Batch(
+            payloads, self.channel_id[rows], self.sequence[rows], self.log_time_ns[rows], self.publish_time_ns[rows]
+        )
+
+
+class MessageReader:
+    """Reads a file's messages.
+
+    Args:
+        data: The file.
+        structure: What it holds.
+        faults: Counts what is lost.
+        name: For messages.
+        recover: Leave damaged parts out and count them.
+        verify: Check CRCs and message indexes.
+    """
+
+    def __init__(
+        self, data: memoryview, structure: Structure, faults: Faults, name: str, *, recover: bool, verify: bool
+    ) -> None:
+        self._data = data
+        self._structure = structure
+        self._faults = faults
+        self._name = name
+        self._recover = recover
+        self._verify = verify
+        self._counted: set[int] = set()
+
+    def batches(self, channel_ids: Collection[int]) -> Iterator[Batch]:
+        """The messages of some channels, in file order.
+
+        Raises:
+            InputError: A chunk that may hold them is damaged, and `recover` is off.
+        """
+        chunks = self.chunks(channel_ids)
+        loose = deque(self._structure.loose)
+        for chunk, payload in self._payloads(chunks):
+            while loose and loose[0][0] < chunk.chunk_start:
+                yield from self.loose_batches(channel_ids, [loose.popleft()])
+            if payload is not None:
+                yield from self.chunk_batches(chunk, payload, channel_ids)
+        yield from self.loose_batches(channel_ids, loose)
+
+    def chunks(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
+        """The chunks that hold, or may hold, messages of these channels, in file order."""
+        wanted = frozenset(channel_ids)
+        return [
+            chunk
+            for chunk in self._structure.chunks
+            if chunk.uncompressed_size and (not chunk.index_offsets or not wanted.isdisjoint(chunk.index_offsets))
+        ]
+
+    def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, Iterator[Batch]]]:
+        """The chunks' batches by the chunks' first log time, each with that time: no later chunk holds an earlier message."""
+        chunks = sorted(self.chunks(channel_ids), key=lambda chunk: (chunk.start_ns, chunk.chunk_start))
+        for chunk, payload in self._payloads(chunks):
+            if payload is not None:
+                yield chunk.start_ns, self.chunk_batches(chunk, payload, channel_ids)
+
+    def chunk_batches(self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]) -> Iterator[Batch]:
+        """The messages in an opened chunk."""
+        octets = np.frombuffer(payload, np.uint8)
+        is_partial = chunk.chunk_start == self._structure.partial_chunk
+        at = 0
+        noted: list[Batch] = []
+        while at < len(octets):
+            batch, at, status = _scan(octets, at, len(octets), channel_ids)
+            noted.append(batch)
+            if status == DAMAGED:
+                if not is_partial:
+                    self._lose(chunk.chunk_start, "a record in a chunk is damaged", 0)
+                break
+        if self._verify and not is_partial and not self._index_fits(chunk, noted, channel_ids):
+            self._count(chunk.chunk_start, "broken_indexes")
+        yield from noted
+
+    def loose_batches(self, channel_ids: Collection[int], spans: Collection[tuple[int, int]]) -> Iterator[Batch]:
+        """The messages outside chunks, in some parts of the data section."""
+        octets = np.frombuffer(self._data, np.uint8)
+        for start, end in spans:
+            at = start
+            while at < end:
+                batch, at, status = _scan(octets, at, end, channel_ids)
+                if len(batch):
+                    yield batch
+                if status == DAMAGED:
+                    self._lose(at, "a record is damaged", end - at)
+                    break
+
+    def loose_spans(self) -> Sequence[tuple[int, int]]:
+        """Where messages may lie outside chunks."""
+        return self._structure.loose
+
+    def _payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
+        """Each chunk with what is in it (None if it is lost), decompressed ahead by threads where that pays."""
+        if sum(chunk.uncompressed_size for chunk in chunks) < MIN_BYTES_FOR_THREADS or len(chunks) < N_AHEAD:
+            for chunk in chunks:
+                try:
+                    yield chunk, self._payload(chunk)
+                except ChunkError as error:
+                    self._lose_chunk(chunk, error)
+                    yield chunk, None
+            return
+        from concurrent.futures import Future, ThreadPoolExecutor
+
+        waiting = deque(chunks)
+        running: deque[tuple[ChunkIndex, Future[memoryview]]] = deque()
+        pool = ThreadPoolExecutor(N_AHEAD)
+        try:
+            while waiting or running:
+                while waiting and len(running) <= N_AHEAD:
+                    chunk = waiting.popleft()
+                    running.append((chunk, pool.submit(self._payload, chunk)))
+                chunk, future = running.popleft()
+                payload: memoryview | None = None
+                try:
+                    payload = future.result()
+                except ChunkError as error:
+                    self._lose_chunk(chunk, error)
+                del future
+                yield chunk, payload
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    def _payload(self, chunk: ChunkIndex) -> memoryview:
+        if chunk.chunk_start == self._structure.partial_chunk:
+            self._count(chunk.chunk_start, "chunks_partial")
+            return partial_payload(self._data, chunk)
+        return chunk_payload(self._data, chunk, verify=self._verify)
+
+    def _lose_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
+        at = chunk.chunk_start
+        if not self._recover:
+            hint = "" if error.is_foreign else RECOVER_HINT
+            raise InputError(f"{error} (at byte {at})", where=self._name, hint=hint) from error
+        if at not in self._counted:
+            self._counted.add(at)
+            self._faults.chunks_lost += 1
+            self._faults.crc_mismatches += error.is_crc
+            self._faults.bytes_lost += chunk.chunk_length
+            self._faults.messages_lost += self._indexed_messages(chunk)
+
+    def _lose(self, at: int, what: str, n_bytes: int) -> None:
+        if not self._recover:
+            raise InputError(f"{what} (at byte {at})", where=self._name, hint=RECOVER_HINT)
+        if at not in self._counted:
+            self._counted.add(at)
+            self._faults.bytes_lost += n_bytes
+
+    def _count(self, at: int, fault: str) -> None:
+        if at not in self._counted:
+            self._counted.add(at)
+            setattr(self._faults, fault, getattr(self._faults, fault) + 1)
+
+    def _indexed_messages(self, chunk: ChunkIndex) -> int:
+        """How many messages a chunk's indexes list."""
+        return sum(len(entries) for each in chunk.index_offsets if (entries := self._index(chunk, each)) is not None)
+
+    def _index(self, chunk: ChunkIndex, channel_id: int) -> npt.NDArray[np.uint64] | None:
+        """A message index as (log time, offset) pairs, or None if it is not what and where it should be."""
+        at = chunk.index_offsets[channel_id]
+        end = chunk.chunk_start + chunk.chunk_length + chunk.index_length
+        if not 0 < at < end:
+            return None
+        try:
+            opcode, start, stop = read_prefix(self._data, at, end)
+            if opcode != MESSAGE_INDEX:
+                return None
+            found, first, last = read_message_index(self._data, start, stop)
+        except RecordError:
+            return None
+        if found != channel_id:
+            return None
+        return np.frombuffer(self._data, "<u8", 2 * ((last - first) // INDEX_ENTRY_BYTES), first).reshape(-1, 2)
+
+    def _index_fits(self, chunk: ChunkIndex, batches: Sequence[Batch], channel_ids: Collection[int]) -> bool:
+        """Whether a chunk's message indexes list what is in it."""
+        if not chunk.index_offsets or not any(chunk.index_offsets.values()):
+            return True
+        ids = np.concatenate([batch.channel_id for batch in batches] or [np.zeros(0, np.uint16)])
+        times = np.concatenate([batch.log_time_ns for batch in batches] or [np.zeros(0, np.int64)])
+        places = np.concatenate([batch.payloads.starts for batch in batches] or [np.zeros(0, np.int64)])
+        for channel_id in channel_ids:
+            is_own = ids == channel_id
+            if channel_id not in chunk.index_offsets:
+                if is_own.any():
+                    return False
+                continue
+            listed = self._index(chunk, channel_id)
+            if listed is None or len(listed) != int(is_own.sum()):
+                return False
+            order = np.argsort(listed[:, 1], kind="stable")
+            if not np.array_equal(listed[order, 1], (places[is_own] - MIN_MESSAGE_BYTES).astype(np.uint64)):
+                return False
+            if not np.array_equal(listed[order, 0], times[is_own].view(np.uint64)):
+                return False
+        return True
+
+
+def _scan(octets: ByteArray, at: int, end: int, channel_ids: Collection[int]) -> tuple[Batch, int, int]:
+    """Up to a batch's worth of messages, where the walk stopped, and why."""
+    is_wanted = np.zeros(1 << 16, np.uint8)
+    is_wanted[list(channel_ids)] = 1
+    capacity = min((end - at) // MIN_MESSAGE_BYTES + 1, MAX_BATCH_MESSAGES)
+    channel_id, sequence = np.empty(capacity, np.uint16), np.empty(capacity, np.uint32)
+    log_time_ns, publish_time_ns, starts, ends = (np.empty(capacity, np.int64) for _ in range(4))
+    n, stop, status = scan_messages(
+        octets, at, end, is_wanted, channel_id, sequence, log_time_ns, publish_time_ns, starts, ends
+    )
+    if status == FULL and not n:
+        raise AssertionError("a batch has room for a message")
+    batch = Batch(
+        Payloads(octets, starts[:n], ends[:n]), channel_id[:n], sequence[:n], log_time_ns[:n], publish_time_ns[:n]
+    )
+    return batch, stop, status

@@ -1,0 +1,90 @@
+"""From the bytes of a file to its structure: by the summary, or record by record."""
+
+from __future__ import annotations
+
+from cwcli.errors import InputError
+from cwcli.logs.faults import Faults
+from cwcli.logs.records import HEADER, MAGIC, RecordError, read_header, read_prefix
+from cwcli.logs.scan import DamageError, scan
+from cwcli.logs.structure import Structure
+from cwcli.logs.summary import find_footer, read_summary
+
+HINT = "--recover reads what is intact"
+
+
+def open_structure(data: memoryview, name: str, faults: Faults, *, recover: bool, verify: bool) -> Structure:
+    """What a file holds.
+
+    Args:
+        data: The file.
+        name: For messages.
+        faults: Counts what is wrong with it.
+        recover: Count damage instead of raising.
+        verify: Check the summary's CRC.
+
+    Raises:
+        InputError: It is not an MCAP file, or damaged; with `recover`, if there is nothing to be had.
+    """
+    if data[: len(MAGIC)] != MAGIC:
+        raise InputError("it is not an MCAP file", where=name, hint=_hint_for(bytes(data[:16])))
+    profile, library, data_start = _header(data, name, faults, recover=recover)
+    structure = _structure(data, name, data_start, faults, recover=recover, verify=verify)
+    structure.profile, structure.library = profile, library
+    if recover and not structure.channels:
+        raise InputError("nothing in it can be read", where=name)
+    return structure
+
+
+def _structure(
+    data: memoryview, name: str, data_start: int, faults: Faults, *, recover: bool, verify: bool
+) -> Structure:
+    found = find_footer(data)
+    if found is None:
+        if not recover:
+            what = f"the file is cut short: it ends at byte {len(data)} without a footer"
+            raise InputError(what, where=name, hint=HINT)
+        faults.truncated = True
+    else:
+        try:
+            structure = read_summary(data, *found, data_start, verify=verify)
+            if structure is not None:
+                return structure
+        except RecordError as error:
+            if not recover:
+                what = f"{error} (summary at byte {found[0].summary_start})"
+                raise InputError(what, where=name, hint=HINT) from error
+            faults.summary_damaged = True
+    try:
+        return scan(data, data_start, faults, recover=recover)
+    except DamageError as error:
+        raise InputError(f"{error} (at byte {error.at})", where=name, hint=HINT) from error
+
+
+def _header(data: memoryview, name: str, faults: Faults, *, recover: bool) -> tuple[str, str, int]:
+    """Profile, library, and where the data section begins."""
+    at = len(MAGIC)
+    try:
+        opcode, start, end = read_prefix(data, at, len(data))
+        if opcode != HEADER:
+            raise RecordError("the first record is not a header")
+        profile, library = read_header(data, start, end)
+    except RecordError as error:
+        if not recover:
+            raise InputError(f"the header is damaged: {error} (at byte {at})", where=name, hint=HINT) from error
+        from cwcli.logs.resync import next_record
+
+        following = next_record(data, at + 1, range(1 << 16))
+        faults.bytes_lost += following - at
+        return "", "", following
+    return profile, library, end
+
+
+def _hint_for(head: bytes) -> str:
+    """What a file that is not MCAP may be."""
+    if head.startswith(b"#ROSBAG"):
+        return "it is a ROS 1 bag; `mcap convert` makes an MCAP file of it"
+    if head.startswith(b"SQLite format 3"):
+        return "it is a ROS 2 database; `ros2 bag convert` or `mcap convert` makes an MCAP file of it"
+    if head.startswith((b"\x28\xb5\x2f\xfd", b"\x1f\x8b")):
+        return "it is compressed as a whole; decompress it first, or pipe it in (`zstdcat FILE | cwcli ... -`)"
+    return ""

@@ -1,0 +1,172 @@
+"""The records inside a chunk: decompressed, of the declared size, with the right CRC.
+
+A declared size is never trusted with memory: the output grows with what really comes out of the decompressor where the
+declared size is out of proportion.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+from cwcli.logs.records import PREFIX, ChunkIndex, RecordError, read_chunk, read_prefix
+
+MAX_CHUNK_BYTES = 4 << 30
+"""The official reader's limit for one record."""
+MAX_TRUSTED_BYTES = 64 << 20
+BLOCK_BYTES = 1 << 20
+CRC_AT = PREFIX.size + 24
+_U32 = struct.Struct("<I")
+
+
+class ChunkError(Exception):
+    """A chunk that can't be read.
+
+    Attributes:
+        is_crc: It was decompressed, but its CRC does not fit.
+        is_foreign: Its compression is unknown: the file need not be damaged.
+    """
+
+    def __init__(self, what: str, *, is_crc: bool = False, is_foreign: bool = False) -> None:
+        super().__init__(what)
+        self.is_crc = is_crc
+        self.is_foreign = is_foreign
+
+
+def chunk_payload(data: memoryview, chunk: ChunkIndex, *, verify: bool) -> memoryview:
+    """The records inside a chunk.
+
+    Args:
+        data: The file.
+        chunk: Where the chunk is.
+        verify: Check the CRC, where the chunk has one.
+
+    Raises:
+        ChunkError: The chunk is not there, can't be decompressed, has another size than declared, or fails its CRC.
+    """
+    _check_header(data, chunk)
+    stored = _stored(data, chunk)
+    if chunk.uncompressed_size > MAX_CHUNK_BYTES:
+        raise ChunkError(f"a chunk declares {chunk.uncompressed_size} bytes")
+    payload = _decompressor(chunk.compression)(stored, chunk.uncompressed_size)
+    if len(payload) != chunk.uncompressed_size:
+        raise ChunkError(f"a chunk holds {len(payload)} bytes instead of the declared {chunk.uncompressed_size}")
+    if verify:
+        (crc,) = _U32.unpack_from(data, chunk.chunk_start + CRC_AT)
+        if crc and crc != zlib.crc32(payload):
+            raise ChunkError("a chunk's CRC does not fit", is_crc=True)
+    return payload
+
+
+def partial_payload(data: memoryview, chunk: ChunkIndex) -> memoryview:
+    """What comes out of a chunk whose end is cut off; there is no CRC for it.
+
+    Raises:
+        ChunkError: Its compression is unknown.
+    """
+    stored = _stored(data, chunk)
+    if chunk.compression == "":
+        return stored
+    _decompressor(chunk.compression)
+    start, errors = _streams()[chunk.compression]
+    stream = start()
+    parts: list[bytes] = []
+    for at in range(0, len(stored), BLOCK_BYTES):
+        try:
+            parts.append(stream.decompress(stored[at : at + BLOCK_BYTES]))
+        except errors:
+            break
+        if sum(map(len, parts)) > MAX_CHUNK_BYTES:
+            break
+    return memoryview(b"".join(parts))
+
+
+def _check_header(data: memoryview, chunk: ChunkIndex) -> None:
+    """The chunk's own header against its index.
+
+    Raises:
+        ChunkError: They differ.
+    """
+    try:
+        opcode, start, end = read_prefix(data, chunk.chunk_start, len(data))
+        found = read_chunk(data, start, end)
+    except RecordError as error:
+        raise ChunkError(f"a chunk's header is damaged: {error}") from error
+    declared = (chunk.chunk_length, chunk.compression, chunk.compressed_size, chunk.uncompressed_size)
+    if declared != (found.length, found.compression, found.data_length, found.uncompressed_size):
+        raise ChunkError("a chunk's header and its index differ")
+
+
+def _stored(data: memoryview, chunk: ChunkIndex) -> memoryview:
+    end = chunk.chunk_start + chunk.chunk_length
+    return data[end - chunk.compressed_size : end]
+
+
+def _decompressor(compression: str) -> Callable[[memoryview, int], memoryview]:
+    try:
+        return DECOMPRESSORS[compression]
+    except KeyError:
+        known = ", ".join(name for name in DECOMPRESSORS if name)
+        raise ChunkError(f"its compression {compression[:40]!r} is unknown (known: {known})", is_foreign=True) from None
+
+
+def _as_stored(stored: memoryview, size: int) -> memoryview:
+    return stored
+
+
+def _unzstd(stored: memoryview, size: int) -> memoryview:
+    import zstandard
+
+    try:
+        declared = zstandard.frame_content_size(stored)
+        if declared not in (-1, size):
+            raise ChunkError(f"a chunk's zstd frame holds {declared} bytes instead of the declared {size}")
+        if size <= MAX_TRUSTED_BYTES or size <= 100 * len(stored):
+            return memoryview(zstandard.ZstdDecompressor().decompress(stored, max_output_size=size))
+        return _grown(zstandard.ZstdDecompressor().decompressobj(), stored, size)
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise ChunkError(f"a chunk can't be decompressed: {_reason(error)}") from error
+
+
+def _unlz4(stored: memoryview, size: int) -> memoryview:
+    import lz4.frame
+
+    try:
+        stream = lz4.frame.LZ4FrameDecompressor()
+        payload = stream.decompress(stored, max_length=size + 1)
+        if not stream.eof:
+            raise ChunkError("a chunk's lz4 frame does not end where it should")
+        return memoryview(payload)
+    except (RuntimeError, EOFError, MemoryError, ValueError) as error:
+        raise ChunkError(f"a chunk can't be decompressed: {_reason(error)}") from error
+
+
+def _grown(stream: Any, stored: memoryview, size: int) -> memoryview:
+    parts: list[bytes] = []
+    total = 0
+    for at in range(0, len(stored), BLOCK_BYTES // 16):
+        parts.append(stream.decompress(stored[at : at + BLOCK_BYTES // 16]))
+        total += len(parts[-1])
+        if total > size:
+            break
+    return memoryview(b"".join(parts))
+
+
+def _streams() -> dict[str, tuple[Callable[[], Any], tuple[type[Exception], ...]]]:
+    """Compression -> streaming decompressor, and what it raises."""
+    import lz4.frame
+    import zstandard
+
+    return {
+        "zstd": (lambda: zstandard.ZstdDecompressor().decompressobj(write_size=1 << 16), (zstandard.ZstdError,)),
+        "lz4": (lz4.frame.LZ4FrameDecompressor, (RuntimeError, EOFError)),
+    }
+
+
+def _reason(error: BaseException) -> str:
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+
+
+DECOMPRESSORS: dict[str, Callable[[memoryview, int], memoryview]] = {"": _as_stored, "zstd": _unzstd, "lz4": _unlz4}

@@ -1,0 +1,76 @@
+"""Finding the next record behind damage.
+
+MCAP has no markers between records. A record is believed where its length leads to a further record, and so on for a few
+steps or to the file's end; a chunk is believed by its own three lengths, which must agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+import numpy as np
+
+from cwcli.logs.records import (
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEADER_BYTES,
+    PREFIX,
+    RecordError,
+    read_chunk,
+    read_prefix,
+)
+
+N_STEPS = 4
+BLOCK_BYTES = 4 << 20
+LENGTH_HIGH_BYTES = 3  # of a length below 2^40
+
+
+def next_record(data: memoryview, at: int, channels: Container[int]) -> int:
+    """Offset of the next believable record at or behind `at`; the length of the file when there is none.
+
+    Args:
+        data: The file.
+        at: Where to begin.
+        channels: Known channel ids; messages of others are not believed.
+    """
+    octets = np.frombuffer(data, np.uint8)
+    last = len(data) - PREFIX.size
+    while at < last:
+        stop = min(at + BLOCK_BYTES, last)
+        opcodes = octets[at:stop]
+        believable = (opcodes >= 1) & (opcodes <= DATA_END)
+        for k in range(PREFIX.size - LENGTH_HIGH_BYTES, PREFIX.size):
+            believable &= octets[at + k : stop + k] == 0
+        for candidate in (np.flatnonzero(believable) + at).tolist():
+            if _leads_on(data, candidate, channels):
+                return int(candidate)
+        at = stop
+    return len(data)
+
+
+def _leads_on(data: memoryview, at: int, channels: Container[int]) -> bool:
+    for _ in range(N_STEPS):
+        try:
+            opcode, start, end = read_prefix(data, at, len(data))
+            if opcode > DATA_END:
+                return False
+            if opcode == CHUNK:
+                chunk = read_chunk(data, start, end)
+                return chunk.data_start + chunk.data_length == end
+        except RecordError:
+            return False
+        if opcode == FOOTER:
+            return data[end : end + len(MAGIC)] == MAGIC
+        if opcode == MESSAGE:
+            known = (
+                end - start >= MESSAGE_HEADER_BYTES and int.from_bytes(data[start : start + 2], "little") in channels
+            )
+            if not known:
+                return False
+        if end == len(data):
+            return True
+        at = end
+    return True
