@@ -10,7 +10,6 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.simulation.catalogue import scenario_names, scenario_text
 from cwcli.simulation.profile import Profile, read_profile
 from cwcli.simulation.spec import (
     ORIGIN_KEYS,
@@ -29,6 +29,18 @@ from cwcli.simulation.spec import (
     read_table,
 )
 from cwcli.simulation.truth import Motion, check_possible
+
+__all__ = [
+    "HOST",
+    "Scenario",
+    "Vehicle",
+    "load_scenario",
+    "override",
+    "parse_scenario",
+    "read_document",
+    "scenario_names",
+    "scenario_text",
+]
 
 HOST = "host"
 DEFAULT_START = datetime(2016, 10, 1, 8, 0, 0, tzinfo=UTC)
@@ -86,17 +98,6 @@ class Scenario:
     sensors: Mapping[str, Mapping[str, Any]]
     v2x: Mapping[str, Any] | None
     document: Mapping[str, Any]
-
-
-def scenario_names() -> tuple[str, ...]:
-    """Names of the scenarios that come with cwcli."""
-    folder = files("cwcli.simulation") / "scenarios"
-    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
-
-
-def scenario_text(name: str) -> str:
-    """The file of a scenario that comes with cwcli."""
-    return (files("cwcli.simulation") / "scenarios" / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:

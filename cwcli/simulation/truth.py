@@ -20,7 +20,7 @@ from cwcli.simulation.spec import bad_value
 STANDARD_GRAVITY_MPS2 = 9.80665
 STEP_S = 0.001
 BEFORE_S = 6.0
-AFTER_S = 2.0
+AFTER_S = 10.0
 """The truth goes on before and after the run, for sensors that lag: constant speed, constant curvature or yaw rate."""
 
 STATE_NAMES = (

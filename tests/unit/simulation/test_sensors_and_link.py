@@ -156,8 +156,8 @@ def test_truth_grid_is_one_millisecond_and_holds_every_vehicle() -> None:
     assert set(made.truth) == {"host", "lead"}
     assert made.truth["lead"].shape == (10001, 8)
     assert np.all(np.diff(made.truth_stamp_ns) == 1_000_000)
-    # Until 1.4 s both drive 20 m/s; at 3.45 s the lead has lost 1 m/s^2 * (2.05 - 0.05) s = 2 m/s (ramp of 0.1 s).
-    assert made.truth["lead"][1400, :3] == pytest.approx([48.0, 0.0, 20.0])
+    # Until 1.2 s both drive 20 m/s; at 3.45 s the lead has lost 1 m/s^2 * (2.25 - 0.25) s = 2 m/s (ramp of 0.5 s).
+    assert made.truth["lead"][1200, :3] == pytest.approx([44.0, 0.0, 20.0])
     assert made.truth["lead"][3450, 2] == pytest.approx(18.0, abs=1e-9)
 
 

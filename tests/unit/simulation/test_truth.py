@@ -82,7 +82,7 @@ def test_before_the_run_the_car_came_straight_at_its_first_speed() -> None:
 
 def test_times_outside_the_truth_are_refused() -> None:
     with pytest.raises(ValueError, match="truth is known from"):
-        at(motion(end_s=10), 13.0)
+        at(motion(end_s=10), 20.1)
 
 
 def test_rates_are_the_derivatives_of_the_states() -> None:

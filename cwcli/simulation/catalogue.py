@@ -1,0 +1,18 @@
+"""The scenario files that come with cwcli. Imports nothing heavy, so that the command line can list them."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+SUFFIX = ".toml"
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Names of the scenarios that come with cwcli."""
+    folder = files("cwcli.simulation") / "scenarios"
+    return tuple(sorted(entry.name.removesuffix(SUFFIX) for entry in folder.iterdir() if entry.name.endswith(SUFFIX)))
+
+
+def scenario_text(name: str) -> str:
+    """The file of a scenario that comes with cwcli."""
+    return (files("cwcli.simulation") / "scenarios" / f"{name}{SUFFIX}").read_text(encoding="utf-8")
