@@ -26,6 +26,8 @@ def search(
     generations: int,
     crossover_rate: float,
     mutation_rate: float,
+    wheel_shift: float,
+    with_centre: bool,
     seed_state: int,
     seed_stream: int,
     parabola: _F,
@@ -39,6 +41,8 @@ def search(
         decimals: Shape (3,): 10^m for m decimals, to which the parameters are rounded.
         generations: After the first population.
         crossover_rate, mutation_rate: Probability per individual, below 1.
+        wheel_shift: Added to the fitness on the roulette wheel, grey levels.
+        with_centre: The first individual is the middle of the region (the previous result), not a random one.
         seed_state, seed_stream: Of PCG32, uint64.
         parabola: Shape (3,), out.
 

@@ -174,6 +174,8 @@ def search(
     int generations,
     double crossover_rate,
     double mutation_rate,
+    double wheel_shift,
+    bint with_centre,
     uint64 seed_state,
     uint64 seed_stream,
     double[::1] parabola,
@@ -200,6 +202,11 @@ def search(
         best_value = -2e300
         for i in range(POPULATION):
             parents[i] = draw(&random) >> (32 - region.bits)
+        if with_centre:
+            # 2^(k-1) decodes to the middle of the region plus less than half a step: to the middle, once it is rounded.
+            parents[0] = 0
+            for i in range(3):
+                parents[0] |= ((region.largest[i] >> 1) + 1) << region.shift[i]
         for i in range(POPULATION):
             decode(&region, parents[i], abc)
             fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, &n_blocks)
@@ -207,11 +214,11 @@ def search(
                 best_value = fitness[i]
                 best = parents[i]
         for generation in range(generations):
-            # Selection by a roulette wheel (eq. 7); a field is as wide as the fitness, none if that is negative.
+            # Selection by a roulette wheel (eq. 7); a field is as wide as the shifted fitness, none if that is negative.
             total = 0.0
             for i in range(POPULATION):
-                if fitness[i] > 0.0:
-                    total += fitness[i]
+                if fitness[i] + wheel_shift > 0.0:
+                    total += fitness[i] + wheel_shift
                 wheel[i] = total
             for i in range(POPULATION):
                 if total > 0.0:

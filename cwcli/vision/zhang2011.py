@@ -17,6 +17,8 @@ from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, Int32Array, block_respon
 
 CROSSOVER_RATE = 0.45
 MUTATION_RATE = 0.05
+WHEEL_SHIFT = 50.0
+"""Grey levels, added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't. The paper is silent."""
 DECIMALS = (4, 2, 0)
 """Of a, b, c."""
 FIRST_LEFT = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
@@ -127,6 +129,8 @@ def search_boundary(
         phase.generations,
         CROSSOVER_RATE,
         MUTATION_RATE,
+        WHEEL_SHIFT,
+        phase.reach is not None,
         seed & _MASK_64,
         stream,
         made,
