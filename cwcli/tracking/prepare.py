@@ -24,6 +24,7 @@ Mask = npt.NDArray[np.bool_]
 Int8Array = npt.NDArray[np.int8]
 MAX_RATE_MPS = 200.0
 MAX_LATENESS_S = 1.0
+MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8
 
 
 @dataclass(frozen=True)
@@ -186,12 +187,13 @@ def _noise(data: Detections, model: SensorModel, counts: Counts) -> FloatArray:
     if data.covariance is None or not n:
         return out
     given = np.isfinite(data.covariance).all(axis=(1, 2)) & (data.covariance != 0.0).any(axis=(1, 2))
-    mirrored = 0.5 * (data.covariance + data.covariance.transpose(0, 2, 1))
-    mirrored[~given] = out[~given]
-    diagonal = np.diagonal(mirrored, axis1=1, axis2=2)
-    smallest = np.linalg.eigvalsh(mirrored / np.sqrt(np.abs(diagonal[:, :, None] * diagonal[:, None, :]) + 1e-300))
-    good = (diagonal > 0.0).all(axis=1) & (smallest[:, 0] > 1e-9)
-    counts.repair("covariance not positive, the sensor's noise taken", int((~good).sum()))
+    diagonal = np.diagonal(data.covariance, axis1=1, axis2=2)
+    sane = given & (np.abs(data.covariance) < MAX_VARIANCE).all(axis=(1, 2)) & (diagonal > MIN_VARIANCE).all(axis=1)
+    mirrored = out.copy()
+    mirrored[sane] = 0.5 * (data.covariance[sane] + data.covariance[sane].transpose(0, 2, 1))
+    scale = np.sqrt(np.diagonal(mirrored, axis1=1, axis2=2))
+    good = np.linalg.eigvalsh(mirrored / (scale[:, :, None] * scale[:, None, :]))[:, 0] > 1e-9
+    counts.repair("covariance not positive or absurd, the sensor's noise taken", int((given & ~(sane & good)).sum()))
     out[good] = mirrored[good]
     return out
 

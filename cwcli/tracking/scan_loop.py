@@ -114,7 +114,7 @@ class ScanLoop:
     def _forget(self, stamp: int) -> None:
         """End the tracks that nothing was seen of for too long, before they can claim anything."""
         living = self.living
-        waited_s = (stamp - living.last_hit_ns[: living.n]) * 1e-9
+        waited_s = stamp * 1e-9 - living.last_hit_ns[: living.n] * 1e-9  # floats: absurd stamps can't overflow
         if (waited_s > self.config.max_coast_s).any():
             living.keep(waited_s <= self.config.max_coast_s)
 

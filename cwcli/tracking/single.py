@@ -68,6 +68,7 @@ def _elapsed_s(stamp_ns: Int64Array) -> FloatArray:
     out = np.zeros(len(stamp_ns))
     np.subtract(stamp_ns[1:], stamp_ns[:-1], out=out[1:], casting="unsafe")
     out *= 1e-9
+    out[out < 0.0] = np.inf  # more than 292 years: the difference overflowed
     return out
 
 
