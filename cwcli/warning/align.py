@@ -75,7 +75,7 @@ class Points:
     covariance_m2: FloatArray
     beyond: npt.NDArray[np.bool_]
 
-    def rows(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp] | slice) -> Points:
+    def rows(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Points:
         """Some rows at some of the times."""
         x, y, heading, speed, covariance = (
             values[rows][:, columns]

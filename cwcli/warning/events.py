@@ -35,6 +35,7 @@ def find_events(
     raised: BoolArray,
     held: BoolArray,
     *,
+    at_once: BoolArray | None = None,
     clock_ns: Int64Array,
     persistence_s: float,
     hold_off_s: float,
@@ -48,6 +49,7 @@ def find_events(
     Args:
         stamp_ns: Shape (m,), increasing: the evaluations of the pair.
         armed, raised, held: Shape (m,), see `rules.base.Decision`.
+        at_once: Shape (m,) or None: where an event begins without persistence.
         clock_ns: Shape (n,): all evaluation times of the host; decides whether the log went on long enough to clear.
         persistence_s, hold_off_s: See above.
     """
@@ -55,6 +57,9 @@ def find_events(
     ready = np.flatnonzero(
         raised & armed & (_armed_for_ns(stamp_ns, armed, hold_off_ns) >= persistence_ns - TOLERANCE_NS)
     )
+    if at_once is not None:
+        ready = np.union1d(ready, np.flatnonzero(at_once))
+        raised = raised | at_once
     keep = np.flatnonzero(held | raised)
     spans: list[Span] = []
     free_ns = np.iinfo(np.int64).min

@@ -14,7 +14,7 @@ from cwcli.warning.conflicts import RealConflict, Verdict
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.measures import Measures, measure
 from cwcli.warning.rules.base import Decision, Rule
-from cwcli.warning.types import VehicleTrack, WarningConfig
+from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 REACH_M = 15.0  # beyond the collision distance: what can't come this near is not evaluated
 NEAR_M = 6.0  # beyond the collision distance: such rows get every path point, others every fifth
@@ -78,14 +78,19 @@ def evaluate_pair(
     within = _within_reach(host, other, pairing.host_row, pairing.other_row, float(time_s[-1]), config)
     host_row, other_row = pairing.host_row[within], pairing.other_row[within]
     age_s = pairing.age_s[within]
-    measures, beyond = _measures(host, host_points, other, host_row, other_row, age_s, time_s, config)
-    decision = rule.decide(measures, config, persistence_s)
+    at = (host_row, other_row, age_s)
+    measures, beyond = _measures(host, host_points, other, other.paths, at, time_s, config)
+    onset = None
+    if rule.uses_onset and other.onset_paths is not None:
+        onset, _ = _measures(host, host_points, other, other.onset_paths, at, time_s, config)
+    decision = rule.decide(measures, onset, config, persistence_s)
     stamp_ns = host.stamp_ns[host_row]
     spans = find_events(
         stamp_ns,
         decision.armed,
         decision.raised,
         decision.held,
+        at_once=decision.at_once,
         clock_ns=host.stamp_ns,
         persistence_s=persistence_s,
         hold_off_s=config.hold_off_s,
@@ -124,25 +129,26 @@ def _within_reach(
     return np.asarray(~(apart > reach + config.distance_m + REACH_M))
 
 
+Rows = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]
+"""Host rows, other rows, ages, each (m,)."""
+
+
 def _measures(
     host: VehicleTrack,
     host_points: Points,
     other: VehicleTrack,
-    host_row: npt.NDArray[np.intp],
-    other_row: npt.NDArray[np.intp],
-    age_s: FloatArray,
+    paths: PathArrays,
+    at: Rows,
     time_s: FloatArray,
     config: WarningConfig,
 ) -> tuple[Measures, npt.NDArray[np.bool_]]:
     """Measures of all rows from every fifth point; of those that come near, from every point."""
     thinned = np.union1d(np.arange(0, len(time_s), COARSE), [_horizon_index(time_s, config), len(time_s) - 1])
-    coarse, beyond = _read_and_measure(
-        host, host_points.rows(host_row, thinned), other, other_row, age_s, time_s[thinned], config
-    )
+    coarse, beyond = _read_and_measure(host, host_points, other, paths, at, time_s, thinned, config)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_M)
-    fine, _ = _read_and_measure(
-        host, host_points.rows(host_row[near], slice(None)), other, other_row[near], age_s[near], time_s, config
-    )
+    at_near = (at[0][near], at[1][near], at[2][near])
+    every = np.arange(len(time_s))
+    fine, _ = _read_and_measure(host, host_points, other, paths, at_near, time_s, every, config)
     for name in (entry.name for entry in fields(Measures)):
         getattr(coarse, name)[near] = getattr(fine, name)
     return coarse, beyond
@@ -154,18 +160,21 @@ def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
 
 def _read_and_measure(
     host: VehicleTrack,
-    own: Points,
+    host_points: Points,
     other: VehicleTrack,
-    other_row: npt.NDArray[np.intp],
-    age_s: FloatArray,
+    paths: PathArrays,
+    at: Rows,
     time_s: FloatArray,
+    chosen: npt.NDArray[np.intp],
     config: WarningConfig,
 ) -> tuple[Measures, npt.NDArray[np.bool_]]:
-    theirs = read_paths(other.paths, other_row, age_s, time_s)
+    """Measures of the rows from the chosen times, and which were read past their path's end."""
+    host_row, other_row, age_s = at
+    theirs = read_paths(paths, other_row, age_s, time_s[chosen])
     measures = measure(
-        own,
+        host_points.rows(host_row, chosen),
         theirs,
-        time_s,
+        time_s[chosen],
         horizon_s=config.horizon_s,
         radius_m=config.distance_m,
         host_size=host.outline_m,

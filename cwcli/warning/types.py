@@ -47,6 +47,8 @@ class VehicleTrack:
         state: Shape (n, 8), as in `cwcli.v1.VehicleState`; position is the centre of the outline.
         paths: n predicted paths.
         length_m, width_m: Outline; NaN or None: 4.5 m and 1.8 m.
+        onset_paths: n more paths: a manoeuvre that has begun goes on to the car's limits (`prediction`'s hypothesis
+            "onset"), for the default rule; None: it does without.
     """
 
     id: str
@@ -56,6 +58,7 @@ class VehicleTrack:
     paths: PathArrays
     length_m: float | None = None
     width_m: float | None = None
+    onset_paths: PathArrays | None = None
 
     @property
     def outline_m(self) -> tuple[float, float]:

@@ -7,7 +7,9 @@ braking (or full throttle, which is weaker but rarely matters) and the lateral a
 covariance along its path takes the moments at which the limits are reached as given.
 
 Rates that do not stand out of the filter's noise are left out: the positive-part James-Stein factor
-g = max(0, 1 - P / d^2) is 0 where the derivative is below its own sigma and near 1 where it is clear.
+g = max(0, 1 - k^2 P / d^2) is 0 where the derivative is below k of its own sigmas and near 1 where it is clear. k is 1
+for the jerk, which moves a car by 2.6 m per m/s^3 in 2.5 s, and 3 for the yaw acceleration, which moves it sideways by
+v t^3 / 6: 0.5 m per 0.01 rad/s^2 at 20 m/s, a lane within the noise of an ordinary gyroscope.
 """
 
 from __future__ import annotations
@@ -19,9 +21,11 @@ from cwcli.prediction.models.base import Model, Responses
 from cwcli.prediction.state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 from cwcli.signals.columns import FloatArray
 
-ACCEL_LIMIT_MPS2 = 8.0  # full braking on a dry road, ABS; song2016's lead car brakes no harder
+ACCEL_LIMIT_MPS2 = 5.0  # where UN Regulation 157 lets emergency braking begin; a dry road carries 8
 LATERAL_LIMIT_MPS2 = 4.0  # of a brisk turn; normal drivers stay below it
 MIN_SPEED_MPS = 1.0
+JERK_SIGMAS = 1.0
+YAW_ACCEL_SIGMAS = 3.0
 
 
 def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
@@ -35,9 +39,9 @@ def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) 
     out = prior.trust(state, covariance)
     if covariance is None:
         return out
-    for column, index in ((1, JERK), (3, YAW_ACCEL)):
+    for column, index, sigmas in ((1, JERK, JERK_SIGMAS), (3, YAW_ACCEL, YAW_ACCEL_SIGMAS)):
         with np.errstate(divide="ignore", invalid="ignore"):
-            clear = 1.0 - covariance[:, index, index] / state[:, index] ** 2
+            clear = 1.0 - sigmas**2 * covariance[:, index, index] / state[:, index] ** 2
         out[:, column] = np.clip(np.nan_to_num(clear, nan=0.0, neginf=0.0), 0.0, 1.0)
     return out
 

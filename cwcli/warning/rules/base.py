@@ -22,6 +22,7 @@ class Decision:
     Attributes:
         armed: Shape (m,): the condition whose persistence counts.
         raised: Shape (m,): the condition for the warning itself.
+        at_once: Shape (m,): raises without persistence; None: nothing does.
         held: Shape (m,): the weaker condition that keeps a warning up.
         time_to_event_s, predicted_distance_m: Shape (m,): what the warning says.
     """
@@ -31,6 +32,7 @@ class Decision:
     held: BoolArray
     time_to_event_s: FloatArray
     predicted_distance_m: FloatArray
+    at_once: BoolArray | None = None
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,12 @@ class Rule:
         name: Key in the registry and on the command line.
         summary: One line for `--help` and the docs.
         persistence_s: How long `armed` must have held before a warning, unless the user says otherwise.
-        decide: Measures, options, persistence -> `Decision`.
+        decide: Measures, those under the onset hypothesis (or None), options, persistence -> `Decision`.
+        uses_onset: Whether it looks at the onset hypothesis.
     """
 
     name: str
     summary: str
     persistence_s: float
-    decide: Callable[[Measures, WarningConfig, float], Decision]
+    decide: Callable[[Measures, Measures | None, WarningConfig, float], Decision]
+    uses_onset: bool = False

@@ -14,7 +14,7 @@ from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 
-def decide(measures: Measures, config: WarningConfig, persistence_s: float) -> Decision:
+def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
     """Overlap within the horizon."""
     raised = measures.overlap_s <= config.horizon_s
     return Decision(

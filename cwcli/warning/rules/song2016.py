@@ -14,7 +14,7 @@ from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 
-def decide(measures: Measures, config: WarningConfig, persistence_s: float) -> Decision:
+def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
     """The rule as printed."""
     raised = measures.horizon_distance_m < config.distance_m
     return Decision(

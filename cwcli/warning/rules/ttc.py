@@ -13,7 +13,7 @@ from cwcli.warning.types import WarningConfig
 HYSTERESIS = 1.2
 
 
-def decide(measures: Measures, config: WarningConfig, persistence_s: float) -> Decision:
+def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
     """TTC below the horizon."""
     raised = measures.ttc_s < config.horizon_s
     return Decision(
