@@ -19,16 +19,16 @@ class CarResponse:
         brake_gain_mps2_per_mpa: 0.9, so that 10 MPa asks for about the friction limit.
         throttle_gain_mps2: Acceleration at full throttle.
         brake_lag_s, throttle_lag_s: First-order time constants of the hydraulics and the engine.
-        max_jerk_mps3: Limit of the change of acceleration.
-        friction: Coefficient between tyre and dry road.
+        max_jerk_mps3: Limit of the change of acceleration; full braking takes about half a second to build up.
+        friction: Coefficient between tyre and dry asphalt.
     """
 
     brake_gain_mps2_per_mpa: float = 0.9
     throttle_gain_mps2: float = 3.0
-    brake_lag_s: float = 0.15
+    brake_lag_s: float = 0.2
     throttle_lag_s: float = 0.3
-    max_jerk_mps3: float = 25.0
-    friction: float = 0.85
+    max_jerk_mps3: float = 15.0
+    friction: float = 0.8
 
 
 @dataclass(frozen=True)

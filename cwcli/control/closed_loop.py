@@ -47,7 +47,9 @@ class Situation:
 
     Attributes:
         since_warning_s: Negative before the warning.
-        ttc_s: (distance - collision distance) / closing speed; infinity when the gap does not close.
+        ttc_s: Time until the distance is the collision distance, at the present relative velocity and acceleration;
+            infinity when it never will be. The acceleration counts because the paper's TTC is that of the predicted
+            paths: at the warning it is 2.5 s, long before distance over closing speed says so.
         speed_difference_mps: Eq. 11.
     """
 
@@ -127,7 +129,7 @@ def replay(
         raise ValueError("the two motions do not overlap in time")
     time_s = start_s + step_s * np.arange(int((end_s - start_s) / step_s + 1e-9) + 1)
     recorded, obstacle = host.at(time_s), other.at(time_s)
-    path = _Path(recorded)
+    path, other_car = _Path(recorded), _Obstacle(obstacle)
     recorded_accel = np.gradient(recorded.speed_mps, time_s) if len(time_s) > 1 else np.zeros(1)
 
     n, k = len(warning_time_s), len(time_s)
@@ -146,7 +148,9 @@ def replay(
         x, y, heading = path.at(state.travelled_m)
         dx, dy = obstacle.x_m[i] - x, obstacle.y_m[i] - y
         distance = np.hypot(dx, dy)
-        situation = _situation(now_s - warning_time_s, dx, dy, distance, heading, state.speed_mps, obstacle, i)
+        situation = _situation(
+            now_s - warning_time_s, dx, dy, distance, heading, state.speed_mps, state.accel_mps2, other_car, i
+        )
         throttle, pressure = policy(situation)
         throttle, pressure = np.where(free, 0.0, throttle), np.where(free, 0.0, pressure)
         for name, value in zip(
@@ -187,18 +191,44 @@ def _situation(
     distance_m: FloatArray,
     heading_rad: FloatArray,
     speed_mps: FloatArray,
-    obstacle: Motion,
+    accel_mps2: FloatArray,
+    obstacle: _Obstacle,
     i: int,
 ) -> Situation:
-    other_vx = obstacle.speed_mps[i] * np.cos(obstacle.heading_rad[i])
-    other_vy = obstacle.speed_mps[i] * np.sin(obstacle.heading_rad[i])
-    relative_vx = other_vx - speed_mps * np.cos(heading_rad)
-    relative_vy = other_vy - speed_mps * np.sin(heading_rad)
-    closing = -(dx_m * relative_vx + dy_m * relative_vy) / np.maximum(distance_m, 1e-6)
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    relative_vx = obstacle.vx_mps[i] - speed_mps * cosine
+    relative_vy = obstacle.vy_mps[i] - speed_mps * sine
+    relative_ax = obstacle.ax_mps2[i] - accel_mps2 * cosine
+    relative_ay = obstacle.ay_mps2[i] - accel_mps2 * sine
+    reach = np.maximum(distance_m, 1e-6)
+    rate = (dx_m * relative_vx + dy_m * relative_vy) / reach
+    across2 = np.maximum(relative_vx**2 + relative_vy**2 - rate**2, 0.0)
+    rate_change = (dx_m * relative_ax + dy_m * relative_ay + across2) / reach
     gap = np.maximum(distance_m - COLLISION_DISTANCE_M, 0.0)
-    ttc = np.divide(gap, closing, out=np.full_like(gap, np.inf), where=closing > 1e-6)
-    dv = speed_difference(speed_mps, obstacle.speed_mps[i], heading_rad - obstacle.heading_rad[i])
-    return Situation(since_warning_s, ttc, dv)
+    motion = obstacle.motion
+    dv = speed_difference(speed_mps, motion.speed_mps[i], heading_rad - motion.heading_rad[i])
+    return Situation(since_warning_s, time_to_close(gap, rate, rate_change), dv)
+
+
+def time_to_close(gap_m: FloatArray, rate_mps: FloatArray, rate_change_mps2: FloatArray) -> FloatArray:
+    """First t >= 0 with gap + rate t + rate_change t^2 / 2 = 0, infinity where there is none; shape (n,)."""
+    quadratic = rate_mps**2 - 2.0 * rate_change_mps2 * gap_m
+    root = np.sqrt(np.maximum(quadratic, 0.0))
+    # 2 g / (-r + sqrt(r^2 - 2 a g)) is the smaller positive root, without cancellation for a near 0.
+    below = root - rate_mps
+    time = np.divide(2.0 * gap_m, below, out=np.full_like(gap_m, np.inf), where=below > 1e-9)
+    return np.asarray(np.where(quadratic < 0.0, np.inf, time))
+
+
+class _Obstacle:
+    """The other car, with its velocity and acceleration in the map frame, shape (k,) each."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.motion = motion
+        self.vx_mps = motion.speed_mps * np.cos(motion.heading_rad)
+        self.vy_mps = motion.speed_mps * np.sin(motion.heading_rad)
+        self.ax_mps2 = np.gradient(self.vx_mps, motion.time_s) if len(motion.time_s) > 1 else np.zeros(1)
+        self.ay_mps2 = np.gradient(self.vy_mps, motion.time_s) if len(motion.time_s) > 1 else np.zeros(1)
 
 
 class _Path:

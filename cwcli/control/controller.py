@@ -58,22 +58,22 @@ THROTTLE = Variable(
 # Rows: TTC. Columns: dv. Read "when TTC is dangerous and the gap closes fast, brake fully".
 PRESSURE_RULES = {
     ("dangerous", "opening"): "light",
-    ("dangerous", "equal"): "strong",
+    ("dangerous", "equal"): "full",
     ("dangerous", "slow"): "full",
     ("dangerous", "fast"): "full",
     ("braking", "opening"): "none",
-    ("braking", "equal"): "medium",
-    ("braking", "slow"): "strong",
+    ("braking", "equal"): "strong",
+    ("braking", "slow"): "full",
     ("braking", "fast"): "full",
     ("following", "opening"): "none",
-    ("following", "equal"): "light",
-    ("following", "slow"): "medium",
-    ("following", "fast"): "strong",
+    ("following", "equal"): "medium",
+    ("following", "slow"): "strong",
+    ("following", "fast"): "full",
+    # Once warned, the gap must grow or the car must stop: while the host is not the slower one, it brakes.
     ("free", "opening"): "none",
-    # Once warned, the gap must grow or the car must stop: equal speeds are no reason to let go.
-    ("free", "equal"): "light",
-    ("free", "slow"): "light",
-    ("free", "fast"): "medium",
+    ("free", "equal"): "medium",
+    ("free", "slow"): "medium",
+    ("free", "fast"): "strong",
 }
 THROTTLE_RULES = {
     (ttc, closing): {("free", "opening"): "half", ("following", "opening"): "small"}.get((ttc, closing), "closed")

@@ -42,10 +42,20 @@ def control_part(name: str, moments: Moments) -> Part:
 
 
 def true_motion(scenario: Scenario, vehicle: str) -> Motion:
-    """The vehicle's true motion, carried on with its last speed and yaw rate for `EXTRA_S`."""
+    """The vehicle's true motion; beyond the scenario's end at its last speed and yaw rate for `EXTRA_S`."""
     time_s = np.arange(round((scenario.duration_s + EXTRA_S) / GRID_S) + 1, dtype=np.float64) * GRID_S
-    state = scenario.vehicles[vehicle].motion.at(time_s)
-    return Motion(time_s, state[:, 0], state[:, 1], state[:, 3], np.maximum(state[:, 2], 0.0))
+    state = scenario.vehicles[vehicle].motion.at(np.minimum(time_s, scenario.duration_s))
+    beyond_s = np.maximum(time_s - scenario.duration_s, 0.0)
+    speed, heading, yaw_rate = np.maximum(state[:, 2], 0.0), state[:, 3], state[:, 5]
+    half_turn = 0.5 * yaw_rate * beyond_s
+    chord = speed * beyond_s * np.sinc(half_turn / np.pi)  # of the arc: 2 r sin(angle / 2)
+    return Motion(
+        time_s,
+        state[:, 0] + chord * np.cos(heading + half_turn),
+        state[:, 1] + chord * np.sin(heading + half_turn),
+        heading + 2.0 * half_turn,
+        speed,
+    )
 
 
 def _rear_end(outcomes: dict[str, Outcome]) -> list[Finding]:

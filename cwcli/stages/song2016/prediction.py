@@ -28,7 +28,7 @@ HORIZONS_S = (2.1, 2.5, 2.9)
 FIGURES = {"straight": "fig 3", "curve": "fig 5"}
 OURS = "cwcli"
 WARM_UP_S = 2.0
-"""Starts before this are left out: the filters have not settled, and a tracked car is not switched on when it matters."""
+"""Earlier starts are left out: the filters have not settled, and no car is switched on just when it matters."""
 LARGEST_AT_2_9_S = 7.9
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cwcli.control.car import CarResponse, CarState, advance
-from cwcli.control.closed_loop import Motion, Situation, driver_policy, fuzzy_policy, replay
+from cwcli.control.closed_loop import Motion, Situation, driver_policy, fuzzy_policy, replay, time_to_close
 
 INSTANT = CarResponse(brake_lag_s=1e-9, throttle_lag_s=1e-9, max_jerk_mps3=1e9)
 
@@ -61,7 +61,7 @@ def test_runs_of_one_batch_do_not_influence_each_other() -> None:
     host, other = straight(15.0, 0.0), straight(0.0, 80.0)
     both = replay(host, other, np.array([2.0, 3.0]), fuzzy_policy)
     alone = replay(host, other, np.array([3.0]), fuzzy_policy)
-    np.testing.assert_array_equal(both.x_m[1], alone.x_m[0])
+    np.testing.assert_allclose(both.x_m[1], alone.x_m[0], rtol=0.0, atol=1e-9)
 
 
 def test_fuzzy_controller_stops_before_a_standing_car_when_warned_in_time() -> None:
@@ -91,3 +91,19 @@ def test_motions_that_do_not_overlap_are_refused() -> None:
     late = Motion(late.time_s + 100.0, late.x_m, late.y_m, late.heading_rad, late.speed_mps)
     with pytest.raises(ValueError, match="overlap"):
         replay(straight(1.0, 0.0), late, np.array([1.0]), fuzzy_policy)
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "rate_mps", "change_mps2", "expected_s"),
+    [
+        pytest.param(10.0, -5.0, 0.0, 2.0, id="constant closing speed"),
+        pytest.param(8.0, 0.0, -4.0, 2.0, id="from rest: sqrt(2 g / a)"),
+        pytest.param(6.0, -1.0, -2.0, 2.0, id="both: 6 = 2 + 4"),
+        pytest.param(10.0, -2.0, 1.0, np.inf, id="slows down in time: 2^2 < 2 * 1 * 10"),
+        pytest.param(10.0, 3.0, 0.0, np.inf, id="opens"),
+        pytest.param(4.0, 1.0, -6.0, 4.0 / 3.0, id="opens, then closes: 4 + 4/3 = 3 * 16/9"),
+    ],
+)
+def test_time_to_close_by_hand(gap_m: float, rate_mps: float, change_mps2: float, expected_s: float) -> None:
+    time_s = time_to_close(np.array([gap_m]), np.array([rate_mps]), np.array([change_mps2]))
+    assert time_s[0] == pytest.approx(expected_s)

@@ -16,7 +16,7 @@ def at(ttc_s: float, dv_mps: float) -> tuple[float, float]:
     [
         pytest.param(0.5, 15.0, 9.5, 10.0, id="about to hit, closing fast: full"),
         pytest.param(1.0, 15.0, 9.5, 10.0, id="the paper's most dangerous TTC"),
-        pytest.param(2.9, 3.0, 4.5, 5.5, id="the paper's following TTC, closing slowly: medium"),
+        pytest.param(2.9, 3.0, 7.0, 8.0, id="the paper's following TTC, closing slowly: strong"),
         pytest.param(np.inf, -5.0, 0.0, 0.3, id="the gap opens: none"),
     ],
 )
