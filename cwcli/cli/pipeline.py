@@ -190,7 +190,8 @@ def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
 
     tables = _table_files(job, outcome.results)
     for path in tables:
-        check_table_target(path, force=job.writing.force)
+        if path.parent.is_dir():  # a folder for metrics is made below
+            check_table_target(path, force=job.writing.force)
     if job.writing.output is not None:
         progress.step(f"writing {job.writing.output}")
         annotate(

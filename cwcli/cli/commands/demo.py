@@ -54,7 +54,8 @@ def command(
         if talk.json:
             documents.append(document(job, outcome))
         else:
-            console.heading(f"$ cwcli run {name}.mcap -o {annotated} --metrics-dir {metrics}")
+            console.heading(f"$ cwcli run {name}.mcap -o {annotated} \\")
+            console.heading(f"      --metrics-dir {metrics}")
             console.summary("")
             tell(job, console, outcome)
             console.summary("")
