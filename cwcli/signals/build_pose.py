@@ -48,7 +48,10 @@ def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal,
     heading_rad = wrap_angle(numbers(columns, "heading_rad"))
     speed_mps, yaw_rate = numbers(columns, "speed_mps"), numbers(columns, "yaw_rate_radps")
     has_stamp &= stamp_ns > 0
-    return _pose(columns, reading, ledger, position_m, heading_rad, speed_mps, yaw_rate, nothing, stamp_ns, has_stamp)
+    more = {name: numbers(columns, name) for name in ("latitude_deg", "longitude_deg", "accel_mps2")}
+    return _pose(
+        columns, reading, ledger, position_m, heading_rad, speed_mps, yaw_rate, nothing, stamp_ns, has_stamp, **more
+    )
 
 
 def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[VelocitySignal | SpeedSignal, Quality]:
@@ -68,6 +71,7 @@ def _pose(
     covariance_m2: FloatArray,
     stamp_ns: Int64Array,
     has_stamp: BoolArray,
+    **more: FloatArray,
 ) -> tuple[PoseSignal, Quality]:
     timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, [position_m, yaw_rad])
     rows = timeline.rows
@@ -83,6 +87,7 @@ def _pose(
         speed_mps=speed_mps[rows],
         yaw_rate_radps=yaw_rate_radps[rows],
         covariance_m2=covariance_m2[rows],
+        **{name: values[rows] for name, values in more.items()},
     )
     return signal, ledger.quality
 

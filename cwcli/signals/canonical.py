@@ -44,6 +44,8 @@ class PoseSignal:
         x_m, y_m, z_m, yaw_rad: Shape (n,); yaw_rad is NaN where no orientation is given.
         speed_mps, yaw_rate_radps: Shape (n,), NaN where not given.
         covariance_m2: Shape (n, 3): xx, xy, yy.
+        latitude_deg, longitude_deg: Shape (n,): the same points, WGS84, where the message has them too; else None.
+        accel_mps2: Shape (n,), longitudinal, where the message has it; else None.
     """
 
     source: str
@@ -57,6 +59,9 @@ class PoseSignal:
     speed_mps: FloatArray
     yaw_rate_radps: FloatArray
     covariance_m2: FloatArray
+    latitude_deg: FloatArray | None = None
+    longitude_deg: FloatArray | None = None
+    accel_mps2: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -204,13 +209,5 @@ class CameraInfoSignal:
     projection: FloatArray
 
 
-Signal = (
-    PositionSignal
-    | PoseSignal
-    | VelocitySignal
-    | SpeedSignal
-    | HeadingSignal
-    | ImuSignal
-    | RemoteSignal
-    | CameraInfoSignal
-)
+TimedSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal | RemoteSignal
+Signal = TimedSignal | CameraInfoSignal

@@ -144,7 +144,18 @@ _VELOCITY_REPORT = _ros("longitudinal_velocity", "lateral_velocity", "heading_ra
 _CAMERA_INFO = _ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
 _CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P")
 _STATE: Fields = {
-    "protobuf": ("stamp_ns", "id", "x_m", "y_m", "speed_mps", "heading_rad", "yaw_rate_radps"),
+    "protobuf": (
+        "stamp_ns",
+        "id",
+        "x_m",
+        "y_m",
+        "speed_mps",
+        "heading_rad",
+        "accel_mps2",
+        "yaw_rate_radps",
+        "latitude_deg",
+        "longitude_deg",
+    ),
 }
 _FRAMES: Fields = {}
 """Cameras are streamed frame by frame: no columns."""

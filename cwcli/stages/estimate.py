@@ -12,7 +12,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.track import Track, estimate_track, estimate_tracks
 from cwcli.logs.log import Log
-from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal
+from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
@@ -236,8 +236,11 @@ def _geographic(state: FloatArray, local_map: LocalMap | None) -> tuple[FloatArr
 def _summary(
     sources: Sources, ego: Track, remote: RemoteTracks | None, errors: TruthErrors | None, log: Log
 ) -> Summary:
-    notes = [*sources.notes, *gap_notes(sources.qualities, log.start_ns), *ego.notes]
-    position = sources.by_role[Role.EGO_POSITION][0]
+    signals = [s for found in sources.by_role.values() for s in found if not isinstance(s, CameraInfoSignal)]
+    start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
+    end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
+    notes = [*sources.notes, *gap_notes(signals, start_ns, end_ns), *ego.notes]
+    position = signals[0]
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
     tracks = remote.tracks if remote else {}

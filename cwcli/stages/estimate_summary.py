@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.metrics.table import Table
-from cwcli.signals.quality import Quality
+from cwcli.signals.canonical import TimedSignal
+from cwcli.signals.clocks import find_gaps
 from cwcli.stages.channels import EGO_ID
 from cwcli.stages.result import Cell, Section
 from cwcli.stages.truth import TruthErrors
@@ -73,17 +74,23 @@ def estimate_tables(ego: Track, remote: Mapping[str, Track], errors: TruthErrors
     }
 
 
-def gap_notes(qualities: Sequence[Quality], start_ns: int) -> list[str]:
-    """One line for each channel with gaps: how many, and where the longest is."""
+def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:
+    """One line for each signal with gaps, a late start and an early end included: how many, and where the longest is.
+
+    Args:
+        signals: Canonical signals.
+        start_ns, end_ns: Span in which the signals should have been there.
+    """
     notes = []
-    for quality in qualities:
-        if not quality.gaps:
+    for signal in signals:
+        gaps = find_gaps(np.sort(signal.stamp_ns), start_ns=start_ns, end_ns=end_ns)
+        if not gaps:
             continue
-        longest = max(quality.gaps, key=lambda gap: gap.duration_s)
+        longest = max(gaps, key=lambda gap: gap.duration_s)
         at_s = (longest.start_ns - start_ns) / NS_PER_S
-        count = len(quality.gaps)
+        count = len(gaps)
         notes.append(
-            f"{quality.source}: {count} gap{'s' if count > 1 else ''}, the longest {longest.duration_s:.1f} s "
+            f"{signal.source}: {count} gap{'s' if count > 1 else ''}, the longest {longest.duration_s:.1f} s "
             f"from {at_s:.1f} s on"
         )
     return notes[:MAX_GAP_NOTES] + (

@@ -10,7 +10,6 @@ import numpy as np
 from cwcli.estimation.consistency import ErrorRow, error_rows, nees
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.track import Track
-from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
@@ -62,27 +61,36 @@ def against_truth(
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
     measured: dict[str, FloatArray] = {"position": measured_xy}
     if isinstance(signal, PoseSignal):
-        columns = {
-            "speed": (signal.speed_mps, Kind.SPEED, 2),
-            "heading": (np.unwrap(signal.yaw_rad), Kind.HEADING, 3),
-            "yaw_rate": (signal.yaw_rate_radps, Kind.YAW_RATE, 5),
-        }
-        for name, (values, kind, column) in columns.items():
-            own = np.asarray(values)[inside]
-            if not np.isfinite(own).any():
+        for name, values, kind, column in (
+            ("speed", signal.speed_mps, Kind.SPEED, 2),
+            ("heading", np.unwrap(signal.yaw_rad), Kind.HEADING, 3),
+            ("accel", signal.accel_mps2, Kind.ACCEL, 4),
+            ("yaw_rate", signal.yaw_rate_radps, Kind.YAW_RATE, 5),
+        ):
+            if values is None or not np.isfinite(values[inside]).any():
                 continue
-            truth[name] = wrap_angle(own) if name == "heading" else own
+            truth[name] = values[inside]
             estimated[name] = _at(stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_GAP_S)
-            source = next((m for m in measurements if m.kind is kind), None)
-            if source is not None:
-                raw = np.unwrap(source.values[:, 0]) if name == "heading" else source.values[:, 0]
-                measured[name] = _at(stamp_ns, source.stamp_ns, raw, MAX_GAP_S)
+            raw = _raw(measurements, kind)
+            if raw is not None:
+                measured[name] = _at(stamp_ns, *raw, MAX_GAP_S)
     covariance = _nearest_covariance(stamp_ns, ego)
     error = estimated_xy - xy
     known = np.isfinite(error).all(axis=1)
     consistency = nees(error[known], covariance[known]) if known.any() else np.array([np.nan])
     rows = tuple(error_rows(truth, measured, estimated))
     return TruthErrors(signal.source, rows, float(consistency.mean()), int(known.sum()), notes)
+
+
+def _raw(measurements: Sequence[Measurements], kind: Kind) -> tuple[Int64Array, FloatArray] | None:
+    """Stamps and values of the first source of a kind; an IMU as mounted serves for acceleration and yaw rate."""
+    source = next((m for m in measurements if m.kind is kind), None)
+    if source is not None:
+        values = source.values[:, 0]
+        return source.stamp_ns, np.unwrap(values) if kind is Kind.HEADING else values
+    imu = next((m for m in measurements if m.kind is Kind.IMU), None)
+    axis = {Kind.ACCEL: 0, Kind.YAW_RATE: 5}.get(kind)
+    return None if imu is None or axis is None else (imu.stamp_ns, imu.values[:, axis])
 
 
 def _truth_xy(
@@ -102,6 +110,10 @@ def _truth_xy(
     xyz = np.column_stack([signal.x_m, signal.y_m, signal.z_m])[inside]
     if local_map is None:
         return xyz[:, :2], ()
+    if signal.latitude_deg is not None and signal.longitude_deg is not None:
+        latitude_deg, longitude_deg = signal.latitude_deg[inside], signal.longitude_deg[inside]
+        x_m, y_m, _ = local_map.map_from_wgs84(latitude_deg, longitude_deg, np.full(len(xyz), local_map.origin_alt_m))
+        return np.column_stack([x_m, y_m]), ()
     if origin is not None:
         latitude_deg, longitude_deg, altitude_m = LocalMap(*origin).wgs84_from_map(*xyz.T)
         x_m, y_m, _ = local_map.map_from_wgs84(latitude_deg, longitude_deg, altitude_m)
