@@ -16,6 +16,7 @@ from cwcli.signals.columns import FloatArray
 
 GRID_S = np.arange(-0.5, 2.01, 0.1)
 SPAN_S = 1.0  # changes are taken over about this time
+MAX_SPAN_S = 2.5  # longer changes smear
 MOVING_MPS = 2.0
 CLIP = 3.0  # residuals beyond so many sigmas count no more
 
@@ -30,12 +31,13 @@ def coarse_latency(target: Series, others: Sequence[Series]) -> float:
     changes = _changes(target)
     cost = np.zeros(len(GRID_S))
     n_used = 0
-    for kind, times, change in changes:
+    for kind, times, all_changes in changes:
         reference = _reference(others, kind, target)
-        if reference is None or len(change) < 10:
+        known = np.isfinite(all_changes) & (np.diff(times) < MAX_SPAN_S)
+        if reference is None or known.sum() < 10:
             continue
         time, integral = reference
-        first, last = times[:-1], times[1:]
+        first, last, change = times[:-1][known], times[1:][known], all_changes[known]
         shifted = [np.interp(last - tau, time, integral) - np.interp(first - tau, time, integral) for tau in GRID_S]
         span = last - first
         residuals = np.array([change - s for s in shifted])

@@ -27,26 +27,29 @@ class ModelParameters:
         standstill_speed_mps: Below it a car hardly yaws: the yaw noise shrinks with v^2 / (v^2 + standstill^2).
         standstill_floor: Part of the yaw noise that is left at standstill.
         side_slip_m: Position noise in metres per square root of a second: what the point's path and the heading differ.
+        course_rad: Heading noise in radians per square root of a second: side-slip and roll that the gyroscope does
+            not see.
         reverse_mps: Faster reversing means that the heading is wrong by half a turn.
         accel_bias_walk: Random walk of the forward accelerometer's bias, m/s^2 per square root of a second.
         yaw_rate_bias_walk: Random walk of the gyroscope's bias, rad/s per square root of a second.
     """
 
     accel_decay_s: float = 10.0
-    jerk_decay_s: float = 0.5
-    jerk_sigma_mps3: float = 1.0
+    jerk_decay_s: float = 1.0
+    jerk_sigma_mps3: float = 2.0
     yaw_rate_decay_s: float = 8.0
-    yaw_accel_decay_s: float = 0.5
-    yaw_accel_sigma_radps2: float = 0.15
+    yaw_accel_decay_s: float = 1.0
+    yaw_accel_sigma_radps2: float = 0.2
     standstill_speed_mps: float = 2.0
     standstill_floor: float = 1e-3
-    side_slip_m: float = 0.02
+    side_slip_m: float = 0.1
+    course_rad: float = 5e-4
     reverse_mps: float = 4.0
-    accel_bias_walk: float = 0.01
-    yaw_rate_bias_walk: float = 2e-5
+    accel_bias_walk: float = 0.005
+    yaw_rate_bias_walk: float = 1e-5
 
     def packed(self) -> FloatArray:
-        """Return the kernel's parameter vector, shape (10,)."""
+        """Return the kernel's parameter vector, shape (11,)."""
         jerk_rate, yaw_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
         return np.array(
             [
@@ -60,5 +63,6 @@ class ModelParameters:
                 self.side_slip_m**2,
                 self.reverse_mps,
                 self.standstill_floor,
+                self.course_rad**2,
             ]
         )

@@ -16,6 +16,11 @@ from cwcli.signals.columns import FloatArray
 
 N_MOTION = 8
 MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first-order expansion in the heading
+RATES = (Kind.ACCEL, Kind.YAW_RATE)
+RATE_PATIENCE = (
+    2  # a spike of an inertial sensor lasts a sample or two; what lasts longer is a manoeuvre, and is believed
+)
+PATIENCE_S = 3.0
 IntArray = npt.NDArray[np.int32]
 
 
@@ -32,6 +37,7 @@ class Series:
         latency_s: Subtracted from time_s.
         bias_state, latency_state: Index of the parameter state, or -1.
         gate: Chi-square limit, 0 = off.
+        floor: Sigma below which noise found from the log is not believed.
     """
 
     source: str
@@ -44,6 +50,7 @@ class Series:
     bias_state: int = -1
     latency_state: int = -1
     gate: float = 0.0
+    floor: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -133,11 +140,13 @@ def run_pass(
         np.array([s.latency_state for s in series], np.int32),
     )
     packed = parameters.packed()
+    patience = np.array([_patience(s, reset_after) for s in series], np.int32)
     likelihood = ekf.forward(
         time, first, out_row, index, values, noise, *table,
-        np.array([s.gate for s in series], np.float64), reset_after, packed,
+        np.array([s.gate for s in series], np.float64), patience, packed,
         np.zeros((6, 6)) if q_matrix is None else q_matrix, walk, x, p,
         x_post, flip, gain, partials, innovation, status, nis, out_x, out_p, np.zeros(len(series), np.int32),
+        np.full(len(series), time[0]),
     )  # fmt: skip
     if smooth:
         ekf.backward(
@@ -152,6 +161,15 @@ def run_pass(
         tuple(unsorted_nis[a:b] for a, b in itertools.pairwise(edges)),
         tuple(unsorted_status[a:b] for a, b in itertools.pairwise(edges)),
     )  # fmt: skip
+
+
+def _patience(s: Series, reset_after: int) -> int:
+    """Rejections in a row that a source has to bear: at most `reset_after`, and at most PATIENCE_S of slow sources."""
+    if s.kind in RATES:
+        return RATE_PATIENCE
+    if len(s) < 2:
+        return reset_after
+    return int(np.clip(PATIENCE_S / max(float(np.median(np.diff(s.time_s))), 1e-3), 2, reset_after))
 
 
 def _merge(

@@ -22,7 +22,18 @@ DEFAULT_SIGMA: dict[Kind, float] = {
 }
 """One sigma per kind where the message says nothing and the log is too short to tell; SI units."""
 
+NOISE_FLOOR: dict[Kind, float] = {
+    Kind.POSITION: 0.05,
+    Kind.VELOCITY: 0.05,
+    Kind.SPEED: 0.05,
+    Kind.HEADING: 5e-3,
+    Kind.ACCEL: 5e-3,
+    Kind.YAW_RATE: 1e-4,
+}
+"""Sigma below which noise found from the log is not believed (resolution of the usual messages); SI units."""
+
 CONSTANT_MIN_ROWS = 50
+ROUGHNESS_PART = 0.5  # an IMU's noise is at least this part of what its second differences show
 
 
 @dataclass(frozen=True)
@@ -118,7 +129,10 @@ def _with_noise(source: str, kind: Kind, time: FloatArray, values: FloatArray, c
     origin = "message" if n and said.mean() > 0.5 else "default"
     padded = np.zeros((n, 2))
     padded[:, :width] = values
-    return Series(source, kind, time, padded, noise, noise_origin=origin)
+    floor = NOISE_FLOOR[kind]
+    if kind in (Kind.ACCEL, Kind.YAW_RATE):
+        floor = max(floor, ROUGHNESS_PART * guess**0.5)
+    return Series(source, kind, time, padded, noise, noise_origin=origin, floor=floor)
 
 
 def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:
@@ -132,7 +146,7 @@ def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:
 
 
 def thinned(series: Series, factor: int) -> Series:
-    """Average blocks of `factor` rows: as good for finding slow parameters, and quicker. Blocks with gaps are left out."""
+    """Average blocks of `factor` rows, which is as good for finding slow parameters and quicker; no block has a gap."""
     n = len(series) // factor * factor
     if factor < 2 or n < 10 * factor:
         return series

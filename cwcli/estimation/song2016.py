@@ -1,8 +1,8 @@
 """song2016's six-state extended Kalman filter, exactly (eq. 1-8).
 
 State and measurement vector X = Z = [x, y, v, heading, a, yaw rate], one synchronous vector each 0.05 s, measurement
-matrix I. Components of R are independent, so that the update by one component after the other (in the kernel) equals the
-matrix update of eq. 8. The heading innovation is wrapped, which the paper does not need to say.
+matrix I. Components of R are independent, so that the update by one component after the other (in the kernel) equals
+the matrix update of eq. 8. The heading innovation is wrapped, which the paper does not need to say.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, Series, run_pass
+from cwcli.estimation.passes import N_MOTION, Series, Start, run_pass
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
 from cwcli.estimation.start import find_start
 from cwcli.estimation.track import SourceReport, Track
@@ -59,9 +59,9 @@ def estimate_song2016(
     """Run the paper's filter on a log: see `estimate_track` for arguments and errors.
 
     The paper's measurement vector is synchronous. A log's sensors are not: each measurement goes to the nearest step
-    of a 0.05 s grid (the last one where several meet), and a component that was not measured at a step is left out of the
-    update there, never invented. Latencies are corrected only where given. Jerk and yaw acceleration are no states of
-    this model: they are zero with zero variance. Without `causal` the same model is smoothed, which the paper
+    of a 0.05 s grid (the last one where several meet), and a component that was not measured at a step is left out of
+    the update there, never invented. Latencies are corrected only where given. Jerk and yaw acceleration are no states
+    of this model: they are zero with zero variance. Without `causal` the same model is smoothed, which the paper
     does not do.
     """
     epoch = epoch_ns(measurements)
@@ -80,7 +80,7 @@ def estimate_song2016(
     end = max(float(s.time_s[-1]) for s in series if len(s))
     if output_stamp_ns is None:
         output_stamp_ns = np.arange(epoch, epoch + round(end * 1e9) + 1, round(step * 1e9), dtype=np.int64)
-    grid = begin + step * np.arange(round((end - begin) / step) + 1)
+    grid: FloatArray = begin + step * np.arange(round((end - begin) / step) + 1, dtype=np.float64)
     result = run_pass(
         series, replace(start, time_s=begin), ModelParameters(), np.zeros(6), grid,
         smooth=not config.causal, reset_after=config.reset_after, q_matrix=process_noise(step),
@@ -121,8 +121,8 @@ def filter_vectors(
         States (n, 6) and covariances (n, 6, 6); the first state is the first vector with covariance R.
     """
     n = len(z)
-    time = step_s * np.arange(n)
-    variance = np.square(np.asarray(sigma, dtype=np.float64))
+    time: FloatArray = step_s * np.arange(n, dtype=np.float64)
+    variance: FloatArray = np.square(np.asarray(sigma, dtype=np.float64))
     kinds = ((Kind.POSITION, 0), (Kind.SPEED, 2), (Kind.HEADING, 3), (Kind.ACCEL, 4), (Kind.YAW_RATE, 5))
     series = []
     for kind, column in kinds:
@@ -130,10 +130,8 @@ def filter_vectors(
         value = np.zeros((n, 2))
         value[:, :width] = z[:, column : column + width]
         keep: npt.NDArray[np.bool_] = np.isfinite(value).all(axis=1) & (time > 0)
-        noise = np.tile([variance[column], 0.0, variance[column + width - 1]], (n, 1))
+        noise = np.tile(np.array([variance[column], 0.0, variance[column + width - 1]]), (n, 1))
         series.append(Series(kind.name, kind, time[keep], value[keep], noise[keep]))
-    from cwcli.estimation.passes import Start
-
     result = run_pass(
         series, Start(0.0, z[0].copy(), np.diag(variance)), ModelParameters(), np.zeros(6), time,
         smooth=smooth, reset_after=1, q_matrix=process_noise(step_s) if q is None else q,

@@ -11,6 +11,7 @@ from cwcli.estimation.passes import N_MOTION, Series, Start
 from cwcli.signals.columns import FloatArray
 
 MIN_DISPLACEMENT_M = 2.0
+CLEAR_SIGMAS = 10.0  # a heading from a displacement is then good to about 0.15 rad, which the filter's expansion bears
 UNKNOWN_HEADING_RAD = 1.8  # one sigma of a uniform circle
 UNKNOWN_SPEED_MPS = 10.0
 
@@ -91,7 +92,7 @@ def _first_displacement(s: Series) -> tuple[float, float, float, float, float] |
     """Return the first displacement that is clear of the noise, from a point that may itself lie later."""
     time = s.time_s - s.latency_s
     sigma = float(np.sqrt(max(np.median(s.noise[:, 0]), np.median(s.noise[:, 2]))))
-    far = max(MIN_DISPLACEMENT_M, 4.0 * sigma)
+    far = max(MIN_DISPLACEMENT_M, CLEAR_SIGMAS * sigma)
     anchor = s.values[0]
     distance = np.hypot(s.values[:, 0] - anchor[0], s.values[:, 1] - anchor[1])
     beyond = np.flatnonzero(distance > far)
@@ -108,7 +109,7 @@ def _first_displacement(s: Series) -> tuple[float, float, float, float, float] |
     return (
         float(time[j]),
         float(np.arctan2(dy, dx)),
-        min(uncertain / length + 0.05, UNKNOWN_HEADING_RAD),
+        min(np.sqrt(2.0) * sigma / length + 0.05, UNKNOWN_HEADING_RAD),
         length / dt,
         uncertain / dt + 1.0,
     )
@@ -180,3 +181,16 @@ def _turned(series: Sequence[Series], begin: float, end: float) -> tuple[float, 
 
 def _trapezoid(values: FloatArray, time: FloatArray) -> float:
     return float((0.5 * (values[1:] + values[:-1]) * np.diff(time)).sum())
+
+
+def start_with_parameters(series: Sequence[Series], prior: FloatArray, *, causal: bool) -> Start:
+    """Return `find_start` with the prior variances of the parameter states put in.
+
+    Args:
+        series, causal: See `find_start`.
+        prior: Shape (n,): variances; the first eight are not used.
+    """
+    start = find_start(series, len(prior), causal=causal)
+    index = np.arange(N_MOTION, len(prior))
+    start.covariance[index, index] = prior[index]
+    return start

@@ -14,7 +14,8 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import N_MOTION, PassResult, Start, run_pass
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
-from cwcli.estimation.tune import Tuned, start_with_parameters, tune
+from cwcli.estimation.start import start_with_parameters
+from cwcli.estimation.tune import Tuned, tune
 from cwcli.signals.columns import FloatArray, Int64Array
 
 STATE_NAMES = (
@@ -128,12 +129,11 @@ def estimate_track(
     prepared, notes = prepare(measurements, epoch)
     if output_stamp_ns is None:
         output_stamp_ns = _grid(measurements, config.rate_hz)
-    parameters = ModelParameters()
-    tuned = tune(prepared, config, parameters)
+    tuned = tune(prepared, config, ModelParameters())
     start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
     output_s = seconds(output_stamp_ns, epoch)
     result = run_pass(
-        tuned.series, start, parameters, tuned.walk, output_s,
+        tuned.series, start, tuned.parameters, tuned.walk, output_s,
         smooth=not config.causal, reset_after=config.reset_after,
     )  # fmt: skip
     if config.causal:

@@ -16,7 +16,7 @@ def forward(
     bias: _I,
     lag: _I,
     gate: _F,
-    reset_after: int,
+    reset_after: _I,
     model: _F,
     q_matrix: _F,
     q_walk: _F,
@@ -32,6 +32,7 @@ def forward(
     out_x: _F,
     out_p: _F,
     streak: _I,
+    believed: _F,
 ) -> float: ...
 def backward(
     time_s: _F,

@@ -12,6 +12,10 @@ same result as Rauch-Tung-Striebel. The plain NumPy twin is in tests/unit/estima
 
 from libc.math cimport M_PI, cos, fabs, log, remainder, sin
 
+# The gate widens with the time since a source was last believed: the model's errors grow over an outage in ways that
+# its covariance does not know of, and the first position after a tunnel must not be taken for an outlier.
+cdef double GATE_WIDENS_S = 2.0
+
 cdef enum:
     NMAX = 16
     NH = 5
@@ -28,7 +32,8 @@ cdef enum:
     P_Q_XY = 7          # m^2/s, side-slip and map error
     P_FLIP = 8          # m/s, reversing faster than this is taken for a heading that is wrong by pi
     P_Q_FLOOR = 9       # part of P_Q_ALPHA left at standstill
-    P_COUNT = 10
+    P_Q_HEADING = 10    # rad^2/s, side-slip and roll: what the gyroscope does not see of the course
+    P_COUNT = 11
 
 
 cdef struct Step:
@@ -245,7 +250,9 @@ cdef void add_noise(double* p, const double* x, double dt, const double* model, 
     add_sym(p, 5, 5, q * t3 / 3)
     add_sym(p, 5, 7, q * t2 / 2)
     add_sym(p, 7, 7, q * dt)
-    q = model[P_Q_XY] * dt * v2 / (v2 + v0 * v0)
+    q = dt * v2 / (v2 + v0 * v0)
+    add_sym(p, 3, 3, q * model[P_Q_HEADING])
+    q *= model[P_Q_XY]
     add_sym(p, 0, 0, q)
     add_sym(p, 1, 1, q)
     for i in range(8, n):
@@ -362,22 +369,22 @@ cdef void inflate(double* x, double* p, int kind, const double* nu, int n) noexc
         add_sym(p, 3, 3, nu[0] * nu[0] + 0.01)
     elif kind == 4:
         add_sym(p, 4, 4, nu[0] * nu[0])
-        if n > 8:
-            add_sym(p, 8, 8, nu[0] * nu[0])
+        if n > 6:
+            add_sym(p, 6, 6, 25.0)
     else:
         add_sym(p, 5, 5, nu[0] * nu[0])
-        if n > 9:
-            add_sym(p, 9, 9, nu[0] * nu[0])
+        if n > 6:
+            add_sym(p, 7, 7, 1.0)
 
 
 def forward(const double[::1] time_s, const int[::1] first, const int[::1] out_row,
             const int[::1] series, const double[:, ::1] z, const double[:, ::1] r,
-            const int[::1] kind, const int[::1] bias, const int[::1] lag, const double[::1] gate, int reset_after,
+            const int[::1] kind, const int[::1] bias, const int[::1] lag, const double[::1] gate, const int[::1] reset_after,
             const double[::1] model, const double[:, ::1] q_matrix, const double[::1] q_walk,
             double[::1] x, double[:, ::1] p,
             double[:, ::1] x_post, signed char[::1] flip, double[:, ::1] gain, double[:, ::1] partials,
             double[:, ::1] innovation, signed char[::1] status, double[:, ::1] nis,
-            double[:, ::1] out_x, double[:, :, ::1] out_p, int[::1] streak):
+            double[:, ::1] out_x, double[:, :, ::1] out_p, int[::1] streak, double[::1] believed):
     """Run the filter over all steps.
 
     Shapes: T steps, U updates, S series, m output rows, n states.
@@ -390,15 +397,15 @@ def forward(const double[::1] time_s, const int[::1] first, const int[::1] out_r
         z, r: (U, 2) values and (U, 3) noise (r00, r01, r11).
         kind, bias, lag: (S,): see `expect`; -1 = none.
         gate: (S,): chi-square limit; <= 0 switches the gate off.
-        reset_after: Rejections in a row after which a source is believed.
-        model: (10,), q_matrix: (6, 6) for n = 6, q_walk: (n,).
+        reset_after: (S,): rejections in a row after which a source is believed.
+        model: (11,), q_matrix: (6, 6) for n = 6, q_walk: (n,).
         x, p: (n,), (n, n): state at time_s[0]; overwritten with the last one.
         x_post: (T, n) or (0, 0) when nothing is stored for `backward`. flip: (T,).
         gain: (2 U, n), partials: (2 U, 5), innovation: (2 U, 2) as (nu / S, 1 / S): or (0, 0).
         status: (U,): 0 gated, 1 used, 2 used after a reset.
         nis: (U, 3): squared normalised innovation, mean nu^2 over the axes, mean h P h' over the axes.
         out_x, out_p: (m, n), (m, n, n): the filter's state at the output rows.
-        streak: (S,): zeros; rejections in a row so far.
+        streak, believed: (S,): rejections in a row so far (zeros) and time of the last used one (time_s[0]).
 
     Returns:
         Log-likelihood of the used innovations.
@@ -410,23 +417,23 @@ def forward(const double[::1] time_s, const int[::1] first, const int[::1] out_r
         total = forward_c(&time_s[0], n_steps, &first[0], &out_row[0],
                           &series[0] if series.shape[0] else NULL, &z[0, 0] if series.shape[0] else NULL,
                           &r[0, 0] if series.shape[0] else NULL,
-                          &kind[0], &bias[0], &lag[0], &gate[0], reset_after, &model[0], &q_matrix[0, 0], &q_walk[0],
+                          &kind[0], &bias[0], &lag[0], &gate[0], &reset_after[0], &model[0], &q_matrix[0, 0], &q_walk[0],
                           &x[0], &p[0, 0], n, keep, &x_post[0, 0] if keep else NULL, &flip[0] if keep else NULL,
                           &gain[0, 0] if gain.shape[0] else NULL, &partials[0, 0] if partials.shape[0] else NULL,
                           &innovation[0, 0] if innovation.shape[0] else NULL,
                           &status[0] if series.shape[0] else NULL, &nis[0, 0] if series.shape[0] else NULL,
                           &out_x[0, 0] if out_x.shape[0] else NULL, &out_p[0, 0, 0] if out_p.shape[0] else NULL,
-                          &streak[0])
+                          &streak[0], &believed[0])
     return total
 
 
 cdef double forward_c(const double* time_s, int n_steps, const int* first, const int* out_row,
                       const int* series, const double* z, const double* r,
-                      const int* kind, const int* bias, const int* lag, const double* gate, int reset_after,
+                      const int* kind, const int* bias, const int* lag, const double* gate, const int* reset_after,
                       const double* model, const double* q_matrix, const double* q_walk,
                       double* x_io, double* p_io, int n, bint keep, double* x_post, signed char* flip,
                       double* gain, double* partials, double* innovation, signed char* status, double* nis,
-                      double* out_x, double* out_p, int* streak) noexcept nogil:
+                      double* out_x, double* out_p, int* streak, double* believed) noexcept nogil:
     cdef double x[NMAX]
     cdef double p[NMAX * NMAX]
     cdef double cached[13]
@@ -438,7 +445,7 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
     cdef int idx[NH]
     cdef Step f
     cdef int i, j, k, u, s, width, axis, row
-    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, total = 0.0
+    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, total = 0.0
     cached[0] = -1.0
     for i in range(NMAX * NMAX):
         p[i] = 0.0
@@ -495,9 +502,10 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
                 det = s00 * s11 - s01 * s01
                 d2 = (s11 * nu[0] * nu[0] - 2.0 * s01 * nu[0] * nu[1] + s00 * nu[1] * nu[1]) / det
             nis[3 * u] = d2
-            if gate[s] > 0.0 and not d2 <= gate[s]:
+            quiet = 1.0 + (time_s[k] - believed[s]) / GATE_WIDENS_S
+            if gate[s] > 0.0 and not d2 <= gate[s] * quiet * quiet:
                 streak[s] += 1
-                if streak[s] <= reset_after:
+                if streak[s] <= reset_after[s]:
                     status[u] = 0
                     continue
                 inflate(x, p, kind[s], nu, n)
@@ -505,6 +513,7 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
             else:
                 status[u] = 1
             streak[s] = 0
+            believed[s] = time_s[k]
             # Decorrelate the second axis from the first: z1 - corr z0 has noise r11 - corr r01.
             corr = 0.0
             if width == 2 and r1 != 0.0:
@@ -542,7 +551,7 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
                         p[i * NMAX + j] -= g[i] * g[j] * inv
         if keep:
             flip[k] = 0
-        if n > 6 and x[2] < -model[P_FLIP]:
+        if n > 6 and x[2] < -model[P_FLIP] and x[2] * x[2] > 25.0 * p[2 * NMAX + 2]:
             x[2] = -x[2]
             x[4] = -x[4]
             x[6] = -x[6]

@@ -1,0 +1,181 @@
+"""Noise that the log does not state: of measurements by innovation matching, of the motion by maximum likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.passes import PassResult, Series, run_pass
+from cwcli.estimation.start import start_with_parameters
+from cwcli.signals.columns import FloatArray
+
+MIN_ROWS_FOR_NOISE = 50
+MAX_FACTOR = 16.0
+MAX_UPDATES = 8_000  # of the window that is looked at, with an IMU
+MAX_UPDATES_SLOW = 1_500  # without one: a remote vehicle's messages, and there are many vehicles
+ENOUGH_ROWS = 300  # in the window: then the whole log tells nothing new of the noise
+SCALE_STEP = np.log(2.0)
+LIVELINESS: dict[str, tuple[float, float]] = {
+    "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
+    "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
+}
+"""What is fitted, and how far from its first value it may go: what a car and its driver can do."""
+ROUNDS = 2
+
+
+def noise_factor(s: Series, nis: FloatArray) -> float:
+    """Return the factor on the noise variance that brings the innovations into agreement (innovation matching).
+
+    The equation is mean(min(nu^2 / (h P h' + factor r), 9)) = 1 over all rows, gated ones too: an outlier counts, but
+    no more than three sigma. One call moves the variance by at most a factor of 16, because the predicted
+    covariance answers to it. A message's own covariance is only ever raised: errors that are slow look small
+    from one innovation to the next, and are there all the same.
+
+    Args:
+        s: The series with its present noise.
+        nis: Shape (n, 3): normalised innovation squared, mean nu^2 over axes, mean h P h' over axes.
+    """
+    if len(nis) < MIN_ROWS_FOR_NOISE:
+        return 1.0
+    nu2, prior = nis[:, 1], nis[:, 2]
+    r = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
+    low, high = 1.0 / MAX_FACTOR, MAX_FACTOR
+    for _ in range(16):
+        middle = float(np.sqrt(low * high))
+        if float(np.minimum(nu2 / (prior + middle * r), 9.0).mean()) > 1.0:
+            low = middle
+        else:
+            high = middle
+    factor = float(np.sqrt(low * high))
+    if s.noise_origin == "message":
+        return factor if factor > 1.1 else 1.0
+    if s.noise_origin == "message, scaled":
+        return max(factor, 0.5)
+    return max(factor, s.floor**2 / float(r.mean()))
+
+
+def settle_noise(
+    series: Sequence[Series], parameters: ModelParameters, walk: FloatArray, prior: FloatArray
+) -> tuple[list[Series], ModelParameters]:
+    """Find the noise of the series that do not state it, and how lively the driving is.
+
+    Works on a window of the log. Each round matches the innovations and moves the jerk's and the yaw acceleration's
+    sigma towards the largest likelihood, by a parabola over half, once and twice the present value.
+
+    Args:
+        series: All series, latencies corrected.
+        parameters: Motion model to begin with.
+        walk, prior: Shape (n,): see `run_pass`, `start_with_parameters`.
+
+    Returns:
+        The series with settled noise; the motion model.
+    """
+    window = [replace(s, gate=0.0) for s in _window(series)]
+    if sum(len(s) for s in window) < 2 * MIN_ROWS_FOR_NOISE or not any(
+        len(s) and s.kind is Kind.POSITION for s in window
+    ):
+        return list(series), parameters
+    begin = parameters
+    factors = np.ones(len(series))
+    for _ in range(ROUNDS):
+        result = _run(window, parameters, walk, prior)
+        base = result.log_likelihood
+        for i, s in enumerate(window):
+            factor = noise_factor(s, result.nis[i])
+            factors[i] *= factor
+            origin = s.noise_origin
+            if factor != 1.0:
+                origin = "message, scaled" if origin.startswith("message") else "log"
+            window[i] = replace(s.scaled(factor), noise_origin=origin)
+        base = _run(window, parameters, walk, prior).log_likelihood
+        for name, limits in LIVELINESS.items():
+            parameters, base = _livelier(window, parameters, walk, prior, name, limits, base, begin)
+    settled = [replace(s.scaled(float(f)), gate=0.0) for s, f in zip(series, factors, strict=True)]
+    # The window tells of the motion; the noise of the slow sources needs the whole log.
+    whole = any(
+        len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_ROWS))
+        for s, w in zip(series, window, strict=True)
+    )
+    result = _run(settled, parameters, walk, prior) if whole else None
+    for i, s in enumerate(settled):
+        factor = noise_factor(s, result.nis[i]) if result is not None else 1.0
+        origin = s.noise_origin
+        if factor * factors[i] != 1.0:
+            origin = "message, scaled" if origin == "message" else "log"
+        settled[i] = replace(s.scaled(factor), noise_origin=origin)
+    return settled, parameters
+
+
+def _run(series: Sequence[Series], parameters: ModelParameters, walk: FloatArray, prior: FloatArray) -> PassResult:
+    start = start_with_parameters(series, prior, causal=False)
+    return run_pass(series, start, parameters, walk, np.zeros(0), smooth=False, reset_after=50)
+
+
+def _livelier(
+    series: Sequence[Series],
+    parameters: ModelParameters,
+    walk: FloatArray,
+    prior: FloatArray,
+    name: str,
+    limits: tuple[float, float],
+    base: float,
+    begin: ModelParameters,
+) -> tuple[ModelParameters, float]:
+    """Move one sigma of the motion towards the largest likelihood; returns the model and its likelihood."""
+    now, first = float(getattr(parameters, name)), float(getattr(begin, name))
+    likelihood = [_run(series, replace(parameters, **{name: now * f}), walk, prior).log_likelihood for f in (0.5, 2.0)]
+    left, right = likelihood
+    bend = left - 2.0 * base + right
+    if bend < 0.0:
+        move = 0.5 * (left - right) / bend * SCALE_STEP
+        move = float(np.clip(move, -2.0 * SCALE_STEP, 2.0 * SCALE_STEP))
+    else:
+        move = SCALE_STEP * (1.0 if right > left else -1.0)
+    scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
+    better = replace(parameters, **{name: first * float(np.exp(scale))})
+    reached = _run(series, better, walk, prior).log_likelihood
+    options = [(base, parameters), (reached, better)]
+    options += [(v, replace(parameters, **{name: now * f})) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
+    best = max(options, key=lambda option: option[0])
+    limited = float(np.clip(np.log(float(getattr(best[1], name)) / first), *np.log(limits)))
+    return replace(best[1], **{name: first * float(np.exp(limited))}), best[0]
+
+
+def _window(series: Sequence[Series]) -> list[Series]:
+    """Cut the series to a window of about MAX_UPDATES updates, from where the vehicle has begun to move."""
+    total = sum(len(s) for s in series)
+    most = MAX_UPDATES if any(s.bias_state >= 0 for s in series) else MAX_UPDATES_SLOW
+    if total <= most:
+        return list(series)
+    begin = min(float(s.time_s[0]) for s in series if len(s))
+    end = max(float(s.time_s[-1]) for s in series if len(s))
+    span = (end - begin) * most / total
+    # A slow source needs enough rows in it to tell its noise.
+    slowest = max((float(np.median(np.diff(s.time_s))) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
+    span = min(max(span, 2.0 * MIN_ROWS_FOR_NOISE * slowest), end - begin)
+    left = _liveliest(series, begin, end, span)
+    cut = []
+    for s in series:
+        time = s.time_s - s.latency_s
+        inside = (time >= left) & (time <= left + span)
+        cut.append(replace(s, time_s=s.time_s[inside], values=s.values[inside], noise=s.noise[inside]))
+    return cut
+
+
+def _liveliest(series: Sequence[Series], begin: float, end: float, span: float) -> float:
+    """Return where a window of `span` seconds covers the longest way, by the positions."""
+    position = next((s for s in series if s.kind is Kind.POSITION and len(s) > 2), None)
+    if position is None:
+        return begin
+    time = position.time_s - position.latency_s
+    choices = np.arange(begin, max(end - span, begin) + 1e-9, max(span / 4, 1e-3))
+    first = np.clip(np.searchsorted(time, choices), 0, len(time) - 1)
+    middle = np.clip(np.searchsorted(time, choices + span / 2), 0, len(time) - 1)
+    last = np.clip(np.searchsorted(time, choices + span), 0, len(time) - 1)
+    xy = position.values
+    way = np.hypot(*(xy[middle] - xy[first]).T) + np.hypot(*(xy[last] - xy[middle]).T)
+    return float(choices[int(way.argmax())])

@@ -1,0 +1,109 @@
+"""How well planted latencies are found: `python -m tests.studies.latency --runs 100`.
+
+Each run simulates a city drive with song2016's sensor noise, plants a latency of -50 to 300 ms in every source but the
+IMU, and estimates. Beside the errors stands the Cramer-Rao bound: the one sigma of the latency when everything else
+(noise, the other latencies, a start near the truth) is known and only the motion and the biases are not, from the
+filter's information along the drive.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.estimation import EstimatorConfig, estimate_track
+from cwcli.estimation.latency import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, PRIOR_S, SIDE_SLIP_M
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.passes import run_pass
+from cwcli.estimation.prepare import epoch_ns, prepare
+from cwcli.estimation.start import start_with_parameters
+from cwcli.estimation.tune import with_bias_states
+from tests.studies.city_drive import Sensors, city_drive, measure
+
+SOURCES = ("gnss", "speed", "heading")
+TOLERANCE_S = 0.010
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: per source the error, the estimator's own sigma and the Cramer-Rao bound, seconds."""
+
+    error_s: dict[str, float]
+    sigma_s: dict[str, float]
+    bound_s: dict[str, float]
+
+
+def one_run(seed: int, duration_s: float) -> Run:
+    """Simulate, plant, estimate, compare."""
+    rng = np.random.default_rng([seed, 99])
+    planted = {source: float(rng.uniform(-0.05, 0.3)) for source in SOURCES}
+    measurements = measure(city_drive(seed, duration_s), seed, planted)
+    track = estimate_track(measurements, EstimatorConfig())
+    reports = {r.source: r for r in track.sources if r.source in SOURCES}
+    return Run(
+        {s: reports[s].latency_s - planted[s] for s in SOURCES},
+        {s: reports[s].latency_sigma_s for s in SOURCES},
+        bound(measurements, planted),
+    )
+
+
+def bound(measurements: Sequence[Measurements], planted: dict[str, float]) -> dict[str, float]:
+    """Return the Cramer-Rao bound of each source's latency against the IMU alone, seconds."""
+    sensors = Sensors()
+    sigma = {
+        Kind.POSITION: sensors.position_m, Kind.SPEED: sensors.speed_mps, Kind.HEADING: sensors.heading_rad,
+        Kind.ACCEL: sensors.accel_mps2, Kind.YAW_RATE: sensors.yaw_rate_radps,
+    }  # fmt: skip
+    parameters = ModelParameters(
+        jerk_sigma_mps3=LOOSE_JERK_MPS3, yaw_accel_sigma_radps2=LOOSE_YAW_ACCEL_RADPS2, side_slip_m=SIDE_SLIP_M
+    )
+    prepared, _ = prepare(measurements, epoch_ns(measurements))
+    series, walk, prior = with_bias_states(prepared, parameters)
+    series = [
+        replace(
+            s,
+            latency_s=planted.get(s.source, 0.0),
+            noise=np.tile([sigma[s.kind] ** 2, 0.0, sigma[s.kind] ** 2 * (s.width == 2)], (len(s), 1)),
+        )
+        for s in series
+    ]
+    n = len(walk)
+    found = {}
+    for s in series:
+        if s.source not in SOURCES:
+            continue
+        used = [replace(s, latency_state=n), *(other for other in series if other.source == "imu")]
+        start = start_with_parameters(used, np.append(prior, PRIOR_S**2), causal=False)
+        result = run_pass(used, start, parameters, np.append(walk, 0.0), np.zeros(0), smooth=False, reset_after=50)
+        found[s.source] = float(np.sqrt(result.last_covariance[n, n]))
+    return found
+
+
+def main() -> None:
+    """Print the study's table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--duration", type=float, default=300.0, help="seconds of driving")
+    arguments = parser.parse_args()
+    runs = [one_run(seed, arguments.duration) for seed in range(arguments.runs)]
+    print(f"{arguments.runs} runs of {arguments.duration:.0f} s, planted latencies -50 to 300 ms")
+    print(
+        f"{'source':8} {'within 10 ms':>12} {'bias ms':>8} {'sigma ms':>9} {'said ms':>8} {'bound ms':>9} {'worst':>8}"
+    )
+    for source in SOURCES:
+        error = 1e3 * np.array([r.error_s[source] for r in runs])
+        said = 1e3 * np.array([r.sigma_s[source] for r in runs])
+        reachable = 1e3 * np.array([r.bound_s[source] for r in runs])
+        inside = 100.0 * float((np.abs(error) <= 1e3 * TOLERANCE_S).mean())
+        print(
+            f"{source:8} {inside:11.0f}% {error.mean():8.2f} {error.std():9.2f} {np.sqrt((said**2).mean()):8.2f} "
+            f"{np.sqrt((reachable**2).mean()):9.2f} {np.abs(error).max():8.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
