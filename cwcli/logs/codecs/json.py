@@ -74,7 +74,7 @@ class JsonDecoder:
         for path in self._blobs:
             self._blob_rows[path] = self._slots[self._tree.paths.index(path)].take_places(payloads, first)
         for slot, rows in zip(self._slots, instead, strict=True):
-            slot.end(payloads.data, payloads.starts, first, rows)
+            slot.end(payloads, first, rows)
         self._is_ok.append(is_ok)
         self._n += n
 

@@ -12,12 +12,13 @@ Arrays of nothing but strings are left out.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels.message_scan import intern_spans
-from cwcli.logs.codecs.slots import ByteArray, FixedSlot, Payloads, as_matrix, first_seen, merge_equal, take_ragged
+from cwcli.logs.codecs.slots import FixedSlot, Payloads, as_matrix, first_seen, merge_equal, take_ragged
 from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
 
 ABSENT, NULL, BOOL, INT, FLOAT, STRING, ARRAY, ESCAPED, CODED = range(9)
@@ -63,16 +64,26 @@ class JsonSlot:
         self._strings: list[bytes] = []
 
     def begin(self, n: int, n_bytes: int) -> None:
-        """Before a batch of n messages."""
+        """Before a batch of n messages. The buffers stay from batch to batch; memory is used where it is written to."""
         capacity = n_bytes // 2 + 8
-        self.element_tags = np.empty(capacity, np.uint8)
-        self.element_values = np.empty(capacity, np.int64)
+        if len(self.element_tags) < capacity:
+            self.element_tags = np.empty(capacity, np.uint8)
+            self.element_values = np.empty(capacity, np.int64)
         self.cursors = np.zeros(n, np.int64)
 
-    def end(self, data: ByteArray, starts: Int64Array, first_row: int, instead: dict[int, Elements]) -> None:
+    def end(self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements]) -> None:
         """After a batch: keep its elements, with those of `instead` for some rows, and code its strings."""
-        counts = np.diff(self.cursors, prepend=0)
         used = int(self.cursors[-1]) if len(self.cursors) else 0
+        if used or instead:
+            self._keep_elements(used, instead)
+        else:
+            self._counts.append(self.cursors)
+        n = len(payloads)
+        if int(self.tags.array[first_row : first_row + n].max(initial=0)) >= STRING:
+            self._code_strings(payloads, first_row)
+
+    def _keep_elements(self, used: int, instead: Mapping[int, Elements]) -> None:
+        counts = np.diff(self.cursors, prepend=0)
         tags, values = self.element_tags[:used].copy(), self.element_values[:used].copy()
         rows = sorted(row for row, (inner, _) in instead.items() if inner)
         if rows:
@@ -84,8 +95,6 @@ class JsonSlot:
         self._counts.append(counts)
         self._element_tags.append(tags)
         self._element_values.append(values)
-        self.element_tags, self.element_values = np.zeros(0, np.uint8), np.zeros(0, np.int64)
-        self._code_strings(data, starts, first_row)
 
     def put_string(self, row: int, text: str) -> None:
         """Set one row."""
@@ -147,9 +156,9 @@ class JsonSlot:
             texts.append(_spelled(int(tags[row]), values[row : row + 1]))
         return first_seen(merge_equal(Strings(codes, tuple(texts))))
 
-    def _code_strings(self, data: ByteArray, starts: Int64Array, first_row: int) -> None:
+    def _code_strings(self, payloads: Payloads, first_row: int) -> None:
         """Turn places in the messages into codes."""
-        n = len(starts)
+        n, data, starts = len(payloads), payloads.data, payloads.starts
         tags = self.tags.array[first_row : first_row + n]
         values = self.values.array[first_row : first_row + n]
         for row in np.flatnonzero(tags == ESCAPED).tolist():
