@@ -6,10 +6,11 @@ from cwcli.logs.byte_rows import ByteRows
 from cwcli.logs.message_merge import Feed
 from cwcli.logs.protobuf_columns import ColumnError, column_rows, encode_columns
 from cwcli.logs.schemas import message_schema
-from cwcli.signals.columns import Int64Array, OutputChannel
+from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel
 
 MESSAGE_ENCODING = "protobuf"
 SCHEMA_ENCODING = "protobuf"
+PROBED_STREAM_ROWS = 2
 
 
 def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0) -> Feed:
@@ -20,6 +21,8 @@ def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0
         ColumnError: A column has not as many rows as there are log times.
         ValueError: The log times go back.
     """
+    if isinstance(channel, StreamedChannel):
+        return _streamed_feed(channel, channel_id, first_sequence)
     n = len(channel)
     for path, column in channel.fields.items():
         if len(column) != n:
@@ -31,6 +34,17 @@ def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0
         return encode_columns(descriptor, rows, stop - start)
 
     return Feed(channel_id, channel.log_time_ns, channel.log_time_ns, encode, first_sequence)
+
+
+def _streamed_feed(channel: StreamedChannel, channel_id: int, first_sequence: int) -> Feed:
+    """The messages of a channel whose columns are made on the way."""
+    descriptor = message_schema(channel.schema_name).descriptor
+
+    def encode(start: int, stop: int) -> ByteRows:
+        return encode_columns(descriptor, channel.rows(start, stop), stop - start)
+
+    times = channel.log_time_ns
+    return Feed(channel_id, times, times, encode, first_sequence, probe_rows=PROBED_STREAM_ROWS)
 
 
 def row_feed(

@@ -43,6 +43,7 @@ class Feed:
         log_time_ns, publish_time_ns: Shape (n,), int64; log times non-decreasing.
         encode: Rows `start` to `stop` of the channel as messages.
         first_sequence: Sequence number of row 0.
+        probe_rows: Rows that are encoded to learn how long a message is.
 
     Raises:
         ValueError: The log times go back, or are negative.
@@ -53,6 +54,7 @@ class Feed:
     publish_time_ns: Int64Array
     encode: Callable[[int, int], ByteRows]
     first_sequence: int = 0
+    probe_rows: int = PROBE_ROWS
     _next: int = 0
     _block_start: int = 0
     _block: ByteRows | None = field(default=None, repr=False)
@@ -68,7 +70,7 @@ class Feed:
     def mean_size(self) -> float:
         """Bytes of a message with its header, by the first ones."""
         if not self._mean_size and len(self):
-            probe = self.encode(0, min(PROBE_ROWS, len(self)))
+            probe = self.encode(0, min(self.probe_rows, len(self)))
             self._mean_size = float(probe.sizes.mean()) + MESSAGE_HEADER.itemsize
         return self._mean_size
 

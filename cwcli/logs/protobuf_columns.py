@@ -48,7 +48,7 @@ def encode_columns(message: Descriptor, fields: Mapping[str, OutputField], n: in
         message: Descriptor of the message.
         fields: Dotted field path -> n rows. A `google.protobuf.Timestamp` or `Duration` may be given as int64 ns under
             its own name, an enum as numbers or as the names of its values (`raised` for `STATE_RAISED`, in any case), a
-            repeated message as `Repeated` or as `Ragged` leaves (`poses.position.x`).
+            repeated message as `Repeated` or as `Ragged` leaves (`poses.position.x`), bytes as `Ragged` uint8.
 
     Returns:
         n rows, each a message.
@@ -115,6 +115,8 @@ def _field_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: i
         raise ColumnError("it is not a message")
     if descriptor.is_repeated:
         return _packed_pieces(descriptor, column)
+    if descriptor.type == TYPE_BYTES and isinstance(column, Ragged):
+        return _bytes_pieces(descriptor, column)
     if descriptor.type in (TYPE_STRING, TYPE_BYTES):
         if not isinstance(column, Strings):
             raise ColumnError("it needs strings")
@@ -182,6 +184,15 @@ def _string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
     if len(codes) and (codes == codes[0]).all():
         return [constant(entries.data[entries.offsets[codes[0]] : entries.offsets[codes[0] + 1]].tobytes())]
     return [Varying(entries.data, entries.offsets[codes], entries.sizes[codes])]
+
+
+def _bytes_pieces(descriptor: FieldDescriptor, column: Ragged) -> list[Piece]:
+    """Tag, length and bytes."""
+    if column.values.dtype != np.uint8:
+        raise ColumnError("it holds bytes: it needs ragged uint8")
+    sizes = np.diff(column.offsets)
+    content = Varying(np.ascontiguousarray(column.values, np.uint8), column.offsets[:-1], sizes)
+    return [constant(_tag(descriptor, WIRE_LENGTH)), *length_pieces([content], len(column)), content]
 
 
 def _packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | Strings) -> list[Piece]:

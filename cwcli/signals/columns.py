@@ -6,7 +6,7 @@ the stages (which publish it). Nothing here knows of MCAP.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -121,3 +121,17 @@ class OutputChannel:
 
     def __len__(self) -> int:
         return len(self.log_time_ns)
+
+
+@dataclass(frozen=True)
+class StreamedChannel(OutputChannel):
+    """A channel whose columns are made a few rows at a time, when they are written: for images, which never fit memory.
+
+    A later stage of the same run can't read it: `fields` is empty.
+
+    Attributes:
+        rows: Rows `start` to `stop` as columns. Called with growing, adjoining spans, after a first look at the very
+            first rows (`PROBED_STREAM_ROWS`) for their size.
+    """
+
+    rows: Callable[[int, int], Mapping[str, OutputField]] = field(kw_only=True)

@@ -1,7 +1,7 @@
 """One lane boundary in the image (zhang2011, eq. 1).
 
-Coordinates of a search image of `height_px` rows: pixels are numbered from 1 at the bottom left, x to the right, y up, so
-the centre of the pixel in column u and row v (from 0 at the top left, as in NumPy and OpenCV) has x = u + 1 and
+Coordinates of a search image of `height_px` rows: pixels are numbered from 1 at the bottom left, x to the right, y up,
+so the centre of the pixel in column u and row v (from 0 at the top left, as in NumPy and OpenCV) has x = u + 1 and
 y = height_px - v.
 """
 
@@ -24,7 +24,7 @@ class Boundary:
         score: Value of the method's objective, in grey levels where it is zhang2011's.
         probability: That this is a boundary, 0 to 1; NaN if the method makes no such statement.
         found: Whether the method says that there is a boundary.
-        covariance: Shape (3, 3) of (a, b, c); None if the method does not give one, then the camera geometry assumes one.
+        covariance: Shape (3, 3) of (a, b, c); None if the method gives none: then the camera geometry assumes one.
     """
 
     a: float

@@ -1,8 +1,8 @@
 """A camera above a flat road: intrinsics with distortion, mounting, and the maps between image and ground plane.
 
-Frames of reference: the image has u to the right and v down, in pixels, and the centre of the top left pixel is (0, 0), as
-in OpenCV. The optical frame has x right, y down, z forward. The body frame has x forward, y left, z up (REP-103); its
-origin here is the point of the road below the camera, moved sideways to the car's centre line.
+Frames of reference: the image has u to the right and v down, in pixels, and the centre of the top left pixel is (0, 0),
+as in OpenCV. The optical frame has x right, y down, z forward. The body frame has x forward, y left, z up (REP-103);
+its origin here is the point of the road below the camera, moved sideways to the car's centre line.
 """
 
 from __future__ import annotations
@@ -95,7 +95,9 @@ class Camera:
 
     def body_from_optical(self) -> FloatArray:
         """Shape (3, 3): directions of the optical frame in the body frame, Rz(yaw) Ry(pitch) Rx(roll)."""
-        return rotation(self.mounting.yaw_rad, self.mounting.pitch_rad, self.mounting.roll_rad) @ _BODY_FROM_OPTICAL
+        mounting = self.mounting
+        turned: FloatArray = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad) @ _BODY_FROM_OPTICAL
+        return turned
 
     def matrix(self) -> FloatArray:
         """Shape (3, 3): K."""

@@ -1,7 +1,7 @@
 """What a lane method is given and what it gives back.
 
-A method is registered in `cwcli.vision.methods.METHODS`. Its search keeps state between the frames of one camera; a change
-of the image size, or a jump of the time, starts a new search.
+A method is registered in `cwcli.vision.methods.METHODS`. Its search keeps state between the frames of one camera; a
+change of the image size, or a jump of the time, starts a new search.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 The paper leaves four things open, its fig. 2 being lost in the text; the choices (docs/papers/zhang2011-lanes.md):
 
-- T_j is signed, outer part minus inner part of the block, each of three pixels; the line or row between them is left out.
-  So the inner edge of a bright marking scores, and a dark line beside a bright road does not.
+- T_j is signed, outer part minus inner part of the block, each of three pixels; the line between them is left out. So
+  the inner edge of a bright marking scores, and a dark line beside a bright road does not.
 - T3 is upper minus lower, T4 is left minus right for a left boundary and right minus left for a right one.
 - The mean road grey is the mean of a patch in front of the car (`ROAD_ROWS`, `ROAD_COLUMNS`).
 - Centres lie in rows 2, 5, ..., 149 from the bottom, so that 50 blocks tile the lower 150 rows.
@@ -39,8 +39,8 @@ def block_responses(grey: GreyImage) -> tuple[Int32Array, Int32Array]:
         grey: Shape (240, 320), uint8.
 
     Returns:
-        Two arrays of shape (3, 50, 320), int32, in 1/90 grey level: by slope class (|b| 0.5 to 2, above 2, below 0.5), row
-        of blocks from the bottom, column of the centre. The outermost columns hold zeros.
+        Two arrays of shape (3, 50, 320), int32, in 1/90 grey level: by slope class (|b| 0.5 to 2, above 2, below 0.5),
+        row of blocks from the bottom, column of the centre. The outermost columns hold zeros.
 
     Raises:
         ValueError: Another shape.
@@ -53,12 +53,8 @@ def block_responses(grey: GreyImage) -> tuple[Int32Array, Int32Array]:
     columns = upper + middle + lower
     nine = (columns[:, left] + columns[:, centre] + columns[:, right]).astype(np.int32)
     # T1: above left of the diagonal / minus below right; T2: above right of \ minus below left.
-    t1 = (upper[:, left] + upper[:, centre] + middle[:, left]) - (
-        middle[:, right] + lower[:, centre] + lower[:, right]
-    )
-    t2 = (upper[:, right] + upper[:, centre] + middle[:, right]) - (
-        middle[:, left] + lower[:, centre] + lower[:, left]
-    )
+    t1 = (upper[:, left] + upper[:, centre] + middle[:, left]) - (middle[:, right] + lower[:, centre] + lower[:, right])
+    t2 = (upper[:, right] + upper[:, centre] + middle[:, right]) - (middle[:, left] + lower[:, centre] + lower[:, left])
     t3 = (upper[:, left] + upper[:, centre] + upper[:, right]) - (lower[:, left] + lower[:, centre] + lower[:, right])
     t4 = columns[:, left] - columns[:, right]
     contrast = nine - _nine_times_road_grey(grey)

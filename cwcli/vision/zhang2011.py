@@ -18,7 +18,7 @@ from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, Int32Array, block_respon
 CROSSOVER_RATE = 0.45
 MUTATION_RATE = 0.05
 WHEEL_SHIFT = 50.0
-"""Grey levels, added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't. The paper is silent."""
+"""Grey levels, added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't."""
 DECIMALS = (4, 2, 0)
 """Of a, b, c."""
 FIRST_LEFT = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
@@ -169,7 +169,7 @@ class Zhang2011Search:
             )
             self._last[side] = made
             self._n_before[side] = self._n_before[side] + 1 if made.found else 0
-        return LaneFit(*self._last)
+        return LaneFit(self._last[0], self._last[1])
 
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:

@@ -1,0 +1,216 @@
+"""Frames of a log as images: decoded in threads, in order, a few at a time.
+
+A grey image for a search is decoded at half, a quarter or an eighth of its size where the search needs no more. What
+can't be decoded comes out as a rejected frame with its reason. The size is read from the header before a decoder is let
+at the data, so a file of some bytes that declares a gigantic image costs nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
+from cwcli.vision.raw_images import Image, RawImageError, raw_colour, raw_grey
+from cwcli.vision.video import VIDEO_FORMATS, VideoDecoder, picture_colour, picture_grey
+
+MIN_SIDE_PX = 32
+MAX_PIXELS = 50_000_000
+REDUCTIONS = (8, 4, 2)
+MAX_THREADS = 4
+QUEUED_PER_THREAD = 3
+
+Result = TypeVar("Result")
+
+
+class FrameLike(Protocol):
+    """What decoding needs to know of a frame (`cwcli.logs.frames.Frame`)."""
+
+    @property
+    def log_time_ns(self) -> int: ...
+    @property
+    def stamp_ns(self) -> int | None: ...
+    @property
+    def format(self) -> str: ...
+    @property
+    def data(self) -> bytes | memoryview: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def encoding(self) -> str: ...
+    @property
+    def step(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class DecodedFrame:
+    """A decoded frame, or the reason why there is no image.
+
+    Attributes:
+        index: 0, 1, 2, ... of the frame in its channel.
+        log_time_ns, stamp_ns: As recorded; the stamp is the log time where the message has none.
+        width_px, height_px: Of the camera's image, whatever the size of `image`; 0 where rejected.
+        image: Grey (height, width) or colour (height, width, 3), uint8; None where rejected.
+        rejected: The reason, else "".
+    """
+
+    index: int
+    log_time_ns: int
+    stamp_ns: int
+    width_px: int
+    height_px: int
+    image: Image | None
+    rejected: str = ""
+
+
+SizeOf = Callable[[int, int], tuple[int, int]]
+
+
+def decode_frames(
+    frames: Iterable[FrameLike], *, size_of: SizeOf | None, n_threads: int | None = None, where: str = ""
+) -> Iterator[DecodedFrame]:
+    """Decode frames in threads; they come out in the order in which they went in.
+
+    Args:
+        frames: Still encoded.
+        size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
+        n_threads: Of decoding; None: as many as there are processors, at most `MAX_THREADS`.
+        where: File and topic, for messages.
+
+    Raises:
+        InputError: The frames are compressed video, and there is no decoder for it.
+    """
+    import cv2
+
+    n = n_threads or min(os.cpu_count() or 1, MAX_THREADS)
+    cv2.setNumThreads(1)  # the threads are ours: one frame each
+
+    def jobs() -> Iterator[Callable[[], DecodedFrame]]:
+        video: VideoDecoder | None = None
+        for index, frame in enumerate(frames):
+            if frame.format.lower() in VIDEO_FORMATS:
+                video = video or VideoDecoder(frame.format.lower(), where)
+                yield partial(_video_frame, index, frame, video.decode(frame.data), size_of)
+            else:
+                yield partial(decode_frame, index, frame, size_of)
+
+    return in_order(jobs(), n)
+
+
+def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[Result]:
+    """Run jobs in threads, a bounded number at a time; the results come in the order of the jobs."""
+    waiting: deque[Future[Result]] = deque()
+    with ThreadPoolExecutor(n_threads, thread_name_prefix="decode") as pool:
+        try:
+            for job in jobs:
+                waiting.append(pool.submit(job))
+                if len(waiting) > QUEUED_PER_THREAD * n_threads:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> DecodedFrame:
+    """Decode one frame; `size_of` as in `decode_frames`. Never raises for what the data holds."""
+    if frame.encoding:
+        width_px, height_px = frame.width, frame.height
+        header = None
+    else:
+        header = read_image_header(frame.data)
+        if header is None:
+            return _rejected(index, frame, "neither JPEG, PNG nor WebP")
+        width_px, height_px = header.width_px, header.height_px
+    reason = _unfit(width_px, height_px)
+    if not reason and header is not None and not is_complete(frame.data, header.kind):
+        reason = "cut short"
+    if reason:
+        return _rejected(index, frame, reason)
+    wanted = size_of(width_px, height_px) if size_of else None
+    try:
+        if header is None:
+            image = raw_grey(frame) if size_of else raw_colour(frame)
+        else:
+            image = _decoded(frame.data, header, wanted)
+    except RawImageError as error:
+        return _rejected(index, frame, str(error))
+    return _finished(index, frame, image, (width_px, height_px), wanted)
+
+
+def _decoded(data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, int] | None) -> Image:
+    import cv2
+
+    flags = cv2.IMREAD_IGNORE_ORIENTATION
+    if wanted is None:
+        flags |= cv2.IMREAD_COLOR
+    else:
+        flags |= _reduced(header, wanted)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error as error:
+        raise RawImageError("damaged") from error
+    if image is None:
+        raise RawImageError("damaged")
+    return np.asarray(image, np.uint8)
+
+
+def _reduced(header: ImageHeader, wanted: tuple[int, int]) -> int:
+    """The flag of the strongest reduction that leaves at least the wanted size; only JPEG decodes faster by it."""
+    import cv2
+
+    if header.kind == "jpeg":
+        for factor in REDUCTIONS:
+            if header.width_px >= factor * wanted[0] and header.height_px >= factor * wanted[1]:
+                return int(getattr(cv2, f"IMREAD_REDUCED_GRAYSCALE_{factor}"))
+    return int(cv2.IMREAD_GRAYSCALE)
+
+
+def _video_frame(index: int, frame: FrameLike, picture: Any, size_of: SizeOf | None) -> DecodedFrame:
+    if picture is None:
+        return _rejected(index, frame, "no picture comes out of the video")
+    reason = _unfit(picture.width, picture.height)
+    if reason:
+        return _rejected(index, frame, reason)
+    wanted = size_of(picture.width, picture.height) if size_of else None
+    image = picture_grey(picture) if size_of else picture_colour(picture)
+    return _finished(index, frame, image, (picture.width, picture.height), wanted)
+
+
+def _finished(
+    index: int, frame: FrameLike, image: Image, size: tuple[int, int], wanted: tuple[int, int] | None
+) -> DecodedFrame:
+    """The frame, scaled to the wanted size by the mean of the pixels that fall together."""
+    if wanted is not None and image.shape[1::-1] != wanted:
+        import cv2
+
+        shrinks = image.shape[1] >= wanted[0] and image.shape[0] >= wanted[1]
+        scaled = cv2.resize(image, wanted, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+        image = np.asarray(scaled, np.uint8)
+    return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), *size, image)
+
+
+def _unfit(width_px: int, height_px: int) -> str:
+    if width_px * height_px > MAX_PIXELS:
+        return f"more than {MAX_PIXELS // 1_000_000} megapixels"
+    if width_px < MIN_SIDE_PX or height_px < MIN_SIDE_PX:
+        return f"smaller than {MIN_SIDE_PX} x {MIN_SIDE_PX} pixels"
+    return ""
+
+
+def _rejected(index: int, frame: FrameLike, reason: str) -> DecodedFrame:
+    return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), 0, 0, None, reason)
+
+
+def _stamp_ns(frame: FrameLike) -> int:
+    return frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns

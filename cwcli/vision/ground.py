@@ -1,0 +1,240 @@
+"""Both boundaries on the road, and what they say at the preview point (zhang2011, 1.2.3, fig. 11).
+
+Each boundary is sampled at image rows and mapped to the ground plane. There it becomes y = y0 + s x + k x^2 / 2 in the
+body frame (x forward from below the camera, y left of the car's centre line). A road of constant curvature is a
+hyperbola in the image, not a parabola, and a search that fits a parabola to it finds the best one. So the road is
+sought whose best parabola is the given one: with the parabolas' basis P and the road's basis Q at the samples, and
+weights w that make a pixel count the same everywhere, P' w Q (y0, s, k) = P' w y. (The plain fit of a road to the
+parabola would find half the curvature.)
+
+At the preview distance D the centre between both boundaries gives, in the paper's signs,
+
+    y_L = -y(D)            the lane's centre lies to the right of the car's axis: positive
+    e_L = -atan(y'(D))     the car points counter-clockwise from the lane: positive
+    K_L = -y'' / (1 + y'^2)^(3/2)    the lane bends to the right: positive
+
+With these signs eq. 8, 9 and 20 hold (dy_L/dt = v e_L - ..., de_L/dt = v K_L - ...). If one boundary alone is found,
+the heading and the curvature are its own, and there is no lateral deviation.
+
+The sigmas follow from first-order propagation: the covariance of (a, b, c) of each side, and the mounting's sigmas,
+which are common to both sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import Boundary
+from cwcli.vision.camera import Camera, rotation
+from cwcli.vision.method import LaneFit
+
+BoolArray = npt.NDArray[np.bool_]
+
+N_SAMPLES = 16
+FAR_M = 60.0
+"""Boundaries are sampled up to here: beyond it a pixel of the search image is metres of road."""
+NEAR_M = 2.0
+WIDTH_AT_M = 10.0
+"""Where the lane's width is measured."""
+MIN_SAMPLES = 5
+N_INDEPENDENT = 10
+PARABOLA_STEPS = np.array([1e-6, 1e-4, 1e-2])
+MOUNTING_STEP = 1e-4
+BLOCK_FRAMES = 2048
+
+
+@dataclass(frozen=True)
+class GeometrySigmas:
+    """What the error propagation starts from, where a method gives no covariance of its own.
+
+    Attributes:
+        pixel_px: Of a boundary's place in the search image, at each of `N_INDEPENDENT` independent heights.
+        pitch_rad, yaw_rad, height_m: Of the mounting; the pitch includes the car's own.
+    """
+
+    pixel_px: float = 1.0
+    pitch_rad: float = 0.005
+    yaw_rad: float = 0.005
+    height_m: float = 0.03
+
+
+@dataclass(frozen=True)
+class LaneGeometry:
+    """Rows of n frames; NaN where a boundary that is needed was not found.
+
+    Attributes:
+        left_body, right_body: Shape (n, 3): y0 (m), slope s (rad for small ones), curvature k (1/m) of each boundary in
+            the body frame: y = y0 + s x + k x^2 / 2, left positive.
+        lateral_deviation_m, heading_deviation_rad, curvature_1pm: Shape (n,): y_L, e_L, K_L in the paper's signs.
+        lateral_deviation_sigma_m, heading_deviation_sigma_rad, curvature_sigma_1pm: Shape (n,).
+        lane_width_m: Shape (n,), at `WIDTH_AT_M`, across the lane.
+    """
+
+    left_body: FloatArray
+    right_body: FloatArray
+    lateral_deviation_m: FloatArray
+    heading_deviation_rad: FloatArray
+    curvature_1pm: FloatArray
+    lateral_deviation_sigma_m: FloatArray
+    heading_deviation_sigma_rad: FloatArray
+    curvature_sigma_1pm: FloatArray
+    lane_width_m: FloatArray
+
+
+def lane_geometry(
+    fits: Sequence[LaneFit], camera: Camera, *, preview_m: float, sigmas: GeometrySigmas | None = None
+) -> LaneGeometry:
+    """The lanes of frames of one image size on the ground.
+
+    Args:
+        fits: n fits; their pitch and yaw replace the mounting's where they are not NaN.
+        camera: In the pixels of the search image.
+        preview_m: Distance of the preview point ahead of the camera.
+        sigmas: For the error propagation.
+    """
+    blocks = [fits[i : i + BLOCK_FRAMES] for i in range(0, len(fits), BLOCK_FRAMES)] or [fits]
+    made = [_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
+    return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in made]) for f in fields(LaneGeometry)))
+
+
+def parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
+    """Shape (3, 3): covariance of (a, b, c) fitted to places with errors of `pixel_px` at independent heights."""
+    y_px = np.linspace(1.0, _top_y_px(camera), N_INDEPENDENT)
+    design = np.column_stack([y_px**2, y_px, np.ones_like(y_px)])
+    return np.asarray(np.linalg.inv(design.T @ design) * pixel_px**2)
+
+
+def _top_y_px(camera: Camera) -> float:
+    """Height in the image of the road at `FAR_M`, or of 5/8 of the image (the paper's 150 of 240 rows) if that is
+    lower."""
+    v_px = camera.image_from_ground(np.array([FAR_M]), np.array([camera.mounting.lateral_offset_m]))[1][0]
+    highest = 0.625 * camera.height_px
+    return float(np.clip(camera.height_px - v_px, 8.0, highest)) if np.isfinite(v_px) else highest
+
+
+def _block(fits: Sequence[LaneFit], camera: Camera, preview_m: float, sigmas: GeometrySigmas) -> LaneGeometry:
+    n = len(fits)
+    parabolas = np.array([[_parabola(fit.left), _parabola(fit.right)] for fit in fits]).reshape(n, 2, 3)
+    pitch = np.array([fit.pitch_rad for fit in fits]).reshape(n)
+    yaw = np.array([fit.yaw_rad for fit in fits]).reshape(n)
+    mount = np.empty((n, 3))
+    mount[:, 0] = np.where(np.isnan(pitch), camera.mounting.pitch_rad, pitch)
+    mount[:, 1] = np.where(np.isnan(yaw), camera.mounting.yaw_rad, yaw)
+    mount[:, 2] = camera.mounting.height_m
+    body = _body(parabolas, mount, camera)
+    values = _preview(body, preview_m)
+    assumed = parabola_covariance(camera, sigmas.pixel_px)
+    variance = np.zeros_like(values)
+    moved_bodies = [_body(parabolas + step, mount, camera) for step in np.diag(PARABOLA_STEPS)]
+    for side in range(2):
+        jacobian = np.empty((n, 3, 3))
+        for k, moved_body in enumerate(moved_bodies):
+            one_moved = body.copy()
+            one_moved[:, side] = moved_body[:, side]
+            jacobian[:, :, k] = (_preview(one_moved, preview_m) - values) / PARABOLA_STEPS[k]
+        boundaries = [(fit.left, fit.right)[side] for fit in fits]
+        covariance = np.array([assumed if b.covariance is None else b.covariance for b in boundaries]).reshape(n, 3, 3)
+        part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
+        variance += np.where(np.isnan(parabolas[:, side, :1]), 0.0, part)
+    for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
+        moved_mount = mount.copy()
+        moved_mount[:, k] += MOUNTING_STEP
+        slope = (_preview(_body(parabolas, moved_mount, camera), preview_m) - values) / MOUNTING_STEP
+        variance += (slope * sigma) ** 2
+    sigma_of = np.where(np.isnan(values), np.nan, np.sqrt(variance))
+    return LaneGeometry(
+        left_body=body[:, 0],
+        right_body=body[:, 1],
+        lateral_deviation_m=values[:, 0],
+        heading_deviation_rad=values[:, 1],
+        curvature_1pm=values[:, 2],
+        lateral_deviation_sigma_m=sigma_of[:, 0],
+        heading_deviation_sigma_rad=sigma_of[:, 1],
+        curvature_sigma_1pm=sigma_of[:, 2],
+        lane_width_m=_width(body),
+    )
+
+
+def _parabola(boundary: Boundary) -> tuple[float, float, float]:
+    return (boundary.a, boundary.b, boundary.c) if boundary.found else (np.nan, np.nan, np.nan)
+
+
+def _body(parabolas: FloatArray, mount: FloatArray, camera: Camera) -> FloatArray:
+    """Shape (n, 2, 3): y0, slope, curvature of each boundary on the ground.
+
+    Args:
+        parabolas: Shape (n, 2, 3).
+        mount: Shape (n, 3): pitch, yaw, height.
+    """
+    n = len(parabolas)
+    tops = {value: _top_y_px(camera.turned(pitch_rad=value)) for value in np.unique(mount[:, 0]).tolist()}
+    top = np.array([tops[value] for value in mount[:, 0].tolist()])
+    y_px = 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * top[:, None]
+    x_px = (parabolas[..., :1] * y_px[:, None] + parabolas[..., 1:2]) * y_px[:, None] + parabolas[..., 2:]
+    v_px = np.broadcast_to(camera.height_px - y_px[:, None], x_px.shape)
+    is_there = np.isfinite(x_px)
+    rays = camera.rays_from_image(np.where(is_there, x_px - 1.0, 0.0).ravel(), v_px.ravel()).reshape(n, 2, N_SAMPLES, 3)
+    turns = _turns(mount[:, :2], camera)
+    directions = np.einsum("nij,nskj->nski", turns, rays)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(directions[..., 2] < 0.0, -mount[:, 2, None, None] / directions[..., 2], np.nan)
+    x_m = scale * directions[..., 0]
+    y_m = scale * directions[..., 1] + camera.mounting.lateral_offset_m
+    in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
+    in_image |= (
+        in_image.sum(axis=-1, keepdims=True) < MIN_SAMPLES
+    )  # hardly anything is seen of it: take what is outside
+    use = is_there & in_image & (x_m > NEAR_M) & (x_m < 2.0 * FAR_M)
+    return _fit_roads(x_m, y_m, y_px / camera.height_px, use)
+
+
+def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
+    """Shape (n, 3, 3): body from optical, for each pitch and yaw; few of them differ."""
+    distinct, at = np.unique(pitch_and_yaw, axis=0, return_inverse=True)
+    straight = camera.body_from_optical()
+    old = rotation(camera.mounting.yaw_rad, camera.mounting.pitch_rad, camera.mounting.roll_rad)
+    axes = old.T @ straight
+    made = [rotation(yaw, pitch, camera.mounting.roll_rad) @ axes for pitch, yaw in distinct.tolist()]
+    return np.array(made).reshape(-1, 3, 3)[at.reshape(-1)]
+
+
+def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:
+    """y0, s, k of the road whose best parabola goes through the points; NaN where fewer than `MIN_SAMPLES` are used.
+
+    Args:
+        x_m, y_m: Shape (n, 2, k): points of the parabola on the ground.
+        height: Shape (n, k): of the points in the image, in any unit.
+        use: Shape (n, 2, k).
+    """
+    x = np.where(use, x_m, 1.0) / FAR_M
+    weight = np.where(use, 1.0 / x**2, 0.0)
+    powers = np.stack([np.ones_like(height), height, height**2], axis=-1)[:, None]
+    parabolas = (weight * x)[..., None] * powers  # a pixel is as many metres sideways as the point is far
+    road = np.stack([np.ones_like(x), x, 0.5 * x**2], axis=-1)
+    normal = np.einsum("...ki,...kj->...ij", parabolas, road)
+    right = np.einsum("...ki,...k->...i", parabolas, np.where(use, y_m, 0.0))
+    enough = use.sum(axis=-1) >= MIN_SAMPLES
+    normal = np.where(enough[..., None, None], normal, np.eye(3))
+    solved = np.linalg.solve(normal, right[..., None])[..., 0]
+    return np.asarray(np.where(enough[..., None], solved, np.nan) / np.array([1.0, FAR_M, FAR_M**2]))
+
+
+def _preview(body: FloatArray, preview_m: float) -> FloatArray:
+    """Shape (n, 3): y_L, e_L, K_L."""
+    centre = body.mean(axis=1)
+    either = np.where(np.isnan(centre), np.where(np.isnan(body[:, 0]), body[:, 1], body[:, 0]), centre)
+    slope = either[:, 1] + either[:, 2] * preview_m
+    lateral = centre[:, 0] + (centre[:, 1] + 0.5 * centre[:, 2] * preview_m) * preview_m
+    return -np.column_stack([lateral, np.arctan(slope), either[:, 2] / (1.0 + slope**2) ** 1.5])
+
+
+def _width(body: FloatArray) -> FloatArray:
+    """Distance of the boundaries at `WIDTH_AT_M`, square to the lane."""
+    y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_AT_M) * WIDTH_AT_M
+    slope = (body[..., 1] + body[..., 2] * WIDTH_AT_M).mean(axis=1)
+    return np.asarray((y_m[:, 0] - y_m[:, 1]) / np.sqrt(1.0 + slope**2))

@@ -1,0 +1,84 @@
+"""Kind and size of an encoded image from its first bytes, before a decoder is let at it."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+Bytes = bytes | memoryview
+
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+JPEG_START = b"\xff\xd8\xff"
+JPEG_END = b"\xff\xd9"
+PNG_END = b"IEND"
+_SOF_MARKERS = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+_MARKERS_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """Kind (`jpeg`, `png`, `webp`) and size in pixels as the file declares it."""
+
+    kind: str
+    width_px: int
+    height_px: int
+
+
+def read_image_header(data: Bytes) -> ImageHeader | None:
+    """The header of a JPEG, PNG or WebP image; None if it is none of them or is damaged before its size."""
+    head = bytes(data[:32])
+    if head.startswith(JPEG_START):
+        return _jpeg(data)
+    if head.startswith(PNG_MAGIC) and head[12:16] == b"IHDR" and len(head) >= 24:
+        return ImageHeader("png", *struct.unpack(">II", head[16:24]))
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP" and len(head) >= 30:
+        return _webp(head)
+    return None
+
+
+def is_complete(data: Bytes, kind: str) -> bool:
+    """Whether the image's end is there; OpenCV fills what is missing of a cut JPEG with grey and says nothing."""
+    if kind == "jpeg":
+        return bytes(data).rfind(JPEG_END) > 0
+    if kind == "png":
+        return bytes(data[-64:]).rfind(PNG_END) >= 0
+    return len(data) >= 8 + int.from_bytes(data[4:8], "little")
+
+
+def _jpeg(data: Bytes) -> ImageHeader | None:
+    """Walk the segments up to the start of frame."""
+    at = 2
+    while at + 4 <= len(data):
+        if data[at] != 0xFF:
+            return None
+        marker = data[at + 1]
+        if marker == 0xFF:  # fill byte
+            at += 1
+        elif marker in _MARKERS_WITHOUT_LENGTH:
+            at += 2
+        elif marker in _SOF_MARKERS:
+            if at + 9 > len(data):
+                return None
+            height_px, width_px = struct.unpack(">HH", bytes(data[at + 5 : at + 9]))
+            return ImageHeader("jpeg", width_px, height_px)
+        else:
+            length = int.from_bytes(data[at + 2 : at + 4], "big")
+            if length < 2:
+                return None
+            at += 2 + length
+    return None
+
+
+def _webp(head: bytes) -> ImageHeader | None:
+    """Lossy, lossless and extended WebP (RFC 9649)."""
+    kind = head[12:16]
+    if kind == b"VP8 ":
+        width_px, height_px = struct.unpack("<HH", head[26:30])
+        return ImageHeader("webp", width_px & 0x3FFF, height_px & 0x3FFF)
+    if kind == b"VP8L":
+        bits = int.from_bytes(head[21:25], "little")
+        return ImageHeader("webp", (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1)
+    if kind == b"VP8X":
+        width_px, height_px = int.from_bytes(head[24:27], "little"), int.from_bytes(head[27:30], "little")
+        return ImageHeader("webp", width_px + 1, height_px + 1)
+    return None

@@ -1,0 +1,103 @@
+"""Raw images as ROS and Foxglove name them, to grey or to colour.
+
+To add an encoding: one row in the table that fits it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from cwcli.vision.frames import FrameLike
+
+Image = npt.NDArray[np.uint8]
+
+PACKED = {
+    "mono8": (1, ""),
+    "8uc1": (1, ""),
+    "rgb8": (3, "RGB"),
+    "bgr8": (3, "BGR"),
+    "8uc3": (3, "BGR"),
+    "rgba8": (4, "RGBA"),
+    "bgra8": (4, "BGRA"),
+    "8uc4": (4, "BGRA"),
+}
+"""Encoding -> bytes a pixel, channel order."""
+BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}
+"""Encoding -> OpenCV's name, which is that of the second row's second and third pixel."""
+YUV422 = {"yuyv": 0, "yuv422_yuy2": 0, "yuy2": 0, "uyvy": 1, "yuv422": 1}
+"""Encoding -> place of the luminance in each pair of bytes."""
+MONO16 = ("mono16", "16uc1")
+
+
+class RawImageError(ValueError):
+    """The raw image can't be read; the text is the reason by which it is counted."""
+
+
+def raw_grey(frame: FrameLike) -> Image:
+    """A raw image as grey, shape (height, width), uint8.
+
+    Raises:
+        RawImageError: Unknown encoding, or fewer bytes than its size needs.
+    """
+    encoding = frame.encoding.lower()
+    if encoding in YUV422:
+        return _pixels(frame, 2)[:, :, YUV422[encoding]]
+    if encoding in MONO16:
+        return _pixels(frame, 2)[:, :, 1]  # the upper byte of little-endian values
+    import cv2
+
+    if encoding in BAYER:
+        code: int = getattr(cv2, f"COLOR_BAYER_{BAYER[encoding]}2GRAY")
+        return _converted(_pixels(frame, 1)[:, :, 0], code)
+    n_bytes, order = _packed(encoding)
+    pixels = _pixels(frame, n_bytes)
+    return _converted(pixels, getattr(cv2, f"COLOR_{order}2GRAY")) if order else pixels[:, :, 0]
+
+
+def raw_colour(frame: FrameLike) -> Image:
+    """A raw image as blue, green, red, shape (height, width, 3), uint8.
+
+    Raises:
+        RawImageError: As `raw_grey`.
+    """
+    import cv2
+
+    encoding = frame.encoding.lower()
+    if encoding in YUV422:
+        name = "YUV2BGR_YUY2" if YUV422[encoding] == 0 else "YUV2BGR_UYVY"
+        return _converted(_pixels(frame, 2), getattr(cv2, f"COLOR_{name}"))
+    if encoding in BAYER:
+        return _converted(_pixels(frame, 1)[:, :, 0], getattr(cv2, f"COLOR_BAYER_{BAYER[encoding]}2BGR"))
+    if encoding in MONO16 or PACKED.get(encoding, (0, ""))[1] == "":
+        return _converted(raw_grey(frame), cv2.COLOR_GRAY2BGR)
+    n_bytes, order = _packed(encoding)
+    pixels = _pixels(frame, n_bytes)
+    return pixels.copy() if order == "BGR" else _converted(pixels, getattr(cv2, f"COLOR_{order}2BGR"))
+
+
+def _packed(encoding: str) -> tuple[int, str]:
+    if encoding not in PACKED:
+        raise RawImageError(f"the encoding {encoding or '(none)'} is not supported")
+    return PACKED[encoding]
+
+
+def _pixels(frame: FrameLike, n_bytes: int) -> Image:
+    """Shape (height, width, n_bytes), a view of the message's bytes."""
+    row_bytes = frame.width * n_bytes
+    step = frame.step or row_bytes
+    if step < row_bytes or len(frame.data) < step * (frame.height - 1) + row_bytes:
+        raise RawImageError("fewer bytes than width, height and encoding need")
+    values = np.frombuffer(frame.data, np.uint8, count=step * (frame.height - 1) + row_bytes)
+    return np.lib.stride_tricks.as_strided(
+        values, (frame.height, frame.width, n_bytes), (step, n_bytes, 1), writeable=False
+    )
+
+
+def _converted(pixels: Image, code: int) -> Image:
+    import cv2
+
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), code), np.uint8)
