@@ -30,7 +30,6 @@ class DriverPrior:
         yaw_rate_sigma_radps, yaw_time_s: Yaw rate; a bend takes some seconds.
         yaw_accel_sigma_radps2, yaw_accel_time_s: Its rate of change; the wheel turns in for about half a second.
         curvature_sigma_1pm: Caps yaw rate and lateral noise at low speed, where the steering lock rules.
-        lateral_sigma_mps2: Lateral acceleration, speed times yaw rate.
         along_floor_mps2, along_share: Longitudinal noise: floor, and share of the present acceleration.
         cross_floor_mps2, cross_share: Lateral noise: floor, and share of the present lateral acceleration.
         creep_speed_mps: Below it the longitudinal noise falls in proportion to speed: a standing car mostly stays.
@@ -45,7 +44,6 @@ class DriverPrior:
     yaw_accel_sigma_radps2: float = 0.2
     yaw_accel_time_s: float = 0.5
     curvature_sigma_1pm: float = 0.05
-    lateral_sigma_mps2: float = 1.0
     along_floor_mps2: float = 0.4
     along_share: float = 0.5
     cross_floor_mps2: float = 0.25
@@ -89,12 +87,6 @@ class DriverPrior:
         coming = speed * trust[:, 3] * state[:, YAW_ACCEL] * self.yaw_accel_time_s
         sigma = np.sqrt(self.cross_floor_mps2**2 + self.cross_share**2 * (lateral**2 + coming**2))
         return np.asarray(np.minimum(sigma, speed**2 * self.curvature_sigma_1pm))
-
-    def prior_lateral_sigma_mps2(self, speed_mps: FloatArray) -> FloatArray:
-        """Prior sigma of the lateral acceleration, speed times yaw rate, shape of `speed_mps`."""
-        speed = np.abs(speed_mps)
-        yaw_rate = np.minimum(self.yaw_rate_sigma_radps, speed * self.curvature_sigma_1pm)
-        return np.asarray(np.minimum(speed * yaw_rate, self.lateral_sigma_mps2))
 
 
 MIN_SPEED_MPS = 0.5  # keeps the yaw-rate prior from vanishing where the filter's own heading noise rules

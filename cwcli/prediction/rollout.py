@@ -13,7 +13,7 @@ from cwcli.prediction.integrate import Integral, integrate
 from cwcli.prediction.models import HYPOTHESES, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.state import DERIVATIVES, SPEED
+from cwcli.prediction.state import ACCEL, DERIVATIVES, SPEED, YAW_RATE
 from cwcli.signals.columns import FloatArray
 
 Discretisation = Literal["exact", "paper"]
@@ -88,7 +88,7 @@ def rollout(
         trust = chosen.trust(start, start_covariance, prior) * np.array(chosen.uses)
         path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation)
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
-        out = _driver_noise(path, start, prior.trust(start, start_covariance), driver, prior)
+        out = _driver_noise(path, start, start_covariance, prior.trust(start, start_covariance), driver, prior)
         if start_covariance is not None:
             out += _carried(path.jacobian, _shrunk(start_covariance, trust))
         position_covariance[rows] = out
@@ -193,19 +193,29 @@ def _running_integral(values: FloatArray, time_s: FloatArray) -> FloatArray:
 
 
 def _driver_noise(
-    path: Integral, start: FloatArray, trust: FloatArray, driver: _DriverVariance, prior: DriverPrior
+    path: Integral,
+    start: FloatArray,
+    covariance: FloatArray | None,
+    trust: FloatArray,
+    driver: _DriverVariance,
+    prior: DriverPrior,
 ) -> FloatArray:
     """The driver's noise in map axes, (m, k, 3): grows while the car moves, along and across its heading.
 
     Args:
-        start: Shape (m, 8).
+        start, covariance: Shapes (m, 8) and (m, 8, 8) or None.
         trust: Shape (m, 4): of the prior, whatever the model.
     """
-    creep = np.minimum(np.abs(start[:, SPEED]) / prior.creep_speed_mps, 1.0)
+    # what a model ignores is not unknown: its second moment is that of the filter's own estimate
+    accel, yaw_rate = trust[:, 0] * start[:, ACCEL], trust[:, 2] * start[:, YAW_RATE]
+    accel_m2ps4, yaw_rate_rad2ps2 = accel**2, yaw_rate**2
+    if covariance is not None:
+        accel_m2ps4 += trust[:, 0] * covariance[:, ACCEL, ACCEL]
+        yaw_rate_rad2ps2 += trust[:, 2] * covariance[:, YAW_RATE, YAW_RATE]
     along_m2 = _spread(path.moving_s, driver.time_s, driver.along_added, prior.along_sigma_mps2(start, trust))
-    along_m2 += _spread(path.moving_s, driver.time_s, driver.along_ignored, prior.accel_sigma_mps2 * creep)
+    along_m2 += _spread(path.moving_s, driver.time_s, driver.along_ignored, np.sqrt(accel_m2ps4))
     cross_m2 = _spread(path.moving_s, driver.time_s, driver.cross_added, prior.cross_sigma_mps2(start, trust))
-    ignored = prior.prior_lateral_sigma_mps2(start[:, SPEED])
+    ignored = np.abs(start[:, SPEED]) * np.sqrt(yaw_rate_rad2ps2)
     cross_m2 += _spread(path.moving_s, driver.time_s, driver.cross_ignored, ignored)
     cosine, sine = np.cos(path.heading_rad), np.sin(path.heading_rad)
     xx = along_m2 * cosine**2 + cross_m2 * sine**2

@@ -7,6 +7,7 @@ import pytest
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.rollout import path_jacobian, rollout
+from cwcli.prediction.state import DERIVATIVES
 
 FloatArray = npt.NDArray[np.float64]
 ATOL_M = 1e-9
@@ -79,6 +80,8 @@ def test_covariance_matches_samples(name: str) -> None:
     # small spread, so that the model is linear over it and every derivative is trusted
     start = np.array([[10.0, -5.0, 15.0, 0.7, -1.0, 0.2, 0.4, -0.1]])
     covariance = covariances(1, 6) * 1e-4
+    ignored = [column for column, used in zip(DERIVATIVES, MODELS[name].uses, strict=True) if not used]
+    start[:, ignored] = covariance[:, ignored] = covariance[:, :, ignored] = 0.0
     steady = DriverPrior(along_floor_mps2=0.0, along_share=0.0, cross_floor_mps2=0.0, cross_share=0.0)
     samples = np.random.default_rng(7).multivariate_normal(start[0], covariance[0], size=40_000)
     paths = rollout(name, samples, None)

@@ -1,0 +1,302 @@
+"""Whole evaluations with hand-derived moments, lead times and verdicts."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cwcli.errors import UsageError
+from cwcli.prediction.rollout import rollout
+from cwcli.signals.columns import Strings
+from cwcli.warning.evaluate import evaluate
+from cwcli.warning.rules import RULES
+from cwcli.warning.types import ActualTrack, VehicleTrack, WarningConfig, WarningResult
+from tests.unit.warning.vehicles import seconds, stamps, straight
+
+
+def raised_s(result: WarningResult) -> list[float]:
+    return seconds(np.asarray(result.events.columns["raised_stamp_ns"]))
+
+
+def column(result: WarningResult, table: str, name: str) -> list[object]:
+    return list(getattr(result, table).columns[name])
+
+
+# A stopped car 100 m ahead of a host at 20 m/s; evaluated every 0.05 s.
+@pytest.mark.parametrize(
+    ("rule", "first"),
+    [
+        ("song2016", 2.40),  # 100 - 20 (t + 2.5) < 2.5 from 2.375 s
+        ("cwcli", 2.40),  # the same moment; the persistence is looked ahead for
+        ("ttc", 2.55),  # (100 - 20 t) / 20 < 2.5 after 2.5 s
+        ("path-ttc", 2.30),  # 95.5 - 20 t = 50 at 2.275 s
+    ],
+)
+def test_stopped_car_ahead(rule: str, first: float) -> None:
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    result = evaluate(host, [straight("car", x_m=100.0, speed_mps=0.0, duration_s=6.0)], WarningConfig(rule=rule))
+    assert raised_s(result) == [first]
+    assert column(result, "events", "verdict") == ["true"]
+    # centres 2.5 m apart at 4.875 s
+    assert column(result, "events", "lead_time_s") == [pytest.approx(4.875 - first, abs=1e-6)]
+    assert column(result, "conflicts", "outcome") == ["true"]
+    assert seconds(np.asarray(result.conflicts.columns["onset_stamp_ns"])) == [4.875]
+
+
+def test_head_on() -> None:
+    # 20 and 15 m/s, 175 m apart: 2.5 m at 172.5 / 35 = 4.929 s; predicted 2.5 s ahead from 2.429 s
+    host = straight("host", speed_mps=20.0, duration_s=8.0)
+    other = straight("car", x_m=175.0, speed_mps=15.0, heading_rad=math.pi, duration_s=8.0)
+    result = evaluate(host, [other], WarningConfig(rule="song2016"))
+    assert raised_s(result) == [2.45]
+    assert column(result, "events", "lead_time_s") == [pytest.approx(172.5 / 35.0 - 2.45, abs=1e-4)]
+    assert column(result, "events", "closest_distance_m") == [pytest.approx(0.0, abs=0.9)]
+
+
+def test_crossing() -> None:
+    # both reach the crossing after 5 s at 10 m/s: 2.5 m at 5 - 0.25 / sqrt(2) = 4.823 s
+    host = straight("host", x_m=-50.0, speed_mps=10.0)
+    other = straight("car", y_m=-50.0, speed_mps=10.0, heading_rad=math.pi / 2)
+    for rule in ("song2016", "cwcli"):
+        result = evaluate(host, [other], WarningConfig(rule=rule))
+        assert raised_s(result) == [2.35]
+        assert column(result, "events", "lead_time_s") == [pytest.approx(4.8232 - 2.35, abs=2e-3)]
+
+
+@pytest.mark.parametrize("rule", ["cwcli", "song2016", "path-ttc"])
+@pytest.mark.parametrize(
+    "other",
+    [
+        straight("parallel", x_m=0.0, y_m=3.5, speed_mps=20.0),
+        straight("overtaking", x_m=-20.0, y_m=3.5, speed_mps=25.0),
+        straight("oncoming", x_m=200.0, y_m=3.5, speed_mps=20.0, heading_rad=math.pi),
+        straight("followed", x_m=20.0, speed_mps=20.0),
+        straight("leaving", x_m=30.0, speed_mps=30.0),
+        straight("far", x_m=0.0, y_m=5000.0, speed_mps=20.0),
+    ],
+    ids=lambda track: track.id,
+)
+def test_no_conflict_no_warning(rule: str, other: VehicleTrack) -> None:
+    result = evaluate(straight("host", speed_mps=20.0), [other], WarningConfig(rule=rule))
+    assert len(result.events) == 0
+    assert len(result.log_time_ns) == 0
+    assert result.scores.columns["n_conflicts"][0] == 0
+
+
+def test_link_delay_is_made_up_for_by_the_path() -> None:
+    # a constant speed is predicted exactly, so 0.3 s of delay changes nothing once messages come
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    late = straight("car", x_m=175.0, speed_mps=15.0, heading_rad=math.pi, duration_s=6.0, delay_s=0.3, horizon_s=3.5)
+    result = evaluate(host, [late], WarningConfig(rule="song2016"))
+    assert raised_s(result) == [2.45]
+    assert column(result, "events", "age_s") == [pytest.approx(0.3)]
+    assert result.counts["nothing_heard_yet"] == 6
+    assert result.counts["read_past_path_end"] == 0
+
+
+def braking_at_three(delay_s: float) -> VehicleTrack:
+    """20 m ahead at 20 m/s; full braking from 3 s on; its paths hold the acceleration."""
+    time = np.arange(0, 7.001, 0.05)
+    since = np.clip(time - 3.0, 0.0, 2.5)
+    state = np.zeros((len(time), 8))
+    state[:, 0] = 20.0 + 20.0 * np.minimum(time, 3.0) + 20.0 * since - 4.0 * since**2
+    state[:, 2], state[:, 4] = 20.0 - 8.0 * since, np.where((time >= 3.0) & (since < 2.5), -8.0, 0.0)
+    covariance = np.tile(np.diag([1e-4, 1e-4, *[0.0] * 6]), (len(time), 1, 1))
+    paths = rollout("ca", state, covariance, horizon_s=3.5)
+    return VehicleTrack("lead", stamps(time), stamps(time + delay_s), state, paths)
+
+
+@pytest.mark.parametrize(("use", "first"), [("received", 3.2), ("stamp", 3.0)])
+def test_only_what_had_been_received_is_known(use: str, first: float) -> None:
+    host = straight("host", speed_mps=20.0, duration_s=7.0)
+    result = evaluate(host, [braking_at_three(0.2)], WarningConfig(rule="path-ttc", use=use))  # type: ignore[arg-type]
+    assert raised_s(result) == [first]
+
+
+def test_onset_hypothesis_warns_before_the_mean_path_does() -> None:
+    host, lead = straight("host", speed_mps=20.0, duration_s=7.0), braking_at_three(0.0)
+    mean = rollout("cv", lead.state, None, horizon_s=3.5)
+    slow = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean)
+    quick = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean, onset_paths=lead.paths)
+    assert raised_s(evaluate(host, [quick])) == [3.0]
+    # s after the braking began the gap is 20 - 4 s^2 and closes with 8 s: it falls below 2.5 m within 2.6 s, the horizon
+    # and the persistence, when 4 s^2 + 20.8 s = 17.5, which is s = 0.737; three evaluations from 3.75 s on confirm it
+    assert raised_s(evaluate(host, [slow])) == [3.85]
+
+
+def test_old_messages_are_not_used() -> None:
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    silent = straight("car", x_m=100.0, speed_mps=0.0, duration_s=1.0)
+    result = evaluate(host, [silent], WarningConfig(rule="song2016"))
+    assert len(result.events) == 0
+    assert result.counts["stale"] == 80  # from 2.05 s to 6 s
+    assert result.counts["evaluated"] == 41
+
+
+def test_channel_rows_tell_the_life_of_the_event() -> None:
+    host = straight("host", speed_mps=20.0, duration_s=8.0)
+    result = evaluate(host, [straight("car", x_m=100.0, speed_mps=0.0, duration_s=8.0)], WarningConfig(hold_off_s=0.5))
+    state = np.asarray(result.channel["state"])
+    assert state[0] == 1
+    assert state[-1] == 3
+    assert (state[1:-1] == 2).all()
+    assert (np.diff(result.log_time_ns) >= 0).all()
+    stamp = np.asarray(result.channel["stamp_ns"])
+    events = result.events.columns
+    assert stamp[0] == events["raised_stamp_ns"][0]
+    assert stamp[-2] == events["last_held_stamp_ns"][0]
+    assert stamp[-1] == events["cleared_stamp_ns"][0]
+    assert (stamp[-1] - stamp[-2]) * 1e-9 == pytest.approx(0.5)
+    message = result.channel["message"]
+    assert isinstance(message, Strings)
+    assert message.values[message.codes[0]] == "collision with car in 2.5 s, predicted distance 0.0 m"
+
+
+def test_two_vehicles_are_numbered_in_order_of_time() -> None:
+    host = straight("host", speed_mps=20.0, duration_s=8.0)
+    far, near = (straight(f"at {x}", x_m=x, speed_mps=0.0, duration_s=8.0) for x in (120.0, 100.0))
+    result = evaluate(host, [far, near], WarningConfig(rule="song2016"))
+    assert column(result, "events", "event_id") == [1, 2]
+    assert column(result, "events", "other_id") == ["at 100.0", "at 120.0"]
+    assert result.scores.columns["n_true"][0] == 2
+
+
+def test_false_late_missed_and_undecided() -> None:
+    host = straight("host", speed_mps=20.0, duration_s=8.0)
+    ahead = straight("car", x_m=100.0, speed_mps=0.0, duration_s=8.0)
+    time = np.arange(0, 8.001, 0.05)
+    # the host in truth brakes to a stop 20 m before: no conflict follows
+    way = np.where(time < 3.0, 20.0 * time, 60.0 + 20.0 * (time - 3.0) - 10.0 * (time - 3.0) ** 2)
+    way = np.where(time > 4.0, 70.0, way)
+    stopped = np.zeros((len(time), 8))
+    stopped[:, 0] = way
+    result = evaluate(host, [ahead], actual={"host": ActualTrack(stamps(time), stopped)})
+    assert column(result, "events", "verdict") == ["false"]
+    assert column(result, "events", "closest_distance_m") == [pytest.approx(30.0)]
+    # the tracks end half a second after the warning: nobody knows
+    early = 58
+    short = ActualTrack(stamps(time[:early]), host.state[:early])
+    result = evaluate(host, [ahead], actual={"host": short})
+    assert column(result, "events", "verdict") == ["undecided"]
+    # a conflict that no rule could see (the paths stay apart), and one that was seen only during it
+    elsewhere = ahead.state.copy()
+    elsewhere[:, 1] = 50.0
+    blind = VehicleTrack("car", ahead.stamp_ns, ahead.log_time_ns, elsewhere, rollout("cv", elsewhere, None))
+    truth = {"car": ActualTrack(ahead.stamp_ns, ahead.state)}
+    result = evaluate(host, [blind], actual=truth)
+    assert column(result, "conflicts", "outcome") == ["missed"]
+    assert result.scores.columns["n_conflicts_missed"][0] == 1
+    seen_from = np.searchsorted(ahead.stamp_ns, stamps(np.array([4.95]))[0])
+    late = VehicleTrack(
+        "car",
+        ahead.stamp_ns[seen_from:],
+        ahead.log_time_ns[seen_from:],
+        ahead.state[seen_from:],
+        rollout("cv", ahead.state[seen_from:], None),
+    )
+    result = evaluate(host, [late], WarningConfig(rule="ttc"), actual=truth)
+    assert column(result, "events", "verdict") == ["late"]
+    assert column(result, "events", "lead_time_s") == [pytest.approx(4.875 - 4.95, abs=1e-6)]
+
+
+@pytest.mark.parametrize(
+    ("conflict", "onset"),
+    [
+        ("distance", 4.875),  # 100 - 20 t = 2.5
+        ("outline", 4.775),  # 100 - 20 t = 4.5
+        ("ttc", 3.775),  # (95.5 - 20 t) / 20 = 1
+        ("drac", (95.5 - 400.0 / 6.7) / 20.0),  # 20^2 / (2 gap) = 3.35
+    ],
+)
+def test_conflict_definitions(conflict: str, onset: float) -> None:
+    host = straight("host", speed_mps=20.0, duration_s=8.0)
+    ahead = straight("car", x_m=100.0, speed_mps=0.0, duration_s=8.0)
+    result = evaluate(host, [ahead], WarningConfig(conflict=conflict))  # type: ignore[arg-type]
+    assert seconds(np.asarray(result.conflicts.columns["onset_stamp_ns"])) == [pytest.approx(onset, abs=2e-3)]
+
+
+def test_criticality_of_a_crossing() -> None:
+    # the other passes the crossing at 10 m/s 3 s after the host did: outlines 4.5 x 1.8
+    host = straight("host", x_m=-50.0, speed_mps=10.0, duration_s=12.0)
+    other = straight("car", y_m=-80.0, speed_mps=10.0, heading_rad=math.pi / 2, duration_s=12.0)
+    pairs = evaluate(host, [other]).pairs.columns
+    # the centres are nearest when both are 15 m from the crossing
+    assert pairs["min_distance_m"][0] == pytest.approx(15.0 * math.sqrt(2.0), abs=0.01)
+    # the host's rear leaves 0.9 m beyond the crossing's axis at 5.315 s, the other's front comes at 7.685 s
+    assert pairs["pet_s"][0] == pytest.approx(8.0 - 5.0 - 2 * (2.25 + 0.9) / 10.0, abs=0.1)
+    assert pairs["min_ttc_s"][0] == math.inf
+    assert pairs["max_drac_mps2"][0] == 0.0
+
+
+def test_criticality_of_a_rear_end_approach() -> None:
+    # 10 m/s closing on a car 45.5 m ahead for 3 s: 11 m of gap left
+    host = straight("host", speed_mps=25.0, duration_s=3.0)
+    other = straight("car", x_m=45.5, speed_mps=15.0, duration_s=3.0)
+    pairs = evaluate(host, [other]).pairs.columns
+    assert pairs["min_gap_m"][0] == pytest.approx(11.0)
+    assert pairs["min_ttc_s"][0] == pytest.approx(1.1)
+    assert pairs["max_drac_mps2"][0] == pytest.approx(100.0 / 22.0)
+
+
+def test_time_series_holds_the_predicted_distance() -> None:
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    series = evaluate(host, [straight("car", x_m=100.0, speed_mps=0.0, duration_s=6.0)]).series.columns
+    time = np.array(seconds(np.asarray(series["stamp_ns"])))
+    np.testing.assert_allclose(series["predicted_distance_m"], np.abs(100.0 - 20.0 * (time + 2.5)), atol=1e-6)
+    np.testing.assert_allclose(series["distance_m"], np.abs(100.0 - 20.0 * time), atol=1e-6)
+
+
+def test_far_pairs_are_left_out_and_counted() -> None:
+    host = straight("host", speed_mps=20.0, duration_s=2.0)
+    result = evaluate(host, [straight("car", x_m=1000.0, speed_mps=0.0, duration_s=2.0)])
+    assert result.counts["out_of_reach"] == result.counts["evaluated"] == 41
+    assert len(result.series) == 0
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_coarse_reading_of_far_pairs_changes_no_measure_of_a_straight_approach(rule: str) -> None:
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    series = evaluate(
+        host, [straight("car", x_m=100.0, y_m=1.0, speed_mps=0.0, duration_s=6.0)], WarningConfig(rule=rule)
+    ).series.columns
+    time = np.array(seconds(np.asarray(series["stamp_ns"])))
+    left = np.maximum(100.0 - 20.0 * (time + 2.5), 0.0)
+    before = time < 2.4
+    found = np.asarray(series["min_predicted_distance_m"])[before]
+    end = 0.1 if rule == "cwcli" else 0.0  # its paths are looked at for the persistence longer
+    expected = np.hypot(np.maximum(left - 20.0 * end, 0.0), 1.0)[before]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_no_other_vehicles() -> None:
+    result = evaluate(straight("host", speed_mps=20.0), [])
+    assert len(result.events) == len(result.series) == len(result.pairs) == 0
+    assert result.scores.columns["n_events"][0] == 0
+
+
+def test_the_same_input_gives_the_same_output() -> None:
+    host = straight("host", speed_mps=20.0)
+    others = [straight(str(x), x_m=float(x), speed_mps=10.0) for x in (60, 80, 100)]
+    one, two = evaluate(host, others), evaluate(host, others)
+    for a, b in zip(one.tables, two.tables, strict=True):
+        for name, values in a.columns.items():
+            if isinstance(values, np.ndarray):
+                np.testing.assert_array_equal(values, b.columns[name])
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        WarningConfig(rule="nearest"),
+        WarningConfig(horizon_s=0.0),
+        WarningConfig(distance_m=-1.0),
+        WarningConfig(probability=1.5),
+        WarningConfig(max_age_s=math.nan),
+        WarningConfig(hold_off_s=-0.1),
+        WarningConfig(persistence_s=-0.1),
+        WarningConfig(horizon_s=3.0),  # the host's paths reach 2.5 s
+    ],
+)
+def test_bad_options_are_usage_errors(bad: WarningConfig) -> None:
+    with pytest.raises(UsageError):
+        evaluate(straight("host", speed_mps=20.0), [], bad)

@@ -1,0 +1,136 @@
+"""Measures of two predicted paths, by hand: head-on, rear-end, crossing, parallel, stopped, overtaking."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cwcli.prediction.paths import Paths
+from cwcli.warning.align import read_paths
+from cwcli.warning.measures import Measures, measure
+from cwcli.warning.probability import normal_cdf
+from tests.unit.warning.vehicles import straight
+
+TIME_S = np.arange(51) * 0.05
+CAR = (4.5, 1.8)
+
+
+def between(host_paths: Paths, other_paths: Paths) -> Measures:
+    row, zero = np.array([0]), np.array([0.0])
+    return measure(
+        read_paths(host_paths, row, zero, TIME_S),
+        read_paths(other_paths, row, zero, TIME_S),
+        TIME_S,
+        horizon_s=2.5,
+        radius_m=2.5,
+        host_size=CAR,
+        other_size=CAR,
+    )
+
+
+def at(sigma_m: float = 0.01, **values: float) -> Paths:
+    return straight("car", duration_s=0.0, sigma_m=sigma_m, **values).paths  # type: ignore[arg-type]
+
+
+def test_head_on() -> None:
+    found = between(at(speed_mps=15.0), at(x_m=60.0, speed_mps=10.0, heading_rad=math.pi))
+    assert found.distance_m[0] == pytest.approx(60.0)
+    assert found.closing_mps[0] == pytest.approx(25.0)
+    assert found.ttc_s[0] == pytest.approx(2.4)
+    assert found.entry_s[0] == pytest.approx((60.0 - 2.5) / 25.0)
+    assert found.overlap_s[0] == pytest.approx((60.0 - 4.5) / 25.0)
+    assert found.min_distance_m[0] == pytest.approx(0.0, abs=1e-9)
+    assert found.min_time_s[0] == pytest.approx(2.4)
+    assert found.horizon_distance_m[0] == pytest.approx(2.5)
+
+
+def test_rear_end_with_a_braking_lead() -> None:
+    # 20 m ahead, both 20 m/s, the lead brakes with 8 m/s^2: 20 - 4 t^2 = 2.5 at sqrt(17.5 / 4)
+    found = between(at(speed_mps=20.0), at(x_m=20.0, speed_mps=20.0, accel_mps2=-8.0))
+    assert found.entry_s[0] == pytest.approx(math.sqrt(17.5 / 4.0), abs=5e-4)  # between points 5 ms of curve
+    assert found.overlap_s[0] == pytest.approx(math.sqrt(15.5 / 4.0), abs=5e-4)
+    assert found.ttc_s[0] == math.inf
+    assert found.horizon_distance_m[0] == pytest.approx(5.0, abs=1e-6)  # 20 - 25: past each other on paper
+
+
+def test_stopped_car_ahead() -> None:
+    found = between(at(speed_mps=10.0), at(x_m=27.0, speed_mps=0.0))
+    assert found.entry_s[0] == pytest.approx(2.45)
+    assert found.overlap_s[0] == pytest.approx(2.25)
+
+
+def test_crossing() -> None:
+    # both reach the crossing after 2 s: r = (20 - 10 t)(1, -1), 2.5 m when 20 - 10 t = 2.5 / sqrt(2)
+    found = between(at(x_m=-20.0, speed_mps=10.0), at(y_m=-20.0, speed_mps=10.0, heading_rad=math.pi / 2))
+    assert found.entry_s[0] == pytest.approx(2.0 - 0.25 / math.sqrt(2.0))
+    # flank and front: 20 - 10 t = 2.25 + 0.9
+    assert found.overlap_s[0] == pytest.approx(1.685)
+    assert found.closing_mps[0] == pytest.approx(10.0 * math.sqrt(2.0))
+
+
+def test_crossing_with_a_near_miss() -> None:
+    # the other is 4 sqrt(2) m late: the miss distance across the relative motion is 4 m
+    found = between(
+        at(x_m=-20.0, speed_mps=10.0), at(y_m=-20.0 - 4.0 * math.sqrt(2.0), speed_mps=10.0, heading_rad=math.pi / 2)
+    )
+    assert found.min_distance_m[0] == pytest.approx(4.0)
+    assert found.entry_s[0] == math.inf
+    assert found.miss_probability[0] < 0.01
+
+
+def test_parallel_and_overtaking() -> None:
+    # 3.5 m to the left, 10 m behind, 5 m/s faster: beside after 2 s
+    found = between(at(speed_mps=20.0), at(x_m=-10.0, y_m=3.5, speed_mps=25.0))
+    assert found.min_distance_m[0] == pytest.approx(3.5)
+    assert found.min_time_s[0] == pytest.approx(2.0)
+    assert found.overlap_s[0] == math.inf
+    assert found.probability[0] < 0.01
+
+
+def test_passing_between_two_points_of_the_paths_is_seen() -> None:
+    # 100 m/s of closing speed: 5 m a step; the closest approach falls between two points
+    found = between(at(speed_mps=50.0), at(x_m=102.4, y_m=1.0, speed_mps=50.0, heading_rad=math.pi))
+    assert found.min_distance_m[0] == pytest.approx(1.0)
+    assert found.entry_s[0] == pytest.approx((102.4 - math.sqrt(2.5**2 - 1.0)) / 100.0)
+
+
+def test_miss_probability_is_a_normal_one() -> None:
+    # the centres' lines are 3 m apart; 1 m of sigma each, so sqrt(2) across: P(|N(3, sqrt 2)| < 2.5)
+    found = between(at(1.0, speed_mps=20.0), at(1.0, x_m=60.0, y_m=3.0, speed_mps=20.0, heading_rad=math.pi))
+    sigma = math.sqrt(2.0 * (1.0 + driver_cross_m2(1.5)))
+    expected = stats.norm.cdf((2.5 - 3.0) / sigma) - stats.norm.cdf((-2.5 - 3.0) / sigma)
+    assert found.miss_probability[0] == pytest.approx(expected, abs=1e-4)
+
+
+def driver_cross_m2(time_s: float) -> float:
+    """What the driver's noise adds across the path after a time, at 20 m/s."""
+    certain = straight("car", speed_mps=20.0, duration_s=0.0, sigma_m=0.0).paths
+    return float(certain.position_covariance_m2[0, round(time_s / 0.05), 2])
+
+
+def test_probability_at_the_horizon_is_a_half_where_the_entry_is_at_the_horizon() -> None:
+    # head-on, the mean distance is 2.5 m at 2.5 s exactly: as likely sooner as later
+    found = between(at(0.5, speed_mps=20.0), at(0.5, x_m=102.5, speed_mps=20.0, heading_rad=math.pi))
+    assert found.miss_probability[0] > 0.8
+    assert found.probability[0] == pytest.approx(0.5 * found.miss_probability[0], rel=1e-3)
+
+
+def test_probability_against_sampled_pairs() -> None:
+    # two crossing cars; sample straight relative paths from the covariance at the closest approach
+    host = at(1.2, x_m=-20.0, speed_mps=10.0)
+    other = at(0.8, y_m=-22.0, speed_mps=10.0, heading_rad=math.pi / 2)
+    found = between(host, other)
+    k = round(found.min_time_s[0] / 0.05)
+    both = host.position_covariance_m2[0, k] + other.position_covariance_m2[0, k]
+    covariance = [[both[0], both[1]], [both[1], both[2]]]
+    rng = np.random.default_rng(0)
+    offset = rng.multivariate_normal([0.0, 0.0], covariance, size=200_000)
+    start = np.array([20.0, -22.0]) + offset
+    across = np.abs(start @ np.array([1.0, 1.0])) / math.sqrt(2.0)
+    assert found.miss_probability[0] == pytest.approx(np.mean(across < 2.5), abs=0.01)
+
+
+def test_normal_cdf_against_scipy() -> None:
+    z = np.linspace(-9.0, 9.0, 1801)
+    np.testing.assert_allclose(normal_cdf(z), stats.norm.cdf(z), rtol=3e-7)
