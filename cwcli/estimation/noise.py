@@ -100,9 +100,9 @@ def settle_noise(
         len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_ROWS))
         for s, w in zip(series, window, strict=True)
     )
-    result = _run(settled, parameters, walk, prior) if whole else None
+    again = _run(settled, parameters, walk, prior) if whole else None
     for i, s in enumerate(settled):
-        factor = noise_factor(s, result.nis[i]) if result is not None else 1.0
+        factor = noise_factor(s, again.nis[i]) if again is not None else 1.0
         origin = s.noise_origin
         if factor * factors[i] != 1.0:
             origin = "message, scaled" if origin == "message" else "log"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +14,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count, mean_bounds
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, PassResult, Start, run_pass
+from cwcli.estimation.passes import N_MOTION, RATES, PassResult, Start, run_pass
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
 from cwcli.estimation.start import start_with_parameters
 from cwcli.estimation.tune import Tuned, tune
@@ -43,10 +45,12 @@ class SourceReport:
         n_gated: Rows that the chi-square gate rejected.
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
-        n_resets: Times that the gate gave in after too many rejections in a row.
-        nis_mean: Mean normalised innovation squared over n_used + n_gated rows; expectation `nis_dof`.
+        n_resets: Times that the gate gave in after too many rejections in a row (for ACCEL and YAW_RATE: after two,
+            because an inertial sensor that stays off for longer shows a manoeuvre).
+        nis_mean: Mean normalised innovation squared over the used rows; expectation `nis_dof`.
         nis_dof: Degrees of freedom of one row.
-        nis_bounds: 95 % bounds of the mean.
+        nis_bounds: 95 % chi-square bounds of the mean for as many independent rows as the autocorrelation of
+            the series leaves (`consistency.effective_count`).
         nis_inside: True if the mean lies inside the bounds; None with fewer than 20 rows.
         sigma: One-sigma measurement noise used (root mean variance over rows and axes).
         noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
@@ -139,10 +143,10 @@ def estimate_track(
     if config.causal:
         _hold_before_start(result, tuned, start, output_s)
     reports = tuple(_report(p, tuned, i, result) for i, p in enumerate(prepared))
-    notes += [
-        *tuned.notes,
-        *(f"{r.source}: {r.n_resets} resets of {r.kind.name.lower()}" for r in reports if r.n_resets),
-    ]
+    notes += tuned.notes
+    for r in reports:
+        if r.n_resets and r.kind not in RATES:
+            notes.append(f"{r.source}: {r.kind.name.lower()} believed again after rejections, {r.n_resets} times")
     return Track(
         output_stamp_ns,
         np.ascontiguousarray(result.state[:, :N_MOTION]),
@@ -227,5 +231,8 @@ def estimate_tracks(
     groups: Sequence[tuple[Sequence[Measurements], Int64Array | None]],
     config: EstimatorConfig,
 ) -> list[Track]:
-    """Estimate many vehicles' tracks: `estimate_track` for each (measurements, output stamps)."""
-    return [estimate_track(measurements, config, stamps) for measurements, stamps in groups]
+    """Estimate many vehicles' tracks, in threads: `estimate_track` for each (measurements, output stamps)."""
+    if len(groups) < 2:
+        return [estimate_track(measurements, config, stamps) for measurements, stamps in groups]
+    with ThreadPoolExecutor(max_workers=min(len(groups), os.cpu_count() or 1)) as pool:
+        return list(pool.map(lambda group: estimate_track(group[0], config, group[1]), groups))
