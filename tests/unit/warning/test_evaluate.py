@@ -119,7 +119,7 @@ def test_onset_hypothesis_warns_before_the_mean_path_does() -> None:
     slow = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean)
     quick = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean, onset_paths=lead.paths)
     assert raised_s(evaluate(host, [quick])) == [3.0]
-    # s after the braking began the gap is 20 - 4 s^2 and closes with 8 s: it falls below 2.5 m within 2.6 s, the horizon
+    # s after the braking began the gap is 20 - 4 s^2 and closes with 8 s: below 2.5 m within 2.6 s, the horizon
     # and the persistence, when 4 s^2 + 20.8 s = 17.5, which is s = 0.737; three evaluations from 3.75 s on confirm it
     assert raised_s(evaluate(host, [slow])) == [3.85]
 
