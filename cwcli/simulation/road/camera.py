@@ -1,0 +1,109 @@
+"""The camera of rendered frames: a pinhole above the road, without roll or distortion.
+
+Image axes: u to the right, v down, the centre of the top left pixel at (0, 0). Body frame: x forward, y left, z up, origin
+on the road below the camera. `pitch_rad` is nose down positive.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.signals.columns import FloatArray
+
+MIN_SIZE_PX = (64, 48)
+MAX_SIZE_PX = (4096, 3072)
+
+
+@dataclass(frozen=True)
+class RoadCamera:
+    """A camera of one image size on its mounting.
+
+    Attributes:
+        width_px, height_px: Image size.
+        fx, fy, cx, cy: Pixels.
+        height_m: Above the road.
+        pitch_rad: Nose down positive.
+    """
+
+    width_px: int
+    height_px: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    height_m: float
+    pitch_rad: float
+
+    def matrix(self) -> FloatArray:
+        """Shape (3, 3): K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def turned(self, pitch_rad: float) -> RoadCamera:
+        """The same camera with some pitch added (the car's body moves on its springs)."""
+        return replace(self, pitch_rad=self.pitch_rad + pitch_rad)
+
+    def slope(self, v_px: FloatArray) -> FloatArray:
+        """Fall of the viewing ray of a row, metres down for a metre ahead; negative above the horizon."""
+        return np.tan(self.pitch_rad + np.arctan((np.asarray(v_px) - self.cy) / self.fy))
+
+    def depth(self, x_m: FloatArray, below_m: FloatArray | float) -> FloatArray:
+        """Distance along the optical axis of points x_m ahead and below_m under the camera."""
+        return x_m * math.cos(self.pitch_rad) + below_m * math.sin(self.pitch_rad)
+
+    def project(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Image points (u, v) of body points ahead of the camera; NaN behind it."""
+        below = self.height_m - np.asarray(z_m)
+        depth = self.depth(x_m, below)
+        down = below * math.cos(self.pitch_rad) - x_m * math.sin(self.pitch_rad)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(depth > 0.1, 1.0 / depth, np.nan)
+        return self.cx - self.fx * y_m * scale, self.cy + self.fy * down * scale
+
+
+PAPER_PREVIEW_M = 33.5
+"""Where the optical axis meets the road (zhang2011, section 1.2.3)."""
+PAPER_HEIGHT_M = 1.5
+PAPER_FOCAL_PX = 2000.0 / 3.0
+"""A lens of 10 mm before a 1/3-inch chip (4.8 mm over 320 pixels)."""
+
+
+def paper_camera(width_px: int = 320, height_px: int = 240) -> RoadCamera:
+    """zhang2011's camera, as far as the paper determines it.
+
+    The optical axis meets the road 33.5 m ahead and the road fills the lower 150 rows of 320 x 240. With the camera 1.5 m
+    high both hold for a lens of 667 pixels (10 mm at 1/3 inch): the horizon then lies 150.4 rows above the bottom. A lane of
+    3.75 m has the slopes +-1.25 and the feet -27 and 347, in the middle of the paper's first search regions.
+
+    Other sizes keep the horizontal field of view (27 deg) and the axis.
+    """
+    _check_size(width_px, height_px)
+    focal = PAPER_FOCAL_PX * width_px / 320.0
+    pitch = math.atan(PAPER_HEIGHT_M / PAPER_PREVIEW_M)
+    return RoadCamera(
+        width_px, height_px, focal, focal, (width_px - 1) / 2, (height_px - 1) / 2, PAPER_HEIGHT_M, pitch
+    )
+
+
+def wide_camera(width_px: int = 1280, height_px: int = 720) -> RoadCamera:
+    """A present-day front camera: 60 deg wide, 1.3 m high, the horizon at 45 % of the image's height."""
+    _check_size(width_px, height_px)
+    focal = width_px / 2 / math.tan(math.radians(30.0))
+    pitch = math.atan(0.05 * height_px / focal)
+    return RoadCamera(width_px, height_px, focal, focal, (width_px - 1) / 2, (height_px - 1) / 2, 1.3, pitch)
+
+
+CAMERAS = {"paper": paper_camera, "wide": wide_camera}
+
+
+def _check_size(width_px: int, height_px: int) -> None:
+    if not (
+        MIN_SIZE_PX[0] <= width_px <= MAX_SIZE_PX[0] and MIN_SIZE_PX[1] <= height_px <= MAX_SIZE_PX[1]
+    ):
+        raise UsageError(
+            f"an image of {width_px} x {height_px} pixels can't be rendered",
+            hint=f"from {MIN_SIZE_PX[0]} x {MIN_SIZE_PX[1]} to {MAX_SIZE_PX[0]} x {MAX_SIZE_PX[1]}",
+        )

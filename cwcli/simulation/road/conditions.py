@@ -1,0 +1,96 @@
+"""Weather and light, drawn at random: one function a condition. Registered in `CONDITIONS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.simulation.road.scene import Light, RoadScene, Shadow
+
+
+def clear(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """Daylight without shadows on the road."""
+    return replace(scene, light=Light(exposure=rng.uniform(0.92, 1.12), sky=rng.uniform(195, 235)))
+
+
+def overcast(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """Flat, dimmer light: less contrast between paint and road."""
+    light = Light(exposure=rng.uniform(0.80, 0.98), sky=rng.uniform(170, 205), fog_1pm=rng.uniform(0.0, 0.003))
+    return replace(scene, light=light)
+
+
+def shadow(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """Sun behind leaves, poles and bridges: hard shadows over road and paint."""
+    bands = [
+        Shadow(
+            rng.uniform(6, 60), rng.choice([0.35, 0.5, 1.0, 7.0], p=[0.35, 0.3, 0.25, 0.1]), slant=rng.normal(0.0, 0.7)
+        )
+        for _ in range(int(rng.integers(1, 5)))
+    ]
+    light = Light(
+        exposure=rng.uniform(1.0, 1.2),
+        sky=rng.uniform(205, 240),
+        dapple=rng.choice([0.0, 0.5, 0.8, 1.0], p=[0.25, 0.25, 0.3, 0.2]),
+        shadow_depth=rng.uniform(0.38, 0.6),
+        shadows=tuple(bands),
+    )
+    return replace(scene, light=light)
+
+
+def glare(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """A low sun ahead."""
+    light = Light(
+        exposure=rng.uniform(0.85, 1.0),
+        sky=rng.uniform(205, 235),
+        glare=rng.uniform(70, 140),
+        glare_u=rng.uniform(0.2, 0.8),
+    )
+    return replace(scene, light=light)
+
+
+def rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """Wet, mirroring road, streaks, drops on the windscreen, haze."""
+    light = Light(
+        exposure=rng.uniform(0.82, 1.0),
+        sky=rng.uniform(150, 190),
+        rain=rng.uniform(0.5, 1.0),
+        fog_1pm=rng.uniform(0.003, 0.009),
+        noise=1.3,
+        blur_px=rng.uniform(0.5, 0.8),
+    )
+    return replace(scene, light=light)
+
+
+def night(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """The own low beams, and the lights of others."""
+    light = Light(exposure=rng.uniform(0.95, 1.25), sky=60.0, night=True, noise=rng.uniform(1.5, 2.2))
+    return replace(scene, light=light)
+
+
+def night_rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """Both: the hardest of all."""
+    return replace(
+        scene, light=replace(night(scene, rng).light, rain=rng.uniform(0.4, 0.8), fog_1pm=rng.uniform(0.002, 0.006))
+    )
+
+
+def fog(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+    """Sight of 80 to 200 m (contrast falls to 5 %)."""
+    light = Light(exposure=rng.uniform(0.9, 1.05), sky=rng.uniform(170, 205), fog_1pm=3.0 / rng.uniform(80, 200))
+    return replace(scene, light=light)
+
+
+Condition = Callable[[RoadScene, np.random.Generator], RoadScene]
+
+CONDITIONS: dict[str, Condition] = {
+    "clear": clear,
+    "overcast": overcast,
+    "shadow": shadow,
+    "glare": glare,
+    "rain": rain,
+    "night": night,
+    "night-rain": night_rain,
+    "fog": fog,
+}

@@ -1,0 +1,97 @@
+"""The road's surface and the light on it, over (row, lateral cell)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road import surface
+from cwcli.simulation.road.rows import Rows
+from cwcli.simulation.road.scene import Patch, RoadScene, Shadow
+from cwcli.simulation.road.surface import CELL_M, CELLS_M, Float32Array
+
+VERGE_GREY = 78.0
+TRACK_M = 0.75
+"""Wheel tracks lie this far from the middle of a lane."""
+SEAM_M = 0.05
+PENUMBRA_M = 0.06
+
+
+def grey_strip(rows: Rows, scene: RoadScene) -> Float32Array:
+    """Grey of the unlit-by-shadow surface, markings left out; shape (n, cells)."""
+    rng = np.random.default_rng(scene.seed)
+    shift, along = int(rng.integers(0, 60)) - 30, float(rng.uniform(0, 100))
+    start, end = rows.start_m + along, rows.end_m + along
+    road = surface.asphalt().mean(start, end, shift) * scene.texture
+    if scene.cracks > 0:
+        road += surface.cracks().mean(start, end, shift) * scene.cracks
+    road += (1.0 - scene.tracks * _tracks(scene.lane_width_m))[None, :]
+    for patch in scene.patches:
+        _lay(road, rows, patch)
+    road *= scene.asphalt
+    paved = _between(scene.right_edge_m, scene.left_edge_m, 0.1)[None, :]
+    grass = VERGE_GREY * (1.0 + surface.verge().mean(start, end))
+    made: Float32Array = grass + paved * (road - grass)
+    return made
+
+
+def light_strip(rows: Rows, scene: RoadScene) -> Float32Array | None:
+    """Factor on the grey from shadows and headlights, shape (n, cells); None where it is 1 everywhere."""
+    light = scene.light
+    made: Float32Array | None = None
+    if light.dapple > 0 or light.shadows:
+        dark = np.zeros((len(rows.v_px), len(CELLS_M)), np.float32)
+        if light.dapple > 0:
+            leaves = surface.leaves().mean(rows.start_m, rows.end_m, scene.seed % 97) + 0.5
+            dark = np.maximum(dark, np.clip(leaves, 0.0, 1.0) * min(1.0, light.dapple * 1.4))
+        for shadow in light.shadows:
+            dark = np.maximum(dark, _band(rows, shadow))
+        made = 1.0 - (1.0 - light.shadow_depth) * dark
+    if light.night:
+        lit = headlights(rows)
+        made = lit if made is None else made * lit
+    return made
+
+
+def headlights(rows: Rows) -> Float32Array:
+    """Light of the own low beams over (row, cell), with a little from the sky and the street."""
+    x = rows.x_m[:, None]
+    y = rows.road.lateral_at(0.0, rows.x_m)[:, None] + CELLS_M[None, :]
+    spread = 1.3 + 0.16 * x
+    beam = np.exp(-0.5 * ((y + 0.2) / spread) ** 2) * (1.0 - np.exp(-((x / 5.0) ** 2))) / (1.0 + (x / 26.0) ** 2)
+    return np.asarray(0.13 + 0.95 * np.nan_to_num(beam), np.float32)
+
+
+def _tracks(lane_width_m: float) -> Float32Array:
+    """Darkening over the cells by the wheels of all lanes, up to 0.12."""
+    in_lane = np.mod(CELLS_M + lane_width_m / 2, lane_width_m) - lane_width_m / 2
+    return np.asarray(0.12 * np.exp(-0.5 * ((np.abs(in_lane) - TRACK_M) / 0.25) ** 2), np.float32)
+
+
+def _between(low_m: float, high_m: float, soft_m: float) -> Float32Array:
+    """1 in the cells between two offsets, falling to 0 over soft_m (at least a cell) on both sides."""
+    soft = max(soft_m, CELL_M)
+    rise = np.clip((CELLS_M - low_m) / soft + 0.5, 0.0, 1.0)
+    return np.asarray(np.minimum(rise, np.clip((high_m - CELLS_M) / soft + 0.5, 0.0, 1.0)), np.float32)
+
+
+def _share(rows: Rows, start_m: FloatArray | float, end_m: FloatArray | float) -> FloatArray:
+    """Share of each row's stretch of road that lies between two stations; bounds (1, cells) or numbers."""
+    low, high = rows.start_m[:, None], rows.end_m[:, None]
+    return np.clip((np.minimum(high, end_m) - np.maximum(low, start_m)) / np.maximum(high - low, 1e-3), 0.0, 1.0)
+
+
+def _lay(road: Float32Array, rows: Rows, patch: Patch) -> None:
+    low, high = patch.offset_m - patch.width_m / 2, patch.offset_m + patch.width_m / 2
+    if patch.seam:
+        outer = _share(rows, patch.station_m - SEAM_M, patch.station_m + patch.length_m + SEAM_M)
+        road *= 1.0 - 0.45 * (outer * _between(low - SEAM_M, high + SEAM_M, 0.0)).astype(np.float32)
+    inner = _share(rows, patch.station_m, patch.station_m + patch.length_m) * _between(low, high, 0.0)
+    grain = 1.0 + 0.5 * (road - road.mean(axis=1, keepdims=True))
+    road += inner.astype(np.float32) * (patch.ratio * grain - road)
+
+
+def _band(rows: Rows, shadow: Shadow) -> Float32Array:
+    start = shadow.station_m + shadow.slant * CELLS_M[None, :]
+    inside = _share(rows, start, start + shadow.length_m)
+    return np.asarray(inside * _between(shadow.right_m, shadow.left_m, PENUMBRA_M), np.float32)

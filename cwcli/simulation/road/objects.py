@@ -1,0 +1,205 @@
+"""Cars, guard rails, posts and trees: boxes and bands in the body frame, drawn from far to near."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.canvas import Shape, draw
+from cwcli.simulation.road.geometry import RoadAhead
+from cwcli.simulation.road.scene import Light, RoadScene, Vehicle
+from cwcli.simulation.road.surface import Float32Array
+from cwcli.simulation.road.truth import BoolArray
+
+MIN_DEPTH_M = 0.5
+HAZE_GREY = 200.0
+NIGHT_GREY = 0.16
+POST_SPACING_M = 50.0
+TREE_SPACING_M = 14.0
+RAIL_M = (0.5, 0.78)
+"""Lower and upper edge of a rail."""
+DRAWN_M = 150.0
+
+
+class _View:
+    """Projects points given along the road, and takes the haze of their distance."""
+
+    def __init__(self, camera: RoadCamera, road: RoadAhead, light: Light) -> None:
+        self.camera, self.road, self.light = camera, road, light
+
+    def points(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> FloatArray:
+        """Corners (n, 2) of body points; z above the road."""
+        x = np.maximum(np.asarray(x_m, np.float64), MIN_DEPTH_M)
+        u, v = self.camera.project(x, np.asarray(y_m), np.asarray(z_m) + self.road.z_at(x))
+        return np.column_stack([u, v])
+
+    def shade(self, grey: float, distance_m: float) -> float:
+        """Grey of a thing at a distance: night, haze."""
+        if self.light.night:
+            return grey * NIGHT_GREY + grey * 0.5 * math.exp(-((distance_m / 20.0) ** 2))
+        clear = math.exp(-(self.light.fog_1pm + 0.0008) * distance_m)
+        return grey * clear + HAZE_GREY * (1.0 - clear)
+
+
+def draw_roadside(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene) -> None:
+    """Trees, posts and rails, in place."""
+    view = _View(camera, road, scene.light)
+    _trees(image, view, scene)
+    for side in (scene.left_edge_m + 0.7, scene.right_edge_m - 0.7):
+        _posts(image, view, side)
+    for offset_m in (scene.rail_left_m, scene.rail_right_m):
+        if math.isfinite(offset_m):
+            _rail(image, view, offset_m)
+
+
+def draw_vehicles(
+    image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene, hidden: BoolArray
+) -> list[tuple[float, float, float]]:
+    """Vehicles, in place; marks what they hide.
+
+    Returns:
+        Lights that dazzle at night: u, v and radius in pixels.
+    """
+    view = _View(camera, road, scene.light)
+    lamps: list[tuple[float, float, float]] = []
+    for vehicle in sorted(scene.vehicles, key=lambda each: -each.ahead_m):
+        if 2.0 < vehicle.ahead_m < DRAWN_M:
+            lamps += _vehicle(image, view, vehicle, hidden)
+    return lamps
+
+
+def _vehicle(
+    image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArray
+) -> list[tuple[float, float, float]]:
+    x, y, direction = view.road.at_arc(vehicle.ahead_m, vehicle.offset_m)
+    forward = np.array([math.cos(direction), math.sin(direction)])
+    left = np.array([-forward[1], forward[0]])
+    half, height, length = vehicle.width_m / 2, vehicle.height_m, vehicle.length_m
+    is_tall = height > 2.2
+
+    def at(along: float, across: float, up: float) -> tuple[float, float, float]:
+        place = np.array([x, y]) + along * forward + across * left
+        return float(place[0]), float(place[1]), up
+
+    def shape(grey: float, *corners: tuple[float, float, float]) -> Shape:
+        px, py, pz = np.array([at(*corner) for corner in corners]).T
+        return Shape(view.points(px, py, pz), view.shade(grey, x))
+
+    def face(grey: float, left_m: float, right_m: float, low_m: float, high_m: float, along: float = 0.0) -> Shape:
+        corners = ((left_m, low_m), (right_m, low_m), (right_m, high_m), (left_m, high_m))
+        return shape(grey, *((along, across, up) for across, up in corners))
+
+    ground = [(-0.15, half, 0.0), (-0.15, -half, 0.0), (length, -half - 0.15, 0.0), (length, half + 0.15, 0.0)]
+    if not view.light.night:
+        draw(image, [shape(25.0, *ground)], opacity=0.75)
+    grey, waist = vehicle.grey, height if is_tall else 0.62 * height
+    near = half if y < 0 else -half  # the flank that faces the camera's lane
+    body, glass = [], 45.0
+    low = 0.28
+    body.append(shape(0.72 * grey, (0, near, low), (length, near, low), (length, near, waist), (0, near, waist)))
+    if not is_tall:
+        inner = near * 0.82
+        body.append(
+            shape(glass, (0.35, near, waist), (length * 0.72, near, waist), (length * 0.55, inner, height),
+                  (0.8, inner, height))
+        )  # fmt: skip
+    for along in (0.8, length - 0.9):
+        wheel = [(along + dx, near, up) for dx, up in ((-0.33, 0.02), (0.33, 0.02), (0.33, 0.6), (-0.33, 0.6))]
+        body.append(shape(22.0, *wheel))
+    for across in (half - 0.12, -half + 0.12):
+        body.append(face(18.0, across + 0.11, across - 0.11, 0.0, 0.4))
+    body.append(face(0.45 * grey, half, -half, low - 0.08, 0.5))
+    body.append(face(grey, half, -half, 0.42, waist))
+    if is_tall:
+        body.append(face(0.8 * grey, half - 0.1, -half + 0.1, 0.9, height - 0.12))
+        body.append(face(30.0, 0.02, -0.02, 0.9, height - 0.12))
+    else:
+        roof = half * 0.78
+        body.append(shape(grey * 0.9, (0.0, half * 0.97, waist), (0.0, -half * 0.97, waist), (0.55, -roof, height),
+                          (0.55, roof, height)))  # fmt: skip
+        body.append(shape(glass, (0.05, half * 0.85, waist + 0.03), (0.05, -half * 0.85, waist + 0.03),
+                          (0.5, -roof * 0.92, height - 0.07), (0.5, roof * 0.92, height - 0.07)))  # fmt: skip
+        body.append(face(215.0 if grey < 150 else 235.0, 0.26, -0.26, 0.62, 0.74))
+    lamp_z = 0.72 * waist if not is_tall else 0.8
+    lamps: list[tuple[float, float, float]] = []
+    for across in (half - 0.2, -half + 0.2):
+        lamp_grey = 240.0 if vehicle.is_oncoming else (170.0 if vehicle.is_braking else 75.0)
+        body.append(face(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
+        centre = view.points(*(np.array([value]) for value in at(0.0, across, lamp_z)))[0]
+        radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.09) / max(x, 1.0)
+        if np.isfinite(centre).all():
+            lamps.append((float(centre[0]), float(centre[1]), max(radius, 0.6)))
+    draw(image, body, hidden=hidden)
+    return lamps
+
+
+def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
+    x, y = (values[: view.road.n_ahead] for values in view.road.line(offset_m))
+    keep = (x > 2.0) & (x < DRAWN_M)
+    x, y = x[keep], y[keep]
+    if len(x) < 2:
+        return
+    shapes = []
+    edge = np.concatenate([np.arange(2.0, 40.0, 4.0), np.geomspace(40.0, DRAWN_M, 10)])
+    for start in np.arange(4.0, 70.0, 4.0):
+        px, py = np.interp([start, start + 0.12], x, x), np.interp([start, start + 0.12], x, y)
+        corners = view.points(
+            np.array([px[0], px[1], px[1], px[0]]), np.array([py[0], py[1], py[1], py[0]]), np.array([0, 0, 0.7, 0.7])
+        )
+        shapes.append(Shape(corners, view.shade(85.0, float(start))))
+    for near, far in zip(edge[:-1], edge[1:], strict=True):
+        inside = np.concatenate([[near], x[(x > near) & (x < far)], [far]])
+        py = np.interp(inside, x, y)
+        for low, high, grey in ((RAIL_M[0], RAIL_M[1], 150.0), (0.62, 0.66, 105.0)):
+            band = view.points(
+                np.concatenate([inside, inside[::-1]]),
+                np.concatenate([py, py[::-1]]),
+                np.concatenate([np.full(len(inside), low), np.full(len(inside), high)]),
+            )
+            shapes.append(Shape(band, view.shade(grey, float(near))))
+    draw(image, shapes)
+
+
+def _posts(image: Float32Array, view: _View, offset_m: float) -> None:
+    first = -view.road.station_m % POST_SPACING_M
+    for ahead in np.arange(first, DRAWN_M, POST_SPACING_M)[::-1]:
+        if ahead < 5.0:
+            continue
+        x, y, _ = view.road.at_arc(float(ahead), offset_m)
+        shapes = []
+        for low, high, grey in ((0.0, 1.0, 205.0), (0.7, 0.9, 40.0)):
+            corners = view.points(
+                np.full(4, x), y + np.array([0.06, -0.06, -0.06, 0.06]), np.array([low, low, high, high])
+            )
+            shapes.append(Shape(corners, view.shade(grey, x)))
+        draw(image, shapes)
+
+
+def _trees(image: Float32Array, view: _View, scene: RoadScene) -> None:
+    """Trees and bushes beside the road: the same ones at the same stations for a scene's seed."""
+    first = math.floor(view.road.station_m / TREE_SPACING_M) + 1
+    for number in range(first + int(130 / TREE_SPACING_M), first, -1):
+        rng = np.random.default_rng([scene.seed, number])
+        ahead = (number + rng.uniform(-0.4, 0.4)) * TREE_SPACING_M - view.road.station_m
+        if ahead < 9.0:
+            continue
+        side = 1.0 if rng.random() < 0.5 else -1.0
+        beyond = rng.uniform(3.5, 14.0)
+        offset = scene.left_edge_m + beyond if side > 0 else scene.right_edge_m - beyond
+        x, y, _ = view.road.at_arc(ahead, offset)
+        tall = float(rng.uniform(3.0, 9.0))
+        wide = tall * float(rng.uniform(0.22, 0.38))
+        grey = float(rng.uniform(38.0, 72.0))
+        shapes = []
+        trunk = view.points(
+            np.full(4, x), y + np.array([0.14, -0.14, -0.12, 0.12]), np.array([-0.1, -0.1, 0.5, 0.5]) * tall
+        )
+        shapes.append(Shape(trunk, view.shade(grey * 0.8, x)))
+        for _ in range(4):
+            dy, dz, size = rng.uniform(-0.5, 0.5) * wide, rng.uniform(0.42, 0.8) * tall, rng.uniform(0.5, 0.9) * wide
+            box = view.points(np.full(2, x), np.array([y + dy + size, y + dy - size]), np.array([dz + size, dz - size]))
+            shapes.append(Shape(box, view.shade(grey * float(rng.uniform(0.8, 1.25)), x), is_ellipse=True))
+        draw(image, shapes)

@@ -1,0 +1,90 @@
+"""Markings, with the exact share of every pixel that they cover.
+
+In each sub-row a stripe covers the columns between its two edges; a pixel's share is the overlap, averaged over the
+sub-rows. Along the road a sub-row covers a stretch, and the painted share of the stretch follows from the dashes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.rows import Rows
+from cwcli.simulation.road.scene import Marking
+from cwcli.simulation.road.surface import WEAR_CELL_M, WEAR_CELLS, WEAR_LEVELS, Float32Array, wear
+
+FULLY_KEPT = 0.97
+
+
+def paint(image: Float32Array, rows: Rows, marking: Marking, *, gain: float) -> None:
+    """Blend a marking into the image of the rows, in place.
+
+    Args:
+        image: Shape (n, width): grey before the light.
+        rows: The rows.
+        marking: What to paint.
+        gain: Factor on the paint's grey (wet or retro-reflecting paint).
+    """
+    sign = 1.0 if marking.offset_m >= 0 else -1.0
+    _stripe(image, rows, marking, marking.offset_m, marking.dash_m, gain)
+    if marking.is_double:
+        _stripe(image, rows, marking, marking.offset_m + sign * 2 * marking.width_m, (0.0, 0.0), gain)
+
+
+def _stripe(
+    image: Float32Array, rows: Rows, marking: Marking, offset_m: float, dash_m: tuple[float, float], gain: float
+) -> None:
+    camera, road, half = rows.camera, rows.road, marking.width_m / 2
+    left = road.column_of(camera, offset_m + half, rows.sub_x_m)
+    right = road.column_of(camera, offset_m - half, rows.sub_x_m)
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(left) & np.isfinite(right) & (right > -1) & (left < camera.width_px + 1)
+    at = np.flatnonzero(seen.any(axis=1))
+    if not len(at):
+        return
+    seen, left, right = seen[at], np.where(seen, left, 0.0)[at], np.where(seen, right, 0.0)[at]
+    first = np.floor(np.where(seen, left, np.inf).min(axis=1) + 0.5).astype(np.intp)
+    last = np.floor(np.where(seen, right, -np.inf).max(axis=1) + 0.5).astype(np.intp)
+    columns = first[:, None] + np.arange(int((last - first).max()) + 1)[None, :]
+    shares = _painted(road.arc_at(offset_m, rows.edge_x_m[at]) - marking.phase_m, dash_m) * seen
+    start = columns[:, :, None] - 0.5
+    overlap = np.clip(right[:, None, :] - start, 0.0, 1.0) - np.clip(left[:, None, :] - start, 0.0, 1.0)
+    cover = (overlap * shares[:, None, :]).mean(axis=2)
+    if marking.kept < FULLY_KEPT:
+        middle_px, width_px = (left + right)[:, :, None].mean(axis=1) / 2, (right - left).mean(axis=1)[:, None]
+        cover *= _kept(rows, at, columns, middle_px, width_px, marking, offset_m)
+    inside = (columns >= 0) & (columns < camera.width_px)
+    where = (np.broadcast_to(at[:, None], columns.shape)[inside], columns[inside])
+    alpha = cover[inside].astype(np.float32)
+    image[where] += alpha * (np.float32(marking.grey * gain) - image[where])
+
+
+def _painted(edge_m: FloatArray, dash_m: tuple[float, float]) -> FloatArray:
+    """Painted share of the stretches between neighbouring edges (n, k + 1) -> (n, k); edges fall along a row."""
+    line, gap = dash_m
+    if gap <= 0.0:
+        return np.ones((edge_m.shape[0], edge_m.shape[1] - 1))
+    period = line + gap
+    turns = np.floor(edge_m / period)
+    total = turns * line + np.minimum(edge_m - turns * period, line)
+    length = np.maximum(edge_m[:, :-1] - edge_m[:, 1:], 1e-6)
+    return np.asarray(np.clip((total[:, :-1] - total[:, 1:]) / length, 0.0, 1.0))
+
+
+def _kept(
+    rows: Rows,
+    at: np.ndarray[tuple[int], np.dtype[np.intp]],
+    columns: np.ndarray[tuple[int, int], np.dtype[np.intp]],
+    middle_px: FloatArray,
+    width_px: FloatArray,
+    marking: Marking,
+    offset_m: float,
+) -> FloatArray:
+    """Share of the paint that is left at the pixels of a stripe."""
+    level = min(WEAR_LEVELS, key=lambda each: abs(each - marking.kept))
+    texture, mean = wear(level)
+    shift_m = 37.0 * offset_m  # so that neighbouring markings wear differently
+    strip = texture.mean(rows.start_m[at] + shift_m, rows.end_m[at] + shift_m) + mean
+    across = (columns - middle_px) / np.maximum(width_px, 1e-3) * marking.width_m / WEAR_CELL_M + WEAR_CELLS / 2
+    cell = np.clip(across.astype(np.intp), 0, WEAR_CELLS - 1)
+    return np.asarray(np.clip(np.take_along_axis(strip, cell, axis=1), 0.0, 1.0))

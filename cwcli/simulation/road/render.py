@@ -1,0 +1,76 @@
+"""A frame of a scene from a place on the road: the picture and its exact truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.simulation.road import ground, weather
+from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.geometry import RoadAhead
+from cwcli.simulation.road.objects import draw_roadside, draw_vehicles
+from cwcli.simulation.road.paint import paint
+from cwcli.simulation.road.rows import rows_of
+from cwcli.simulation.road.scene import RoadScene
+from cwcli.simulation.road.truth import LaneTruth, lane_truth
+
+RETRO_REFLECTION = 1.45
+"""Paint's gain over the road's in the own headlights."""
+WET_PAINT = 0.88
+"""A film of water takes some of a marking's contrast."""
+WET_ROAD = 0.72
+
+
+@dataclass(frozen=True)
+class RoadFrame:
+    """A rendered frame.
+
+    Attributes:
+        grey: Shape (height, width), uint8.
+        truth: What it shows.
+    """
+
+    grey: npt.NDArray[np.uint8]
+    truth: LaneTruth
+
+
+def render(scene: RoadScene, camera: RoadCamera, road: RoadAhead, rng: np.random.Generator) -> RoadFrame:
+    """Render one frame.
+
+    Args:
+        scene: What there is.
+        camera: With the pitch of this moment.
+        road: The lane from the camera's place.
+        rng: Of rain and sensor noise.
+    """
+    light = scene.light
+    rows = rows_of(camera, road)
+    top = camera.height_px - len(rows.v_px)
+    surface = rows.spread(ground.grey_strip(rows, scene))
+    if light.rain > 0:
+        surface *= 1.0 - (1.0 - WET_ROAD) * light.rain
+    gain = (RETRO_REFLECTION if light.night else 1.0) * (1.0 - (1.0 - WET_PAINT) * light.rain)
+    for marking in (*scene.others, scene.left, scene.right):
+        paint(surface, rows, marking, gain=gain)
+    lit = ground.light_strip(rows, scene)
+    if lit is not None:
+        surface *= rows.spread(lit)
+
+    image = np.empty((camera.height_px, camera.width_px), np.float32)
+    weather.sky(image, camera, road, scene, top)
+    image[top:] = surface
+    weather.haze(image, rows.x_m, top, light)
+    draw_roadside(image, camera, road, scene)
+    weather.wet_road(image, top, light)
+    hidden = np.zeros(image.shape, np.bool_)
+    found = draw_vehicles(image, camera, road, scene, hidden)
+    if light.night or light.rain > 0:
+        weather.lamps(image, found, light)
+    weather.glare(image, camera, top, light)
+    image = weather.rain_on_glass(image, light, rng)
+    truth = lane_truth(
+        camera, road, scene.lane_width_m, (scene.left.width_m, scene.right.width_m), scene.condition, hidden
+    )
+    return RoadFrame(weather.sensor(image, light, rng), truth)

@@ -1,0 +1,78 @@
+"""What each image row shows of the road: computed once a frame, shared by everything that is painted on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.geometry import FAR_M, RoadAhead
+from cwcli.simulation.road.surface import CELL_M, HALF_WIDTH_M, Float32Array
+
+SUB_ROWS = 4
+"""Each row is divided into so many for anti-aliasing."""
+REACH_M = 8.0
+"""Between the lines at this offset on both sides, columns are interpolated linearly (texture only, not paint)."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The n rows that show road, from the top.
+
+    Attributes:
+        camera, road: Of the frame.
+        v_px: Shape (n,): row numbers.
+        x_m: Shape (n,): distance at the rows' centres.
+        edge_x_m: Shape (n, SUB_ROWS + 1): distance at the edges of the sub-rows, falling from top to bottom.
+        sub_x_m: Shape (n, SUB_ROWS): at the centres of the sub-rows; NaN above the road's end.
+        start_m, end_m: Shape (n,): stations of a row's lower and upper edge.
+        map_u, map_v: Shape (n, width): place of each pixel in an array (n, cells), for `cv2.remap`.
+    """
+
+    camera: RoadCamera
+    road: RoadAhead
+    v_px: npt.NDArray[np.intp]
+    x_m: FloatArray
+    edge_x_m: FloatArray
+    sub_x_m: FloatArray
+    start_m: FloatArray
+    end_m: FloatArray
+    map_u: Float32Array
+    map_v: Float32Array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n, width)."""
+        return self.map_u.shape[0], self.map_u.shape[1]
+
+    def spread(self, strip: Float32Array) -> Float32Array:
+        """Values over (row, lateral cell) as an image of the rows; mirrored beyond the outermost cells."""
+        import cv2
+
+        return np.asarray(
+            cv2.remap(strip, self.map_u, self.map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
+        )
+
+
+def rows_of(camera: RoadCamera, road: RoadAhead) -> Rows:
+    """The rows that show road."""
+    every = np.arange(camera.height_px, dtype=np.float64)
+    x_m = road.distance_of_rows(camera, every)
+    v = np.flatnonzero(np.isfinite(x_m))
+    x_m = x_m[v]
+    offsets = np.arange(2 * SUB_ROWS + 1) / (2 * SUB_ROWS) - 0.5
+    fine = road.distance_of_rows(camera, v[:, None] + offsets[None, :])
+    edge = np.where(np.isfinite(fine[:, ::2]), fine[:, ::2], FAR_M)
+    end, start = road.arc_at(0.0, edge[:, 0]), road.arc_at(0.0, edge[:, -1])
+    left = road.column_of(camera, REACH_M, x_m)
+    right = road.column_of(camera, -REACH_M, x_m)
+    with np.errstate(invalid="ignore"):
+        per_px = 2 * REACH_M / np.minimum(left - right, -1e-6)
+    columns = np.arange(camera.width_px, dtype=np.float32)
+    lateral = ((columns[None, :] - right[:, None]) * per_px[:, None] - REACH_M).astype(np.float32)
+    map_u = np.nan_to_num((lateral + HALF_WIDTH_M) / CELL_M - 0.5)
+    map_v = np.repeat(np.arange(len(v), dtype=np.float32)[:, None], camera.width_px, axis=1)
+    return Rows(camera, road, v, x_m, edge, fine[:, 1::2], start, end, map_u.astype(np.float32), map_v)

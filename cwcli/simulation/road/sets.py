@@ -1,0 +1,247 @@
+"""The sets of independent frames: `good` and `complex`, as zhang2011 divides its tests (conclusion 1).
+
+The paper shows no frame and gives no numbers of either set; `SETS` is the one place that defines them here
+(docs/road-renderer.md explains each value). They were fixed before any method was run on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from cwcli.simulation.road.camera import RoadCamera, paper_camera
+from cwcli.simulation.road.conditions import CONDITIONS
+from cwcli.simulation.road.geometry import RoadAhead, clothoid
+from cwcli.simulation.road.render import RoadFrame, render
+from cwcli.simulation.road.scene import Marking, Patch, RoadScene, Vehicle
+from cwcli.simulation.streams import stream
+
+SET_SIZE = 500
+DASHES_M = ((6.0, 9.0), (4.0, 6.0), (3.0, 9.0))
+"""Painted and unpainted length: motorways and main roads of China (GB 5768.3), US motorways."""
+DASH_CHANCES = (0.5, 0.4, 0.1)
+
+
+@dataclass(frozen=True)
+class SetSpec:
+    """How a set's frames are drawn. Normal values have a sigma and a limit at which they are cut.
+
+    Attributes:
+        conditions: Name of `CONDITIONS` -> chance.
+        curvature_1pm, curvature_rate_1pm2: Of the lane: sigma, limit.
+        vertical_1pm: Of crests and sags: sigma, limit.
+        offset_m, heading_rad, pitch_rad: Of the car in its lane and on its springs: sigma, limit.
+        lane_width_m, marking_width_m, asphalt, paint: Lowest and highest, even.
+        kept: Lowest share of paint that is left; even up to 1.
+        dashed, double: Chance that a boundary is dashed; that the left one is double.
+        patches: Greatest number of repair patches; even from 0.
+        cracks, tracks: Highest; even from 0.
+        vehicles: Chance of a vehicle in each of: own lane ahead, left lane, right lane.
+        own_gap_m: Nearest and farthest vehicle ahead in the own lane.
+        rail: Chance of a guard rail on each side.
+    """
+
+    conditions: Mapping[str, float]
+    curvature_1pm: tuple[float, float]
+    curvature_rate_1pm2: tuple[float, float]
+    vertical_1pm: tuple[float, float]
+    offset_m: tuple[float, float]
+    heading_rad: tuple[float, float]
+    pitch_rad: tuple[float, float]
+    lane_width_m: tuple[float, float]
+    marking_width_m: tuple[float, float]
+    asphalt: tuple[float, float]
+    paint: tuple[float, float]
+    kept: float
+    dashed: float
+    double: float
+    patches: int
+    cracks: float
+    tracks: float
+    vehicles: tuple[float, float, float]
+    own_gap_m: tuple[float, float]
+    rail: float
+
+
+SETS: Mapping[str, SetSpec] = MappingProxyType(
+    {
+        "good": SetSpec(
+            conditions={"clear": 0.6, "overcast": 0.4},
+            curvature_1pm=(0.0006, 0.0012),
+            curvature_rate_1pm2=(2e-6, 4e-6),
+            vertical_1pm=(3e-5, 6e-5),
+            offset_m=(0.15, 0.35),
+            heading_rad=(0.004, 0.01),
+            pitch_rad=(0.0015, 0.003),
+            lane_width_m=(3.5, 3.75),
+            marking_width_m=(0.12, 0.16),
+            asphalt=(80.0, 110.0),
+            paint=(190.0, 225.0),
+            kept=0.97,
+            dashed=0.4,
+            double=0.1,
+            patches=0,
+            cracks=0.15,
+            tracks=0.5,
+            vehicles=(0.2, 0.3, 0.3),
+            own_gap_m=(50.0, 90.0),
+            rail=0.4,
+        ),
+        "complex": SetSpec(
+            conditions={
+                "clear": 0.16,
+                "overcast": 0.10,
+                "shadow": 0.22,
+                "glare": 0.12,
+                "rain": 0.16,
+                "night": 0.12,
+                "night-rain": 0.05,
+                "fog": 0.07,
+            },
+            curvature_1pm=(0.0009, 0.002),
+            curvature_rate_1pm2=(4e-6, 8e-6),
+            vertical_1pm=(6e-5, 1.5e-4),
+            offset_m=(0.22, 0.5),
+            heading_rad=(0.007, 0.018),
+            pitch_rad=(0.003, 0.006),
+            lane_width_m=(3.25, 3.9),
+            marking_width_m=(0.10, 0.18),
+            asphalt=(70.0, 125.0),
+            paint=(165.0, 225.0),
+            kept=0.45,
+            dashed=0.55,
+            double=0.15,
+            patches=3,
+            cracks=1.0,
+            tracks=1.0,
+            vehicles=(0.45, 0.45, 0.45),
+            own_gap_m=(22.0, 80.0),
+            rail=0.5,
+        ),
+    }
+)
+
+
+def frames(name: str, n: int = SET_SIZE, *, seed: int = 0, camera: RoadCamera | None = None) -> Iterator[RoadFrame]:
+    """The frames of a set, each drawn on its own: frame i is the same however many are asked for.
+
+    Args:
+        name: A key of `SETS`.
+        n: How many.
+        seed: Another seed gives another set with the same distribution.
+        camera: zhang2011's where not given.
+    """
+    for index in range(n):
+        yield frame(name, index, seed=seed, camera=camera)
+
+
+def frame(name: str, index: int, *, seed: int = 0, camera: RoadCamera | None = None) -> RoadFrame:
+    """One frame of a set."""
+    rng = stream(seed, "road", name, str(index))
+    spec = SETS[name]
+    names, chances = list(spec.conditions), list(spec.conditions.values())
+    condition = names[int(rng.choice(len(names), p=np.array(chances) / sum(chances)))]
+    scene = draw_scene(spec, condition, rng)
+    road = RoadAhead(
+        clothoid(_cut(rng, spec.curvature_1pm), _cut(rng, spec.curvature_rate_1pm2)),
+        offset_m=_cut(rng, spec.offset_m),
+        heading_rad=_cut(rng, spec.heading_rad),
+        vertical_1pm=_cut(rng, spec.vertical_1pm),
+        bearing_rad=float(rng.uniform(-3, 3)),
+    )
+    turned = (camera or paper_camera()).turned(_cut(rng, spec.pitch_rad))
+    return render(scene, turned, road, rng)
+
+
+def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadScene:
+    """Draw markings, surface, traffic and light; the road's shape is drawn apart."""
+    width_m = rng.uniform(*spec.lane_width_m)
+    n_left, n_right = int(rng.integers(0, 3)), int(rng.integers(0, 2))
+    left = _boundary(spec, width_m / 2, rng, may_be_double=True)
+    right = _boundary(spec, -width_m / 2, rng, may_be_double=False)
+    # Beyond a lane that is there, the boundary is what the next lane ends at: mostly solid at the edge.
+    lefts = [_boundary(spec, width_m * (k + 1.5), rng, may_be_double=False) for k in range(n_left)]
+    rights = [_boundary(spec, -width_m * (k + 1.5), rng, may_be_double=False) for k in range(n_right)]
+    for row in (lefts, rights):
+        if row:
+            row[-1] = replace(row[-1], dash_m=(0.0, 0.0))
+    left_edge = width_m * (n_left + 0.5) + rng.uniform(0.5, 2.5)
+    right_edge = -width_m * (n_right + 0.5) - rng.uniform(0.5, 3.0)
+    scene = RoadScene(
+        condition=condition,
+        lane_width_m=width_m,
+        left=left,
+        right=right,
+        others=(*lefts, *rights),
+        left_edge_m=left_edge,
+        right_edge_m=right_edge,
+        asphalt=rng.uniform(*spec.asphalt),
+        texture=rng.uniform(0.6, 1.3),
+        tracks=rng.uniform(0.0, spec.tracks),
+        cracks=rng.uniform(0.0, spec.cracks),
+        patches=tuple(_patch(width_m, rng) for _ in range(int(rng.integers(0, spec.patches + 1)))),
+        vehicles=_traffic(spec, width_m, n_left, n_right, rng),
+        rail_left_m=left_edge + 0.5 if rng.random() < spec.rail else float("nan"),
+        rail_right_m=right_edge - 0.5 if rng.random() < spec.rail else float("nan"),
+        seed=int(rng.integers(0, 2**31)),
+    )
+    return CONDITIONS[condition](scene, rng)
+
+
+def _cut(rng: np.random.Generator, normal: tuple[float, float]) -> float:
+    return float(np.clip(rng.normal(0.0, normal[0]), -normal[1], normal[1]))
+
+
+def _boundary(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_be_double: bool) -> Marking:
+    dash = DASHES_M[int(rng.choice(len(DASHES_M), p=DASH_CHANCES))]
+    is_dashed = rng.random() < spec.dashed
+    return Marking(
+        offset_m=offset_m,
+        width_m=rng.uniform(*spec.marking_width_m),
+        dash_m=dash if is_dashed else (0.0, 0.0),
+        is_double=bool(rng.random() < spec.double) and may_be_double,
+        grey=rng.uniform(*spec.paint),
+        kept=rng.uniform(spec.kept, 1.0),
+        phase_m=rng.uniform(0.0, sum(dash)),
+    )
+
+
+def _patch(lane_width_m: float, rng: np.random.Generator) -> Patch:
+    return Patch(
+        station_m=rng.uniform(5.0, 45.0),
+        length_m=rng.uniform(1.0, 8.0),
+        offset_m=rng.uniform(-0.5, 0.5) * lane_width_m,
+        width_m=rng.uniform(0.6, 2.5),
+        ratio=rng.choice([rng.uniform(0.62, 0.85), rng.uniform(1.15, 1.4)], p=[0.7, 0.3]),
+        seam=bool(rng.random() < 0.6),
+    )
+
+
+def _traffic(
+    spec: SetSpec, lane_width_m: float, n_left: int, n_right: int, rng: np.random.Generator
+) -> tuple[Vehicle, ...]:
+    found = []
+    places = [(0.0, spec.vehicles[0], True)]
+    places += [(lane_width_m * (k + 1), spec.vehicles[1], n_left > 0) for k in range(n_left)]
+    places += [(-lane_width_m * (k + 1), spec.vehicles[2], n_right > 0) for k in range(n_right)]
+    for middle, chance, is_lane in places:
+        if rng.random() >= chance or not is_lane:
+            continue
+        nearest, farthest = spec.own_gap_m if middle == 0.0 else (8.0, 70.0)
+        is_lorry = rng.random() < 0.25
+        found.append(
+            Vehicle(
+                ahead_m=rng.uniform(nearest, farthest),
+                offset_m=middle + rng.uniform(-0.25, 0.25),
+                length_m=rng.uniform(8.0, 13.0) if is_lorry else rng.uniform(4.0, 4.9),
+                width_m=rng.uniform(2.3, 2.5) if is_lorry else rng.uniform(1.7, 1.9),
+                height_m=rng.uniform(3.0, 3.8) if is_lorry else rng.uniform(1.4, 1.75),
+                grey=rng.uniform(30.0, 225.0),
+                is_oncoming=middle > lane_width_m * 1.5 and bool(rng.random() < 0.5),
+                is_braking=bool(rng.random() < 0.2),
+            )
+        )
+    return tuple(found)

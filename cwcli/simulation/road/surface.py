@@ -1,0 +1,132 @@
+"""Surfaces as seen from the car: asphalt, verge, leaves' shadow and worn paint, averaged over what each row shows.
+
+A row near the horizon covers metres of road, one at the bottom centimetres. So that far texture neither flickers nor aliases,
+each texture is kept as its running sum along the road: the mean over a row's stretch of road is a difference of two sums.
+Textures are the same in every process: a fixed seed; scenes take them from different places.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+
+Float32Array = npt.NDArray[np.float32]
+
+CELL_M = 0.04
+"""Lateral size of a texture's cell."""
+HALF_WIDTH_M = 12.0
+STEP_M = 0.05
+"""Size of a cell along the road."""
+N_STEPS = 2048
+N_CELLS = round(2 * HALF_WIDTH_M / CELL_M)
+CELLS_M: Float32Array = ((np.arange(N_CELLS) + 0.5) * CELL_M - HALF_WIDTH_M).astype(np.float32)
+"""Offsets of the cells' centres."""
+
+WEAR_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)
+WEAR_CELL_M = 0.01
+WEAR_CELLS = 64
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A texture that repeats along the road; its mean is taken out.
+
+    Attributes:
+        sums: Shape (N_STEPS + 1, cells): running sum along the road times `STEP_M`.
+    """
+
+    sums: Float32Array
+
+    def mean(self, start_m: FloatArray, end_m: FloatArray, shift: int = 0) -> Float32Array:
+        """Mean over stretches of road.
+
+        Args:
+            start_m, end_m: Shape (n,): stations, end after start.
+            shift: Cells to move sideways (cyclic).
+
+        Returns:
+            Shape (n, cells).
+        """
+        length = np.maximum(end_m - start_m, 1e-3).astype(np.float32)[:, None]
+        made = (self._sum_to(end_m) - self._sum_to(start_m)) / length
+        return np.roll(made, shift, axis=1) if shift else made
+
+    def _sum_to(self, station_m: FloatArray) -> Float32Array:
+        place = np.mod(station_m / STEP_M, N_STEPS)
+        low = np.minimum(place.astype(np.intp), N_STEPS - 1)
+        part = (place - low).astype(np.float32)[:, None]
+        below = self.sums[low]
+        return np.asarray(below + part * (self.sums[low + 1] - below))
+
+
+def _texture(values: FloatArray) -> Texture:
+    centred = (values - values.mean(axis=0)) * STEP_M
+    return Texture(np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(centred, axis=0)]).astype(np.float32))
+
+
+def _blobs(rng: np.random.Generator, shape: tuple[int, int], size: tuple[float, float]) -> FloatArray:
+    """Smooth noise of standard deviation 1, cyclic; size is the blobs' sigma in cells along and across."""
+    along, across = (np.fft.fftfreq(n) for n in shape)
+    filtered = np.exp(-2 * np.pi**2 * ((along[:, None] * size[0]) ** 2 + (across[None, :] * size[1]) ** 2))
+    noise = np.fft.ifft2(np.fft.fft2(rng.standard_normal(shape)) * filtered).real
+    return np.asarray(noise / noise.std())
+
+
+@cache
+def asphalt() -> Texture:
+    """Relative grey: grain, streaks along the road, blotches."""
+    rng = np.random.default_rng(101)
+    shape = (N_STEPS, N_CELLS)
+    grain = rng.standard_normal(shape)
+    streaks = _blobs(rng, shape, (80.0, 1.5))
+    blotches = _blobs(rng, shape, (25.0, 12.0))
+    return _texture(0.09 * grain + 0.035 * streaks + 0.03 * blotches)
+
+
+@cache
+def verge() -> Texture:
+    """Relative grey of grass and gravel."""
+    rng = np.random.default_rng(102)
+    shape = (N_STEPS, N_CELLS)
+    return _texture(0.22 * _blobs(rng, shape, (1.5, 2.0)) + 0.16 * _blobs(rng, shape, (20.0, 12.0)))
+
+
+@cache
+def cracks() -> Texture:
+    """Thin dark lines: sealed cracks along and across the road."""
+    rng = np.random.default_rng(103)
+    made = np.zeros((N_STEPS, N_CELLS))
+    for _ in range(9):  # along, wandering
+        length = int(rng.integers(100, 500))
+        start = int(rng.integers(0, N_STEPS))
+        path = rng.integers(60, N_CELLS - 60) + np.cumsum(rng.normal(0.0, 0.25, length))
+        made[(start + np.arange(length)) % N_STEPS, np.clip(path.round().astype(int), 0, N_CELLS - 1)] = -0.35
+    for _ in range(7):  # across
+        start, slant = int(rng.integers(0, N_STEPS)), rng.normal(0.0, 0.15)
+        at = start + slant * np.arange(N_CELLS) + np.cumsum(rng.normal(0.0, 0.4, N_CELLS))
+        made[at.round().astype(int) % N_STEPS, np.arange(N_CELLS)] = -0.35
+    return _texture(np.minimum(made, np.roll(made, 1, axis=0)))
+
+
+@cache
+def leaves() -> Texture:
+    """1 in the leaves' shadow, 0 in the sun between (with the mean taken out): half the road each."""
+    rng = np.random.default_rng(104)
+    shape = (N_STEPS, N_CELLS)
+    field = _blobs(rng, shape, (14.0, 14.0)) + 0.7 * _blobs(rng, shape, (4.0, 4.0))
+    return _texture(1.0 / (1.0 + np.exp(-6.0 * field)))
+
+
+@cache
+def wear(level: float) -> tuple[Texture, FloatArray]:
+    """Places where paint is left, and their mean per cell: 1 where it is, 0 where it is gone."""
+    rng = np.random.default_rng(105)
+    shape = (N_STEPS, WEAR_CELLS)
+    field = _blobs(rng, shape, (5.0, 5.0)) + 0.8 * _blobs(rng, shape, (60.0, 30.0)) + 0.5 * rng.standard_normal(shape)
+    kept = (field > np.quantile(field, 1.0 - level)).astype(np.float64)
+    return _texture(kept), kept.mean(axis=0)

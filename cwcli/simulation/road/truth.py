@@ -1,0 +1,140 @@
+"""What a rendered frame shows, exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.geometry import GRID_M, RoadAhead
+
+BoolArray = npt.NDArray[np.bool_]
+
+VISIBLE_RANGE_M = 80.0
+"""Rows that show the road farther away count as not visible (a marking of 0.15 m is 1.2 pixels wide there at 320 x 240)."""
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True)
+class LaneTruth:
+    """Truth of one frame. Arrays over rows have one value for every image row, from the top.
+
+    A boundary is the centre line of its marking; of a double marking it is the stripe next to the lane. Where paint is
+    missing (the gaps of a dashed line, worn places) the boundary goes on.
+
+    Attributes:
+        camera: With the pitch of this moment.
+        road: The road ahead; see `boundary_y_m`.
+        x_m: Shape (height,): distance ahead that each row's centre shows, NaN above the road's end.
+        left_u_px, right_u_px: Shape (height,): column of the boundary, NaN where there is no road; may lie outside the image.
+        left_visible, right_visible: Shape (height,): inside the image, nearer than `VISIBLE_RANGE_M`, not hidden by a crest
+            or a vehicle.
+        left_half_width_px, right_half_width_px: Shape (height,): half the painted width.
+        lane_width_m: Between the two boundaries.
+        condition: What the frame shows, e.g. `rain`.
+    """
+
+    camera: RoadCamera
+    road: RoadAhead
+    x_m: FloatArray
+    left_u_px: FloatArray
+    right_u_px: FloatArray
+    left_visible: BoolArray
+    right_visible: BoolArray
+    left_half_width_px: FloatArray
+    right_half_width_px: FloatArray
+    lane_width_m: float
+    condition: str
+
+    @property
+    def lateral_offset_m(self) -> float:
+        """Camera from the lane's centre beside it, left positive."""
+        return self.road.offset_m
+
+    @property
+    def heading_rad(self) -> float:
+        """Body from the lane's direction beside the camera, counter-clockwise positive."""
+        return self.road.heading_rad
+
+    @property
+    def curvature_1pm(self) -> float:
+        """Of the lane beside the camera, left positive."""
+        return float(np.interp(0.0, GRID_M, self.road.curvature_1pm))
+
+    def boundary_y_m(self, side: str, x_m: FloatArray) -> FloatArray:
+        """Lateral place of a boundary (`left`, `right`) in the body frame at distances ahead."""
+        half = self.lane_width_m / 2
+        return self.road.lateral_at(half if side == "left" else -half, x_m)
+
+    def at_preview(self, preview_m: float) -> tuple[float, float, float]:
+        """The lane's centre where the body's x axis is preview_m ahead.
+
+        Returns:
+            y_m of the centre (left positive), its direction in the body frame (counter-clockwise positive) and its
+            curvature (left positive).
+        """
+        x, y = self.road.centre_m
+        s = float(np.interp(preview_m, x, GRID_M))
+        values = (y, self.road.direction_rad, self.road.curvature_1pm)
+        y_m, direction, curvature = (float(np.interp(s, GRID_M, each)) for each in values)
+        return y_m, direction, curvature
+
+    def tusimple(self, h_samples: npt.NDArray[np.int64]) -> list[list[int]]:
+        """Both boundaries in TuSimple's form: whole columns at the given rows, -2 where there is nothing to see."""
+        lanes = []
+        for u, visible in ((self.left_u_px, self.left_visible), (self.right_u_px, self.right_visible)):
+            inside = h_samples[(h_samples >= 0) & (h_samples < len(u))]
+            at = np.where(visible[inside], np.round(np.where(visible[inside], u[inside], 0.0)), -2).astype(int)
+            lanes.append(np.pad(at, (0, len(h_samples) - len(inside)), constant_values=-2).tolist())
+        return lanes
+
+    def parabola(self, side: str) -> tuple[float, float, float]:
+        """Least-squares a, b, c of x = a y^2 + b y + c over the visible rows of the lower five eighths (zhang2011, eq. 1).
+
+        Pixels numbered from 1 at the bottom left, y up. NaN with fewer than three visible rows.
+        """
+        u, visible = (
+            (self.left_u_px, self.left_visible) if side == "left" else (self.right_u_px, self.right_visible)
+        )
+        rows = np.flatnonzero(visible)
+        rows = rows[rows >= self.camera.height_px * 3 // 8]
+        if len(rows) < 3:
+            return np.nan, np.nan, np.nan
+        a, b, c = np.polyfit(self.camera.height_px - rows, u[rows] + 1.0, 2)
+        return float(a), float(b), float(c)
+
+
+def lane_truth(
+    camera: RoadCamera,
+    road: RoadAhead,
+    lane_width_m: float,
+    marking_width_m: tuple[float, float],
+    condition: str,
+    occluded: BoolArray | None = None,
+) -> LaneTruth:
+    """The truth of a frame.
+
+    Args:
+        camera, road: As rendered.
+        lane_width_m: Between the boundaries.
+        marking_width_m: Of the left and the right boundary's stripe.
+        condition: Name.
+        occluded: Shape (height, width): pixels where a vehicle hides the road.
+    """
+    rows = np.arange(camera.height_px, dtype=np.float64)
+    x_m = road.distance_of_rows(camera, rows)
+    columns, visibles, halves = [], [], []
+    for sign, width_m in zip((1.0, -1.0), marking_width_m, strict=True):
+        u = road.column_of(camera, sign * lane_width_m / 2, x_m)
+        with np.errstate(invalid="ignore"):
+            visible = (u >= 0) & (u <= camera.width_px - 1) & (x_m <= VISIBLE_RANGE_M)
+        if occluded is not None:
+            at = np.flatnonzero(visible)
+            visible[at] &= ~occluded[at, np.round(u[at]).astype(np.intp)]
+        columns.append(u)
+        visibles.append(visible)
+        halves.append(camera.fx * width_m / 2 / camera.depth(x_m, camera.height_m - road.z_at(x_m)))
+    return LaneTruth(camera, road, x_m, *columns, *visibles, *halves, lane_width_m, condition)  # type: ignore[misc]

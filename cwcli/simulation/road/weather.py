@@ -1,0 +1,159 @@
+"""What lies between road and picture: sky, haze, glare, rain, dazzling lights, and the camera's sensor. In place."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.geometry import RoadAhead
+from cwcli.simulation.road.scene import Light, RoadScene
+from cwcli.simulation.road.surface import Float32Array
+
+NIGHT_SKY_GREY = 14.0
+READ_NOISE = 1.6
+SHOT_NOISE = 0.035
+"""Noise variance: READ_NOISE^2 + SHOT_NOISE * grey, grey levels."""
+VIGNETTE = 0.22
+"""Loss of light in the image's corners."""
+
+
+@cache
+def _skyline(seed: int) -> Float32Array:
+    """Height of hills and woods over the horizon all around, rad; 4096 directions."""
+    rng = np.random.default_rng([seed, 7])
+    freq = np.fft.rfftfreq(4096, 1 / 4096)
+    phases = np.exp(2j * np.pi * rng.random(len(freq)))
+    hills = np.fft.irfft(phases * (freq > 1) / np.maximum(freq, 1.0) ** 1.1 * np.exp(-freq / 900), 4096)
+    return np.asarray(0.012 + 0.006 * hills / hills.std(), np.float32).clip(0.002)
+
+
+def sky(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene, top: int) -> None:
+    """Sky and skyline above the road's first row `top`."""
+    light = scene.light
+    if top <= 0:
+        return
+    v = np.arange(top, dtype=np.float32)[:, None]
+    grey = NIGHT_SKY_GREY if light.night else light.sky
+    above = np.clip((top - v) / max(camera.height_px * 0.4, 1.0), 0.0, 1.0)
+    image[:top] = grey * (1.0 - 0.18 * above)
+    u = np.arange(camera.width_px)
+    direction = np.arctan((camera.cx - u) / camera.fx) + road.bearing_rad
+    place = (direction / (2 * np.pi) * 4096).astype(np.intp) % 4096
+    hills = _skyline(scene.seed % 64)
+    for factor, dark, shift in ((1.0, 0.62, 0), (0.55, 0.42, 1700)):
+        height = hills[(place + shift) % 4096] * camera.fy * factor
+        cover = np.clip(v - (top - height[None, :]) + 0.5, 0.0, 1.0)
+        far_grey = grey * (dark if not light.night else 0.5)
+        far_grey = far_grey + (light.sky - far_grey) * min(1.0, light.fog_1pm * 60)
+        image[:top] += cover * (np.float32(far_grey) - image[:top])
+
+
+def haze(image: Float32Array, x_m: FloatArray, top: int, light: Light) -> None:
+    """Koschmieder's law on the road's rows: contrast falls as exp(-k x) towards the sky's grey."""
+    k = light.fog_1pm + (0.0 if light.night else 0.0008)
+    if k <= 0:
+        return
+    clear = np.exp(-k * x_m).astype(np.float32)[:, None]
+    air = np.float32(NIGHT_SKY_GREY + 20 if light.night else light.sky)
+    image[top:] *= clear
+    image[top:] += air * (1.0 - clear)
+
+
+def wet_road(image: Float32Array, top: int, light: Light) -> None:
+    """A wet road mirrors what is above the horizon, smeared downwards."""
+    import cv2
+
+    height, width = image.shape
+    n = height - top
+    if light.rain <= 0 or top < 4 or n < 4:
+        return
+    above = image[:top][::-1]
+    mirrored = cv2.resize(np.ascontiguousarray(above[: max(2, min(top, n))]), (width, n))
+    mirrored = cv2.blur(mirrored, (3, max(3, n // 6 * 2 + 1)))
+    share = light.rain * np.linspace(0.34, 0.10, n, dtype=np.float32)[:, None]
+    image[top:] += share * (mirrored - image[top:])
+
+
+def glare(image: Float32Array, camera: RoadCamera, top: int, light: Light) -> None:
+    """A low sun: its halo, a veil over the picture, and the bright band that the road mirrors below it."""
+    if light.glare <= 0:
+        return
+    u = np.arange(camera.width_px, dtype=np.float32)[None, :] / camera.width_px
+    v = np.arange(camera.height_px, dtype=np.float32)[:, None] / camera.height_px
+    sun_v = max(top / camera.height_px - 0.16, 0.03)
+    far = np.sqrt((u - light.glare_u) ** 2 + ((v - sun_v) * 0.8) ** 2)
+    image += light.glare * (0.18 + 1.6 * np.exp(-far / 0.07) + 0.55 * np.exp(-far / 0.28))
+    if top < camera.height_px:
+        below = np.linspace(0.0, 1.0, camera.height_px - top, dtype=np.float32)[:, None]
+        across = (u - light.glare_u) / (0.05 + 0.10 * below)
+        image[top:] += light.glare * 0.62 * np.exp(-0.5 * across**2) * np.exp(-below / 0.42)
+
+
+def lamps(image: Float32Array, found: list[tuple[float, float, float]], light: Light) -> None:
+    """Lights of other vehicles at night: a core and a halo."""
+    height, width = image.shape
+    for u, v, radius in found:
+        reach = int(min(radius * 9, width / 5)) + 2
+        u0, u1 = max(int(u) - reach, 0), min(int(u) + reach + 1, width)
+        v0, v1 = max(int(v) - reach, 0), min(int(v) + reach + 1, height)
+        if u0 >= u1 or v0 >= v1:
+            continue
+        du = np.arange(u0, u1, dtype=np.float32)[None, :] - u
+        dv = np.arange(v0, v1, dtype=np.float32)[:, None] - v
+        far = np.sqrt(du * du + dv * dv) / radius
+        edge = np.clip(1.0 - far * radius / reach, 0.0, 1.0)
+        strength = 1.0 if light.night else 0.25
+        image[v0:v1, u0:u1] += strength * edge * (230.0 * np.exp(-(far**2)) + 120.0 * np.exp(-far / 1.8))
+
+
+def rain_on_glass(image: Float32Array, light: Light, rng: np.random.Generator) -> Float32Array:
+    """Streaks in the air and drops on the windscreen; returns the new image."""
+    import cv2
+
+    if light.rain <= 0:
+        return image
+    height, width = image.shape
+    scale = width / 320.0
+    streaks = np.zeros((height, width), np.uint8)
+    slant = rng.uniform(-0.25, 0.25)
+    for _ in range(int(70 * light.rain)):
+        u, v = rng.uniform(0, width), rng.uniform(0, height)
+        length = rng.uniform(4, 12) * scale
+        ends = np.round(np.array([u, v, u + slant * length, v + length]) * 16).astype(int).tolist()
+        cv2.line(streaks, (ends[0], ends[1]), (ends[2], ends[3]), (int(rng.integers(30, 80)),), 1, cv2.LINE_AA, 4)
+    image = image + cv2.GaussianBlur(streaks, (0, 0), 0.5 * scale) * np.float32(0.10 if light.night else 0.22)
+    drops = np.zeros((height, width), np.uint8)
+    for _ in range(int(26 * light.rain)):
+        radius = rng.gamma(2.0, 1.4) * scale + 0.8
+        middle = (int(rng.uniform(0, width) * 16), int(rng.uniform(0, height) * 16))
+        axes = (int(radius * 16), int(radius * rng.uniform(1.0, 1.5) * 16))
+        cv2.ellipse(drops, middle, axes, 0, 0, 360, (255,), -1, cv2.LINE_AA, 4)
+    share = cv2.GaussianBlur(drops, (0, 0), 0.6 * scale).astype(np.float32) / 255.0
+    size = int(6 * scale) * 2 + 1
+    seen = cv2.flip(cv2.blur(image, (size, size)), 0) * 0.35 + cv2.blur(image, (size, size)) * 0.65
+    return np.asarray(image + 0.8 * share * (seen - image), np.float32)
+
+
+@cache
+def _vignette(height: int, width: int) -> Float32Array:
+    u = (np.arange(width, dtype=np.float32)[None, :] - (width - 1) / 2) / (width / 2)
+    v = (np.arange(height, dtype=np.float32)[:, None] - (height - 1) / 2) / (width / 2)
+    return np.asarray(1.0 - VIGNETTE * (u * u + v * v) / 1.5625, np.float32)
+
+
+def sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
+    """Exposure, vignette, lens blur, shot and read noise, saturation, eight bits."""
+    import cv2
+
+    height, width = image.shape
+    image = image * (_vignette(height, width) * np.float32(light.exposure))
+    sigma = light.blur_px * width / 320.0
+    if sigma > 0.2:
+        image = cv2.GaussianBlur(image, (0, 0), sigma)
+    noise = rng.standard_normal((height, width), dtype=np.float32)
+    spread = np.sqrt(np.maximum(image, 0.0) * np.float32(SHOT_NOISE) + np.float32(READ_NOISE**2))
+    image = image + noise * spread * np.float32(light.noise)
+    return np.asarray(cv2.convertScaleAbs(np.clip(image, 0.0, 255.0)))
