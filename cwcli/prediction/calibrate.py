@@ -33,14 +33,14 @@ class Calibration:
     """How fast and how far the scale may go.
 
     Attributes:
-        rate_1ps: Of the log variance while outside, per second: 5 s outside (two manoeuvres) raise it 2.7-fold, and
-            it takes 45 s inside to come back.
+        rate_1ps: Of the log variance while outside, per second: 3 s outside (one manoeuvre) raise it 2.2-fold, and it
+            takes 27 s inside to come back.
         limit: Largest factor on the variance, and the inverse of the smallest.
         horizon_s: Outcomes this far ahead steer it.
         max_gap_s: Track gaps longer than this give no outcome; the scale keeps its value meanwhile.
     """
 
-    rate_1ps: float = 0.2
+    rate_1ps: float = 0.3
     limit: float = 16.0
     horizon_s: float = 2.5
     max_gap_s: float = 0.5

@@ -25,7 +25,9 @@ class DriverPrior:
     """What cars in traffic do. Sigmas are one standard deviation; times are correlation times.
 
     Attributes:
-        accel_sigma_mps2, accel_time_s: Longitudinal acceleration; a pedal is held for a few seconds.
+        accel_sigma_mps2, accel_time_s: Longitudinal acceleration; a pedal is held for some seconds. The sigma is that
+            of steady traffic, below the 0.35 to 1.1 m/s^2 of the development drives: a filter that sees positions
+            only is too sure of its acceleration after outages and resets.
         jerk_sigma_mps3, jerk_time_s: Its rate of change; a pedal moves for about half a second.
         yaw_rate_sigma_radps, yaw_time_s: Yaw rate; a bend takes some seconds.
         yaw_accel_sigma_radps2, yaw_accel_time_s: Its rate of change; the wheel turns in for about half a second.
@@ -35,8 +37,8 @@ class DriverPrior:
         creep_speed_mps: Below it the longitudinal noise falls in proportion to speed: a standing car mostly stays.
     """
 
-    accel_sigma_mps2: float = 0.7
-    accel_time_s: float = 3.0
+    accel_sigma_mps2: float = 0.3
+    accel_time_s: float = 2.0
     jerk_sigma_mps3: float = 1.0
     jerk_time_s: float = 0.8
     yaw_rate_sigma_radps: float = 0.3
@@ -44,9 +46,9 @@ class DriverPrior:
     yaw_accel_sigma_radps2: float = 0.2
     yaw_accel_time_s: float = 0.5
     curvature_sigma_1pm: float = 0.05
-    along_floor_mps2: float = 0.4
+    along_floor_mps2: float = 0.3
     along_share: float = 0.5
-    cross_floor_mps2: float = 0.25
+    cross_floor_mps2: float = 0.2
     cross_share: float = 0.7
     creep_speed_mps: float = 1.0
 

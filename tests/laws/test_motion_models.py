@@ -77,14 +77,27 @@ def test_covariance_is_symmetric_positive_and_grows(name: str) -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_covariance_matches_samples(name: str) -> None:
-    # small spread, so that the model is linear over it and every derivative is trusted
+    # small spread, so that the model is linear over it
     start = np.array([[10.0, -5.0, 15.0, 0.7, -1.0, 0.2, 0.4, -0.1]])
     covariance = covariances(1, 6) * 1e-4
     ignored = [column for column, used in zip(DERIVATIVES, MODELS[name].uses, strict=True) if not used]
     start[:, ignored] = covariance[:, ignored] = covariance[:, :, ignored] = 0.0
-    steady = DriverPrior(along_floor_mps2=0.0, along_share=0.0, cross_floor_mps2=0.0, cross_share=0.0)
+    # a driver who adds nothing, whose derivatives last, and of whom everything is believed
+    steady = DriverPrior(
+        accel_sigma_mps2=1e4,
+        accel_time_s=1e3,
+        jerk_sigma_mps3=1e4,
+        yaw_rate_sigma_radps=1e4,
+        yaw_time_s=1e3,
+        yaw_accel_sigma_radps2=1e4,
+        curvature_sigma_1pm=1e4,
+        along_floor_mps2=0.0,
+        along_share=0.0,
+        cross_floor_mps2=0.0,
+        cross_share=0.0,
+    )
     samples = np.random.default_rng(7).multivariate_normal(start[0], covariance[0], size=40_000)
-    paths = rollout(name, samples, None)
+    paths = rollout(name, samples, None, prior=steady)
     found = np.cov(paths.x_m[:, -1], paths.y_m[:, -1])
     both = rollout(name, start, covariance, prior=steady).position_covariance_m2[0, -1]
     driver = rollout(name, start, None, prior=steady).position_covariance_m2[0, -1]

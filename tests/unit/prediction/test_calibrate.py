@@ -57,10 +57,10 @@ def test_scale_is_one_until_there_is_an_outcome() -> None:
 
 
 def test_scale_by_hand() -> None:
-    # every outcome outside: the log grows by 0.2 * 0.1 s * 0.9 with each; the first start's own step is 0
+    # every outcome outside: the log grows by 0.3 * 0.1 s * 0.9 with each; the first start's own step is 0
     positions = np.full((40, 2), 100.0)
     scale = variance_scale(standing(40, 1.0), stamps(40), positions)
-    np.testing.assert_allclose(np.log(scale[25:]), np.arange(15) * 0.018, atol=1e-12)
+    np.testing.assert_allclose(np.log(scale[25:]), np.arange(15) * 0.027, atol=1e-12)
 
 
 def test_scale_stays_within_its_limit() -> None:
