@@ -1,0 +1,387 @@
+"""Scores of lane boundaries: TuSimple's, zhang2011's visual standard made exact, errors in metres, rates and times.
+
+Plain arrays in. NaN means 'not found' in estimates and 'no truth' in truth. Nothing here knows of cameras or methods.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.signals.columns import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+TUSIMPLE_PIXELS = 20.0
+TUSIMPLE_MATCH = 0.85
+TUSIMPLE_TIME_MS = 200.0
+TUSIMPLE_ABSENT = -100.0
+TUSIMPLE_LANES = 4
+"""Truth of more lanes than this holds an extra one, of a lane change, that may be missed."""
+
+VISUAL_PIXELS = 6.0
+VISUAL_SHARE = 0.85
+VISUAL_WIDTH_PX = 320
+"""zhang2011's visual standard made exact: both boundaries within 6 pixels on 85 % of the visible rows at 320 x 240."""
+
+ERROR_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
+
+
+@dataclass(frozen=True)
+class TuSimpleScore:
+    """TuSimple's three numbers.
+
+    Attributes:
+        accuracy: Share of the rows on which the best prediction is near enough, averaged over the truth's lanes.
+        false_positive: Share of the predicted lanes that match no lane of the truth. Negative where one prediction matches
+            several lanes: the public scorer counts it for each of them.
+        false_negative: Share of the truth's lanes that no prediction matches.
+    """
+
+    accuracy: float
+    false_positive: float
+    false_negative: float
+
+
+def tusimple_score(
+    predicted: Sequence[Sequence[float] | FloatArray],
+    truth: Sequence[Sequence[float] | FloatArray],
+    h_samples: Sequence[float] | FloatArray,
+    *,
+    time_ms: float = 0.0,
+) -> TuSimpleScore:
+    """One frame as TuSimple's public scorer judges it (tusimple-benchmark, evaluate/lane.py, `LaneEval.bench`).
+
+    A row counts if the columns differ by less than 20 px / cos(angle), the angle that of a straight line through the truth's
+    lane; a row on which both are absent counts too. A lane is matched if its best prediction has 85 % of its rows. The
+    scorer's special cases are kept:
+
+    - a prediction with another number of rows, or a time above 200 ms, gives 0, 0, 1 for the frame;
+    - of more than four lanes of truth the worst one is left out of the accuracy, which is then a mean of four, and one
+      miss is forgiven;
+    - without predictions the false positives are 0; without truth the accuracy and the false negatives are 0;
+    - several lanes of truth may take the same prediction.
+
+    Args:
+        predicted: Lanes, each with a column for every row of `h_samples`; negative or NaN is absent.
+        truth: Likewise.
+        h_samples: The rows.
+        time_ms: What the prediction took.
+
+    Raises:
+        ValueError: There are no rows, or a lane of the truth has another number of them.
+    """
+    n = len(h_samples)
+    if n == 0:
+        raise ValueError("h_samples is empty")
+    if any(len(lane) != n for lane in truth):
+        raise ValueError("a lane of the truth does not have a column for every row")
+    if time_ms > TUSIMPLE_TIME_MS or any(len(lane) != n for lane in predicted):
+        return TuSimpleScore(0.0, 0.0, 1.0)
+    rows = np.asarray(h_samples, np.float64)
+    lanes = [np.asarray(lane, np.float64) for lane in truth]
+    guesses = [_absent_as_minus_100(np.asarray(lane, np.float64)) for lane in predicted]
+    best = []
+    for lane in lanes:
+        near_px = TUSIMPLE_PIXELS / math.cos(_angle(lane, rows))
+        at = _absent_as_minus_100(lane)
+        best.append(max((float(np.mean(np.abs(guess - at) < near_px)) for guess in guesses), default=0.0))
+    missed = sum(share < TUSIMPLE_MATCH for share in best)
+    unmatched = len(guesses) - (len(lanes) - missed)
+    total = sum(best)
+    if len(lanes) > TUSIMPLE_LANES:
+        missed -= missed > 0
+        total -= min(best)
+    return TuSimpleScore(
+        accuracy=total / max(min(TUSIMPLE_LANES, len(lanes)), 1),
+        false_positive=unmatched / len(guesses) if guesses else 0.0,
+        false_negative=missed / max(len(lanes), 1),
+    )
+
+
+def tusimple_total(scores: Sequence[TuSimpleScore], n_frames: int | None = None) -> TuSimpleScore:
+    """The mean over the frames (`LaneEval.bench_one_submit`).
+
+    Args:
+        scores: Of the frames that have a prediction.
+        n_frames: Frames of the truth; as the scorer does it, those without a prediction add nothing to any of the sums.
+
+    Raises:
+        ValueError: There is no frame, or there are more scores than frames.
+    """
+    n = len(scores) if n_frames is None else n_frames
+    if n < 1 or len(scores) > n:
+        raise ValueError(f"{len(scores)} scores of {n} frames")
+    return TuSimpleScore(
+        sum(score.accuracy for score in scores) / n,
+        sum(score.false_positive for score in scores) / n,
+        sum(score.false_negative for score in scores) / n,
+    )
+
+
+def _angle(lane: FloatArray, rows: FloatArray) -> float:
+    """From the vertical, of the least-squares line through the present points; 0 with fewer than two."""
+    present = lane >= 0
+    if present.sum() < 2:
+        return 0.0
+    v, u = rows[present], lane[present]
+    v = v - v.mean()
+    spread = float(v @ v)
+    return math.atan(float(v @ (u - u.mean())) / spread) if spread > 0 else 0.0
+
+
+def _absent_as_minus_100(lane: FloatArray) -> FloatArray:
+    return np.where(lane >= 0, lane, TUSIMPLE_ABSENT)
+
+
+@dataclass(frozen=True)
+class VisualScore:
+    """zhang2011's visual standard for one frame.
+
+    Attributes:
+        left_share, right_share: Share of the boundary's visible rows within the tolerance; NaN if it has none.
+        is_correct: Both reach 85 %. A boundary without visible rows is not judged; a frame without any is not correct.
+    """
+
+    left_share: float
+    right_share: float
+    is_correct: bool
+
+
+def share_within(
+    u_px: FloatArray, truth_u_px: FloatArray, visible: BoolArray, *, tolerance_px: float = VISUAL_PIXELS
+) -> float:
+    """Share of the visible rows on which a boundary is at most tolerance_px from the truth.
+
+    Args:
+        u_px, truth_u_px: Shape (n,): columns; NaN is 'not found', which counts as a miss.
+        visible: Shape (n,): rows to judge.
+
+    Returns:
+        0 to 1; NaN without visible rows.
+    """
+    if not visible.any():
+        return math.nan
+    with np.errstate(invalid="ignore"):
+        return float(np.mean(np.abs(u_px[visible] - truth_u_px[visible]) <= tolerance_px))
+
+
+def visual_score(
+    left_u_px: FloatArray,
+    right_u_px: FloatArray,
+    truth_left_u_px: FloatArray,
+    truth_right_u_px: FloatArray,
+    left_visible: BoolArray,
+    right_visible: BoolArray,
+    *,
+    width_px: int = VISUAL_WIDTH_PX,
+) -> VisualScore:
+    """Judge one frame by the visual standard.
+
+    Args:
+        left_u_px, right_u_px: Shape (n,): found columns by row, NaN where not found.
+        truth_left_u_px, truth_right_u_px: Shape (n,).
+        left_visible, right_visible: Shape (n,): rows to judge. (zhang2011 searches the lower 150 rows of 240: let the rows
+            above count as not visible.)
+        width_px: Of the image: the tolerance of 6 pixels belongs to 320 and scales.
+    """
+    tolerance = VISUAL_PIXELS * width_px / VISUAL_WIDTH_PX
+    left = share_within(left_u_px, truth_left_u_px, left_visible, tolerance_px=tolerance)
+    right = share_within(right_u_px, truth_right_u_px, right_visible, tolerance_px=tolerance)
+    judged = [share for share in (left, right) if not math.isnan(share)]
+    return VisualScore(left, right, bool(judged) and all(share >= VISUAL_SHARE for share in judged))
+
+
+@dataclass(frozen=True)
+class ErrorSummary:
+    """Errors of one quantity, in its unit; NaN in a summary of nothing.
+
+    Attributes:
+        n: Errors that are known.
+        n_missing: NaN among them.
+        mean, rms: Of the errors.
+        median_abs, p95_abs, max_abs: Of their magnitudes.
+    """
+
+    n: int
+    n_missing: int
+    mean: float
+    rms: float
+    median_abs: float
+    p95_abs: float
+    max_abs: float
+
+
+def summarise_errors(errors: FloatArray) -> ErrorSummary:
+    """Summarise errors of shape (n,), estimate minus truth."""
+    known = errors[np.isfinite(errors)]
+    n_missing = len(errors) - len(known)
+    if not len(known):
+        return ErrorSummary(0, n_missing, *[math.nan] * 5)
+    size = np.abs(known)
+    return ErrorSummary(
+        n=len(known),
+        n_missing=n_missing,
+        mean=float(known.mean()),
+        rms=float(np.sqrt(np.mean(known**2))),
+        median_abs=float(np.median(size)),
+        p95_abs=float(np.quantile(size, 0.95)),
+        max_abs=float(size.max()),
+    )
+
+
+def lateral_error_table(
+    estimate_y_m: FloatArray,
+    truth_y_m: FloatArray,
+    *,
+    side: str,
+    distances_m: Sequence[float] = ERROR_DISTANCES_M,
+) -> Table:
+    """Lateral errors of a boundary at distances ahead.
+
+    Args:
+        estimate_y_m, truth_y_m: Shape (frames, len(distances_m)): lateral place in the body frame, left positive.
+        side: `left` or `right`, for the table.
+        distances_m: Of the columns.
+
+    Raises:
+        ValueError: The shapes differ.
+    """
+    if estimate_y_m.shape != truth_y_m.shape or estimate_y_m.shape[1:] != (len(distances_m),):
+        raise ValueError(f"shapes {estimate_y_m.shape} and {truth_y_m.shape} for {len(distances_m)} distances")
+    found = [summarise_errors(estimate_y_m[:, k] - truth_y_m[:, k]) for k in range(len(distances_m))]
+    return Table(
+        f"lateral_errors_{side}",
+        {
+            "side": [side] * len(found),
+            "distance_m": np.asarray(distances_m, np.float64),
+            "n": np.array([each.n for each in found]),
+            "n_missing": np.array([each.n_missing for each in found]),
+            "error_mean_m": np.array([each.mean for each in found]),
+            "error_rms_m": np.array([each.rms for each in found]),
+            "error_median_abs_m": np.array([each.median_abs for each in found]),
+            "error_p95_abs_m": np.array([each.p95_abs for each in found]),
+            "error_max_abs_m": np.array([each.max_abs for each in found]),
+        },
+        docs={"error_mean_m": ColumnDoc(frame="body", doc="estimate minus truth, left positive")},
+    )
+
+
+def angle_errors(estimate_rad: FloatArray, truth_rad: FloatArray) -> FloatArray:
+    """Estimate minus truth of shape (n,), between -pi and pi."""
+    difference = estimate_rad - truth_rad
+    return np.asarray(np.arctan2(np.sin(difference), np.cos(difference)))
+
+
+@dataclass(frozen=True)
+class WidthScore:
+    """How steady the lane's width is over a drive.
+
+    Attributes:
+        n: Frames with a width.
+        median_m: Width.
+        share_near: Frames within the tolerance of the median.
+        std_m: Standard deviation.
+        max_jump_m: Greatest change between neighbouring frames that both have a width.
+    """
+
+    n: int
+    median_m: float
+    share_near: float
+    std_m: float
+    max_jump_m: float
+
+
+def width_stability(width_m: FloatArray, *, tolerance: float = 0.05) -> WidthScore:
+    """Judge lane widths of shape (frames,), NaN where a boundary was not found; tolerance is a share of the median."""
+    known = width_m[np.isfinite(width_m)]
+    if not len(known):
+        return WidthScore(0, math.nan, math.nan, math.nan, math.nan)
+    median = float(np.median(known))
+    return WidthScore(
+        n=len(known),
+        median_m=median,
+        share_near=float(np.mean(np.abs(known - median) <= tolerance * median)),
+        std_m=float(known.std()),
+        max_jump_m=max_jump(width_m),
+    )
+
+
+def max_jump(values: FloatArray) -> float:
+    """Greatest change between neighbouring frames that both have a value; NaN if there are none."""
+    steps = np.abs(np.diff(values))
+    steps = steps[np.isfinite(steps)]
+    return float(steps.max()) if len(steps) else math.nan
+
+
+@dataclass(frozen=True)
+class DetectionRates:
+    """What became of boundaries: shares of those that are there, and of those that are not.
+
+    Attributes:
+        n_present, n_absent: Boundaries in the truth, and places without one.
+        detected: Found and right.
+        wrong: Found, but wrong.
+        not_found: There, and 'not found' was said.
+        false_alarm: Not there, but found. NaN if n_absent is 0; the others if n_present is 0.
+    """
+
+    n_present: int
+    n_absent: int
+    detected: float
+    wrong: float
+    not_found: float
+    false_alarm: float
+
+
+def detection_rates(found: BoolArray, correct: BoolArray, present: BoolArray | None = None) -> DetectionRates:
+    """Count detections.
+
+    Args:
+        found: Shape (n,): the method says that there is a boundary.
+        correct: Shape (n,): it is right (of interest where found).
+        present: Shape (n,): there is one in the truth; everywhere if not given.
+    """
+    there = np.ones(len(found), np.bool_) if present is None else present
+    n_present, n_absent = int(there.sum()), int((~there).sum())
+
+    def share(which: BoolArray, n: int) -> float:
+        return float(which.sum()) / n if n else math.nan
+
+    return DetectionRates(
+        n_present=n_present,
+        n_absent=n_absent,
+        detected=share(there & found & correct, n_present),
+        wrong=share(there & found & ~correct, n_present),
+        not_found=share(there & ~found, n_present),
+        false_alarm=share(~there & found, n_absent),
+    )
+
+
+@dataclass(frozen=True)
+class TimeSummary:
+    """Time per frame, ms."""
+
+    n: int
+    mean_ms: float
+    median_ms: float
+    p95_ms: float
+    max_ms: float
+
+
+def summarise_times(times_ms: FloatArray) -> TimeSummary:
+    """Summarise times of shape (n,)."""
+    if not len(times_ms):
+        return TimeSummary(0, *[math.nan] * 4)
+    return TimeSummary(
+        len(times_ms),
+        float(times_ms.mean()),
+        float(np.median(times_ms)),
+        float(np.quantile(times_ms, 0.95)),
+        float(times_ms.max()),
+    )

@@ -1,0 +1,216 @@
+"""Lane scores: TuSimple's by hand and by a plain copy of its rules, the others by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cwcli.metrics.lane_scores import (
+    TuSimpleScore,
+    angle_errors,
+    detection_rates,
+    lateral_error_table,
+    share_within,
+    summarise_errors,
+    summarise_times,
+    tusimple_score,
+    tusimple_total,
+    visual_score,
+    width_stability,
+)
+
+NAN = math.nan
+H = list(range(0, 200, 10))  # 20 rows
+UPRIGHT = [300.0] * 20
+FAR = [900.0] * 20
+
+
+def shifted(lane: list[float], px: float, rows: int = 20) -> list[float]:
+    """The first `rows` rows moved by px."""
+    return [u + px * (i < rows) for i, u in enumerate(lane)]
+
+
+@pytest.mark.parametrize(
+    ("predicted", "truth", "expected"),
+    [
+        pytest.param([UPRIGHT], [UPRIGHT], (1, 0, 0), id="equal"),
+        pytest.param([shifted(UPRIGHT, 19.9)], [UPRIGHT], (1, 0, 0), id="just-near-enough"),
+        pytest.param([shifted(UPRIGHT, 20)], [UPRIGHT], (0, 1, 1), id="20-pixels-are-too-far"),
+        # 17 of 20 rows are 0.85: matched. 16 of 20 are 0.8: missed, but they still count for the accuracy.
+        pytest.param([shifted(UPRIGHT, 50, 3)], [UPRIGHT], (0.85, 0, 0), id="85-percent-match"),
+        pytest.param([shifted(UPRIGHT, 50, 4)], [UPRIGHT], (0.8, 1, 1), id="80-percent-do-not"),
+        pytest.param([], [UPRIGHT], (0, 0, 1), id="no-prediction"),
+        pytest.param([UPRIGHT], [], (0, 1, 0), id="no-truth"),
+        pytest.param([], [], (0, 0, 0), id="nothing"),
+        pytest.param([UPRIGHT, FAR], [UPRIGHT], (1, 0.5, 0), id="one-too-many"),
+        pytest.param([UPRIGHT], [UPRIGHT, FAR], (0.5, 0, 0.5), id="one-missing"),
+        # Absent in both counts as near: 10 rows there, 10 rows absent in both.
+        pytest.param([[-2.0] * 10 + [300.0] * 10], [[-2] * 10 + [300] * 10], (1, 0, 0), id="absent-in-both"),
+        pytest.param([[NAN] * 10 + [300.0] * 10], [[-2] * 10 + [300] * 10], (1, 0, 0), id="nan-is-absent"),
+        pytest.param([UPRIGHT], [[-2] * 10 + [300] * 10], (0.5, 1, 1), id="predicted-where-absent"),
+        # Two lanes of truth 10 px apart take the same prediction: 1 - 2 matched of 1 predicted.
+        pytest.param([UPRIGHT], [UPRIGHT, shifted(UPRIGHT, 10)], (1, -1, 0), id="one-prediction-matches-two"),
+        pytest.param([UPRIGHT[:-1]], [UPRIGHT], (0, 0, 1), id="another-number-of-rows"),
+    ],
+)
+def test_tusimple_by_hand(
+    predicted: list[list[float]], truth: list[list[float]], expected: tuple[float, float, float]
+) -> None:
+    score = tusimple_score(predicted, truth, H)
+    assert (score.accuracy, score.false_positive, score.false_negative) == pytest.approx(expected)
+
+
+def test_tusimple_slanted_lane_has_a_wider_threshold() -> None:
+    # x = 2 y: the angle from the vertical has tan 2, so the threshold is 20 sqrt(5) = 44.7 px.
+    lane = [2.0 * y for y in H]
+    assert tusimple_score([shifted(lane, 44.7)], [lane], H).accuracy == 1.0
+    assert tusimple_score([shifted(lane, 44.8)], [lane], H).accuracy == 0.0
+
+
+def test_tusimple_angle_comes_from_the_present_points_only() -> None:
+    lane = [-2.0] * 18 + [300.0, 320.0]  # slope 2 over the last two rows
+    assert tusimple_score([[-2.0] * 18 + [344.0, 364.0]], [lane], H).accuracy == 1.0
+    single = [-2.0] * 19 + [300.0]  # one point: angle 0
+    assert tusimple_score([[-2.0] * 19 + [320.0]], [single], H).accuracy == pytest.approx(0.95)
+
+
+def test_tusimple_five_lanes_forgive_the_worst() -> None:
+    lanes = [[200.0 * k] * 20 for k in range(5)]
+    # Four found, one missed: accuracy (1+1+1+1+0 - 0)/4, one miss forgiven.
+    assert tusimple_score(lanes[:4], lanes, H) == TuSimpleScore(1.0, 0.0, 0.0)
+    # Three found: 3/4; two missed, one forgiven: 1/5.
+    assert tusimple_score(lanes[:3], lanes, H) == TuSimpleScore(0.75, 0.0, 0.2)
+
+
+def test_tusimple_slow_prediction_scores_nothing() -> None:
+    assert tusimple_score([UPRIGHT], [UPRIGHT], H, time_ms=200.0).accuracy == 1.0
+    assert tusimple_score([UPRIGHT], [UPRIGHT], H, time_ms=200.1) == TuSimpleScore(0.0, 0.0, 1.0)
+
+
+def _plain_rules(pred: np.ndarray, gt: np.ndarray, rows: np.ndarray) -> tuple[float, float, float]:
+    """TuSimple's rules written point by point, the line by `np.polyfit`."""
+    best = []
+    for lane in gt:
+        points = [(y, x) for y, x in zip(rows, lane, strict=True) if x >= 0]
+        angle = math.atan(np.polyfit(*zip(*points, strict=True), 1)[0]) if len(points) > 1 else 0.0
+        scores = [0.0]
+        for guess in pred:
+            hits = 0
+            for g, t in zip(guess, lane, strict=True):
+                hits += abs((g if g >= 0 else -100) - (t if t >= 0 else -100)) < 20 / math.cos(angle)
+            scores.append(hits / len(lane))
+        best.append(max(scores))
+    missed = len([b for b in best if b < 0.85])
+    matched = len(best) - missed
+    if len(gt) > 4:
+        missed = max(missed - 1, 0)
+        best.remove(min(best))
+    n = min(4, len(gt))
+    return sum(best) / n, (len(pred) - matched) / len(pred), missed / len(gt)
+
+
+def test_tusimple_as_the_plain_rules_on_random_lanes() -> None:
+    rng = np.random.default_rng(5)
+    rows = np.arange(240, 720, 10)
+    for _ in range(40):
+        n_gt, n_pred = rng.integers(1, 7), rng.integers(1, 6)
+        slopes, feet = rng.uniform(-2.5, 2.5, n_gt), rng.uniform(200, 1000, n_gt)
+        gt = (feet[:, None] + slopes[:, None] * (rows - 480)).round()
+        gt[rng.random(gt.shape) < 0.1] = -2
+        pred = gt[rng.integers(0, n_gt, n_pred)] + rng.normal(0, 14, (n_pred, len(rows)))
+        score = tusimple_score(list(pred), list(gt), rows)
+        expected = _plain_rules(pred, gt, rows)
+        assert (score.accuracy, score.false_positive, score.false_negative) == pytest.approx(expected)
+
+
+def test_tusimple_total_is_the_mean_over_the_truths_frames() -> None:
+    scores = [TuSimpleScore(1.0, 0.0, 0.0), TuSimpleScore(0.5, 0.5, 1.0)]
+    assert tusimple_total(scores) == TuSimpleScore(0.75, 0.25, 0.5)
+    assert tusimple_total(scores, 4) == TuSimpleScore(0.375, 0.125, 0.25)
+    with pytest.raises(ValueError, match="2 scores of 1 frames"):
+        tusimple_total(scores, 1)
+
+
+def test_tusimple_refuses_a_truth_without_rows() -> None:
+    with pytest.raises(ValueError, match="empty"):
+        tusimple_score([], [], [])
+
+
+def test_visual_standard_needs_85_percent_of_the_visible_rows_of_both() -> None:
+    truth = np.full(120, 100.0)
+    visible = np.arange(120) < 100
+    good, bad = truth.copy(), truth.copy()
+    good[:15] += 6.5  # 85 of 100 visible rows are right
+    good[100:] += 50.0  # not judged
+    bad[:16] += 6.5
+    assert visual_score(good, truth, truth, truth, visible, visible).is_correct
+    judged = visual_score(bad, truth, truth, truth, visible, visible)
+    assert (judged.left_share, judged.right_share, judged.is_correct) == (0.84, 1.0, False)
+
+
+def test_visual_standard_tolerance_includes_6_pixels_and_scales_with_the_width() -> None:
+    truth, visible = np.zeros(10), np.ones(10, bool)
+    assert share_within(truth + 6.0, truth, visible) == 1.0
+    assert share_within(truth - 6.01, truth, visible) == 0.0
+    assert visual_score(truth + 12.0, truth, truth, truth, visible, visible, width_px=640).is_correct
+
+
+def test_visual_standard_not_found_is_a_miss_and_an_unseen_boundary_is_not_judged() -> None:
+    truth, visible, none = np.zeros(10), np.ones(10, bool), np.zeros(10, bool)
+    missing = np.full(10, NAN)
+    assert not visual_score(missing, truth, truth, truth, visible, visible).is_correct
+    assert visual_score(missing, truth, truth, truth, none, visible).is_correct
+    assert not visual_score(truth, truth, truth, truth, none, none).is_correct
+
+
+def test_error_summary_by_hand() -> None:
+    summary = summarise_errors(np.array([3.0, -4.0, NAN, 0.0, 5.0]))
+    assert (summary.n, summary.n_missing, summary.mean, summary.max_abs) == (4, 1, 1.0, 5.0)
+    assert summary.rms == pytest.approx(math.sqrt(50 / 4))
+    assert summary.median_abs == 3.5
+    # magnitudes 0 3 4 5: the 95 % quantile lies 0.85 of the way from 4 to 5.
+    assert summary.p95_abs == pytest.approx(4.85)
+    nothing = summarise_errors(np.array([NAN]))
+    assert nothing.n == 0
+    assert math.isnan(nothing.rms)
+
+
+def test_lateral_error_table_by_hand() -> None:
+    truth = np.array([[1.8, 1.8, 1.9, 2.0], [1.8, 1.8, 1.9, 2.0]])
+    estimate = truth + np.array([[0.1, 0.0, 0.0, NAN], [-0.1, 0.0, 0.2, 0.3]])
+    table = lateral_error_table(estimate, truth, side="left")
+    np.testing.assert_array_equal(table.columns["distance_m"], [5, 10, 20, 30])
+    np.testing.assert_array_equal(table.columns["n_missing"], [0, 0, 0, 1])
+    np.testing.assert_allclose(table.columns["error_rms_m"], [0.1, 0.0, 0.2 / math.sqrt(2), 0.3])
+    np.testing.assert_allclose(table.columns["error_mean_m"], [0.0, 0.0, 0.1, 0.3], atol=1e-12)
+    with pytest.raises(ValueError, match="shapes"):
+        lateral_error_table(estimate[:, :2], truth, side="left")
+
+
+def test_angle_errors_wrap() -> None:
+    np.testing.assert_allclose(angle_errors(np.array([3.1, 0.2]), np.array([-3.1, 0.1])), [6.2 - 2 * math.pi, 0.1])
+
+
+def test_width_stability_by_hand() -> None:
+    score = width_stability(np.array([3.5, 3.6, NAN, 3.9, 3.6, 3.6]))
+    assert (score.n, score.median_m) == (5, 3.6)
+    assert score.share_near == 0.8  # 3.9 is 8 % off
+    assert score.max_jump_m == pytest.approx(0.3)  # 3.9 -> 3.6; the gap is not bridged
+    assert width_stability(np.array([NAN])).n == 0
+
+
+def test_detection_rates_by_hand() -> None:
+    found = np.array([1, 1, 0, 1, 0, 1], bool)
+    correct = np.array([1, 0, 0, 1, 0, 0], bool)
+    present = np.array([1, 1, 1, 1, 0, 0], bool)
+    rates = detection_rates(found, correct, present)
+    assert (rates.n_present, rates.n_absent) == (4, 2)
+    assert (rates.detected, rates.wrong, rates.not_found, rates.false_alarm) == (0.5, 0.25, 0.25, 0.5)
+    assert math.isnan(detection_rates(found, correct).false_alarm)
+
+
+def test_time_summary_by_hand() -> None:
+    times = summarise_times(np.array([1.0, 2.0, 3.0, 10.0]))
+    assert (times.n, times.mean_ms, times.median_ms, times.max_ms) == (4, 4.0, 2.5, 10.0)
