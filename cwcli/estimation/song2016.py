@@ -23,9 +23,9 @@ from cwcli.estimation.start import find_start
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.signals.columns import FloatArray, Int64Array
 
-JERK_SIGMA = 1.0
+JERK_SIGMA = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz."""
-YAW_ACCEL_SIGMA = 0.1
+YAW_ACCEL_SIGMA = 0.02
 """Root of the yaw acceleration's spectral density, rad/s^2 per root Hz."""
 
 
@@ -33,10 +33,12 @@ def process_noise(step_s: float, jerk: float = JERK_SIGMA, yaw_accel: float = YA
     """Return Q of eq. 4, which the paper leaves open.
 
     Eq. 2 holds a and the yaw rate constant over a step. What a driver does to them within it is taken as white: a jerk
-    of spectral density 1 (m/s^3)^2/Hz lets the acceleration change by 1 m/s^2 (one sigma) within a second, as when
-    pulling away in town; a yaw acceleration of 0.01 (rad/s^2)^2/Hz lets the yaw rate change by 0.1 rad/s
-    within a second, as when entering a bend of 100 m radius at 10 m/s. Both are integrated over the step into speed
-    and heading; their share of the position within one step is below a millimetre and left out.
+    of spectral density (0.2 m/s^3)^2/Hz lets the acceleration change by 0.2 m/s^2 (one sigma) within a second, a yaw
+    acceleration of (0.02 rad/s^2)^2/Hz the yaw rate by 0.02 rad/s. Less would smooth more and lag more: at the values
+    with which the filter's own covariance would give table 1's reductions of a and of the yaw rate (0.08 and 0.0016) the
+    lag makes both errors larger than the measurement's on the drives of the paper (docs/papers/song2016.md).
+    Both are integrated over the step into speed and heading; their share of the position within one step is below a
+    millimetre and left out.
 
     Args:
         step_s: dT of eq. 2.
