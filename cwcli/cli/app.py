@@ -25,6 +25,7 @@ COMMANDS = {
     "estimate": "Estimate the states of the ego and the remote vehicles.",
     "predict": "Predict the vehicles' paths from their states.",
     "warn": "Warn of collisions from the predicted paths.",
+    "lanes": "Find the lane boundaries in camera frames.",
     "run": "Estimate, predict and warn in one pass.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",

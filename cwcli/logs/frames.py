@@ -39,8 +39,10 @@ SCHEMAS = frozenset(
         "sensor_msgs/Image",
         "foxglove_msgs/CompressedImage",
         "foxglove_msgs/RawImage",
+        "foxglove_msgs/CompressedVideo",
         "foxglove.CompressedImage",
         "foxglove.RawImage",
+        "foxglove.CompressedVideo",
     }
 )
 BAD_BASE64 = "the image is not valid base64"
@@ -55,7 +57,7 @@ class Frame:
     Attributes:
         log_time_ns, publish_time_ns: As recorded.
         stamp_ns: The message's own time, or None where it has none.
-        format: Of a compressed image (`jpeg`, `png`, as the message says), else "".
+        format: Of a compressed image or video (`jpeg`, `png`, `h264`, as the message says), else "".
         data: The image's bytes. They keep a chunk of the file in memory as long as they are kept.
         width, height, encoding, step: Of a raw image, else 0 and "".
         frame_id: As the message says.

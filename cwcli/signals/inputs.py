@@ -250,6 +250,8 @@ INPUTS: dict[str, tuple[Input, ...]] = {
     "foxglove.RawImage": _CAMERA,
     "foxglove_msgs/CompressedImage": _CAMERA,
     "foxglove_msgs/RawImage": _CAMERA,
+    "foxglove.CompressedVideo": _CAMERA,
+    "foxglove_msgs/CompressedVideo": _CAMERA,
     "sensor_msgs/CameraInfo": (Input(Role.CAMERA_INFO, _CAMERA_INFO, _build_camera_info),),
     "foxglove.CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, _build_camera_info),),
     "foxglove_msgs/CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, _build_camera_info),),

@@ -171,10 +171,14 @@ class Camera:
             pixels[at] = made.reshape(-1, 2)
         return pixels[:, 0], pixels[:, 1]
 
-    def horizon_v_px(self) -> float:
-        """Row of the horizon straight ahead of the car, distortion left out; may lie outside the image."""
-        ahead = self.body_from_optical().T @ np.array([1.0, 0.0, 0.0])
-        return float(self.cy + self.fy * ahead[1] / ahead[2]) if ahead[2] > MIN_DEPTH else math.nan
+    def horizon_v_px(self, pitch_rad: FloatArray | None = None) -> FloatArray:
+        """Row of the horizon straight ahead of the camera, distortion and roll left out; may lie outside the image.
+
+        Args:
+            pitch_rad: Any shape, instead of the mounting's.
+        """
+        pitch = np.array(self.mounting.pitch_rad) if pitch_rad is None else pitch_rad
+        return np.asarray(self.cy - self.fy * np.tan(pitch))
 
     def is_fisheye(self) -> bool:
         """Whether the distortion is a fisheye model's."""

@@ -11,7 +11,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
@@ -61,6 +61,7 @@ class DecodedFrame:
         width_px, height_px: Of the camera's image, whatever the size of `image`; 0 where rejected.
         image: Grey (height, width) or colour (height, width, 3), uint8; None where rejected.
         rejected: The reason, else "".
+        prepared: What `prepare` made of the image.
     """
 
     index: int
@@ -70,19 +71,27 @@ class DecodedFrame:
     height_px: int
     image: Image | None
     rejected: str = ""
+    prepared: object = None
 
 
 SizeOf = Callable[[int, int], tuple[int, int]]
+Prepare = Callable[[Image], object]
 
 
 def decode_frames(
-    frames: Iterable[FrameLike], *, size_of: SizeOf | None, n_threads: int | None = None, where: str = ""
+    frames: Iterable[FrameLike],
+    *,
+    size_of: SizeOf | None,
+    prepare: Prepare | None = None,
+    n_threads: int | None = None,
+    where: str = "",
 ) -> Iterator[DecodedFrame]:
     """Decode frames in threads; they come out in the order in which they went in.
 
     Args:
         frames: Still encoded.
         size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
+        prepare: Called with each image in its thread; the result comes with the frame.
         n_threads: Of decoding; None: as many as there are processors, at most `MAX_THREADS`.
         where: File and topic, for messages.
 
@@ -99,9 +108,10 @@ def decode_frames(
         for index, frame in enumerate(frames):
             if frame.format.lower() in VIDEO_FORMATS:
                 video = video or VideoDecoder(frame.format.lower(), where)
-                yield partial(_video_frame, index, frame, video.decode(frame.data), size_of)
+                job = partial(_video_frame, index, frame, video.decode(frame.data), size_of)
             else:
-                yield partial(decode_frame, index, frame, size_of)
+                job = partial(decode_frame, index, frame, size_of)
+            yield job if prepare is None else partial(_prepared, job, prepare)
 
     return in_order(jobs(), n)
 
@@ -185,6 +195,11 @@ def _video_frame(index: int, frame: FrameLike, picture: Any, size_of: SizeOf | N
     wanted = size_of(picture.width, picture.height) if size_of else None
     image = picture_grey(picture) if size_of else picture_colour(picture)
     return _finished(index, frame, image, (picture.width, picture.height), wanted)
+
+
+def _prepared(job: Callable[[], DecodedFrame], prepare: Prepare) -> DecodedFrame:
+    decoded = job()
+    return decoded if decoded.image is None else replace(decoded, prepared=prepare(decoded.image))
 
 
 def _finished(

@@ -22,22 +22,23 @@ which are common to both sides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, rotation
-from cwcli.vision.method import LaneFit
+from cwcli.vision.fit_columns import FitColumns
 
 BoolArray = npt.NDArray[np.bool_]
 
 N_SAMPLES = 16
 FAR_M = 60.0
 """Boundaries are sampled up to here: beyond it a pixel of the search image is metres of road."""
+HIGHEST = 0.625
+"""Of the image's height: the paper's 150 of 240 rows."""
+LOWEST_TOP_PX = 8.0
 NEAR_M = 2.0
 WIDTH_AT_M = 10.0
 """Where the lane's width is measured."""
@@ -87,7 +88,7 @@ class LaneGeometry:
 
 
 def lane_geometry(
-    fits: Sequence[LaneFit], camera: Camera, *, preview_m: float, sigmas: GeometrySigmas | None = None
+    fits: FitColumns, camera: Camera, *, preview_m: float, sigmas: GeometrySigmas | None = None
 ) -> LaneGeometry:
     """The lanes of frames of one image size on the ground.
 
@@ -97,34 +98,31 @@ def lane_geometry(
         preview_m: Distance of the preview point ahead of the camera.
         sigmas: For the error propagation.
     """
-    blocks = [fits[i : i + BLOCK_FRAMES] for i in range(0, len(fits), BLOCK_FRAMES)] or [fits]
+    blocks = [fits[slice(i, i + BLOCK_FRAMES)] for i in range(0, len(fits), BLOCK_FRAMES)] or [fits]
     made = [_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
     return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in made]) for f in fields(LaneGeometry)))
 
 
 def parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
     """Shape (3, 3): covariance of (a, b, c) fitted to places with errors of `pixel_px` at independent heights."""
-    y_px = np.linspace(1.0, _top_y_px(camera), N_INDEPENDENT)
+    y_px = np.linspace(1.0, float(_top_y_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT)
     design = np.column_stack([y_px**2, y_px, np.ones_like(y_px)])
     return np.asarray(np.linalg.inv(design.T @ design) * pixel_px**2)
 
 
-def _top_y_px(camera: Camera) -> float:
-    """Height in the image of the road at `FAR_M`, or of 5/8 of the image (the paper's 150 of 240 rows) if that is
-    lower."""
-    v_px = camera.image_from_ground(np.array([FAR_M]), np.array([camera.mounting.lateral_offset_m]))[1][0]
-    highest = 0.625 * camera.height_px
-    return float(np.clip(camera.height_px - v_px, 8.0, highest)) if np.isfinite(v_px) else highest
+def _top_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+    """Height in the image of the road at `FAR_M`, or `HIGHEST` of the image if that is lower; distortion left out."""
+    below_rad = np.arctan(camera.mounting.height_m / FAR_M) - pitch_rad
+    y_px = camera.height_px - (camera.cy + camera.fy * np.tan(below_rad))
+    return np.asarray(np.clip(y_px, LOWEST_TOP_PX, HIGHEST * camera.height_px))
 
 
-def _block(fits: Sequence[LaneFit], camera: Camera, preview_m: float, sigmas: GeometrySigmas) -> LaneGeometry:
+def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometrySigmas) -> LaneGeometry:
     n = len(fits)
-    parabolas = np.array([[_parabola(fit.left), _parabola(fit.right)] for fit in fits]).reshape(n, 2, 3)
-    pitch = np.array([fit.pitch_rad for fit in fits]).reshape(n)
-    yaw = np.array([fit.yaw_rad for fit in fits]).reshape(n)
+    parabolas = fits.parabolas
     mount = np.empty((n, 3))
-    mount[:, 0] = np.where(np.isnan(pitch), camera.mounting.pitch_rad, pitch)
-    mount[:, 1] = np.where(np.isnan(yaw), camera.mounting.yaw_rad, yaw)
+    mount[:, 0] = np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad)
+    mount[:, 1] = np.where(np.isnan(fits.yaw_rad), camera.mounting.yaw_rad, fits.yaw_rad)
     mount[:, 2] = camera.mounting.height_m
     body = _body(parabolas, mount, camera)
     values = _preview(body, preview_m)
@@ -137,8 +135,8 @@ def _block(fits: Sequence[LaneFit], camera: Camera, preview_m: float, sigmas: Ge
             one_moved = body.copy()
             one_moved[:, side] = moved_body[:, side]
             jacobian[:, :, k] = (_preview(one_moved, preview_m) - values) / PARABOLA_STEPS[k]
-        boundaries = [(fit.left, fit.right)[side] for fit in fits]
-        covariance = np.array([assumed if b.covariance is None else b.covariance for b in boundaries]).reshape(n, 3, 3)
+        given = fits.covariance[:, side]
+        covariance = np.where(np.isnan(given), assumed, given)
         part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
         variance += np.where(np.isnan(parabolas[:, side, :1]), 0.0, part)
     for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
@@ -160,10 +158,6 @@ def _block(fits: Sequence[LaneFit], camera: Camera, preview_m: float, sigmas: Ge
     )
 
 
-def _parabola(boundary: Boundary) -> tuple[float, float, float]:
-    return (boundary.a, boundary.b, boundary.c) if boundary.found else (np.nan, np.nan, np.nan)
-
-
 def _body(parabolas: FloatArray, mount: FloatArray, camera: Camera) -> FloatArray:
     """Shape (n, 2, 3): y0, slope, curvature of each boundary on the ground.
 
@@ -172,8 +166,7 @@ def _body(parabolas: FloatArray, mount: FloatArray, camera: Camera) -> FloatArra
         mount: Shape (n, 3): pitch, yaw, height.
     """
     n = len(parabolas)
-    tops = {value: _top_y_px(camera.turned(pitch_rad=value)) for value in np.unique(mount[:, 0]).tolist()}
-    top = np.array([tops[value] for value in mount[:, 0].tolist()])
+    top = _top_y_px(camera, mount[:, 0])
     y_px = 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * top[:, None]
     x_px = (parabolas[..., :1] * y_px[:, None] + parabolas[..., 1:2]) * y_px[:, None] + parabolas[..., 2:]
     v_px = np.broadcast_to(camera.height_px - y_px[:, None], x_px.shape)

@@ -30,6 +30,7 @@ class LaneFrame:
         stamp_ns: Time of the frame.
         number: 0, 1, 2, ... over the frames that could be decoded; seeds of random searches derive from it.
         speed_mps, yaw_rate_radps: The ego's motion at that time, NaN where the log does not tell.
+        prepared: What the method's `prepare` made of `grey`; None if it was not called.
     """
 
     grey: GreyImage
@@ -38,6 +39,7 @@ class LaneFrame:
     number: int
     speed_mps: float = nan
     yaw_rate_radps: float = nan
+    prepared: object = None
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,13 @@ class Method:
         summary: One line for `--help`.
         search_size: (width_px, height_px) of the camera's image -> the size that the search wants.
         make: Seed -> a new search.
+        prepare: What can be computed of a grey image alone; called in the decoding threads, its result is
+            `LaneFrame.prepared`. None: nothing.
+        uses_motion: Whether the search wants the ego's speed and yaw rate.
     """
 
     summary: str
     search_size: Callable[[int, int], tuple[int, int]]
     make: Callable[[int], LaneSearch]
+    prepare: Callable[[GreyImage], object] | None = None
+    uses_motion: bool = False

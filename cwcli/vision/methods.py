@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from cwcli.vision import zhang2011
 from cwcli.vision.method import Method
+from cwcli.vision.objective import block_responses
 
 METHODS: dict[str, Method] = {
-    "zhang2011": Method("the paper's genetic search on 320 x 240", zhang2011.search_size, zhang2011.Zhang2011Search),
+    "zhang2011": Method(
+        summary="the paper's genetic search on 320 x 240",
+        search_size=zhang2011.search_size,
+        make=zhang2011.Zhang2011Search,
+        prepare=block_responses,
+    ),
 }
 DEFAULT_METHOD = "zhang2011"

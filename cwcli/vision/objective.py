@@ -11,6 +11,8 @@ The paper leaves four things open, its fig. 2 being lost in the text; the choice
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -32,15 +34,24 @@ WEIGHTS = ((4, 6, 0), (2, 5, 3), (2, 5, 3))
 Int32Array = npt.NDArray[np.int32]
 
 
-def block_responses(grey: GreyImage) -> tuple[Int32Array, Int32Array]:
+@dataclass(frozen=True)
+class BlockResponses:
     """alpha dM + sum of beta_j T_j of every block, for the left (eq. 2) and the right boundary (eq. 3).
+
+    Attributes:
+        left, right: Shape (3, 50, 320), int32, in 1/90 grey level: by slope class (|b| 0.5 to 2, above 2, below 0.5),
+            row of blocks from the bottom, column of the centre. The outermost columns hold zeros.
+    """
+
+    left: Int32Array
+    right: Int32Array
+
+
+def block_responses(grey: GreyImage) -> BlockResponses:
+    """The responses of a frame.
 
     Args:
         grey: Shape (240, 320), uint8.
-
-    Returns:
-        Two arrays of shape (3, 50, 320), int32, in 1/90 grey level: by slope class (|b| 0.5 to 2, above 2, below 0.5),
-        row of blocks from the bottom, column of the centre. The outermost columns hold zeros.
 
     Raises:
         ValueError: Another shape.
@@ -58,7 +69,7 @@ def block_responses(grey: GreyImage) -> tuple[Int32Array, Int32Array]:
     t3 = (upper[:, left] + upper[:, centre] + upper[:, right]) - (lower[:, left] + lower[:, centre] + lower[:, right])
     t4 = columns[:, left] - columns[:, right]
     contrast = nine - _nine_times_road_grey(grey)
-    return _weighted(contrast, t1, t3, t4), _weighted(contrast, t2, t3, -t4)
+    return BlockResponses(_weighted(contrast, t1, t3, t4), _weighted(contrast, t2, t3, -t4))
 
 
 def _nine_times_road_grey(grey: GreyImage) -> int:

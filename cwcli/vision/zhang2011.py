@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame
-from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, Int32Array, block_responses
+from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, Int32Array, block_responses
 
 CROSSOVER_RATE = 0.45
 MUTATION_RATE = 0.05
@@ -158,7 +158,9 @@ class Zhang2011Search:
 
     def step(self, frame: LaneFrame) -> LaneFit:
         """Find both boundaries in the next frame (320 x 240)."""
-        for side, responses in enumerate(block_responses(frame.grey)):
+        prepared = frame.prepared
+        both = prepared if isinstance(prepared, BlockResponses) else block_responses(frame.grey)
+        for side, responses in enumerate((both.left, both.right)):
             made = search_boundary(
                 responses,
                 phase_of(self._n_before[side]),

@@ -1,0 +1,141 @@
+"""`cwcli lanes`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import typer
+
+from cwcli.cli.options.expand import StageOptions
+from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
+from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Mounting
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+    from cwcli.stages.result import StageResult
+
+EXAMPLES = (
+    "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
+    "cwcli lanes drive.mcap -o lanes.mcap --render /camera/annotated",
+    "cwcli lanes drive.mcap --method zhang2011 --seed 1 --camera-height 1.4 --camera-pitch 2",
+)
+MOUNTING = Mounting()
+
+
+def _methods(incomplete: str) -> list[tuple[str, str]]:
+    return [(name, method.summary) for name, method in METHODS.items() if name.startswith(incomplete)]
+
+
+@dataclass(frozen=True)
+class LanesOptions(StageOptions):
+    """Options of the stage."""
+
+    stage: ClassVar[str] = "lanes"
+
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            autocompletion=_methods,
+            help="; ".join(f"{name}: {method.summary}" for name, method in METHODS.items()) + ".",
+        ),
+    ] = DEFAULT_METHOD
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the random numbers of a genetic search.")] = 0
+    preview: Annotated[
+        float, typer.Option("--preview", metavar="METRES", help="Distance of the preview point ahead of the camera.")
+    ] = 33.5
+    render: Annotated[
+        str | None,
+        typer.Option(
+            "--render",
+            metavar="/TOPIC",
+            show_default=False,
+            help="Publish the frames with the boundaries drawn on them here, as JPEG.",
+        ),
+    ] = None
+    camera_height: Annotated[
+        float | None,
+        typer.Option(
+            "--camera-height", metavar="METRES", show_default=f"{MOUNTING.height_m:g}", help="Above the road."
+        ),
+    ] = None
+    camera_pitch: Annotated[
+        float | None,
+        typer.Option("--camera-pitch", metavar="DEGREES", show_default="0", help="Nose down positive."),
+    ] = None
+    camera_yaw: Annotated[
+        float | None,
+        typer.Option("--camera-yaw", metavar="DEGREES", show_default="0", help="To the left positive."),
+    ] = None
+    camera_offset: Annotated[
+        float | None,
+        typer.Option(
+            "--camera-offset", metavar="METRES", show_default="0", help="Left of the car's centre line positive."
+        ),
+    ] = None
+    camera_fov: Annotated[
+        float | None,
+        typer.Option(
+            "--camera-fov",
+            metavar="DEGREES",
+            show_default=f"{math.degrees(DEFAULT_FIELD_OF_VIEW_RAD):.0f}",
+            help="Horizontal field of view, for a log without calibration.",
+        ),
+    ] = None
+
+    def mounting(self) -> Mounting | None:
+        """The camera's mounting; None if no option tells of it."""
+        given = (self.camera_height, self.camera_pitch, self.camera_yaw, self.camera_offset)
+        if all(value is None for value in given):
+            return None
+        return Mounting(
+            height_m=MOUNTING.height_m if self.camera_height is None else self.camera_height,
+            pitch_rad=math.radians(self.camera_pitch or 0.0),
+            yaw_rad=math.radians(self.camera_yaw or 0.0),
+            lateral_offset_m=self.camera_offset or 0.0,
+        )
+
+    def make(self) -> Callable[[Log, Selection], StageResult]:
+        """The stage with these options."""
+        from cwcli.stages.lanes import LanesConfig, lanes
+
+        def stage(log: Log, selection: Selection) -> StageResult:
+            return lanes(
+                log,
+                LanesConfig(
+                    method=self.method,
+                    seed=self.seed,
+                    preview_m=self.preview,
+                    mounting=self.mounting(),
+                    field_of_view_rad=None if self.camera_fov is None else math.radians(self.camera_fov),
+                    render=self.render,
+                    topics=selection.topics,
+                    start_ns=selection.start_ns,
+                    end_ns=selection.end_ns,
+                ),
+            )
+
+        return stage
+
+
+def command(
+    log: LogArgument,
+    options: LanesOptions,
+    writing: WritingOptions,
+    reading: ReadingOptions,
+    talk: TalkOptions,
+    metrics: MetricsOption = None,
+) -> None:
+    """Find the lane boundaries in camera frames.
+
+    Needs a camera channel (JPEG, PNG or raw images; video with the extra cwcli[video]). Adds the boundaries, the car's
+    place in its lane at the preview point, and annotations that Foxglove draws on the image. The calibration is taken
+    from the log where it holds one.
+    """
+    run_job(Job("lanes", log, {"lanes": options.make()}, reading, writing, talk, metrics=metrics))

@@ -1,0 +1,272 @@
+"""Stage `lanes`: camera frames in, lane boundaries and what they say of the car's place in its lane out."""
+
+from __future__ import annotations
+
+import time
+from array import array
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import DataError, UsageError
+from cwcli.logs.frames import Frame
+from cwcli.logs.log import Log
+from cwcli.metrics.table import Table
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import FloatArray, OutputChannel
+from cwcli.signals.roles import bind
+from cwcli.stages.lanes_camera import CameraSource, camera_source
+from cwcli.stages.lanes_channels import LaneFrames, annotations_channel, lanes_channel, rendered_channel
+from cwcli.stages.lanes_motion import Motion, read_motion
+from cwcli.stages.lanes_summary import lanes_section, lanes_table
+from cwcli.stages.result import InputCount, StageResult, Summary
+from cwcli.stages.run_record import run_record
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.fit_columns import FitRecorder
+from cwcli.vision.frames import DecodedFrame, decode_frames
+from cwcli.vision.ground import LaneGeometry, lane_geometry
+from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.video import VIDEO_FORMATS
+
+PREVIEW_M = 33.5
+"""Distance of the paper's preview point."""
+MAX_GAP_NS = 500_000_000
+"""A longer gap between two frames starts a new search."""
+NUMBERS_PER_FRAME = 8
+
+Rows = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class LanesConfig:
+    """Settings of the stage.
+
+    Attributes:
+        method: A key of `vision.METHODS`.
+        seed: Of random searches.
+        preview_m: Distance of the preview point ahead of the camera.
+        mounting: Of the camera; None: the stated default.
+        field_of_view_rad: Horizontal, for a log without calibration; None: the stated default.
+        render: Topic for the frames with the lines burnt in, or None.
+        topics: Role -> topic, the user's choices.
+        start_ns, end_ns: Only frames logged in this span are used.
+    """
+
+    method: str = DEFAULT_METHOD
+    seed: int = 0
+    preview_m: float = PREVIEW_M
+    mounting: Mounting | None = None
+    field_of_view_rad: float | None = None
+    render: str | None = None
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+
+def lanes(log: Log, config: LanesConfig) -> StageResult:
+    """Find both lane boundaries in every frame, and put them on the road.
+
+    Raises:
+        MissingSignalError: The log has no camera channel, or more than one.
+        UsageError: An unknown method, or settings that make no sense.
+        DataError: No frame could be used.
+        InputError: The frames are compressed video, and there is no decoder for it.
+    """
+    method = _checked(config)
+    bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
+    topic = bound.by_role[Role.CAMERA][0].topic
+    if config.render in {topic, None} and config.render is not None:
+        raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
+    source = camera_source(log, topic, config.topics, config.mounting or Mounting(), config.field_of_view_rad)
+    motion = read_motion(log, config.topics) if method.uses_motion else Motion()
+    run = _Run(method, config.seed, source, motion)
+    images = decode_frames(
+        _frames(log, topic, config),
+        size_of=method.search_size,
+        prepare=method.prepare,
+        where=f"{log.name}: {topic}",
+    )
+    for decoded in images:
+        if _is_within(decoded.log_time_ns, config):
+            run.take(decoded)
+    if not run.n_used:
+        raise _nothing_usable(f"{log.name}: {topic}", run.rejected)
+    frames = run.frames(config)
+    channels: list[OutputChannel] = [lanes_channel(frames), annotations_channel(frames)]
+    if config.render is not None:
+        frame_id = next(iter(log.frames(topic))).frame_id
+
+        def in_colour() -> Iterator[DecodedFrame]:
+            return decode_frames(_frames(log, topic, config), size_of=None, where=f"{log.name}: {topic}")
+
+        channels.append(rendered_channel(frames, config.render, frame_id=frame_id, images=in_colour))
+    count = InputCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected))
+    summary = Summary(
+        title=f"lanes ({config.method})",
+        sections=(lanes_section(frames, n_searches=run.n_searches, search_s=run.search_s),),
+        inputs=(count, *source.counts, *motion.counts),
+        notes=(*bound.notes, *source.notes, *motion.notes, *run.notes, *_default_note(config)),
+    )
+    table: Table = lanes_table(frames)
+    return StageResult("lanes", tuple(channels), {"lanes": table}, summary, run_record("lanes", log, config, summary))
+
+
+def _checked(config: LanesConfig) -> Method:
+    if config.method not in METHODS:
+        raise UsageError(f"there is no lane method {config.method}", hint=f"known: {', '.join(METHODS)}")
+    if not config.preview_m > 0.0:
+        raise UsageError(f"--preview {config.preview_m:g} must be positive")
+    if config.mounting is not None and not config.mounting.height_m > 0.0:
+        raise UsageError(f"--camera-height {config.mounting.height_m:g} must be positive")
+    if config.field_of_view_rad is not None and not 0.0 < config.field_of_view_rad < np.pi:
+        raise UsageError("--camera-fov must lie between 0 and 180 degrees")
+    if not 0 <= config.seed < 2**64:
+        raise UsageError(f"--seed {config.seed} must lie between 0 and 2^64 - 1")
+    return METHODS[config.method]
+
+
+def _is_within(log_time_ns: int, config: LanesConfig) -> bool:
+    after_start = config.start_ns is None or log_time_ns >= config.start_ns
+    return after_start and (config.end_ns is None or log_time_ns < config.end_ns)
+
+
+def _frames(log: Log, topic: str, config: LanesConfig) -> Iterator[Frame]:
+    """The frames of the span; video from its beginning, because later pictures are made from earlier ones."""
+    for frame in log.frames(topic):
+        if _is_within(frame.log_time_ns, config):
+            yield frame
+        elif config.end_ns is not None and frame.log_time_ns >= config.end_ns:
+            return
+        elif frame.format.lower() in VIDEO_FORMATS:
+            yield frame
+
+
+def _nothing_usable(where: str, rejected: Mapping[str, int]) -> DataError:
+    if not rejected:
+        return DataError("there is no frame in the chosen span", where=where)
+    found = tuple(f"{count} frames: {reason}" for reason, count in rejected.items())
+    return DataError("no frame can be used", where=where, found=found)
+
+
+def _default_note(config: LanesConfig) -> tuple[str, ...]:
+    if config.mounting is not None:
+        return ()
+    default = Mounting()
+    return (
+        f"the camera's mounting is not known: {default.height_m:g} m above the road, level, straight ahead and in the "
+        "middle of the car are assumed (--camera-height, --camera-pitch, --camera-yaw, --camera-offset)",
+    )
+
+
+class _Run:
+    """One pass over the frames: the search, and a few numbers for each frame."""
+
+    def __init__(self, method: Method, seed: int, source: CameraSource, motion: Motion) -> None:
+        self._method = method
+        self._seed = seed
+        self._source = source
+        self._motion = motion
+        self._search: LaneSearch | None = None
+        self._camera: Camera | None = None
+        self._size = (0, 0)
+        self._last_ns = 0
+        self._recorder = FitRecorder()
+        self._numbers = array("q")
+        self.n_read = 0
+        self.n_used = 0
+        self.n_searches = 0
+        self.search_s = 0.0
+        self.rejected: Counter[str] = Counter()
+        self.notes: list[str] = []
+
+    def take(self, decoded: DecodedFrame) -> None:
+        """Search the next frame, or count why it can't be used."""
+        self.n_read += 1
+        if decoded.image is None:
+            self.rejected[decoded.rejected] += 1
+            return
+        size = (decoded.width_px, decoded.height_px)
+        gap_ns = decoded.stamp_ns - self._last_ns
+        if self._search is None or size != self._size or not 0 <= gap_ns <= MAX_GAP_NS:
+            self._start(size, decoded.image)
+        assert self._search is not None
+        assert self._camera is not None
+        self._last_ns = decoded.stamp_ns
+        frame = LaneFrame(
+            grey=decoded.image,
+            camera=self._camera,
+            stamp_ns=decoded.stamp_ns,
+            number=self.n_used,
+            speed_mps=self._motion.speed_mps.at(decoded.stamp_ns),
+            yaw_rate_radps=self._motion.yaw_rate_radps.at(decoded.stamp_ns),
+            prepared=decoded.prepared,
+        )
+        begin = time.perf_counter()
+        fit = self._search.step(frame)
+        self.search_s += time.perf_counter() - begin
+        self._recorder.append(fit)
+        height_px, width_px = decoded.image.shape
+        self._numbers.extend(
+            (decoded.index, decoded.log_time_ns, decoded.stamp_ns, self.n_used, *size, width_px, height_px)
+        )
+        self.n_used += 1
+
+    def _start(self, size: tuple[int, int], image: GreyImage) -> None:
+        self._search = self._method.make(self._seed)
+        self.n_searches += 1
+        if size == self._size:
+            return
+        if self._size != (0, 0):
+            self.notes.append(
+                f"the image size changes from {self._size[0]} x {self._size[1]} to {size[0]} x {size[1]} at frame "
+                f"{self.n_read - 1}: the search starts anew"
+            )
+        note = self._source.size_note(*size)
+        if note and note not in self.notes:
+            self.notes.append(note)
+        self._size = size
+        self._camera = self._source.camera(*size).resized(image.shape[1], image.shape[0])
+
+    def frames(self, config: LanesConfig) -> LaneFrames:
+        """All used frames with their place on the road."""
+        numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME)
+        fits = self._recorder.columns()
+        image_size, search_size = numbers[:, 4:6], numbers[:, 6:8]
+        horizon_px = np.full(len(fits), np.nan)
+        parts: list[tuple[Rows, LaneGeometry]] = []
+        sizes = numbers[:, 4:8]
+        for size in np.unique(sizes, axis=0):
+            rows = np.flatnonzero((sizes == size).all(axis=1))
+            image_w, image_h, search_w, search_h = size.tolist()
+            camera = self._source.camera(image_w, image_h).resized(search_w, search_h)
+            parts.append((rows, lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
+            is_known = not camera.is_default or (config.mounting is not None and config.mounting.pitch_rad != 0.0)
+            pitch_rad = fits.pitch_rad[rows]
+            if is_known:
+                pitch_rad = np.where(np.isnan(pitch_rad), camera.mounting.pitch_rad, pitch_rad)
+            horizon_px[rows] = camera.horizon_v_px(pitch_rad)
+        geometry = parts[0][1] if len(parts) == 1 else _merged(parts, len(fits))
+        return LaneFrames(
+            index=numbers[:, 0],
+            log_time_ns=numbers[:, 1],
+            stamp_ns=numbers[:, 2],
+            image_size=image_size,
+            search_size=search_size,
+            horizon_px=horizon_px,
+            fits=fits,
+            geometry=geometry,
+            preview_m=config.preview_m,
+        )
+
+
+def _merged(parts: list[tuple[Rows, LaneGeometry]], n: int) -> LaneGeometry:
+    """The geometry of frames of several sizes, in the order of the frames."""
+    whole: dict[str, FloatArray] = {}
+    for rows, part in parts:
+        for name, values in vars(part).items():
+            whole.setdefault(name, np.full((n, *values.shape[1:]), np.nan))[rows] = values
+    return replace(parts[0][1], **whole)

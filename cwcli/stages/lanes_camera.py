@@ -1,0 +1,95 @@
+"""Which camera a log was recorded with: its calibration, if there is one, and its mounting."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cwcli.logs.log import Log
+from cwcli.signals.canonical import CameraInfoSignal
+from cwcli.signals.codec import Role
+from cwcli.signals.inputs import input_for
+from cwcli.stages.result import InputCount
+from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.vision.camera import Camera, Mounting, calibrated_camera, default_camera
+
+
+@dataclass(frozen=True)
+class CameraSource:
+    """Makes the camera for an image size.
+
+    Attributes:
+        info: The log's calibration, or None.
+        mounting: On the car.
+        field_of_view_rad: Horizontal, for a log without calibration.
+        is_rectified: The topic's name says that the images are rectified.
+        counts: What became of the calibration messages.
+        notes: For the user.
+    """
+
+    info: CameraInfoSignal | None
+    mounting: Mounting
+    field_of_view_rad: float
+    is_rectified: bool
+    counts: tuple[InputCount, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def camera(self, width_px: int, height_px: int) -> Camera:
+        """The camera for images of a size; a calibration for another size is scaled."""
+        if self.info is None:
+            return default_camera(width_px, height_px, self.mounting, field_of_view_rad=self.field_of_view_rad)
+        return calibrated_camera(self.info, self.mounting, is_rectified=self.is_rectified).resized(width_px, height_px)
+
+    def size_note(self, width_px: int, height_px: int) -> str:
+        """What to tell if the calibration is for images of another shape, else ""."""
+        if self.info is None or self.info.width_px * height_px == self.info.height_px * width_px:
+            return ""
+        name, size = self.info.source, f"{self.info.width_px} x {self.info.height_px}"
+        return f"{name} is for images of {size}, the frames are {width_px} x {height_px}: scaled in each axis"
+
+
+def camera_source(
+    log: Log, camera_topic: str, topics: Mapping[str, str], mounting: Mounting, field_of_view_rad: float | None
+) -> CameraSource:
+    """Find the calibration of a camera topic.
+
+    The one that the user names, else the one beside the images (`/camera/image`, `/camera/camera_info`), else the only
+    one.
+
+    Args:
+        log: The log.
+        camera_topic: Where the frames are.
+        topics: The user's `--topic` choices.
+        mounting: On the car.
+        field_of_view_rad: The user's, or None. It counts only if the log holds no calibration.
+    """
+    chosen = dict(topics)
+    if Role.CAMERA_INFO.value not in chosen:
+        beside = [name for name in _info_topics(log) if _namespace(name) == _namespace(camera_topic)]
+        if len(beside) == 1:
+            chosen[Role.CAMERA_INFO.value] = beside[0]
+    sources = read_sources(log, SourceConfig(topics=chosen), command="lanes", required=(), optional=(Role.CAMERA_INFO,))
+    found = sources.by_role.get(Role.CAMERA_INFO, ())
+    info = found[0] if found and isinstance(found[0], CameraInfoSignal) else None
+    notes = list(sources.notes)
+    default = default_camera(1000, 1000, mounting)
+    fov_rad = 2.0 * math.atan(500.0 / default.fx) if field_of_view_rad is None else field_of_view_rad
+    if info is None:
+        notes.append(
+            f"no calibration for {camera_topic}: a horizontal field of view of {math.degrees(fov_rad):.0f} degrees, no "
+            "distortion and the axis at the image's centre are assumed (--camera-fov)"
+        )
+    elif field_of_view_rad is not None:
+        notes.append(f"--camera-fov is not used: {info.source} holds the calibration")
+    is_rectified = bool(re.search(r"(^|[/_])rect(ified)?([/_]|$)", camera_topic))
+    return CameraSource(info, mounting, fov_rad, is_rectified, sources.counts(), tuple(notes))
+
+
+def _info_topics(log: Log) -> list[str]:
+    return [channel.topic for channel in log.channels if input_for(Role.CAMERA_INFO, channel.schema_name)]
+
+
+def _namespace(topic: str) -> str:
+    return topic.rpartition("/")[0]

@@ -1,0 +1,189 @@
+"""The channels of `lanes`: numbers, annotations for viewers, and frames with the lines burnt in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import (
+    FloatArray,
+    Int64Array,
+    OutputChannel,
+    OutputField,
+    Ragged,
+    Repeated,
+    StreamedChannel,
+    Strings,
+)
+from cwcli.vision.fit_columns import FitColumns
+from cwcli.vision.frames import DecodedFrame
+from cwcli.vision.ground import LaneGeometry
+from cwcli.vision.overlay import LEFT_RGB, RIGHT_RGB, burn_in, encode_jpeg, line_points
+
+LANES_TOPIC = "/cwcli/lanes"
+ANNOTATIONS_TOPIC = "/cwcli/lanes/annotations"
+LINE_STRIP = 3  # foxglove.PointsAnnotation.Type
+PIXELS_PER_THICKNESS = 320.0
+
+
+@dataclass(frozen=True)
+class LaneFrames:
+    """The used frames of a camera, n rows.
+
+    Attributes:
+        index: Shape (n,): number of the frame in its channel.
+        log_time_ns, stamp_ns: Shape (n,).
+        image_size: Shape (n, 2): width and height of the camera's image, pixels.
+        search_size: Shape (n, 2): of the image that was searched.
+        horizon_px: Shape (n,): row in the search image, NaN where not known.
+        fits: n rows.
+        geometry: n rows.
+        preview_m: Distance of the preview point.
+    """
+
+    index: Int64Array
+    log_time_ns: Int64Array
+    stamp_ns: Int64Array
+    image_size: Int64Array
+    search_size: Int64Array
+    horizon_px: FloatArray
+    fits: FitColumns
+    geometry: LaneGeometry
+    preview_m: float
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+
+def lanes_channel(frames: LaneFrames) -> OutputChannel:
+    """`cwcli.v1.Lanes`, one message a frame."""
+    geometry = frames.geometry
+    fields: dict[str, OutputField] = {"stamp_ns": frames.stamp_ns}
+    for side, (name, body) in enumerate((("left", geometry.left_body), ("right", geometry.right_body))):
+        for k, parameter in enumerate("abc"):
+            fields[f"{name}.{parameter}"] = frames.fits.parabolas[:, side, k]
+        fields[f"{name}.score"] = frames.fits.score[:, side]
+        fields[f"{name}.probability"] = frames.fits.probability[:, side]
+        fields[f"{name}.found"] = frames.fits.found[:, side]
+        for k, parameter in enumerate(("lateral_m", "slope", "ground_curvature_1pm")):
+            fields[f"{name}.{parameter}"] = body[:, k]
+    fields |= {
+        "lateral_deviation_m": geometry.lateral_deviation_m,
+        "heading_deviation_rad": geometry.heading_deviation_rad,
+        "curvature_1pm": geometry.curvature_1pm,
+        "lateral_deviation_sigma_m": geometry.lateral_deviation_sigma_m,
+        "heading_deviation_sigma_rad": geometry.heading_deviation_sigma_rad,
+        "curvature_sigma_1pm": geometry.curvature_sigma_1pm,
+        "preview_distance_m": np.full(len(frames), frames.preview_m),
+        "search_width_px": frames.search_size[:, 0],
+        "search_height_px": frames.search_size[:, 1],
+        "lane_width_m": geometry.lane_width_m,
+    }
+    return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", frames.log_time_ns, fields)
+
+
+def annotations_channel(frames: LaneFrames) -> StreamedChannel:
+    """`foxglove.ImageAnnotations` in the pixels of the camera's image: one line a boundary that was found.
+
+    The time is that of the frame, by which viewers put both together.
+    """
+
+    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+        at = slice(start, stop)
+        points, is_in = _points(frames, at)
+        has_line = is_in.sum(axis=2) > 1
+        lines_of = np.concatenate([[0], np.cumsum(has_line.sum(axis=1))])
+        frame_of, side_of = np.nonzero(has_line)
+        used = is_in & has_line[..., None]
+        points_of = np.concatenate([[0], np.cumsum(used.sum(axis=2)[frame_of, side_of])])
+        colours = np.array([LEFT_RGB, RIGHT_RGB])[side_of]
+        lines: dict[str, OutputField] = {
+            "timestamp": frames.stamp_ns[at][frame_of],
+            "type": np.full(len(frame_of), LINE_STRIP),
+            "points": Repeated(points_of.astype(np.int64), {"x": points[used][:, 0], "y": points[used][:, 1]}),
+            "outline_color.r": colours[:, 0],
+            "outline_color.g": colours[:, 1],
+            "outline_color.b": colours[:, 2],
+            "outline_color.a": np.ones(len(frame_of)),
+            "thickness": np.maximum(frames.image_size[at][frame_of, 0] / PIXELS_PER_THICKNESS, 2.0),
+        }
+        return {"points": Repeated(lines_of.astype(np.int64), lines)}
+
+    return StreamedChannel(ANNOTATIONS_TOPIC, "foxglove.ImageAnnotations", frames.log_time_ns, rows=rows)
+
+
+def rendered_channel(
+    frames: LaneFrames, topic: str, *, frame_id: str, images: Callable[[], Iterator[DecodedFrame]]
+) -> StreamedChannel:
+    """The camera's frames with the lines burnt in, as JPEG `foxglove.CompressedImage`, made while they are written.
+
+    Args:
+        frames: The used frames.
+        topic: Where to publish.
+        frame_id: Of the camera.
+        images: Starts the camera's frames anew, in colour.
+    """
+    rendering = _Rendering(frames, images)
+
+    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+        made = rendering.rows(start, stop)
+        n = stop - start
+        offsets = np.concatenate([[0], np.cumsum([len(each) for each in made])]).astype(np.int64)
+        return {
+            "timestamp": frames.stamp_ns[start:stop],
+            "frame_id": Strings(np.zeros(n, np.int32), (frame_id,)),
+            "data": Ragged(np.concatenate(made) if made else np.zeros(0, np.uint8), offsets),
+            "format": Strings(np.zeros(n, np.int32), ("jpeg",)),
+        }
+
+    return StreamedChannel(topic, "foxglove.CompressedImage", frames.log_time_ns, rows=rows)
+
+
+class _Rendering:
+    """Reads the camera's frames along as rows are asked for; starts again if they are asked for a second time."""
+
+    def __init__(self, frames: LaneFrames, images: Callable[[], Iterator[DecodedFrame]]) -> None:
+        self._frames = frames
+        self._start_images = images
+        self._images: Iterator[DecodedFrame] = iter(())
+        self._next_row: int | None = None
+
+    def rows(self, start: int, stop: int) -> Sequence[npt.NDArray[np.uint8]]:
+        """The JPEG files of rows `start` to `stop`."""
+        if start != self._next_row:
+            self._images = self._start_images()
+            wanted = int(self._frames.index[start]) if start < stop else 0
+            next(islice(self._images, wanted, wanted), None)
+        self._next_row = stop
+        points, is_in = _points(self._frames, slice(start, stop))
+        made = []
+        for row in range(start, stop):
+            image = self._image(int(self._frames.index[row]))
+            lines = [points[row - start, side][is_in[row - start, side]] for side in range(2)]
+            made.append(encode_jpeg(burn_in(image, lines)))
+        return made
+
+    def _image(self, index: int) -> npt.NDArray[np.uint8]:
+        for decoded in self._images:
+            if decoded.index == index and decoded.image is not None:
+                return decoded.image
+        raise RuntimeError(f"frame {index} could be decoded before and can't be now")
+
+
+def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """`line_points` of some rows, whatever their image sizes."""
+    from cwcli.vision.overlay import N_POINTS
+
+    sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
+    points, is_in = np.zeros((len(sizes), 2, N_POINTS, 2)), np.zeros((len(sizes), 2, N_POINTS), np.bool_)
+    fits, horizon_px = frames.fits[at], frames.horizon_px[at]
+    for size in np.unique(sizes, axis=0):
+        rows = np.flatnonzero((sizes == size).all(axis=1))
+        search_w, search_h, image_w, image_h = size.tolist()
+        made = line_points(fits[rows], (search_w, search_h), (image_w, image_h), horizon_px[rows])
+        points[rows], is_in[rows] = made
+    return points, is_in

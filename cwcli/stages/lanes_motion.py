@@ -1,0 +1,81 @@
+"""The ego's speed and yaw rate at the time of a frame, from whatever the log holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.logs.log import Log
+from cwcli.signals.canonical import ImuSignal, SpeedSignal
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.roles import bind
+from cwcli.stages.result import InputCount
+from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.states import read_states
+
+MAX_AGE_S = 0.5
+NS_PER_S = 1e9
+UP = 2
+
+
+@dataclass(frozen=True)
+class Series:
+    """Values at increasing stamps; empty where the log tells nothing."""
+
+    stamp_ns: Int64Array
+    values: FloatArray
+
+    def at(self, stamp_ns: int) -> float:
+        """The value at a time, linear between two samples that are both near; NaN elsewhere."""
+        i = int(np.searchsorted(self.stamp_ns, stamp_ns))
+        if i < len(self.stamp_ns) and self.stamp_ns[i] == stamp_ns:
+            return float(self.values[i])
+        if i == 0 or i == len(self.stamp_ns):
+            return float("nan")
+        before, after = int(self.stamp_ns[i - 1]), int(self.stamp_ns[i])
+        if max(stamp_ns - before, after - stamp_ns) > MAX_AGE_S * NS_PER_S:
+            return float("nan")
+        part = (stamp_ns - before) / (after - before)
+        return float((1.0 - part) * self.values[i - 1] + part * self.values[i])
+
+
+NOTHING = Series(np.zeros(0, np.int64), np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Speed and yaw rate over time, with what became of the messages that they come from."""
+
+    speed_mps: Series = NOTHING
+    yaw_rate_radps: Series = NOTHING
+    counts: tuple[InputCount, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_motion(log: Log, topics: Mapping[str, str]) -> Motion:
+    """The estimated state if `cwcli estimate` has run; else the speed channel and the gyroscope, as far as there are
+    any."""
+    bound = bind(log.channels, topics, required=(), optional=(Role.EGO_STATE,), where=log.name)
+    topic = bound.topic(Role.EGO_STATE)
+    if topic is not None:
+        states = read_states(log.columns(topic))
+        count = InputCount(topic, Role.EGO_STATE.value, len(states), len(states))
+        order = np.argsort(states.stamp_ns, kind="stable")
+        stamp_ns, state = states.stamp_ns[order], states.state[order]
+        return Motion(Series(stamp_ns, state[:, 2]), Series(stamp_ns, state[:, 5]), (count,))
+    sources = read_sources(
+        log, SourceConfig(topics=topics), command="lanes", required=(), optional=(Role.EGO_SPEED, Role.IMU)
+    )
+    speed, yaw_rate = NOTHING, NOTHING
+    for signal in sources.by_role.get(Role.EGO_SPEED, ()):
+        if isinstance(signal, SpeedSignal):
+            speed = Series(signal.stamp_ns, signal.speed_mps)
+            if np.isfinite(signal.yaw_rate_radps).all():
+                yaw_rate = Series(signal.stamp_ns, signal.yaw_rate_radps)
+    for signal in sources.by_role.get(Role.IMU, ()):
+        if isinstance(signal, ImuSignal):
+            yaw_rate = Series(signal.stamp_ns, signal.gyro_radps[:, UP])
+    return Motion(speed, yaw_rate, sources.counts(), sources.notes)

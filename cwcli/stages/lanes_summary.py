@@ -1,0 +1,80 @@
+"""The table and the summary of the stage `lanes`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.signals.columns import FloatArray
+from cwcli.stages.lanes_channels import LaneFrames
+from cwcli.stages.result import Cell, Section
+
+SIDES = ("left", "right")
+
+
+def lanes_table(frames: LaneFrames) -> Table:
+    """One row a used frame."""
+    geometry = frames.geometry
+    columns: dict[str, TableColumn] = {
+        "frame": frames.index,
+        "log_time_ns": frames.log_time_ns,
+        "stamp_ns": frames.stamp_ns,
+        "image_width_px": frames.image_size[:, 0],
+        "image_height_px": frames.image_size[:, 1],
+        "search_width_px": frames.search_size[:, 0],
+        "search_height_px": frames.search_size[:, 1],
+    }
+    docs = {
+        "frame": ColumnDoc(doc="number of the frame in its channel, within the chosen span"),
+        "search_width_px": ColumnDoc(doc="size of the image in whose pixels a, b and c are"),
+    }
+    for side, (name, body) in enumerate(zip(SIDES, (geometry.left_body, geometry.right_body), strict=True)):
+        for k, parameter in enumerate("abc"):
+            columns[f"{name}_{parameter}"] = frames.fits.parabolas[:, side, k]
+        columns[f"{name}_score"] = frames.fits.score[:, side]
+        columns[f"{name}_probability"] = frames.fits.probability[:, side]
+        columns[f"{name}_found"] = frames.fits.found[:, side]
+        for k, parameter in enumerate(("lateral_m", "slope", "ground_curvature_1pm")):
+            columns[f"{name}_{parameter}"] = body[:, k]
+            docs[f"{name}_{parameter}"] = ColumnDoc(frame="body", doc="y = lateral + slope x + curvature x^2 / 2")
+    columns |= {
+        "lateral_deviation_m": geometry.lateral_deviation_m,
+        "lateral_deviation_sigma_m": geometry.lateral_deviation_sigma_m,
+        "heading_deviation_rad": geometry.heading_deviation_rad,
+        "heading_deviation_sigma_rad": geometry.heading_deviation_sigma_rad,
+        "curvature_1pm": geometry.curvature_1pm,
+        "curvature_sigma_1pm": geometry.curvature_sigma_1pm,
+        "lane_width_m": geometry.lane_width_m,
+        "pitch_rad": frames.fits.pitch_rad,
+    }
+    docs |= {
+        "lateral_deviation_m": ColumnDoc(doc="of the lane's centre at the preview point, right positive (y_L)"),
+        "heading_deviation_rad": ColumnDoc(doc="of the car from the lane there, counter-clockwise positive (e_L)"),
+        "curvature_1pm": ColumnDoc(doc="of the lane there, right bend positive (K_L)"),
+        "lane_width_m": ColumnDoc(doc="10 m ahead of the camera"),
+        "pitch_rad": ColumnDoc(doc="of the camera as the method estimates it, nose down positive"),
+    }
+    return Table("lanes", columns, docs)
+
+
+def lanes_section(frames: LaneFrames, *, n_searches: int, search_s: float) -> Section:
+    """How often boundaries were found, the lane that they make, and the time of the search."""
+    found = frames.fits.found
+    n = len(frames)
+    rows: list[tuple[Cell, ...]] = [
+        ("frames", n),
+        ("left boundary found (%)", 100.0 * float(found[:, 0].mean())),
+        ("right boundary found (%)", 100.0 * float(found[:, 1].mean())),
+        ("both found (%)", 100.0 * float(found.all(axis=1).mean())),
+        ("lane width at 10 m, median (m)", _median(frames.geometry.lane_width_m)),
+        (f"lateral deviation at {frames.preview_m:g} m, median (m)", _median(frames.geometry.lateral_deviation_m)),
+        ("its sigma, median (m)", _median(frames.geometry.lateral_deviation_sigma_m)),
+        ("searches begun", n_searches),
+        ("time of the search per frame (ms)", 1e3 * search_s / n),
+    ]
+    return Section("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows))
+
+
+def _median(values: FloatArray) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else None

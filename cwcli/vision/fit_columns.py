@@ -1,0 +1,95 @@
+"""The fits of many frames as arrays: a few numbers a frame."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import Boundary
+from cwcli.vision.method import LaneFit
+
+SIDES = 2
+_PER_SIDE = 6 + 9
+_PER_FIT = SIDES * _PER_SIDE + 2
+_NO_COVARIANCE = (float("nan"),) * 9
+
+
+@dataclass(frozen=True)
+class FitColumns:
+    """Fits of n frames; side 0 is left, 1 is right.
+
+    Attributes:
+        parabolas: Shape (n, 2, 3): a, b, c; NaN where not found.
+        score, probability: Shape (n, 2).
+        found: Shape (n, 2).
+        covariance: Shape (n, 2, 3, 3); NaN where the method gives none.
+        pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
+    """
+
+    parabolas: FloatArray
+    score: FloatArray
+    probability: FloatArray
+    found: npt.NDArray[np.bool_]
+    covariance: FloatArray
+    pitch_rad: FloatArray
+    yaw_rad: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.parabolas)
+
+    def __getitem__(self, rows: slice | npt.NDArray[np.intp]) -> FitColumns:
+        return FitColumns(
+            self.parabolas[rows],
+            self.score[rows],
+            self.probability[rows],
+            self.found[rows],
+            self.covariance[rows],
+            self.pitch_rad[rows],
+            self.yaw_rad[rows],
+        )
+
+
+class FitRecorder:
+    """Collects fits, 256 bytes each."""
+
+    def __init__(self) -> None:
+        self._numbers = array("d")
+
+    def append(self, fit: LaneFit) -> None:
+        """Add the fit of the next frame."""
+        for side in (fit.left, fit.right):
+            self._numbers.extend(_numbers(side))
+        self._numbers.extend((fit.pitch_rad, fit.yaw_rad))
+
+    def columns(self) -> FitColumns:
+        """All fits so far."""
+        table = np.array(self._numbers, np.float64).reshape(-1, _PER_FIT)
+        sides = table[:, : SIDES * _PER_SIDE].reshape(-1, SIDES, _PER_SIDE)
+        return FitColumns(
+            parabolas=sides[..., :3],
+            score=sides[..., 3],
+            probability=sides[..., 4],
+            found=sides[..., 5] > 0.0,
+            covariance=sides[..., 6:].reshape(-1, SIDES, 3, 3),
+            pitch_rad=table[:, -2],
+            yaw_rad=table[:, -1],
+        )
+
+
+def columns_of(fits: list[LaneFit]) -> FitColumns:
+    """The given fits as columns."""
+    recorder = FitRecorder()
+    for fit in fits:
+        recorder.append(fit)
+    return recorder.columns()
+
+
+def _numbers(side: Boundary) -> tuple[float, ...]:
+    nan = float("nan")
+    abc = (side.a, side.b, side.c) if side.found else (nan, nan, nan)
+    covariance = _NO_COVARIANCE if side.covariance is None else tuple(side.covariance.reshape(-1).tolist())
+    return (*abc, side.score, side.probability, 1.0 if side.found else 0.0, *covariance)

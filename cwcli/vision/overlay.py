@@ -1,0 +1,84 @@
+"""What is drawn on the camera's image: the boundaries as points in its pixels, and frames with them burnt in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.fit_columns import FitColumns
+from cwcli.vision.ground import HIGHEST
+from cwcli.vision.raw_images import Image
+
+BoolArray = npt.NDArray[np.bool_]
+
+N_POINTS = 24
+HORIZON_GAP = 0.015
+"""Boundaries end this far below the horizon, in image heights."""
+MIN_GAP_PX = 4.0
+"""Boundaries end where they come nearer to each other than this, in search pixels."""
+
+LEFT_RGB = (0.1, 0.9, 0.2)
+RIGHT_RGB = (1.0, 0.55, 0.0)
+JPEG_QUALITY = 85
+
+
+def line_points(
+    fits: FitColumns, search_size: tuple[int, int], image_size: tuple[int, int], horizon_px: FloatArray | float = np.nan
+) -> tuple[FloatArray, BoolArray]:
+    """The boundaries of n frames in the camera's images.
+
+    Args:
+        fits: In the pixels of the search image.
+        search_size, image_size: (width, height) in pixels.
+        horizon_px: Row of the horizon in the search image from the top, one or n; NaN where it is not known.
+
+    Returns:
+        Points of shape (n, 2, `N_POINTS`, 2): u and v from the bottom up, (0, 0) being the centre of the top left
+        pixel; and which of them belong to the line, shape (n, 2, `N_POINTS`): found, in the image, and below the place
+        where both boundaries meet.
+    """
+    width_px, height_px = search_size
+    below_horizon = height_px - np.broadcast_to(horizon_px, len(fits)) - HORIZON_GAP * height_px
+    top = np.maximum(np.fmin(below_horizon, HIGHEST * height_px), 2.0)
+    y_px = 1.0 + np.linspace(0.0, 1.0, N_POINTS) * (top[:, None] - 1.0)
+    a, b, c = np.moveaxis(fits.parabolas[..., None], 2, 0)
+    x_px = (a * y_px[:, None] + b) * y_px[:, None] + c
+    with np.errstate(invalid="ignore"):
+        is_in = (x_px >= 1.0) & (x_px <= width_px)
+        apart = ~(x_px[:, 1] - x_px[:, 0] <= MIN_GAP_PX)
+    is_in &= np.logical_and.accumulate(apart, axis=1)[:, None]
+    v_px = np.broadcast_to((height_px - y_px)[:, None], x_px.shape)
+    scale = np.array([image_size[0] / width_px, image_size[1] / height_px])
+    return (np.stack([x_px - 1.0, v_px], axis=-1) + 0.5) * scale - 0.5, is_in
+
+
+def burn_in(image: Image, lines: Sequence[FloatArray]) -> Image:
+    """The image with lines drawn on it.
+
+    Args:
+        image: Shape (height, width, 3), blue, green, red.
+        lines: The left and the right one, shape (k, 2) each: u, v.
+    """
+    import cv2
+
+    drawn = image.copy()
+    thickness = max(2, round(image.shape[1] / 320))
+    for points, colour in zip(lines, (LEFT_RGB, RIGHT_RGB), strict=True):
+        if len(points) > 1:
+            fixed = np.round(points * 16).astype(np.int32).reshape(-1, 1, 2)
+            blue_green_red = tuple(round(255 * part) for part in reversed(colour))
+            cv2.polylines(drawn, [fixed], False, blue_green_red, thickness, cv2.LINE_AA, 4)
+    return drawn
+
+
+def encode_jpeg(image: Image) -> Image:
+    """The image as a JPEG file, shape (bytes,), uint8."""
+    import cv2
+
+    done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a JPEG")
+    return np.asarray(data, np.uint8).reshape(-1)
