@@ -38,8 +38,8 @@ class TuSimpleScore:
 
     Attributes:
         accuracy: Share of the rows on which the best prediction is near enough, averaged over the truth's lanes.
-        false_positive: Share of the predicted lanes that match no lane of the truth. Negative where one prediction matches
-            several lanes: the public scorer counts it for each of them.
+        false_positive: Share of the predicted lanes that match no lane of the truth. Negative where one prediction
+            matches several lanes: the public scorer counts it for each of them.
         false_negative: Share of the truth's lanes that no prediction matches.
     """
 
@@ -57,9 +57,9 @@ def tusimple_score(
 ) -> TuSimpleScore:
     """One frame as TuSimple's public scorer judges it (tusimple-benchmark, evaluate/lane.py, `LaneEval.bench`).
 
-    A row counts if the columns differ by less than 20 px / cos(angle), the angle that of a straight line through the truth's
-    lane; a row on which both are absent counts too. A lane is matched if its best prediction has 85 % of its rows. The
-    scorer's special cases are kept:
+    A row counts if the columns differ by less than 20 px / cos(angle), the angle that of a straight line through the
+    truth's lane; a row on which both are absent counts too. A lane is matched if its best prediction has 85 % of its
+    rows. The scorer's special cases are kept:
 
     - a prediction with another number of rows, or a time above 200 ms, gives 0, 0, 1 for the frame;
     - of more than four lanes of truth the worst one is left out of the accuracy, which is then a mean of four, and one
@@ -186,8 +186,8 @@ def visual_score(
     Args:
         left_u_px, right_u_px: Shape (n,): found columns by row, NaN where not found.
         truth_left_u_px, truth_right_u_px: Shape (n,).
-        left_visible, right_visible: Shape (n,): rows to judge. (zhang2011 searches the lower 150 rows of 240: let the rows
-            above count as not visible.)
+        left_visible, right_visible: Shape (n,): rows to judge. (zhang2011 searches the lower 150 rows of 240: let the
+            rows above count as not visible.)
         width_px: Of the image: the tolerance of 6 pixels belongs to 320 and scales.
     """
     tolerance = VISUAL_PIXELS * width_px / VISUAL_WIDTH_PX

@@ -1,7 +1,7 @@
 """The camera of rendered frames: a pinhole above the road, without roll or distortion.
 
-Image axes: u to the right, v down, the centre of the top left pixel at (0, 0). Body frame: x forward, y left, z up, origin
-on the road below the camera. `pitch_rad` is nose down positive.
+Image axes: u to the right, v down, the centre of the top left pixel at (0, 0). Body frame: x forward, y left, z up,
+origin on the road below the camera. `pitch_rad` is nose down positive.
 """
 
 from __future__ import annotations
@@ -74,18 +74,17 @@ PAPER_FOCAL_PX = 2000.0 / 3.0
 def paper_camera(width_px: int = 320, height_px: int = 240) -> RoadCamera:
     """zhang2011's camera, as far as the paper determines it.
 
-    The optical axis meets the road 33.5 m ahead and the road fills the lower 150 rows of 320 x 240. With the camera 1.5 m
-    high both hold for a lens of 667 pixels (10 mm at 1/3 inch): the horizon then lies 150.4 rows above the bottom. A lane of
-    3.75 m has the slopes +-1.25 and the feet -27 and 347, in the middle of the paper's first search regions.
+    The optical axis meets the road 33.5 m ahead and the road fills the lower 150 rows of 320 x 240. With the camera
+    1.5 m high both hold for a lens of 667 pixels (10 mm at 1/3 inch): the horizon then lies 150.4 rows above the
+    bottom. A lane of 3.75 m has the slopes +-1.25 and the feet -27 and 347, in the middle of the paper's first search
+    regions.
 
     Other sizes keep the horizontal field of view (27 deg) and the axis.
     """
     _check_size(width_px, height_px)
     focal = PAPER_FOCAL_PX * width_px / 320.0
     pitch = math.atan(PAPER_HEIGHT_M / PAPER_PREVIEW_M)
-    return RoadCamera(
-        width_px, height_px, focal, focal, (width_px - 1) / 2, (height_px - 1) / 2, PAPER_HEIGHT_M, pitch
-    )
+    return RoadCamera(width_px, height_px, focal, focal, (width_px - 1) / 2, (height_px - 1) / 2, PAPER_HEIGHT_M, pitch)
 
 
 def wide_camera(width_px: int = 1280, height_px: int = 720) -> RoadCamera:
@@ -100,9 +99,7 @@ CAMERAS = {"paper": paper_camera, "wide": wide_camera}
 
 
 def _check_size(width_px: int, height_px: int) -> None:
-    if not (
-        MIN_SIZE_PX[0] <= width_px <= MAX_SIZE_PX[0] and MIN_SIZE_PX[1] <= height_px <= MAX_SIZE_PX[1]
-    ):
+    if not (MIN_SIZE_PX[0] <= width_px <= MAX_SIZE_PX[0] and MIN_SIZE_PX[1] <= height_px <= MAX_SIZE_PX[1]):
         raise UsageError(
             f"an image of {width_px} x {height_px} pixels can't be rendered",
             hint=f"from {MIN_SIZE_PX[0]} x {MIN_SIZE_PX[1]} to {MAX_SIZE_PX[0]} x {MAX_SIZE_PX[1]}",

@@ -20,7 +20,8 @@ SHIFT = 4
 
 @dataclass(frozen=True)
 class Shape:
-    """A filled polygon: corners (n, 2) as (u, v) in pixels, grey 0 to 255; or an ellipse that fills two corners' box."""
+    """A filled polygon: corners (n, 2) as (u, v) in pixels, grey 0 to 255; or an ellipse that fills two corners'
+    box."""
 
     corners: FloatArray
     grey: float

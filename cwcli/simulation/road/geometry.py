@@ -1,7 +1,7 @@
 """The road ahead as the camera sees it: lines beside the lane's centre, and which distance each image row shows.
 
-Body frame: x forward, y left, z up. Offsets from the lane's centre line are positive to the left. The surface is a cylinder
-z = g x^2 / 2 across the driving direction (a crest has g < 0, a sag g > 0), so each row shows one distance.
+Body frame: x forward, y left, z up. Offsets from the lane's centre line are positive to the left. The surface is a
+cylinder z = g x^2 / 2 across the driving direction (a crest has g < 0, a sag g > 0), so each row shows one distance.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from cwcli.simulation.road.camera import RoadCamera
 GRID_M: FloatArray = np.concatenate(
     [np.arange(-2.0, 40.0, 0.5), np.arange(40.0, 120.0, 1.0), np.arange(120.0, 421.0, 3.0)]
 )
-"""Arc lengths at which curves are computed. Between them a chord is off by less than 0.1 mm in the first 40 m at a radius
-of 300 m: below 0.02 pixel."""
+"""Arc lengths at which curves are computed. Between them a chord is off by less than 0.1 mm in the first 40 m at a
+radius of 300 m: below 0.02 pixel."""
 FAR_M = 400.0
 """The road's surface ends here."""
 AWAY_RAD = np.radians(75.0)
@@ -29,7 +29,8 @@ class RoadAhead:
     """The lane's centre line in the body frame.
 
     Attributes:
-        curvature_1pm: Shape (len(GRID_M),): at the arc lengths of `GRID_M` from the point beside the camera, left positive.
+        curvature_1pm: Shape (len(GRID_M),): at the arc lengths of `GRID_M` from the point beside the camera, left
+            positive.
         offset_m: Of the camera from the lane's centre, left positive.
         heading_rad: Of the body from the lane's direction at that point, counter-clockwise positive.
         vertical_1pm: g, above.

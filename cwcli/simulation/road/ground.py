@@ -75,7 +75,9 @@ def _between(low_m: float, high_m: float, soft_m: float) -> Float32Array:
     return np.asarray(np.minimum(rise, np.clip((high_m - CELLS_M) / soft + 0.5, 0.0, 1.0)), np.float32)
 
 
-def _share(rows: Rows, start_m: FloatArray | float, end_m: FloatArray | float) -> FloatArray:
+def _share(
+    rows: Rows, start_m: FloatArray | Float32Array | float, end_m: FloatArray | Float32Array | float
+) -> FloatArray:
     """Share of each row's stretch of road that lies between two stations; bounds (1, cells) or numbers."""
     low, high = rows.start_m[:, None], rows.end_m[:, None]
     return np.clip((np.minimum(high, end_m) - np.maximum(low, start_m)) / np.maximum(high - low, 1e-3), 0.0, 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -71,9 +72,7 @@ def draw_vehicles(
     return lamps
 
 
-def _vehicle(
-    image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArray
-) -> list[tuple[float, float, float]]:
+def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArray) -> list[tuple[float, float, float]]:
     x, y, direction = view.road.at_arc(vehicle.ahead_m, vehicle.offset_m)
     forward = np.array([math.cos(direction), math.sin(direction)])
     left = np.array([-forward[1], forward[0]])
@@ -150,7 +149,7 @@ def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
             np.array([px[0], px[1], px[1], px[0]]), np.array([py[0], py[1], py[1], py[0]]), np.array([0, 0, 0.7, 0.7])
         )
         shapes.append(Shape(corners, view.shade(85.0, float(start))))
-    for near, far in zip(edge[:-1], edge[1:], strict=True):
+    for near, far in pairwise(edge):
         inside = np.concatenate([[near], x[(x > near) & (x < far)], [far]])
         py = np.interp(inside, x, y)
         for low, high, grey in ((RAIL_M[0], RAIL_M[1], 150.0), (0.62, 0.66, 105.0)):

@@ -52,9 +52,7 @@ class Rows:
         """Values over (row, lateral cell) as an image of the rows; mirrored beyond the outermost cells."""
         import cv2
 
-        return np.asarray(
-            cv2.remap(strip, self.map_u, self.map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
-        )
+        return np.asarray(cv2.remap(strip, self.map_u, self.map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101))
 
 
 def rows_of(camera: RoadCamera, road: RoadAhead) -> Rows:

@@ -1,7 +1,7 @@
 """What a rendered frame shows: the description that the renderer draws and that the sets draw at random.
 
-Offsets are from the lane's centre, left positive; stations are arc lengths along the road, so that a scene can be driven
-through. Grey values are those of an 8-bit camera image of a sunlit road.
+Offsets are from the lane's centre, left positive; stations are arc lengths along the road, so that a scene can be
+driven through. Grey values are those of an 8-bit camera image of a sunlit road.
 """
 
 from __future__ import annotations

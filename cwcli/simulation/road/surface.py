@@ -1,8 +1,8 @@
 """Surfaces as seen from the car: asphalt, verge, leaves' shadow and worn paint, averaged over what each row shows.
 
-A row near the horizon covers metres of road, one at the bottom centimetres. So that far texture neither flickers nor aliases,
-each texture is kept as its running sum along the road: the mean over a row's stretch of road is a difference of two sums.
-Textures are the same in every process: a fixed seed; scenes take them from different places.
+A row near the horizon covers metres of road, one at the bottom centimetres. So that far texture neither flickers nor
+aliases, each texture is kept as its running sum along the road: the mean over a row's stretch of road is a difference
+of two sums. Textures are the same in every process: a fixed seed; scenes take them from different places.
 """
 
 from __future__ import annotations

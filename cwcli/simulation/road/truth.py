@@ -14,7 +14,8 @@ from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 BoolArray = npt.NDArray[np.bool_]
 
 VISIBLE_RANGE_M = 80.0
-"""Rows that show the road farther away count as not visible (a marking of 0.15 m is 1.2 pixels wide there at 320 x 240)."""
+"""Rows that show the road farther away count as not visible (a marking of 0.15 m is 1.2 pixels wide there at 320 x
+240)."""
 SIDES = ("left", "right")
 
 
@@ -29,9 +30,10 @@ class LaneTruth:
         camera: With the pitch of this moment.
         road: The road ahead; see `boundary_y_m`.
         x_m: Shape (height,): distance ahead that each row's centre shows, NaN above the road's end.
-        left_u_px, right_u_px: Shape (height,): column of the boundary, NaN where there is no road; may lie outside the image.
-        left_visible, right_visible: Shape (height,): inside the image, nearer than `VISIBLE_RANGE_M`, not hidden by a crest
-            or a vehicle.
+        left_u_px, right_u_px: Shape (height,): column of the boundary, NaN where there is no road; may lie outside the
+            image.
+        left_visible, right_visible: Shape (height,): inside the image, nearer than `VISIBLE_RANGE_M`, not hidden by a
+            crest or a vehicle.
         left_half_width_px, right_half_width_px: Shape (height,): half the painted width.
         lane_width_m: Between the two boundaries.
         condition: What the frame shows, e.g. `rain`.
@@ -92,13 +94,12 @@ class LaneTruth:
         return lanes
 
     def parabola(self, side: str) -> tuple[float, float, float]:
-        """Least-squares a, b, c of x = a y^2 + b y + c over the visible rows of the lower five eighths (zhang2011, eq. 1).
+        """Least-squares a, b, c of x = a y^2 + b y + c over the visible rows of the lower five eighths (zhang2011, eq.
+        1).
 
         Pixels numbered from 1 at the bottom left, y up. NaN with fewer than three visible rows.
         """
-        u, visible = (
-            (self.left_u_px, self.left_visible) if side == "left" else (self.right_u_px, self.right_visible)
-        )
+        u, visible = (self.left_u_px, self.left_visible) if side == "left" else (self.right_u_px, self.right_visible)
         rows = np.flatnonzero(visible)
         rows = rows[rows >= self.camera.height_px * 3 // 8]
         if len(rows) < 3:
@@ -137,4 +138,16 @@ def lane_truth(
         columns.append(u)
         visibles.append(visible)
         halves.append(camera.fx * width_m / 2 / camera.depth(x_m, camera.height_m - road.z_at(x_m)))
-    return LaneTruth(camera, road, x_m, *columns, *visibles, *halves, lane_width_m, condition)  # type: ignore[misc]
+    return LaneTruth(
+        camera=camera,
+        road=road,
+        x_m=x_m,
+        left_u_px=columns[0],
+        right_u_px=columns[1],
+        left_visible=visibles[0],
+        right_visible=visibles[1],
+        left_half_width_px=halves[0],
+        right_half_width_px=halves[1],
+        lane_width_m=lane_width_m,
+        condition=condition,
+    )

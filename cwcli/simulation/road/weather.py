@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
@@ -144,7 +145,7 @@ def _vignette(height: int, width: int) -> Float32Array:
     return np.asarray(1.0 - VIGNETTE * (u * u + v * v) / 1.5625, np.float32)
 
 
-def sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
+def sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     """Exposure, vignette, lens blur, shot and read noise, saturation, eight bits."""
     import cv2
 
@@ -152,7 +153,7 @@ def sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> np.nd
     image = image * (_vignette(height, width) * np.float32(light.exposure))
     sigma = light.blur_px * width / 320.0
     if sigma > 0.2:
-        image = cv2.GaussianBlur(image, (0, 0), sigma)
+        image = np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), np.float32)
     noise = rng.standard_normal((height, width), dtype=np.float32)
     spread = np.sqrt(np.maximum(image, 0.0) * np.float32(SHOT_NOISE) + np.float32(READ_NOISE**2))
     image = image + noise * spread * np.float32(light.noise)
