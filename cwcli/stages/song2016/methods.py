@@ -23,10 +23,20 @@ STEP_NS = 50_000_000
 HORIZON_S = 2.5  # song2016, section 4
 DERIVATIVE_SAMPLES = 8
 """Jerk and yaw acceleration are the least-squares slope of the filtered acceleration and yaw rate over the last 0.35 s.
-The paper says that they are "computed from the measured" values and not how. A shorter window is noisier than it helps: at
+The paper says that they are "computed from the measured" values, not how. A shorter window is noisier than it helps: at
 0.2 s the jerk family is the worse one on the paper's own drives. A longer one sees a manoeuvre too late for fig. 9."""
 FAMILIES = {"speed": "cv", "acceleration": "ctra", "jerk": "cj-cya"}
 """The paper's three families (eq. 9, 2, 10) and our names of the models."""
+
+
+VECTOR = {
+    Kind.POSITION: [0, 1],
+    Kind.SPEED: [2],
+    Kind.HEADING: [3],
+    Kind.ACCEL: [4],
+    Kind.YAW_RATE: [5],
+}
+"""Which columns of Z (eq. 1) each kind of measurement is."""
 
 
 @dataclass(frozen=True)
@@ -70,25 +80,43 @@ def paper_states(run: Run) -> FloatArray:
 def our_track(run: Run, *, causal: bool = True) -> Track:
     """Our default estimator on the same measurements, told the same noise."""
     stamp_ns = np.arange(len(run.vectors), dtype=np.int64) * STEP_NS
-    columns = {
-        Kind.POSITION: [0, 1],
-        Kind.SPEED: [2],
-        Kind.HEADING: [3],
-        Kind.ACCEL: [4],
-        Kind.YAW_RATE: [5],
-    }
-    measurements = [_measured(kind, stamp_ns, run.vectors[:, own], run.sigma[own]) for kind, own in columns.items()]
+    measurements = [_measured(kind, stamp_ns, run.vectors[:, own], run.sigma[own]) for kind, own in VECTOR.items()]
     return estimate_track(measurements, EstimatorConfig(latency="none", causal=causal), stamp_ns)
 
 
-def our_vehicles(drive: SimulatedDrive, model: str) -> tuple[VehicleTrack, list[VehicleTrack]]:
-    """What our default chain knows on line: the host from its sensors, the others from the messages it received.
+@dataclass(frozen=True)
+class Known:
+    """One vehicle as our default chain knows it on line, from the past alone.
 
-    The host's states come at 20 Hz, the others' at the times of their messages, each from the past alone (causal).
+    Attributes:
+        name: `host` or the station id.
+        track: Causal estimate: at 20 Hz for the host, at the times of its messages for another.
+        log_time_ns: Shape (n,): when each state was known to the host.
+        horizon_s: How far its paths must reach.
+        length_m, width_m: Outline.
+    """
+
+    name: str
+    track: Track
+    log_time_ns: Int64Array
+    horizon_s: float
+    length_m: float
+    width_m: float
+
+    def predicted(self, model: str) -> VehicleTrack:
+        """With a path from every state, by a key of `prediction.MODELS`."""
+        track = self.track
+        paths = rollout(model, track.state, track.covariance, horizon_s=self.horizon_s, step_s=STEP_S)
+        return VehicleTrack(
+            self.name, track.stamp_ns, self.log_time_ns, track.state, paths, self.length_m, self.width_m
+        )
+
+
+def known_vehicles(drive: SimulatedDrive) -> tuple[Known, list[Known]]:
+    """The host from its sensors and the others from the messages that it received of them.
 
     Args:
         drive: A simulated drive with at least one other vehicle on V2X.
-        model: The motion model, a key of `prediction.MODELS`.
     """
     first_ns = max(int(data.stamp_ns.min()) for data in drive.sensors.values())
     last_ns = min(int(data.stamp_ns.max()) for data in drive.sensors.values())
@@ -96,26 +124,22 @@ def our_vehicles(drive: SimulatedDrive, model: str) -> tuple[VehicleTrack, list[
     config = EstimatorConfig(latency="none", causal=True)
     sizes = drive.scenario.vehicles[HOST]
     track = estimate_track(_host_measurements(drive), config, grid_ns)
-    host = _vehicle(HOST, track, grid_ns, model, HORIZON_S, sizes.length_m, sizes.width_m)
+    host = Known(HOST, track, grid_ns, HORIZON_S, sizes.length_m, sizes.width_m)
     others = []
     for received in drive.v2x.values():
         stamp_ns, rows = np.unique(received.stamp_ns, return_index=True)
-        columns = {
-            Kind.POSITION: [0, 1],
-            Kind.SPEED: [2],
-            Kind.HEADING: [3],
-            Kind.ACCEL: [4],
-            Kind.YAW_RATE: [5],
-        }
         said = [
-            _measured(kind, stamp_ns, received.state[rows][:, own], received.sigma[own])
-            for kind, own in columns.items()
+            _measured(kind, stamp_ns, received.state[rows][:, own], received.sigma[own]) for kind, own in VECTOR.items()
         ]
-        track = estimate_track(said, config, stamp_ns)
-        reach_s = HORIZON_S + MAX_MESSAGE_AGE_S
-        heard_ns = received.log_time_ns[rows]
         others.append(
-            _vehicle(received.station_id, track, heard_ns, model, reach_s, received.length_m, received.width_m)
+            Known(
+                received.station_id,
+                estimate_track(said, config, stamp_ns),
+                received.log_time_ns[rows],
+                HORIZON_S + MAX_MESSAGE_AGE_S,
+                received.length_m,
+                received.width_m,
+            )
         )
     return host, others
 
@@ -138,13 +162,6 @@ def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
 
 def _measured(kind: Kind, stamp_ns: Int64Array, values: FloatArray, sigma: FloatArray) -> Measurements:
     return Measurements(kind.name.lower(), kind, stamp_ns, values, np.tile(np.square(sigma), (len(values), 1)))
-
-
-def _vehicle(
-    name: str, track: Track, log_time_ns: Int64Array, model: str, horizon_s: float, length_m: float, width_m: float
-) -> VehicleTrack:
-    paths = rollout(model, track.state, track.covariance, horizon_s=horizon_s, step_s=STEP_S)
-    return VehicleTrack(name, track.stamp_ns, log_time_ns, track.state, paths, length_m, width_m)
 
 
 def trailing_slope(values: FloatArray, samples: int = DERIVATIVE_SAMPLES) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ from cwcli.stages.song2016.finding import (
     ordered,
     within,
 )
-from cwcli.stages.song2016.methods import FAMILIES, HORIZON_S, our_vehicles, paper_points, paper_states, sense
+from cwcli.stages.song2016.methods import FAMILIES, HORIZON_S, Known, known_vehicles, paper_points, paper_states, sense
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.types import WarningConfig
 
@@ -76,7 +76,7 @@ def warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> Moment
             distance_m = np.hypot(*(host_xy - other_xy).T)
             example.setdefault(family, distance_m)
             moments[family].append(first_below(time_s, distance_m, COLLISION_M))
-        moments[OURS].append(min(_warnings_s(simulate(scenario, seed), DEFAULT_MODEL, WarningConfig()), default=np.nan))
+        moments[OURS].append(_first_default_warning_s(simulate(scenario, seed)))
         tick()
     arrays = {method: np.array(values) for method, values in moments.items()}
     return Moments(scenario, other, collision_time_s(scenario, other) - HORIZON_S, arrays, example, time_s)
@@ -100,9 +100,9 @@ def false_warnings(name: str, n_seeds: int, tick: Callable[[], None]) -> dict[st
     scenario = load_scenario(name)
     counts = {OURS: 0, "song2016": 0}
     for seed in range(n_seeds):
-        drive = simulate(scenario, seed)
-        counts[OURS] += len(_warnings_s(drive, DEFAULT_MODEL, WarningConfig()))
-        counts["song2016"] += len(_warnings_s(drive, FAMILIES["jerk"], WarningConfig(rule="song2016")))
+        host, others = known_vehicles(simulate(scenario, seed))
+        counts[OURS] += len(_warnings_ns(host, others, DEFAULT_MODEL, WarningConfig()))
+        counts["song2016"] += len(_warnings_ns(host, others, FAMILIES["jerk"], WarningConfig(rule="song2016")))
         tick()
     return counts
 
@@ -181,8 +181,13 @@ def _ideal(figure: str, paper_s: float, ours_s: float) -> Finding:
     return Finding(figure, "ideal moment", "s", paper_s, ours_s, math.nan, math.nan, verdict, is_required=True)
 
 
-def _warnings_s(drive: SimulatedDrive, model: str, config: WarningConfig) -> list[float]:
-    """When the rule raises a warning on what the host knows on line, seconds from the start."""
-    host, others = our_vehicles(drive, model)
-    events = evaluate(host, others, config).events.records()
-    return [(event["raised_stamp_ns"] - drive.scenario.start_ns) * 1e-9 for event in events]
+def _first_default_warning_s(drive: SimulatedDrive) -> float:
+    """When our default chain warns first, seconds from the start; NaN if it never does."""
+    warnings_ns = _warnings_ns(*known_vehicles(drive), DEFAULT_MODEL, WarningConfig())
+    return (warnings_ns[0] - drive.scenario.start_ns) * 1e-9 if warnings_ns else math.nan
+
+
+def _warnings_ns(host: Known, others: Sequence[Known], model: str, config: WarningConfig) -> list[int]:
+    """When the rule raises a warning on what the host knows on line, in order."""
+    result = evaluate(host.predicted(model), [other.predicted(model) for other in others], config)
+    return [int(event["raised_stamp_ns"]) for event in result.events.records()]
