@@ -26,7 +26,7 @@ cdef enum:
     T_INT = 3
     T_FLOAT = 4
     T_STRING = 5        # value: offset in the message << 32 | size
-    T_ARRAY = 6
+    T_ARRAY = 6         # with at least one value in it that is neither an object nor an array
     T_ESCAPED = 7       # as T_STRING, with escapes in it
 
 cdef enum:
@@ -264,10 +264,14 @@ cdef Py_ssize_t read_value(State* s, Py_ssize_t at, int entry, bint in_array, in
 
 
 cdef Py_ssize_t read_array(State* s, Py_ssize_t at, int entry, bint in_array, int depth) noexcept nogil:
+    cdef int slot = -1
+    cdef long long before = 0
     if depth > MAX_DEPTH:
         return ODD
-    if not in_array:
-        store(s, entry, False, T_ARRAY, 0)
+    if entry >= 0 and not in_array:
+        slot = (s.entries + N_COLUMNS * entry)[E_SLOT]
+    if slot >= 0:
+        before = s.cursors[slot]
     at = skip_space(s, at)
     if at < s.end and s.p[at] == 93:
         return at + 1
@@ -279,6 +283,8 @@ cdef Py_ssize_t read_array(State* s, Py_ssize_t at, int entry, bint in_array, in
         if at >= s.end:
             return ODD
         if s.p[at] == 93:
+            if slot >= 0 and s.cursors[slot] > before:
+                store(s, entry, False, T_ARRAY, 0)
             return at + 1
         if s.p[at] != 44:
             return ODD

@@ -83,19 +83,29 @@ def load_columns(
     """
     topics: list[_Topic] = []
     topic_of = np.zeros(1 << 16, np.int64)
-    for topic, fields in wanted.items():
-        single_schema(channels[topic], name)
-        n_expected = sum(channel.message_count or 0 for channel in channels[topic])
-        decoder = decoder_for(channels[topic][0], fields, name, n_expected=min(n_expected, MAX_EXPECTED))
-        topic_of[[channel.id for channel in channels[topic]]] = len(topics)
-        topics.append(_Topic(channels[topic], decoder))
+    for topic_name, fields in wanted.items():
+        own = channels[topic_name]
+        single_schema(own, name)
+        n_expected = sum(channel.message_count or 0 for channel in own)
+        decoder = decoder_for(own[0], fields, name, n_expected=min(n_expected, reader.max_messages(), MAX_EXPECTED))
+        topic_of[[channel.id for channel in own]] = len(topics)
+        topics.append(_Topic(own, decoder))
     for batch in reader.batches([channel.id for topic in topics for channel in topic.channels]):
         index = topic_of[batch.channel_id]
         for k, topic in enumerate(topics):
             rows = np.flatnonzero(index == k)
             if len(rows):
                 topic.add(batch if len(rows) == len(batch) else batch.take(rows))
-    return {topic.channels[0].topic: topic.columns(faults) for topic in topics}
+    loaded = {topic.channels[0].topic: topic.columns(faults) for topic in topics}
+    was_damaged = faults.chunks_lost or faults.bytes_lost or faults.truncated
+    if topics and was_damaged and not any(len(topic.batches) for topic in topics):
+        raise InputError(f"nothing of {', '.join(loaded)} can be read", where=name, found=faults_found(faults))
+    return loaded
+
+
+def faults_found(faults: Faults) -> tuple[str, ...]:
+    """What is wrong with a file, for an error message."""
+    return tuple(f"{reason}: {count}" for reason, count in faults.counts().items())
 
 
 MAX_EXPECTED = 1 << 22

@@ -13,7 +13,7 @@ from cwcli.errors import InputError
 from cwcli.kernels.message_scan import DAMAGED, FULL, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
 from cwcli.logs.faults import Faults
-from cwcli.logs.payload import ChunkError, chunk_payload, partial_payload
+from cwcli.logs.payload import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
 from cwcli.logs.records import (
     INDEX_ENTRY_BYTES,
     MESSAGE_HEADER_BYTES,
@@ -106,6 +106,11 @@ class MessageReader:
             for chunk in self._structure.chunks
             if chunk.uncompressed_size and (not chunk.index_offsets or not wanted.isdisjoint(chunk.index_offsets))
         ]
+
+    def max_messages(self) -> int:
+        """More messages than this can't be in the file."""
+        chunked = sum(min(chunk.uncompressed_size, MAX_CHUNK_BYTES) for chunk in self._structure.chunks)
+        return (chunked + sum(end - start for start, end in self._structure.loose)) // MIN_MESSAGE_BYTES
 
     def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, Iterator[Batch]]]:
         """The chunks' batches by the chunks' first log time, each with that time: no later chunk holds an earlier message."""

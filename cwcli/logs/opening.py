@@ -7,7 +7,7 @@ from cwcli.logs.faults import Faults
 from cwcli.logs.records import HEADER, MAGIC, RecordError, read_header, read_prefix
 from cwcli.logs.scan import DamageError, scan
 from cwcli.logs.structure import Structure
-from cwcli.logs.summary import find_footer, read_summary
+from cwcli.logs.summary import find_footer, is_complete, read_summary
 
 HINT = "--recover reads what is intact"
 
@@ -39,6 +39,7 @@ def _structure(
     data: memoryview, name: str, data_start: int, faults: Faults, *, recover: bool, verify: bool
 ) -> Structure:
     found = find_footer(data)
+    summary: Structure | None = None
     if found is None:
         if not recover:
             what = f"the file is cut short: it ends at byte {len(data)} without a footer"
@@ -46,18 +47,24 @@ def _structure(
         faults.truncated = True
     else:
         try:
-            structure = read_summary(data, *found, data_start, verify=verify)
-            if structure is not None:
-                return structure
+            summary = read_summary(data, *found, data_start, verify=verify)
         except RecordError as error:
             if not recover:
                 what = f"{error} (summary at byte {found[0].summary_start})"
                 raise InputError(what, where=name, hint=HINT) from error
             faults.summary_damaged = True
+    if summary is not None and is_complete(summary):
+        return summary
     try:
-        return scan(data, data_start, faults, recover=recover)
+        structure = scan(data, data_start, faults, recover=recover)
     except DamageError as error:
         raise InputError(f"{error} (at byte {error.at})", where=name, hint=HINT) from error
+    if summary is not None and summary.statistics is not None and structure.statistics is not None:
+        n_missing = summary.statistics.n_messages - structure.statistics.n_messages
+        if n_missing > 0 and not recover:
+            raise InputError(f"{n_missing} messages of its summary are not in it", where=name, hint=HINT)
+        faults.messages_lost += max(n_missing, 0)
+    return structure
 
 
 def _header(data: memoryview, name: str, faults: Faults, *, recover: bool) -> tuple[str, str, int]:

@@ -303,7 +303,9 @@ def read_metadata(data: memoryview, start: int, end: int) -> tuple[str, dict[str
 
 def read_statistics(data: memoryview, start: int, end: int) -> Statistics:
     fields = Fields(data, start, end)
-    return Statistics(*fields.numbers(_STATISTICS), fields.counts(_U16_U64))
+    messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns = fields.numbers(_STATISTICS)
+    counts = fields.counts(_U16_U64)
+    return Statistics(messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns, counts)
 
 
 def read_message_index(data: memoryview, start: int, end: int) -> tuple[int, int, int]:

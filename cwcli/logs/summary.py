@@ -57,7 +57,7 @@ def read_summary(
         verify: Check the summary's CRC.
 
     Returns:
-        None when there is no summary, or one that does not tell where the messages are: the format allows that.
+        None when there is no summary. It need not be complete (`is_complete`): the format allows that.
 
     Raises:
         RecordError: The summary is damaged.
@@ -75,32 +75,37 @@ def read_summary(
     at = start
     while at < footer_at:
         opcode, begin, end = read_prefix(data, at, footer_at)
-        if opcode == SCHEMA:
-            schema = read_schema(data, begin, end)
-            structure.schemas[schema.id] = schema
-        elif opcode == CHANNEL:
-            channel = read_channel(data, begin, end)
-            structure.channels[channel.id] = channel
-        elif opcode == CHUNK_INDEX:
-            structure.chunks.append(read_chunk_index(data, begin, end))
-        elif opcode == STATISTICS:
-            structure.statistics = read_statistics(data, begin, end)
-        elif opcode == ATTACHMENT_INDEX:
-            structure.attachments.append(read_attachment_index(data, begin, end))
-        elif opcode == METADATA_INDEX:
-            structure.metadata.append(read_metadata_index(data, begin, end))
-        elif opcode < SUMMARY_OFFSET or opcode == DATA_END:
-            raise RecordError("the summary holds a record of the data section")
+        _take(structure, opcode, data, begin, end)
         at = end
     data_end = start - DATA_END_BYTES
     if data_end < data_start or data[data_end] != DATA_END:
         data_end = start  # a longer end record: the walk will come upon it
     structure.chunks.sort(key=lambda chunk: chunk.chunk_start)
     structure.loose = _gaps(structure, data_start, data_end)
-    return structure if _is_complete(structure) else None
+    return structure
 
 
-def _is_complete(structure: Structure) -> bool:
+def _take(structure: Structure, opcode: int, data: memoryview, start: int, end: int) -> None:
+    """Note one record of the summary."""
+    if opcode == SCHEMA:
+        schema = read_schema(data, start, end)
+        structure.schemas[schema.id] = schema
+    elif opcode == CHANNEL:
+        channel = read_channel(data, start, end)
+        structure.channels[channel.id] = channel
+    elif opcode == CHUNK_INDEX:
+        structure.chunks.append(read_chunk_index(data, start, end))
+    elif opcode == STATISTICS:
+        structure.statistics = read_statistics(data, start, end)
+    elif opcode == ATTACHMENT_INDEX:
+        structure.attachments.append(read_attachment_index(data, start, end))
+    elif opcode == METADATA_INDEX:
+        structure.metadata.append(read_metadata_index(data, start, end))
+    elif opcode < SUMMARY_OFFSET or opcode == DATA_END:
+        raise RecordError("the summary holds a record of the data section")
+
+
+def is_complete(structure: Structure) -> bool:
     """Whether the summary repeats all that reading needs."""
     counted = structure.statistics
     if counted is None or structure.lacks_definitions():
@@ -121,7 +126,8 @@ def _gaps(structure: Structure, start: int, end: int) -> list[tuple[int, int]]:
     """
     covered = [
         *((chunk.chunk_start, chunk.chunk_length + chunk.index_length) for chunk in structure.chunks),
-        *((each.offset, each.length) for each in (*structure.attachments, *structure.metadata)),
+        *((each.offset, each.length) for each in structure.attachments),
+        *((each.offset, each.length) for each in structure.metadata),
     ]
     covered.sort()
     gaps = []

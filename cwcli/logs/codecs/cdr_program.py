@@ -31,7 +31,7 @@ MAX_NESTING = 64
 MAX_OPERATIONS = 1 << 20
 MAX_ALIGN = 8
 MAX_ALIGN_V2 = 4
-OCTETS = ("uint8", "byte", "char", "int8")
+OCTETS = ("uint8", "byte")
 
 
 @dataclass(frozen=True)

@@ -89,12 +89,11 @@ class JsonDecoder:
     def finish(self, rows: Int64Array) -> dict[str, Field]:
         """The given messages as columns."""
         fields: dict[str, Field] = {}
-        with_below = {key.path for key in _all_keys(self._tree.root) if key.below is not None}
         if not self._n:
             return fields
         for path, slot in zip(self._tree.paths, self._slots, strict=True):
             if path not in self._blobs:
-                column = slot.finish(rows, has_below=path in with_below)
+                column = slot.finish(rows)
                 if column is not None:
                     fields.setdefault(path, column)
         return fields
@@ -181,10 +180,11 @@ class JsonDecoder:
             if key.below is not None:
                 self._put_object(value, key.below, row, instead, in_array=in_array)
         elif isinstance(value, list):
-            if slot is not None and not in_array:
-                slot.tags.array[self._n + row] = ARRAY
+            before = _n_elements(instead, key.slot, row)
             for each in value:
                 self._put(each, key, row, instead, in_array=True)
+            if slot is not None and not in_array and _n_elements(instead, key.slot, row) > before:
+                slot.tags.array[self._n + row] = ARRAY
         elif slot is None:
             return
         elif in_array:
@@ -198,12 +198,8 @@ class JsonDecoder:
             slot.tags.array[self._n + row], slot.values.array[self._n + row] = scalar(value)
 
 
-def _all_keys(keys: dict[str, Key]) -> list[Key]:
-    found = list(keys.values())
-    for key in keys.values():
-        if key.below is not None:
-            found += _all_keys(key.below)
-    return found
+def _n_elements(instead: list[dict[int, Elements]], slot: int, row: int) -> int:
+    return len(instead[slot][row][0]) if slot >= 0 and row in instead[slot] else 0
 
 
 def _addresses(arrays: list[np.ndarray]) -> Int64Array:

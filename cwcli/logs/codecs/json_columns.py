@@ -6,7 +6,7 @@
 - arrays of numbers: (n, k) if all messages have k of them, else `Ragged`; nested arrays are flattened; leaves of objects in
   arrays are `Ragged`, and an object that lacks the leaf adds nothing; null and strings in arrays are NaN.
 
-Arrays of nothing but strings are left out.
+Arrays of nothing but strings, and arrays that are always empty, are left out.
 """
 
 from __future__ import annotations
@@ -124,18 +124,12 @@ class JsonSlot:
         self._strings.clear()
         return found
 
-    def finish(self, rows: Int64Array, *, has_below: bool) -> Field | None:
-        """The column for the given messages, or None if the leaf is in none of them.
-
-        Args:
-            rows: Messages.
-            has_below: The key also holds objects.
-        """
+    def finish(self, rows: Int64Array) -> Field | None:
+        """The column for the given messages, or None if the leaf is in none of them."""
         tags, values = self.tags.array[rows], self.values.array[rows]
         counts = np.concatenate(self._counts)
         offsets = np.concatenate([[0], np.cumsum(counts)])
-        n_elements = int(counts[rows].sum())
-        if n_elements or (ARRAY in tags and not has_below):
+        if counts[rows].any():
             element_tags = np.concatenate([np.zeros(0, np.uint8), *self._element_tags])
             element_values = np.concatenate([np.zeros(0, np.int64), *self._element_values])
             return _sequence(
@@ -144,7 +138,7 @@ class JsonSlot:
                 take_ragged(Ragged(element_tags, offsets), rows),
                 take_ragged(Ragged(element_values, offsets), rows).values.view(np.int64),
             )
-        if not tags.any() or (ARRAY in tags and np.isin(tags, (ABSENT, NULL, ARRAY)).all()):
+        if not tags.any():
             return None
         return self._strings_column(tags, values) if STRING in tags else _numbers(tags, values)
 
@@ -194,7 +188,7 @@ def _sequence(tags: TagArray, values: Int64Array, element_tags: Ragged, element_
     inner = element_tags.values.astype(np.uint8)
     sizes = np.diff(element_tags.offsets)
     alone = np.flatnonzero(np.isin(tags, (NULL, BOOL, INT, FLOAT)) & (sizes == 0))
-    if len(inner) and (inner == STRING).all() | (inner == ESCAPED).all() and not len(alone):
+    if np.isin(inner, (STRING, ESCAPED)).all() and not len(alone):
         return None
     alone = alone[tags[alone] != NULL]
     if len(alone):

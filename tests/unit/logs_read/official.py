@@ -71,7 +71,8 @@ def assert_same(columns: Columns, official: OfficialTopic, *, expect_paths: bool
         assert len(column) == len(official.messages), path
         rows = list(_rows(column))
         for k, message in enumerate(official.messages):
-            expected = list(_values(message, path.split("."), official.encoding))
+            is_scalar = isinstance(column, Strings) or (isinstance(column, np.ndarray) and column.ndim == 1)
+            expected = list(_values(message, path.split("."), official.encoding, is_scalar=is_scalar))
             assert _same(rows[k], expected, column), (path, k, rows[k], expected)
     if expect_paths:
         leaves = {leaf for message in official.messages for leaf in leaf_paths(message, official.encoding)}
@@ -123,11 +124,11 @@ def _is_message(value: Any, encoding: str) -> bool:
     return hasattr(value, "__slots__") if encoding == "cdr" else hasattr(value, "DESCRIPTOR")
 
 
-def _values(value: Any, names: list[str], encoding: str) -> Iterator[Any]:
-    """All values of a leaf in one message, arrays flattened; ABSENT where an optional part is not there."""
+def _values(value: Any, names: list[str], encoding: str, *, is_scalar: bool) -> Iterator[Any]:
+    """All values of a leaf in one message, arrays flattened; ABSENT where an optional part of a scalar is not there."""
     if _is_list(value):
         for item in value:
-            yield from _values(item, names, encoding)
+            yield from _values(item, names, encoding, is_scalar=is_scalar)
     elif not names:
         if isinstance(value, bytes):
             yield from value
@@ -135,15 +136,15 @@ def _values(value: Any, names: list[str], encoding: str) -> Iterator[Any]:
             yield value
     elif encoding == "json":
         if isinstance(value, dict) and names[0] in value:
-            yield from _values(value[names[0]], names[1:], encoding)
+            yield from _values(value[names[0]], names[1:], encoding, is_scalar=is_scalar)
     elif encoding == "cdr":
-        yield from _values(getattr(value, names[0]), names[1:], encoding)
+        yield from _values(getattr(value, names[0]), names[1:], encoding, is_scalar=is_scalar)
     else:
         each = value.DESCRIPTOR.fields_by_name[names[0]]
-        if each.has_presence and not value.HasField(names[0]):
+        if is_scalar and each.has_presence and not value.HasField(names[0]):
             yield ABSENT
         else:
-            yield from _values(getattr(value, names[0]), names[1:], encoding)
+            yield from _values(getattr(value, names[0]), names[1:], encoding, is_scalar=is_scalar)
 
 
 def _rows(column: Field) -> Iterator[Any]:

@@ -1,0 +1,224 @@
+"""JSON columns against Python's json module, on generated and on odd messages."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cwcli.logs.codecs.json import INVALID, NO_OBJECT, JsonDecoder
+from cwcli.logs.codecs.slots import Payloads
+from cwcli.logs.log import Log
+from cwcli.signals.columns import Field, Ragged, Strings
+from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
+from tests.unit.logs_read.official import assert_same, read_officially
+
+
+def columns_of(*messages: bytes | str | dict[str, Any], fields: list[str] | None = None) -> dict[str, Field]:
+    """The columns of messages that must all be decodable."""
+    octets = [_bytes(each) for each in messages]
+    ends = np.cumsum([len(each) for each in octets])
+    decoder = JsonDecoder(fields)
+    decoder.add(Payloads(np.frombuffer(b"".join(octets), np.uint8), np.concatenate([[0], ends[:-1]]), ends))
+    assert decoder.outcome().is_ok.all()
+    return decoder.finish(np.arange(len(octets)))
+
+
+def _bytes(message: bytes | str | dict[str, Any]) -> bytes:
+    if isinstance(message, dict):
+        return json.dumps(message).encode()
+    return message if isinstance(message, bytes) else message.encode()
+
+
+def check(tmp_path: Path, messages: list[bytes], **options: Any) -> Log:
+    """The columns equal the json module's rows."""
+    path = tmp_path / "log.mcap"
+    sent = [Sent("/m", T0_NS + k, each) for k, each in enumerate(messages)]
+    data = log_bytes([Declared("/m", "json", "M", "jsonschema", b"{}")], sent, **options)
+    path.write_bytes(data)
+    with Log.open(path) as log:
+        assert_same(log.columns("/m"), read_officially(data)["/m"], expect_paths=False)
+        return log
+
+
+def random_value(rng: np.random.Generator, depth: int) -> Any:
+    """A JSON value; keys do not hold dots."""
+    kind = int(rng.integers(0, 10 if depth else 7))
+    if kind <= 1:
+        return int(rng.integers(-(10**6), 10**6))
+    if kind == 2:
+        return float(rng.choice([rng.normal(), rng.normal() * 1e300, 1e-310, -0.0, math.inf, math.nan, 0.1, 1e22, 5e-324]))
+    if kind == 3:
+        return bool(rng.integers(0, 2))
+    if kind == 4:
+        return None
+    if kind in (5, 6):
+        return str(rng.choice(["", "text", "ü", 'quote " and \\ back', "line\nbreak", "\u0001", "\ud83d\ude00"]))
+    if kind == 7:
+        return [random_value(rng, depth - 1) for _ in range(rng.integers(0, 4))]
+    return {f"k{k}": random_value(rng, depth - 1) for k in rng.permutation(4)[: rng.integers(0, 4)]}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_messages_of_a_fixed_shape_with_gaps(tmp_path: Path, seed: int) -> None:
+    """Each key keeps its kind of value, as in a recording; keys go missing, come late and in another order."""
+    rng = np.random.default_rng(seed)
+    kinds = {
+        "int": lambda: int(rng.integers(-(10**17), 10**17)),
+        "float": lambda: float(rng.normal() * 10.0 ** rng.integers(-30, 30)),
+        "number": lambda: int(rng.integers(9)) if rng.random() < 0.5 else float(rng.normal()),
+        "bool": lambda: bool(rng.integers(0, 2)),
+        "text": lambda: str(rng.choice(["", "a", "ü", 'x"y', "\n"])),
+        "nothing": lambda: None,
+        "three": lambda: [float(value) for value in rng.normal(size=3)],
+        "list": lambda: [int(value) for value in rng.integers(0, 9, rng.integers(0, 4))],
+        "object": lambda: {"x": float(rng.normal()), "y": {"z": int(rng.integers(9))}},
+        "objects": lambda: [{"r": float(rng.normal()), "a": [1, 2]} for _ in range(rng.integers(0, 3))],
+        "matrix": lambda: [[1, 2], [3, 4.5]],
+    }
+    messages = []
+    for k in range(80):
+        keys = [name for name in kinds if rng.random() < 0.9 or k == 0]
+        if k % 7 == 3:
+            rng.shuffle(keys)
+        message = {name: kinds[name]() for name in keys if k > 20 or name != "late"}
+        if k > 40:
+            message["late"] = k
+        spaces = None if k % 5 else 1
+        messages.append(json.dumps(message, indent=spaces, ensure_ascii=bool(k % 2)).encode())
+    check(tmp_path, messages, chunk_size=3000)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_messages_equal_decoding_by_the_slow_path(seed: int) -> None:
+    """Keys that change their kind of value: what the kernel makes of it is what the json module makes of it."""
+    rng = np.random.default_rng(200 + seed)
+    messages = [{f"k{k}": random_value(rng, 3) for k in range(3)} for _ in range(30)]
+    texts = [json.dumps(each).encode() for each in messages]
+    # A key with an escape in it that nobody asks for sends the message the slow way.
+    slow = [text[:-1] + b', "\\u007a": {}}' for text in texts]
+    fast_columns, slow_columns = columns_of(*texts), columns_of(*slow)
+    assert set(fast_columns) == set(slow_columns) - {"z"}
+    for path, column in fast_columns.items():
+        assert _comparable(column) == _comparable(slow_columns[path]), path
+        alone = columns_of(*texts, fields=[path])
+        assert _comparable(alone[path]) == _comparable(column), path
+
+
+def _comparable(column: Field) -> Any:
+    if isinstance(column, Strings):
+        return [column.values[code] if code >= 0 else None for code in column.codes]
+    if isinstance(column, Ragged):
+        return repr(column.values.tolist()), column.values.dtype, column.offsets.tolist()
+    return repr(column.tolist()), column.dtype
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_flipped_and_cut_messages_are_what_the_json_module_makes_of_them(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(300 + seed)
+    messages = []
+    for k in range(200):
+        text = {"a": k, "b": {"c": k / 7, "d": "text é"}, "e": [k, k + 0.5], "f": True, "g": None, "h": -1.5e-7}
+        data = bytearray(json.dumps(text, ensure_ascii=False).encode())
+        if k % 3 == 1:
+            data[int(rng.integers(len(data)))] = int(rng.integers(256))
+        elif k % 3 == 2:
+            del data[int(rng.integers(len(data))) :]
+        messages.append(bytes(data))
+    log = check(tmp_path, messages, chunk_size=3000)
+    assert log.faults.undecodable["/m"][INVALID] > 20
+
+
+def test_kinds_of_columns() -> None:
+    columns = columns_of(
+        {"i": 1, "m": 1, "f": 0.5, "b": True, "s": "x", "t": [1, 2], "u": [1], "n": None, "o": {"p": 2}, "w": "é"},
+        {"i": 2, "m": 2.5, "f": 1.5, "b": False, "s": "y", "t": [3, 4], "u": [], "n": None, "w": "\n"},
+    )
+    assert columns["i"].dtype == np.int64 and columns["i"].tolist() == [1, 2]
+    assert columns["m"].dtype == np.float64 and columns["m"].tolist() == [1.0, 2.5]
+    assert columns["b"].dtype == np.bool_
+    assert columns["s"].values == ("x", "y")
+    assert columns["w"].values == ("é", "\n")
+    assert columns["t"].tolist() == [[1, 2], [3, 4]] and columns["t"].dtype == np.int64
+    assert isinstance(columns["u"], Ragged) and columns["u"].offsets.tolist() == [0, 1, 1]
+    assert np.isnan(columns["n"]).all()
+    assert np.array_equal(columns["o.p"], [2.0, np.nan], equal_nan=True)
+    assert "o" not in columns
+
+
+def test_mixed_strings_and_numbers_become_strings() -> None:
+    column = columns_of({"v": "a"}, {"v": 12}, {"v": 0.5}, {"v": True}, {"v": None}, {})["v"]
+    assert [column.values[code] if code >= 0 else None for code in column.codes] == ["a", "12", "0.5", "true", None, None]
+
+
+def test_objects_in_arrays_become_ragged_leaves() -> None:
+    columns = columns_of({"r": [{"x": 1.5, "k": [1, 2]}, {"x": 2.5}]}, {"r": []}, {"r": [{"x": None}]})
+    assert columns["r.x"].offsets.tolist() == [0, 2, 2, 3]
+    assert np.array_equal(columns["r.x"].values, [1.5, 2.5, np.nan], equal_nan=True)
+    assert columns["r.k"].offsets.tolist() == [0, 2, 2, 2]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["0", "-0", "0.0", "-0.0", "1e5", "1E+5", "1.5e-3", "123456789012345678", "-999999999999999999", "0.1", "1e400",
+     "-1e400", "1e-400", "2.2250738585072014e-308", "9007199254740993.0", "179769313486231570000000000000000000000e270",
+     "0.000000000000000000000000000000000000000012345678901234567890", "1234567890.12345678901234567890", "NaN",
+     "Infinity", "-Infinity", "1234567890123456789", "123456789012345678901234567890", "4.35", "0.3", "2.675", "1e22",
+     "1e23", "8.5e-23", "5e-324", "48.98239328", "8.390306734567891", "-77.83046021234567"],
+)  # fmt: skip
+def test_numbers_are_those_of_the_json_module(text: str) -> None:
+    value = columns_of(f'{{"v": {text}}}')["v"][0]
+    expected = json.loads(text)
+    if isinstance(expected, int) and abs(expected) < 2**63:
+        assert isinstance(value, np.int64) and value == expected
+    else:
+        assert repr(float(value)) == repr(float(expected))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", " ", "{", "}", "[]", "1", '"a"', "null", '{"a" 1}', '{"a": 1,}', '{"a": 01}', '{"a": 1.}', '{"a": .5}', '{"a": +1}',
+     '{"a": tru}', '{"a": "\t"}', '{"a": "\\x"}', '{"a": "\\u12"}', "{'a': 1}", '{"a": 1} {"b": 2}', '{"a": 1}x', "{a: 1}",
+     '{"a": nan}', '{"a": 1e}', '{"a": -}', '{"a": [1,]}', '{"a": [1 2]}', '{"a": --1}', '{,}', '{"a": 1e+}', "\x00"],
+)  # fmt: skip
+def test_what_the_json_module_refuses_is_counted(tmp_path: Path, text: str) -> None:
+    log = check(tmp_path, [b'{"a": 1}', text.encode(), b'{"a": 2}'])
+    reasons = log.faults.undecodable["/m"]
+    assert sum(reasons.values()) == 1
+    assert set(reasons) <= {INVALID, NO_OBJECT}
+
+
+def test_unusual_but_valid(tmp_path: Path) -> None:
+    deep = '{"a": ' * 300 + "1" + "}" * 300
+    check(
+        tmp_path,
+        [
+            b'{"a": 1, "a": 2}',
+            b'{"\\u0061": 3}',
+            b'\xef\xbb\xbf{"a": 4}',
+            '{"a": 5}'.encode("utf-16-le"),
+            b' \t\r\n{ "a" : 6 }\n',
+            b'{"a": 7, "b": {"c": "\\ud83d\\ude00", "d": "\\n"}, "long key " : [[[1]], []]}',
+            deep.encode(),
+            b"{}",
+            b'{"a": 1e5, "": 2}',
+        ],
+    )
+
+
+def test_duplicate_key_with_arrays_counts_once() -> None:
+    assert columns_of(b'{"a": [1, 2], "a": [3]}', b'{"a": [4]}')["a"].tolist() == [[3], [4]]
+
+
+def test_more_keys_than_are_learned_do_not_become_columns() -> None:
+    columns = columns_of({f"key{k}": k for k in range(5000)}, {"key0": 1, "other": 2})
+    assert len(columns) == 4096
+
+
+def test_long_integers_lose_no_digit_up_to_64_bits() -> None:
+    column = columns_of(f'{{"v": {2**63 - 1}}}', f'{{"v": {-(2**63)}}}')["v"]
+    assert column.tolist() == [2**63 - 1, -(2**63)]

@@ -1,0 +1,115 @@
+"""Files that lack what the format lets a writer leave out, and messages in unusual order."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType
+
+from cwcli.errors import DataError, MissingSignalError
+from cwcli.logs.log import Log
+from tests.unit.logs_read.builders import FIX, LAYOUTS, NOTES, T0_NS, Declared, Sent, fix_message, log_bytes, small_log
+from tests.unit.logs_read.official import assert_same, read_officially
+
+
+def check_against_official(path: Path, data: bytes) -> Log:
+    """All topics of a file equal the official decoders' rows, and nothing is counted as damage."""
+    path.write_bytes(data)
+    official = read_officially(data, seeking=False)
+    with Log.open(path) as log:
+        for topic, columns in log.load({channel.topic: None for channel in log.channels}).items():
+            if topic in official:
+                assert_same(columns, official[topic])
+            else:
+                assert len(columns) == 0
+        assert log.faults.counts() == {}
+        return log
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_layout_gives_the_same_rows(tmp_path: Path, name: str) -> None:
+    log = check_against_official(tmp_path / "log.mcap", small_log(**LAYOUTS[name]))
+    assert log.n_messages == 120
+    assert (log.start_ns, log.end_ns) == (T0_NS, T0_NS + 59_500_000)
+    assert {channel.topic: channel.message_count for channel in log.channels} == {"/fix": 60, "/notes": 60}
+    with Log.open(log.path) as again:
+        assert [(name, dict(values)) for name, values in again.metadata] == [("note", {"made by": "a test"})]
+
+
+def test_times_out_of_order_are_sorted_in_file_order_where_equal(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    times = T0_NS + rng.integers(0, 40, 200)
+    messages = [Sent("/fix", int(ns), fix_message(k), T0_NS - k - 1) for k, ns in enumerate(times)]
+    check_against_official(tmp_path / "log.mcap", log_bytes([FIX], messages))
+
+
+def test_two_channels_of_one_schema_are_one_topic(tmp_path: Path) -> None:
+    messages = [Sent("/fix", T0_NS + 1000 - k, fix_message(k)) for k in range(50)]
+    check_against_official(tmp_path / "log.mcap", log_bytes([FIX, FIX], messages))
+
+
+def test_two_schemas_on_one_topic_are_an_error_that_names_both(tmp_path: Path) -> None:
+    other = Declared("/fix", "json", "Other", "jsonschema", b"{}")
+    path = tmp_path / "log.mcap"
+    path.write_bytes(log_bytes([FIX, other], [Sent("/fix", T0_NS, fix_message(0)), Sent("/fix", T0_NS, b"{}")]))
+    with Log.open(path) as log, pytest.raises(DataError, match=r"test_msgs/msg/Fix.*Other"):
+        log.columns("/fix")
+
+
+def test_channel_without_messages_gives_empty_columns(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(log_bytes([FIX, NOTES], [Sent("/notes", T0_NS, b'{"a": 1}')]))
+    with Log.open(path) as log:
+        columns = log.columns("/fix")
+        assert len(columns) == 0
+        assert columns.fields["latitude"].shape == (0,)
+        assert columns.fields["variance"].shape == (0, 3)
+
+
+def test_log_without_messages_opens(tmp_path: Path) -> None:
+    log = check_against_official(tmp_path / "log.mcap", log_bytes([FIX], []))
+    assert (log.n_messages, log.start_ns, log.end_ns) == (0, 0, 0)
+
+
+def test_unknown_topic_is_an_error_that_lists_the_topics(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(small_log())
+    with Log.open(path) as log, pytest.raises(MissingSignalError) as caught:
+        log.columns("/nothing")
+    assert caught.value.found == ("/fix", "/notes")
+
+
+def test_only_chunks_with_wanted_channels_are_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    messages = [Sent("/notes", T0_NS + k, json.dumps({"k": k, "pad": "x" * 100}).encode()) for k in range(50)]
+    messages += [Sent("/fix", T0_NS + 100 + k, fix_message(k)) for k in range(50)]
+    path = tmp_path / "log.mcap"
+    path.write_bytes(log_bytes([FIX, NOTES], messages, compression=CompressionType.LZ4))
+    opened = []
+    from cwcli.logs import message_reader
+
+    real = message_reader.chunk_payload
+
+    def counted(data: memoryview, chunk: object, *, verify: bool) -> memoryview:
+        opened.append(chunk)
+        return real(data, chunk, verify=verify)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(message_reader, "chunk_payload", counted)
+    with Log.open(path) as log:
+        assert len(log.columns("/fix")) == 50
+        assert 0 < len(opened) < log.n_chunks / 2
+
+
+def test_projection_gives_the_same_columns_as_everything(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(small_log())
+    with Log.open(path) as log:
+        whole = log.load({"/fix": None, "/notes": None})
+        some = log.load({"/fix": ["latitude", "header.frame_id", "nothing"], "/notes": {"text", "list"}})
+    assert set(some["/fix"].fields) == {"latitude", "header.frame_id"}
+    assert set(some["/notes"].fields) == {"text", "list"}
+    assert np.array_equal(some["/fix"].fields["latitude"], whole["/fix"].fields["latitude"])
+    assert some["/fix"].fields["header.frame_id"].values == ("gps", "gpsgps", "gpsgpsgps")
+    assert np.array_equal(some["/notes"].fields["list"], whole["/notes"].fields["list"])
