@@ -9,6 +9,7 @@ Rows are sorted by `stamp_ns` and finite in their key fields once `signals.clock
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 
@@ -183,6 +184,65 @@ class RemoteSignal:
     yaw_rate_sigma_radps: FloatArray
 
 
+DetectionKind = Literal["position", "radar", "radar_track"]
+
+
+@dataclass(frozen=True)
+class DetectionSignal:
+    """What one sensor detected of other road users, scan by scan, in the sensor's own axes.
+
+    Unlike the other signals it is checked message by message only: what is wrong with a single detection (not a number,
+    a negative range, an impossible rate) is found and counted where detections are used.
+
+    Attributes:
+        source: Topic.
+        kind: What a row of `values` holds. `position`: x, y in m. `radar`: range in m, azimuth in rad
+            (counter-clockwise from the sensor's x axis), range rate in m/s (positive: moving away). `radar_track`: x, y
+            in m, and velocity relative to the sensor, m/s. What is not measured is NaN.
+        stamp_ns, log_time_ns: Shape (s,), one per scan, empty ones included.
+        frame: The frame that each scan names, s rows.
+        offsets: Shape (s + 1,): scan k has the rows `offsets[k]:offsets[k + 1]`.
+        values: Shape (n, 2), (n, 3) or (n, 4), by kind.
+        covariance: Shape (n, k, k), in the units of `values`; NaN where not given.
+    """
+
+    source: str
+    kind: DetectionKind
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    frame: Strings
+    offsets: Int64Array
+    values: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class TargetTruthSignal:
+    """Where other road users really were: one row per target and time, by stamp.
+
+    Attributes:
+        source: Topic.
+        frame_id: The frame that the messages name, "" when they name none.
+        id: Target id, n rows.
+        stamp_ns, log_time_ns: Shape (n,).
+        x_m, y_m: Shape (n,), in `frame_id`.
+        vx_mps, vy_mps: Shape (n,), over ground, in the axes of `frame_id`; NaN where not given.
+        latitude_deg, longitude_deg: Shape (n,), where the messages have them too; else None.
+    """
+
+    source: str
+    frame_id: str
+    id: Strings
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    x_m: FloatArray
+    y_m: FloatArray
+    vx_mps: FloatArray
+    vy_mps: FloatArray
+    latitude_deg: FloatArray | None = None
+    longitude_deg: FloatArray | None = None
+
+
 @dataclass(frozen=True)
 class CameraInfoSignal:
     """A camera's calibration, as the first message of its channel gives it (pinhole, image axes x right, y down).
@@ -209,5 +269,15 @@ class CameraInfoSignal:
     projection: FloatArray
 
 
-TimedSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal | RemoteSignal
+TimedSignal = (
+    PositionSignal
+    | PoseSignal
+    | VelocitySignal
+    | SpeedSignal
+    | HeadingSignal
+    | ImuSignal
+    | RemoteSignal
+    | DetectionSignal
+    | TargetTruthSignal
+)
 Signal = TimedSignal | CameraInfoSignal

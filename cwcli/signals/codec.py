@@ -26,10 +26,13 @@ class Role(StrEnum):
     CAMERA = "camera"
     CAMERA_INFO = "camera_info"
     TRUTH = "truth"
+    DETECTIONS = "detections"
+    TARGET_TRUTH = "target_truth"
     EGO_STATE = "ego_state"
     REMOTE_STATE = "remote_state"
     EGO_PATH = "ego_path"
     REMOTE_PATH = "remote_path"
+    TARGETS = "targets"
 
 
 @dataclass(frozen=True)

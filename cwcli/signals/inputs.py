@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cwcli.signals.columns import Columns
     from cwcli.signals.quality import Quality
 
+TARGET_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
 GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
 
 
@@ -84,6 +85,16 @@ def is_vehicle_topic(topic: str) -> bool:
     return not is_gnss_topic(topic)
 
 
+def is_target_topic(topic: str) -> bool:
+    """A truth topic that is about other road users."""
+    return not TARGET_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
+
+
+def is_ego_topic(topic: str) -> bool:
+    """A truth topic that is about the ego: every other one."""
+    return not is_target_topic(topic)
+
+
 def _ros(*leaves: str) -> Fields:
     """Leaf fields of a ROS message with a header: CDR, or JSON with the same names."""
     named = (*HEADER_STAMP, "header.frame_id", *leaves)
@@ -107,6 +118,14 @@ def _quaternion(path: str) -> tuple[str, ...]:
     return tuple(f"{path}.{axis}" for axis in "xyzw")
 
 
+_build_boxes = _builder("build_detections.build_boxes")
+_build_cubes = _builder("build_detections.build_cubes")
+_build_json_detections = _builder("build_detections.build_json")
+_build_radar_scan = _builder("build_detections.build_radar_scan")
+_build_radar_tracks = _builder("build_detections.build_radar_tracks")
+_build_pose_truth = _builder("build_targets.build_pose_truth")
+_build_state_truth = _builder("build_targets.build_state_truth")
+_build_target_truth = _builder("build_targets.build_target_truth")
 _build_camera_info = _builder("build_camera.build_camera_info")
 _build_imu = _builder("build_imu.build_imu")
 _build_quaternion_heading = _builder("build_motion.build_quaternion_heading")
@@ -157,12 +176,49 @@ _STATE: Fields = {
         "longitude_deg",
     ),
 }
+_TARGET: Fields = {
+    "protobuf": ("stamp_ns", "id", "frame_id", "x_m", "y_m", "vx_mps", "vy_mps"),
+}
+_RADAR_SCAN = _ros("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity")
+_RADAR_TRACKS = _ros(
+    *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
+    "tracks.position_covariance",
+    "tracks.velocity_covariance",
+)
+_BOXES = _ros(
+    *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
+    *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
+    "detections.results.pose.covariance",
+)
+_CUBE_CENTRES = ("entities.cubes.pose.position.x", "entities.cubes.pose.position.y")
+_CUBES: Fields = {
+    "protobuf": (*(f"entities.{leaf}" for leaf in PROTOBUF_STAMP), *_CUBE_CENTRES),
+    "json": ("entities.timestamp.sec", "entities.timestamp.nsec", "entities.timestamp.nanosec", *_CUBE_CENTRES),
+    "cdr": (*(f"entities.{leaf}" for leaf in CDR_FOXGLOVE_STAMP), *_CUBE_CENTRES),
+}
+_JSON_DETECTIONS: Fields = {
+    "json": (
+        *JSON_STAMPS,
+        "frame_id",
+        *(
+            f"detections.{name}"
+            for name in (
+                *("x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2"),
+                *("range_m", "azimuth_rad", "range_rate_mps"),
+                *("range_sigma_m", "azimuth_sigma_rad", "range_rate_sigma_mps"),
+            )
+        ),
+    ),
+}
 _FRAMES: Fields = {}
 """Cameras are streamed frame by frame: no columns."""
 
 
 def _fix(fields: Fields) -> tuple[Input, ...]:
-    return (Input(Role.EGO_POSITION, fields, _build_fix), Input(Role.TRUTH, fields, _build_fix))
+    return (
+        Input(Role.EGO_POSITION, fields, _build_fix),
+        Input(Role.TRUTH, fields, _build_fix, fits=is_ego_topic),
+    )
 
 
 def _twist(fields: Fields) -> tuple[Input, ...]:
@@ -173,7 +229,11 @@ def _twist(fields: Fields) -> tuple[Input, ...]:
 
 
 def _pose(fields: Fields) -> tuple[Input, ...]:
-    return (Input(Role.TRUTH, fields, _build_pose), Input(Role.EGO_POSITION, fields, _build_pose, rank=2))
+    return (
+        Input(Role.TRUTH, fields, _build_pose, fits=is_ego_topic),
+        Input(Role.TARGET_TRUTH, fields, _build_pose_truth, fits=is_target_topic),
+        Input(Role.EGO_POSITION, fields, _build_pose, rank=2),
+    )
 
 
 _OWN_MAKERS = {
@@ -225,6 +285,14 @@ def _json_bsm_fields() -> Fields:
 
 _CAMERA = (Input(Role.CAMERA, _FRAMES, None),)
 
+
+def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...]:
+    return (Input(Role.DETECTIONS, fields, build, rank=rank),)
+
+
+# what is drawn for viewers counts only where no sensor reports for itself
+_DRAWN = _detections(_CUBES, _build_cubes, rank=1)
+
 INPUTS: dict[str, tuple[Input, ...]] = {
     "sensor_msgs/NavSatFix": _fix(_ROS_FIX),
     "foxglove.LocationFix": _fix(_FOXGLOVE_FIX),
@@ -264,8 +332,19 @@ INPUTS: dict[str, tuple[Input, ...]] = {
     "OdeBsmData": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
     "OdeBsmJson": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
     "OdeMessageFrameData": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
+    "radar_msgs/RadarScan": _detections(_RADAR_SCAN, _build_radar_scan),
+    "radar_msgs/RadarTracks": _detections(_RADAR_TRACKS, _build_radar_tracks),
+    "vision_msgs/Detection3DArray": _detections(_BOXES, _build_boxes),
+    "foxglove.SceneUpdate": _DRAWN,
+    "foxglove_msgs/SceneUpdate": _DRAWN,
+    "cwcli.Detections": _detections(_JSON_DETECTIONS, _build_json_detections),
+    "cwcli.v1.Target": (
+        Input(Role.TARGET_TRUTH, _TARGET, _build_target_truth),
+        Input(Role.TARGETS, _TARGET, None),
+    ),
     "cwcli.v1.VehicleState": (
-        Input(Role.TRUTH, _STATE, _build_vehicle_state),
+        Input(Role.TRUTH, _STATE, _build_vehicle_state, fits=is_ego_topic),
+        Input(Role.TARGET_TRUTH, _STATE, _build_state_truth, fits=is_target_topic),
         Input(Role.EGO_STATE, _STATE, None),
         Input(Role.REMOTE_STATE, _STATE, None),
     ),

@@ -7,7 +7,8 @@ The rules:
 - topics under `/cwcli/` fill only cwcli's own roles, each by its name;
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
 - two that are left are an error for a required role, and leave an optional one unbound with a note;
-- `--topic ROLE=/topic` decides for itself, and for `remote` may list several topics, separated by commas.
+  but every channel of detections is a sensor of its own, so all of them are bound;
+- `--topic ROLE=/topic` decides for itself; for `remote` and `detections` it may list several, separated by commas.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ OWN_TOPICS: dict[Role, str] = {
     Role.REMOTE_STATE: "/cwcli/remote/state",
     Role.EGO_PATH: "/cwcli/ego/path",
     Role.REMOTE_PATH: "/cwcli/remote/path",
+    Role.TARGETS: "/cwcli/targets",
 }
 ROLE_TEXT: dict[Role, str] = {
     Role.EGO_POSITION: "the ego position",
@@ -40,10 +42,13 @@ ROLE_TEXT: dict[Role, str] = {
     Role.CAMERA: "the camera",
     Role.CAMERA_INFO: "the camera's calibration",
     Role.TRUTH: "the truth",
+    Role.DETECTIONS: "detections of other road users",
+    Role.TARGET_TRUTH: "the targets' truth",
     Role.EGO_STATE: "the ego state",
     Role.REMOTE_STATE: "the remote vehicles' states",
     Role.EGO_PATH: "the ego path",
     Role.REMOTE_PATH: "the remote vehicles' paths",
+    Role.TARGETS: "the tracked targets",
 }
 _ESTIMATE_FIRST = "run `cwcli estimate LOG -o estimated.mcap` first"
 _PREDICT_FIRST = "run `cwcli predict LOG -o predicted.mcap` first"
@@ -51,12 +56,18 @@ ROLE_HINT: dict[Role, str] = {
     Role.EGO_POSITION: "a position is a NavSatFix, a LocationFix, an Odometry, or the ego's own V2X messages "
     "(--ego-station ID)",
     Role.REMOTE: "remote vehicles are read from BSM and CAM messages",
+    Role.DETECTIONS: "detections are a RadarScan, RadarTracks, a Detection3DArray, a SceneUpdate with cubes, or JSON "
+    "(docs/detections.md)",
     Role.EGO_STATE: _ESTIMATE_FIRST,
     Role.REMOTE_STATE: _ESTIMATE_FIRST,
     Role.EGO_PATH: _PREDICT_FIRST,
     Role.REMOTE_PATH: _PREDICT_FIRST,
+    Role.TARGETS: "run `cwcli track LOG -o tracked.mcap` first, after `cwcli estimate`",
 }
-MANY_TOPICS = frozenset({Role.REMOTE})
+TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH})
+MANY_TOPICS = frozenset({Role.REMOTE, Role.DETECTIONS})
+EVERY_CHANNEL = frozenset({Role.DETECTIONS})
+"""Roles that take every candidate: each is a source of its own."""
 
 
 class ChannelLike(Protocol):
@@ -98,7 +109,8 @@ class Bindings:
     """The outcome of `bind`.
 
     Attributes:
-        by_role: Role -> its channels: one, or several where the user listed them. Unbound roles are absent.
+        by_role: Role -> its channels: one, or several where the user listed them or each is a source of its own.
+            Unbound roles are absent.
         notes: What the user should know, one line each.
     """
 
@@ -163,8 +175,8 @@ def bind(
             by_role[role] = named[role]
             continue
         candidates = _candidates(channels, role, ego_station)
-        if len(candidates) == 1:
-            by_role[role] = (candidates[0],)
+        if len(candidates) == 1 or (candidates and role in EVERY_CHANNEL):
+            by_role[role] = tuple(candidates)
         elif role in required:
             raise _unbound(role, candidates, channels, where, command)
         elif candidates:
@@ -189,7 +201,7 @@ def parse_overrides(options: Sequence[str]) -> dict[str, str]:
         if not separator or not topic:
             raise UsageError(f"--topic {option}: expected ROLE=/topic", hint=_role_names())
         if name in overrides:
-            raise UsageError(f"--topic {name} is given twice", hint="several topics for remote: --topic remote=/a,/b")
+            raise UsageError(f"--topic {name} is given twice", hint="several topics for one role: --topic remote=/a,/b")
         overrides[name] = topic
     return overrides
 
@@ -210,7 +222,7 @@ def _candidates(channels: Sequence[ChannelLike], role: Role, ego_station: str | 
 def _suits(channel: ChannelLike, role: Role, entry: Input, ego_station: str | None) -> bool:
     if role in OWN_TOPICS:
         return channel.topic == OWN_TOPICS[role]
-    if channel.topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(channel.topic) != (role == Role.TRUTH):
+    if channel.topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(channel.topic) != (role in TRUTH_ROLES):
         return False
     if entry.needs_ego_station and ego_station is None:
         return False

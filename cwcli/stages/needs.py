@@ -27,6 +27,11 @@ NEEDS: dict[str, Need] = {
         used=("ego_velocity", "ego_speed", "ego_heading", "imu", "remote", "truth"),
         added={"ego_state": "ego_position", "remote_state": "remote"},
     ),
+    "track": Need(
+        required=("detections",),
+        used=("ego_state", "target_truth"),
+        added={"targets": "detections"},
+    ),
     "predict": Need(
         required=("ego_state",),
         used=("remote_state",),

@@ -89,12 +89,13 @@ def read_sources(
                 role, columns, config.clock, ego_station=config.ego_station, is_override=binding.is_override
             )
             qualities.append(quality)
-            if role in required:
-                require_rows(quality, where=log.name)
             if quality.used:
                 signals.append(signal)
         if signals:
             by_role[role] = tuple(signals)
+        elif role in required:
+            for quality in qualities[-len(bindings) :]:
+                require_rows(quality, where=log.name)
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
     return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)))
 

@@ -55,7 +55,7 @@ def built(log: str, topic: str, role: Role) -> tuple[Signal, Quality]:
         (PSU_FOLLOW, {"ego_position": "/gps/fix", "remote": "/v2x/bsm"}),
         (PSU_ONE, {"remote": "/v2x/bsm"}),
         (WYDOT, dict.fromkeys(["ego_position", "ego_speed", "ego_heading", "remote"], "/v2x/ode_bsm")),
-        (OBJECTS, {"truth": "/truth/target"}),
+        (OBJECTS, {"detections": "/lidar/objects", "target_truth": "/truth/target"}),
         ("udacity-solid-white-right.mcap", {"camera": "/camera/image"}),
         ("tusimple-0313-dev.mcap", {"camera": "/camera/image"}),
     ],

@@ -48,11 +48,14 @@ def by_stage(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str, .
             ("ego_state", "remote_state", "ego_path", "remote_path"),
             {"estimate": (False, (), ("ego_position",)), "predict": (True, (), ()), "warn": (True, (), ())},
         ),
+        (("detections",), {"track": (True, (), ()), "predict": (False, (), ("ego_position",))}),
+        (("ego_position",), {"track": (False, (), ("detections",))}),
     ],
-    ids=["drive", "ego-only", "camera-only", "estimated", "predicted"],
+    ids=["drive", "ego-only", "camera-only", "estimated", "predicted", "detections", "no-detections"],
 )
 def test_readiness(bound: tuple[str, ...], expected: dict[str, tuple[bool, tuple[str, ...], tuple[str, ...]]]) -> None:
-    assert by_stage(*bound) == expected
+    found = by_stage(*bound)
+    assert {stage: found[stage] for stage in expected} == expected
 
 
 def test_readiness_names_what_a_stage_would_use() -> None:

@@ -1,0 +1,160 @@
+"""Detections of other road users: radar scans and tracks, 3D boxes, drawn cubes, JSON (docs/detections.md)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.canonical import DetectionKind, DetectionSignal
+from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, NS_PER_S, settle
+from cwcli.signals.codec import Reading
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.elements import Elements, ragged, taken
+from cwcli.signals.leaves import find, stamps
+from cwcli.signals.quality import BoolArray, Quality, RowLedger
+
+MIN_COSINE = 0.1
+"""Elevations are taken at most this steep: beyond, a range says nothing of the plane."""
+POSE_COVARIANCE_XY = (0, 1, 6, 7)
+"""Of a 6 x 6 covariance, row-major: xx, xy, yx, yy."""
+TRIANGLE_XY = (0, 1, 1, 3)
+"""Of the upper triangle xx, xy, xz, yy, yz, zz: xx, xy, yx, yy."""
+
+
+def build_radar_scan(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+    """Build detections from `radar_msgs/RadarScan`.
+
+    Range and rate are brought into the plane by the elevation. A rate that is 0 in every return is not measured.
+    """
+    ledger = RowLedger(columns, reading.role)
+    returns = Elements(columns, ledger, "returns.range", "returns.azimuth")
+    elevation = returns.numbers("returns.elevation")
+    with np.errstate(invalid="ignore"):
+        cosine = np.maximum(np.cos(np.where(np.isfinite(elevation), elevation, 0.0)), MIN_COSINE)
+    rate = returns.numbers("returns.doppler_velocity")
+    if len(rate) > 1 and not np.any(rate):
+        ledger.note("the range rate is exactly 0 in every return, taken as not measured")
+        rate = np.full(len(rate), np.nan)
+    values = np.stack([returns.numbers("returns.range") * cosine, returns.numbers("returns.azimuth"), rate / cosine], 1)
+    return _signal(columns, reading, ledger, "radar", returns, values, None, *stamps(columns))
+
+
+def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+    """Build detections from `radar_msgs/RadarTracks`: positions and velocities relative to the radar."""
+    ledger = RowLedger(columns, reading.role)
+    tracks = Elements(columns, ledger, "tracks.position.x", "tracks.position.y")
+    leaves = ("position.x", "position.y", "velocity.x", "velocity.y")
+    values = np.stack([tracks.numbers(f"tracks.{leaf}") for leaf in leaves], axis=1)
+    if len(values) > 1 and not np.any(values[:, 2:]):
+        ledger.note("the velocity is exactly 0 in every track, taken as not measured")
+        values[:, 2:] = np.nan
+    covariance = np.zeros((len(tracks), 4, 4))
+    for name, part in (("position", slice(0, 2)), ("velocity", slice(2, 4))):
+        triangle = tracks.numbers(f"tracks.{name}_covariance", width=6)
+        covariance[:, part, part] = triangle[:, TRIANGLE_XY].reshape(-1, 2, 2)
+    return _signal(columns, reading, ledger, "radar_track", tracks, values, covariance, *stamps(columns))
+
+
+def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+    """Build detections from `vision_msgs/Detection3DArray`: the centres of the boxes.
+
+    The covariance is that of the pose of the only hypothesis; with several, or none, it is not given. Where every box
+    is left empty, the poses of the hypotheses are taken.
+    """
+    ledger = RowLedger(columns, reading.role)
+    boxes = Elements(columns, ledger, "detections.bbox.center.position.x", "detections.bbox.center.position.y")
+    values = np.stack([boxes.numbers(f"detections.bbox.center.position.{axis}") for axis in "xy"], axis=1)
+    if len(values) > 1 and not np.any(values):
+        poses = np.stack([boxes.numbers(f"detections.results.pose.pose.position.{axis}") for axis in "xy"], axis=1)
+        if np.isfinite(poses).any():
+            ledger.note("every box is empty, the poses of the hypotheses are taken")
+            values = poses
+    matrices = boxes.numbers("detections.results.pose.covariance", width=36)
+    covariance = matrices[:, POSE_COVARIANCE_XY].reshape(-1, 2, 2)
+    return _signal(columns, reading, ledger, "position", boxes, values, covariance, *stamps(columns))
+
+
+def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+    """Build detections from `foxglove.SceneUpdate`: the centres of the cubes.
+
+    The time is that of the message's first entity. Its frame is inside the entities and not read: mount the sensor.
+    """
+    ledger = RowLedger(columns, reading.role)
+    path = "entities.cubes.pose.position"
+    cubes = Elements(columns, ledger, f"{path}.x", f"{path}.y")
+    values = np.stack([cubes.numbers(f"{path}.{axis}") for axis in "xy"], axis=1)
+    return _signal(columns, reading, ledger, "position", cubes, values, None, *_first_entity_stamps(columns))
+
+
+def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+    """Build detections from JSON messages as in `schemas/detections.schema.json`: positions, or ranges and azimuths."""
+    ledger = RowLedger(columns, reading.role)
+    if find(columns, "detections.range_m") is not None:
+        found = Elements(columns, ledger, "detections.range_m", "detections.azimuth_rad")
+        names = ("range_m", "azimuth_rad", "range_rate_mps")
+        sigmas = [found.numbers(f"detections.{name}") for name in ("range_sigma_m", "azimuth_sigma_rad")]
+        rate_sigma = found.numbers("detections.range_rate_sigma_mps")
+        values = np.stack([found.numbers(f"detections.{name}") for name in names], axis=1)
+        # a rate that is not measured has no noise: 1 keeps the matrix whole, and nobody reads it
+        rate_sigma = np.where(np.isnan(values[:, 2]) & np.isnan(rate_sigma), 1.0, rate_sigma)
+        covariance = np.stack([*sigmas, rate_sigma], axis=1)[:, :, None] ** 2 * np.eye(3)
+        return _signal(columns, reading, ledger, "radar", found, values, covariance, *stamps(columns))
+    found = Elements(columns, ledger, "detections.x_m", "detections.y_m")
+    values = np.stack([found.numbers("detections.x_m"), found.numbers("detections.y_m")], axis=1)
+    parts = ("covariance_xx_m2", "covariance_xy_m2", "covariance_xy_m2", "covariance_yy_m2")
+    covariance = np.stack([found.numbers(f"detections.{name}") for name in parts], axis=1).reshape(-1, 2, 2)
+    return _signal(columns, reading, ledger, "position", found, values, covariance, *stamps(columns))
+
+
+def _signal(
+    columns: Columns,
+    reading: Reading,
+    ledger: RowLedger,
+    kind: DetectionKind,
+    elements: Elements,
+    values: FloatArray,
+    covariance: FloatArray | None,
+    stamp_ns: Int64Array,
+    has_stamp: BoolArray,
+) -> tuple[DetectionSignal, Quality]:
+    width = values.shape[1]
+    if covariance is None:
+        covariance = np.full((len(values), width, width), np.nan)
+    with np.errstate(invalid="ignore", over="ignore"):
+        marks = [elements.counts.astype(np.float64), *(elements.sums(column) for column in values.T)]
+    timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, marks)
+    offsets, index = taken(elements.offsets, timeline.rows)
+    signal = DetectionSignal(
+        source=columns.topic,
+        kind=kind,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[timeline.rows],
+        frame=_frames(columns, timeline.rows),
+        offsets=offsets,
+        values=values[index],
+        covariance=covariance[index],
+    )
+    return signal, ledger.quality
+
+
+def _frames(columns: Columns, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Strings:
+    field = find(columns, "header.frame_id", "frame_id")
+    if not isinstance(field, Strings):
+        return Strings(np.full(len(rows), -1, np.int32), ())
+    return Strings(field.codes[rows], tuple(name.lstrip("/") for name in field.values))
+
+
+def _first_entity_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
+    """Stamps in ns of each message's first entity, and whether it has one."""
+    seconds = ragged(columns, "entities.timestamp.seconds", "entities.timestamp.sec")
+    nanoseconds = ragged(columns, "entities.timestamp.nanos", "entities.timestamp.nsec", "entities.timestamp.nanosec")
+    n = len(columns)
+    if seconds is None or nanoseconds is None or not len(seconds.values):
+        return np.zeros(n, np.int64), np.zeros(n, np.bool_)
+    has_entity = (np.diff(seconds.offsets) > 0) & (np.diff(nanoseconds.offsets) > 0)
+    whole = seconds.values[np.minimum(seconds.offsets[:-1], len(seconds.values) - 1)].astype(np.float64)
+    rest = nanoseconds.values[np.minimum(nanoseconds.offsets[:-1], len(nanoseconds.values) - 1)].astype(np.float64)
+    has_entity &= np.isfinite(whole) & np.isfinite(rest) & (np.abs(whole) < MAX_STAMP_NS // NS_PER_S)
+    has_entity &= np.abs(rest) < MAX_STAMP_NS
+    stamp_ns = np.where(has_entity, whole, 0.0).astype(np.int64) * NS_PER_S
+    stamp_ns += np.where(has_entity, rest, 0.0).astype(np.int64)
+    return stamp_ns, has_entity & (stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS)

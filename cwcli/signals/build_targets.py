@@ -1,0 +1,75 @@
+"""The truth of targets: one target's poses, or the states of many by their ids."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.build_motion import NOT_FINITE
+from cwcli.signals.build_pose import build_pose
+from cwcli.signals.canonical import TargetTruthSignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.codec import Reading
+from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.leaves import find, frame_id, numbers, texts, whole_numbers
+from cwcli.signals.quality import Quality, RowLedger
+
+ONLY_TARGET = "1"
+VEHICLE_STATE_FRAME = "map"
+
+
+def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
+    """Build the truth of one target from poses. The velocity is along the yaw; NaN where either is not given."""
+    pose, quality = build_pose(columns, reading)
+    n = len(pose.stamp_ns)
+    signal = TargetTruthSignal(
+        source=pose.source,
+        frame_id=pose.frame_id,
+        id=Strings(np.zeros(n, np.int32), (ONLY_TARGET,)),
+        stamp_ns=pose.stamp_ns,
+        log_time_ns=pose.log_time_ns,
+        x_m=pose.x_m,
+        y_m=pose.y_m,
+        vx_mps=pose.speed_mps * np.cos(pose.yaw_rad),
+        vy_mps=pose.speed_mps * np.sin(pose.yaw_rad),
+    )
+    return signal, quality
+
+
+def build_target_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
+    """Build the truth of any number of targets from `cwcli.v1.Target`."""
+    return _states(columns, reading, numbers(columns, "vx_mps"), numbers(columns, "vy_mps"), frame_id(columns))
+
+
+def build_state_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
+    """Build the truth of any number of targets from `cwcli.v1.VehicleState` (frame `map`)."""
+    speed_mps, heading_rad = numbers(columns, "speed_mps"), numbers(columns, "heading_rad")
+    vx_mps, vy_mps = speed_mps * np.cos(heading_rad), speed_mps * np.sin(heading_rad)
+    return _states(columns, reading, vx_mps, vy_mps, VEHICLE_STATE_FRAME)
+
+
+def _states(
+    columns: Columns, reading: Reading, vx_mps: FloatArray, vy_mps: FloatArray, frame: str
+) -> tuple[TargetTruthSignal, Quality]:
+    ledger = RowLedger(columns, reading.role)
+    x_m, y_m = numbers(columns, "x_m"), numbers(columns, "y_m")
+    ledger.reject(~(np.isfinite(x_m) & np.isfinite(y_m)), NOT_FINITE)
+    ids = texts(columns, "id") or Strings(np.zeros(len(columns), np.int32), (ONLY_TARGET,))
+    stamp_ns, has_stamp = whole_numbers(columns, "stamp_ns")
+    has_stamp &= stamp_ns > 0
+    timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, [x_m, y_m], sender=ids.codes)
+    rows = timeline.rows
+    has_place = find(columns, "latitude_deg") is not None
+    signal = TargetTruthSignal(
+        source=columns.topic,
+        frame_id=frame,
+        id=Strings(ids.codes[rows], ids.values),
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        x_m=x_m[rows],
+        y_m=y_m[rows],
+        vx_mps=vx_mps[rows],
+        vy_mps=vy_mps[rows],
+        latitude_deg=numbers(columns, "latitude_deg")[rows] if has_place else None,
+        longitude_deg=numbers(columns, "longitude_deg")[rows] if has_place else None,
+    )
+    return signal, ledger.quality
