@@ -66,20 +66,20 @@ class RoadCamera:
 
 PAPER_PREVIEW_M = 33.5
 """Where the optical axis meets the road (zhang2011, section 1.2.3)."""
-PAPER_HEIGHT_M = 1.5
-PAPER_FOCAL_PX = 2000.0 / 3.0
-"""A lens of 10 mm before a 1/3-inch chip (4.8 mm over 320 pixels)."""
+PAPER_HEIGHT_M = 1.65
+PAPER_FOCAL_PX = 800.0
+"""A lens of 12 mm before a 1/3-inch chip (4.8 mm over 320 pixels)."""
 
 
 def paper_camera(width_px: int = 320, height_px: int = 240) -> RoadCamera:
     """zhang2011's camera, as far as the paper determines it.
 
-    The optical axis meets the road 33.5 m ahead and the road fills the lower 150 rows of 320 x 240. With the camera
-    1.5 m high both hold for a lens of 667 pixels (10 mm at 1/3 inch): the horizon then lies 150.4 rows above the
-    bottom. A lane of 3.75 m has the slopes +-1.25 and the feet -27 and 347, in the middle of the paper's first search
-    regions.
+    The optical axis meets the road 33.5 m ahead, and the road fills about two thirds of the image, 160 rows of 240, of
+    which the lower 150 are searched. With a common lens of 800 pixels (12 mm at 1/3 inch) both hold for a camera 1.65 m
+    high, below the roof of a microvan (the paper's car: wheelbase 1.96 m). A lane of 3.6 m has the slopes +-1.1 and the
+    feet -14 and 334, in the middle of the paper's first search regions.
 
-    Other sizes keep the horizontal field of view (27 deg) and the axis.
+    Other sizes keep the horizontal field of view (22.6 deg) and the axis.
     """
     _check_size(width_px, height_px)
     focal = PAPER_FOCAL_PX * width_px / 320.0

@@ -70,9 +70,9 @@ SETS: Mapping[str, SetSpec] = MappingProxyType(
     {
         "good": SetSpec(
             conditions={"clear": 0.6, "overcast": 0.4},
-            curvature_1pm=(0.0006, 0.0012),
-            curvature_rate_1pm2=(2e-6, 4e-6),
-            vertical_1pm=(3e-5, 6e-5),
+            curvature_1pm=(0.0005, 0.001),
+            curvature_rate_1pm2=(1e-6, 2e-6),
+            vertical_1pm=(2e-5, 4e-5),
             offset_m=(0.15, 0.35),
             heading_rad=(0.004, 0.01),
             pitch_rad=(0.0015, 0.003),
