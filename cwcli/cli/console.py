@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import sys
 from dataclasses import dataclass
 from typing import TextIO
@@ -53,6 +54,18 @@ def write(stream: TextIO | None, text: str) -> None:
     """Write a line. A stream that was closed when the process started swallows it."""
     if stream is not None:
         stream.write(text + "\n")
+
+
+def stdout_or_file(target: str | None) -> str | None:
+    """`-` for any name of standard output (`-`, `/dev/stdout`, `/dev/fd/1`), else the name as it is."""
+    if target is None or target == "-":
+        return target
+    try:
+        there, here = os.stat(target), os.fstat(1)  # noqa: PTH116 - compared with an open file
+    except OSError:
+        return target
+    is_same = not stat.S_ISREG(there.st_mode) and os.path.samestat(there, here)
+    return "-" if is_same else target
 
 
 def uses_style(stream: TextIO | None) -> bool:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
-from cwcli.cli.console import Console
+from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.options.values import time_ns
 from cwcli.cli.progress import Progress
@@ -83,6 +83,7 @@ def run_job(job: Job) -> Outcome:
     Raises:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
     """
+    job = replace(job, writing=replace(job.writing, output=stdout_or_file(job.writing.output)))
     console = _console(job)
     outcome = execute(job)
     if job.talk.json:
@@ -114,7 +115,7 @@ def execute(job: Job) -> Outcome:
                 result = stage(current, selection)
                 outcome.results.append(result)
                 current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
-            outcome.faults = _faults(log)
+            outcome.faults = log.faults.counts()
             if job.reading.strict:
                 _refuse_faults(outcome)
             _write(job, log, outcome, progress)
@@ -223,11 +224,6 @@ def _table_files(job: Job, results: Sequence[StageResult]) -> dict[Path, Table]:
     return files
 
 
-def _faults(log: Log) -> dict[str, int]:
-    """What is wrong with the file, as counts; empty if nothing is."""
-    return {name: count for name, count in log.faults.counts().items() if count}
-
-
 def _refuse_faults(outcome: Outcome) -> None:
     """`--strict`: whatever was rejected, repaired or lost is an error."""
     found = [f"{reason}: {count}" for reason, count in outcome.faults.items()]
@@ -264,5 +260,5 @@ def tell(job: Job, console: Console, outcome: Outcome) -> None:
     for reason, count in outcome.faults.items():
         console.note(f"{outcome.name}: {reason}: {count}")
     print_written(console, outcome.written)
-    if not outcome.written and job.writing.output != "-":
+    if not outcome.written and job.writing.output is None:
         console.note("nothing was written; -o FILE writes the annotated log")

@@ -19,7 +19,7 @@ def print_result(console: Console, summary: Summary) -> None:
     for section in summary.sections:
         console.summary("")
         console.summary(printable(section.title))
-        console.summary(table(section.columns, section.rows))
+        console.summary(table(section.columns, section.rows) if section.rows else "  none")
     if summary.inputs:
         console.summary("")
         console.summary("Input messages")

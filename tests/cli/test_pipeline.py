@@ -219,6 +219,30 @@ def test_closed_pipe_leaves_with_141(intersection: Path) -> None:
         assert (done.returncode, done.stderr) == (141, b"")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_full_disk_behind_stdout_leaves_with_6(cwcli: Run, intersection: Path) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = cwcli("estimate", intersection, "-o", "-", "--quiet", stdout=full, stderr=subprocess.PIPE)
+    assert done.returncode == 6
+    assert done.stderr == b"error: <stdout>: no space is left on the disk\n"
+
+
+def test_output_to_the_device_of_stdout_keeps_tables_off_it(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("estimate", intersection, "-o", "/dev/stdout")
+    assert done.returncode == 0
+    assert {topic for topic, _, _ in messages(done.stdout)} >= STATE_TOPICS
+
+
+def test_file_name_that_is_no_utf8(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    name = os.fsdecode(b"caf\xe9\x1b[31m.mcap")
+    (tmp_path / name).write_bytes(intersection.read_bytes())
+    done = cwcli("estimate", name, "-o", name + ".out")
+    assert done.returncode == 0, done.stderr
+    assert b"wrote caf\\xe9\\x1b[31m.mcap.out" in done.stdout
+    assert b"\x1b" not in done.stdout + done.stderr
+    assert json.loads(cwcli("info", name, "--json").stdout)["name"] == name
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupt_leaves_no_file(tmp_path: Path, number: signal.Signals, code: int) -> None:
     """The run waits for standard input, so it is in the middle of its work when the signal comes."""

@@ -70,6 +70,7 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
         "metadata": [name for name, _ in log.metadata],
         "commands": _commands({role.value for role in bindings.by_role}),
         "notes": list(bindings.notes),
+        "faults": log.faults.counts(),
     }
 
 
@@ -122,6 +123,8 @@ def show(console: Console, document: Document) -> None:
     console.summary(table(("command", "can run", "not in the log"), _command_rows(document["commands"])))
     for note in document["notes"]:
         console.note(note)
+    for fault, n in document["faults"].items():
+        console.note(f"{fault}: {n}")
 
 
 def _facts(document: Document) -> list[tuple[str, str]]:

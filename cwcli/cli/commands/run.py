@@ -12,6 +12,7 @@ from cwcli.cli.commands.predict import PredictOptions
 from cwcli.cli.commands.warn import WarnOptions
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.errors import MissingSignalError
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
@@ -60,14 +61,20 @@ def with_all_stages(
     def preflight(log: Log, selection: Selection) -> None:
         from cwcli.signals.roles import Role, bind
 
-        bind(
-            log.channels,
-            selection.topics,
-            required=(Role.EGO_POSITION, Role.REMOTE),
-            ego_station=sensors.ego_station,
-            where=log.name,
-            command="run",
-        )
+        for role in (Role.EGO_POSITION, Role.REMOTE):
+            try:
+                bind(
+                    log.channels,
+                    selection.topics,
+                    required=(role,),
+                    ego_station=sensors.ego_station,
+                    where=log.name,
+                    command="run",
+                )
+            except MissingSignalError as error:
+                if role == Role.REMOTE:
+                    error.hint += "; `cwcli estimate` and `cwcli predict` do without them"
+                raise
 
     stages = {"estimate": estimate.make(sensors), "predict": predict.make(), "warn": warn.make()}
     return replace(job, stages=stages, preflight=preflight)

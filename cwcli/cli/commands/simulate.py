@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cwcli import __version__
-from cwcli.cli.console import Console
+from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.shared import ForceOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
@@ -61,6 +61,7 @@ def command(
 
     The same scenario and seed give the same bytes.
     """
+    output = stdout_or_file(output)
     if output is None:
         raise UsageError("simulate needs a file to write", hint="name it with -o; - is standard output")
     if output == "-" and talk.json:

@@ -1,0 +1,68 @@
+"""The progress line: only on a terminal, only after a second, gone at the end."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import sys
+import time
+
+import pytest
+
+from cwcli.cli import progress as progress_module
+from cwcli.cli.progress import Progress
+
+
+def test_line_tells_what_how_much_and_how_long() -> None:
+    progress = Progress()
+    progress.step("reading drive\x1b.mcap")
+    assert progress.line(3.4) == "reading drive\\x1b.mcap (3 s)"
+    progress(1, 4)
+    assert progress.line(61.0) == "reading drive\\x1b.mcap  25 % (61 s)"
+    progress.step("x" * 200)
+    assert len(progress.line(2.0)) == 79
+
+
+def test_nothing_is_drawn_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress_module, "SHOW_AFTER_S", 0.0)
+    monkeypatch.setattr(progress_module, "REFRESH_S", 0.01)
+    drawn = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", drawn)
+    with Progress() as progress:
+        progress.step("working")
+        time.sleep(0.05)
+    assert drawn.getvalue() == ""
+
+
+def drawn_on_a_terminal(monkeypatch: pytest.MonkeyPatch, *, show_after_s: float, quiet: bool = False) -> str:
+    """What a terminal gets from a step of 0.2 s."""
+    monkeypatch.setattr(progress_module, "SHOW_AFTER_S", show_after_s)
+    monkeypatch.setattr(progress_module, "REFRESH_S", 0.02)
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as terminal:
+        monkeypatch.setattr(sys, "stderr", terminal)
+        with Progress(quiet=quiet) as progress:
+            progress.step("working")
+            time.sleep(0.2)
+        terminal.write("end")
+        terminal.flush()
+        shown = ""
+        while not shown.endswith("end"):
+            shown += os.read(master, 4096).decode()
+    os.close(master)
+    return shown
+
+
+def test_line_is_drawn_on_a_terminal_and_wiped(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = drawn_on_a_terminal(monkeypatch, show_after_s=0.0)
+    assert shown.startswith("\rworking (0 s)\x1b[K")
+    assert shown.endswith("\r\x1b[Kend")
+
+
+def test_short_work_draws_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert drawn_on_a_terminal(monkeypatch, show_after_s=5.0) == "end"
+
+
+def test_quiet_draws_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert drawn_on_a_terminal(monkeypatch, show_after_s=0.0, quiet=True) == "end"
