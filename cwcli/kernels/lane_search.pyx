@@ -3,15 +3,13 @@
 
 The objective reads block responses that were computed once per frame (`cwcli.vision.objective`): integers, in 1/90 grey
 level. So the sum along a parabola is exact, and one division gives the same number on every machine. All other
-arithmetic is +, -, * and / of doubles in a fixed order (compiled with -ffp-contract=off), and `floor`.
+arithmetic is +, -, * and / of doubles in a fixed order (compiled with -ffp-contract=off), and no function of libm.
 
 Random numbers: PCG32 (O'Neill 2014, XSH-RR 64/32), seeded by state and stream as in its reference implementation. A number
 below n is the upper half of the 64-bit product n * u32; an event of probability p happens if u32 < p * 2^32.
 
 The plain NumPy twin is in tests/unit/vision/naive_search.py.
 """
-
-from libc.math cimport floor
 
 ctypedef unsigned int uint32
 ctypedef unsigned long long uint64
@@ -59,7 +57,11 @@ cdef inline uint32 below(Pcg* random, uint32 n) noexcept nogil:
 
 cdef inline double rounded(double value, double per_unit) noexcept nogil:
     """To the nearest multiple of 1 / per_unit, halves up."""
-    return floor(value * per_unit + 0.5) / per_unit
+    cdef double shifted = value * per_unit + 0.5
+    cdef long long whole = <long long>shifted
+    if <double>whole > shifted:
+        whole -= 1
+    return <double>whole / per_unit
 
 
 cdef inline void decode(Region* region, uint32 code, double* abc) noexcept nogil:
@@ -77,19 +79,21 @@ cdef double judge(
     """Eq. 2, 3: mean response of the blocks on the image; -1e300 if there are none."""
     cdef double slope = b if is_left else -b
     cdef Py_ssize_t kind = 1 if slope > 2.0 else (2 if slope < 0.5 else 0)
-    cdef Py_ssize_t i, column
     cdef Py_ssize_t width = response.shape[2]
+    cdef const int* row = &response[kind, 0, 0]
+    cdef double end = <double>width
     cdef double y = 2.0
     cdef double x
     cdef long long total = 0
     cdef int n = 0
+    cdef Py_ssize_t i
     for i in range(response.shape[1]):
-        x = floor((a * y + b) * y + c + 0.5)
-        if x >= 2.0 and x <= <double>(width - 1):
-            column = <Py_ssize_t>x - 1
-            total += response[kind, i, column]
+        x = (a * y + b) * y + c + 0.5  # the block's centre is the whole part of x, 2 to width - 1
+        if x >= 2.0 and x < end:
+            total += row[<int>x - 1]
             n += 1
         y += 3.0
+        row += width
     n_blocks[0] = n
     if n == 0:
         return -1e300
@@ -105,8 +109,8 @@ def objective(const int[:, :, ::1] response, const double[:, ::1] parabolas, bin
             value[i] = judge(response, parabolas[i, 0], parabolas[i, 1], parabolas[i, 2], is_left, &n_blocks[i])
 
 
-cdef void cross(Pcg* random, uint32* first, uint32* second, int bits) noexcept nogil:
-    """Three-point crossover: the second and the fourth of the four segments change places."""
+cdef uint32 cross(Pcg* random, uint32* first, uint32* second, int bits) noexcept nogil:
+    """Three-point crossover: the second and the fourth of the four segments change places. 0 if they are equal."""
     cdef uint32 p = 1 + below(random, bits - 1)
     cdef uint32 q = 1 + below(random, bits - 1)
     cdef uint32 r
@@ -122,6 +126,7 @@ cdef void cross(Pcg* random, uint32* first, uint32* second, int bits) noexcept n
     differing = (first[0] ^ second[0]) & segments(low, middle, high, bits)
     first[0] ^= differing
     second[0] ^= differing
+    return differing
 
 
 cdef inline uint32 segments(uint32 p, uint32 q, uint32 r, int bits) noexcept nogil:
@@ -186,13 +191,15 @@ def search(
     cdef uint32 parents[POPULATION]
     cdef uint32 children[POPULATION]
     cdef double fitness[POPULATION]
+    cdef double known[POPULATION]
+    cdef bint is_new[POPULATION]
     cdef double wheel[POPULATION]
     cdef double abc[3]
     cdef double total, ball, best_value
     cdef uint32 best
     cdef uint32 crossover_below = <uint32>(crossover_rate * TWO_32)
     cdef uint32 mutation_below = <uint32>(mutation_rate * TWO_32)
-    cdef int i, low_i, high_i, middle, worst, generation, n_blocks
+    cdef int i, after, low_i, high_i, middle, worst, generation, n_blocks
     set_region(&region, low, high, bits, decimals)
     if region.bits > MAX_BITS or region.bits < 4:
         raise ValueError(f"a chromosome of {region.bits} bits")
@@ -231,20 +238,28 @@ def search(
                             high_i = middle
                         else:
                             low_i = middle + 1
-                    children[i] = parents[low_i]
                 else:
-                    children[i] = parents[below(&random, POPULATION)]
+                    low_i = below(&random, POPULATION)
+                children[i] = parents[low_i]
+                known[i] = fitness[low_i]
+                is_new[i] = False
             for i in range(POPULATION):
                 if draw(&random) < crossover_below:
-                    cross(&random, &children[i], &children[(i + 1) % POPULATION], region.bits)
+                    after = (i + 1) % POPULATION
+                    if cross(&random, &children[i], &children[after], region.bits) != 0:
+                        is_new[i] = True
+                        is_new[after] = True
             for i in range(POPULATION):
                 if draw(&random) < mutation_below:
                     children[i] ^= <uint32>1 << (region.bits - 1 - below(&random, region.bits))
+                    is_new[i] = True
             worst = 0
             for i in range(POPULATION):
                 parents[i] = children[i]
-                decode(&region, parents[i], abc)
-                fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, &n_blocks)
+                fitness[i] = known[i]  # a copy is as fit as its original
+                if is_new[i]:
+                    decode(&region, parents[i], abc)
+                    fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, &n_blocks)
                 if fitness[i] < fitness[worst]:
                     worst = i
             # Elitism: the best so far takes the place of the worst; then the best so far is brought up to date.
