@@ -8,12 +8,14 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road import surface
 from cwcli.simulation.road.rows import Rows
 from cwcli.simulation.road.scene import Patch, RoadScene, Shadow
-from cwcli.simulation.road.surface import CELL_M, CELLS_M, Float32Array
+from cwcli.simulation.road.surface import CELL_M, CELLS_M, HALF_WIDTH_M, Float32Array
 
 VERGE_GREY = 78.0
 TRACK_M = 0.75
 """Wheel tracks lie this far from the middle of a lane."""
 SEAM_M = 0.05
+NEAR_M = 150.0
+"""Patches and shadows farther ahead are not drawn."""
 PENUMBRA_M = 0.06
 
 
@@ -27,7 +29,8 @@ def grey_strip(rows: Rows, scene: RoadScene) -> Float32Array:
         road += surface.cracks().mean(start, end, shift) * scene.cracks
     road += (1.0 - scene.tracks * _tracks(scene.lane_width_m))[None, :]
     for patch in scene.patches:
-        _lay(road, rows, patch)
+        if _is_near(rows, patch.station_m, patch.length_m + SEAM_M):
+            _lay(road, rows, patch)
     road *= scene.asphalt
     paved = _between(scene.right_edge_m, scene.left_edge_m, 0.1)[None, :]
     grass = VERGE_GREY * (1.0 + surface.verge().mean(start, end))
@@ -45,6 +48,8 @@ def light_strip(rows: Rows, scene: RoadScene) -> Float32Array | None:
             leaves = surface.leaves().mean(rows.start_m, rows.end_m, scene.seed % 97) + 0.5
             dark = np.maximum(dark, np.clip(leaves, 0.0, 1.0) * min(1.0, light.dapple * 1.4))
         for shadow in light.shadows:
+            if not _is_near(rows, shadow.station_m, shadow.length_m + abs(shadow.slant) * HALF_WIDTH_M):
+                continue
             dark = np.maximum(dark, _band(rows, shadow))
         made = 1.0 - (1.0 - light.shadow_depth) * dark
     if light.night:
@@ -60,6 +65,11 @@ def headlights(rows: Rows) -> Float32Array:
     spread = 1.3 + 0.16 * x
     beam = np.exp(-0.5 * ((y + 0.2) / spread) ** 2) * (1.0 - np.exp(-((x / 5.0) ** 2))) / (1.0 + (x / 26.0) ** 2)
     return np.asarray(0.13 + 0.95 * np.nan_to_num(beam), np.float32)
+
+
+def _is_near(rows: Rows, station_m: float, reach_m: float) -> bool:
+    here = rows.road.station_m
+    return here - reach_m - 5.0 < station_m < here + reach_m + NEAR_M
 
 
 def _tracks(lane_width_m: float) -> Float32Array:

@@ -70,7 +70,17 @@ def render(scene: RoadScene, camera: RoadCamera, road: RoadAhead, rng: np.random
         weather.lamps(image, found, light)
     weather.glare(image, camera, top, light)
     image = weather.rain_on_glass(image, light, rng)
-    truth = lane_truth(
-        camera, road, scene.lane_width_m, (scene.left.width_m, scene.right.width_m), scene.condition, hidden
-    )
-    return RoadFrame(weather.sensor(image, light, rng), truth)
+    return RoadFrame(weather.sensor(image, light, rng), _truth(scene, camera, road, hidden))
+
+
+def truth_of(scene: RoadScene, camera: RoadCamera, road: RoadAhead) -> LaneTruth:
+    """The truth of a frame without rendering it."""
+    hidden = np.zeros((camera.height_px, camera.width_px), np.bool_)
+    if scene.vehicles:
+        draw_vehicles(np.zeros(hidden.shape, np.float32), camera, road, scene, hidden)
+    return _truth(scene, camera, road, hidden)
+
+
+def _truth(scene: RoadScene, camera: RoadCamera, road: RoadAhead, hidden: npt.NDArray[np.bool_]) -> LaneTruth:
+    widths = (scene.left.width_m, scene.right.width_m)
+    return lane_truth(camera, road, scene.lane_width_m, widths, scene.condition, hidden)

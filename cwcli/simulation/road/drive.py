@@ -1,0 +1,196 @@
+"""A drive along a road: the car's motion, and a frame for each instant of the camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, Driver, drive_along
+from cwcli.simulation.road.conditions import CONDITIONS
+from cwcli.simulation.road.geometry import GRID_M, RoadAhead
+from cwcli.simulation.road.render import RoadFrame, render, truth_of
+from cwcli.simulation.road.scene import RoadScene, Shadow, Vehicle
+from cwcli.simulation.road.sets import SETS, draw_scene
+from cwcli.simulation.road.truth import LaneTruth
+from cwcli.simulation.streams import stream
+
+KNOT_M = 90.0
+"""The curvature changes evenly between knots this far apart."""
+SHADOWS_PER_M = 1 / 45.0
+MAX_DURATION_S = 3600.0
+RATE_HZ = (1.0, 100.0)
+SPEED_MPS = (5.0, 60.0)
+
+
+@dataclass(frozen=True)
+class RoadDriveConfig:
+    """What to drive.
+
+    Attributes:
+        weather: A name of `CONDITIONS`.
+        road: A name of `SETS`: how worn, winding and busy the road is.
+        seed: Of everything.
+        duration_s, rate_hz: Length of the drive and rate of the camera.
+        speed_mps, accel_mps2: At the start; constant acceleration.
+    """
+
+    weather: str = "clear"
+    road: str = "good"
+    seed: int = 1
+    duration_s: float = 20.0
+    rate_hz: float = 20.0
+    speed_mps: float = 25.0
+    accel_mps2: float = 0.0
+
+
+@dataclass(frozen=True)
+class RoadDrive:
+    """A drive; frames are rendered when they are asked for, each on its own.
+
+    Attributes:
+        config: What was asked for.
+        camera: At rest; the body's motion on its springs is added.
+        scene: At the start.
+        time_s: Shape (n,): of the frames.
+        fine_time_s: Shape (m,): a grid of 10 ms.
+        fine_states: Shape (m, 9), see `car.drive_along`.
+        knots_m, curvature_1pm: Curvature of the lane at stations, linear between them; left positive.
+        vertical_1pm: Shape (k,): crests and sags at the same stations.
+        pitch_rad: Shape (n,): of the body at the frames, nose down positive.
+    """
+
+    config: RoadDriveConfig
+    camera: RoadCamera
+    scene: RoadScene
+    time_s: FloatArray
+    fine_time_s: FloatArray
+    fine_states: FloatArray
+    knots_m: FloatArray
+    curvature_1pm: FloatArray
+    vertical_1pm: FloatArray
+    pitch_rad: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def states_at(self, time_s: FloatArray) -> FloatArray:
+        """Shape (len(time_s), 9): the car's states, linear between the 10 ms of the grid."""
+        columns = [np.interp(time_s, self.fine_time_s, column) for column in self.fine_states.T]
+        return np.column_stack(columns)
+
+    def speed_at(self, time_s: FloatArray) -> FloatArray:
+        """Longitudinal speed."""
+        return self.config.speed_mps + self.config.accel_mps2 * np.asarray(time_s)
+
+    def frame(self, index: int) -> RoadFrame:
+        """Render one frame."""
+        scene, camera, road = self._place(index)
+        return render(scene, camera, road, stream(self.config.seed, "road-drive", "frame", str(index)))
+
+    def truth(self, index: int) -> LaneTruth:
+        """The truth of a frame without its picture."""
+        return truth_of(*self._place(index))
+
+    def frames(self) -> Iterator[RoadFrame]:
+        """All frames in order."""
+        return (self.frame(index) for index in range(len(self)))
+
+    def _place(self, index: int) -> tuple[RoadScene, RoadCamera, RoadAhead]:
+        time_s = float(self.time_s[index])
+        state = self.states_at(np.array([time_s]))[0]
+        stations = state[STATION] + GRID_M
+        road = RoadAhead(
+            np.interp(stations, self.knots_m, self.curvature_1pm),
+            offset_m=float(state[OFFSET]),
+            heading_rad=float(state[HEADING]),
+            vertical_1pm=float(np.interp(state[STATION] + 40.0, self.knots_m, self.vertical_1pm)),
+            station_m=float(state[STATION]),
+            bearing_rad=float(state[BEARING]),
+        )
+        moved = tuple(self._moved(vehicle, number, time_s) for number, vehicle in enumerate(self.scene.vehicles))
+        return replace(self.scene, vehicles=moved), self.camera.turned(float(self.pitch_rad[index])), road
+
+    def _moved(self, vehicle: Vehicle, number: int, time_s: float) -> Vehicle:
+        """The same lane keeps its distance, other lanes pass or fall back, oncoming traffic comes."""
+        rng = stream(self.config.seed, "road-drive", "vehicle", str(number))
+        if vehicle.is_oncoming:
+            ahead = vehicle.ahead_m - 1.9 * self.config.speed_mps * time_s
+        elif abs(vehicle.offset_m) < self.scene.lane_width_m / 2:
+            ahead = vehicle.ahead_m * (1.0 + 0.15 * math.sin(2 * math.pi * time_s / rng.uniform(12, 25)))
+        else:
+            faster = rng.uniform(1.0, 4.0) if vehicle.offset_m > 0 else rng.uniform(-4.0, -1.0)
+            ahead = vehicle.ahead_m + faster * time_s
+        return replace(vehicle, ahead_m=ahead)
+
+
+def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
+    """Draw the road, the traffic and the weather, and drive.
+
+    Raises:
+        UsageError: The weather or the road is unknown, or a number is out of its range.
+    """
+    _check(config)
+    spec = SETS[config.road]
+    rng = stream(config.seed, "road-drive", "plan")
+    n = int(math.floor(config.duration_s * config.rate_hz + 1e-9)) + 1
+    time_s = np.arange(n) / config.rate_hz
+    end_mps = config.speed_mps + config.accel_mps2 * config.duration_s
+    length_m = max(config.speed_mps, end_mps) * config.duration_s + GRID_M[-1] + 2 * KNOT_M
+    knots_m = np.arange(-KNOT_M, length_m + KNOT_M, KNOT_M)
+    curvature = np.clip(
+        rng.normal(0.0, 1.3 * spec.curvature_1pm[0], len(knots_m)), -spec.curvature_1pm[1], spec.curvature_1pm[1]
+    )
+    vertical = np.clip(rng.normal(0.0, spec.vertical_1pm[0], len(knots_m)), -spec.vertical_1pm[1], spec.vertical_1pm[1])
+    phases = rng.uniform(0.0, 2 * math.pi, 5)
+    driver = Driver(wander_rad=(float(phases[0]), float(phases[1])))
+    fine_time_s, states = drive_along(
+        lambda station: float(np.interp(station, knots_m, curvature)),
+        lambda t: config.speed_mps + config.accel_mps2 * t,
+        driver,
+        config.duration_s,
+    )
+    scene = _along(draw_scene(spec, config.weather, rng), config, length_m, rng)
+    sway = (
+        np.sin(2 * math.pi * 1.4 * time_s + phases[2])
+        + 0.6 * np.sin(2 * math.pi * 2.3 * time_s + phases[3])
+        + 0.8 * np.sin(2 * math.pi * 0.23 * time_s + phases[4])
+    )
+    pitch_rad = 0.5 * spec.pitch_rad[0] * sway - 0.004 * config.accel_mps2
+    return RoadDrive(
+        config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, np.asarray(pitch_rad)
+    )
+
+
+def _along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
+    """Spread patches and shadows along the whole drive, and let each dash begin where it fell."""
+    patches = []
+    for patch in scene.patches:
+        for start in np.arange(0.0, length_m, 80.0):
+            patches.append(replace(patch, station_m=float(start + rng.uniform(0.0, 80.0))))
+    shadows: list[Shadow] = []
+    if scene.light.shadows:
+        for _ in range(int(length_m * SHADOWS_PER_M)):
+            kind = scene.light.shadows[int(rng.integers(0, len(scene.light.shadows)))]
+            shadows.append(replace(kind, station_m=rng.uniform(0.0, length_m), slant=rng.normal(0.0, 0.7)))
+    return replace(scene, patches=tuple(patches), light=replace(scene.light, shadows=tuple(shadows)))
+
+
+def _check(config: RoadDriveConfig) -> None:
+    for name, value, known in (("weather", config.weather, CONDITIONS), ("road", config.road, SETS)):
+        if value not in known:
+            raise UsageError(f"there is no {name} {value!r}", hint=f"known: {', '.join(known)}")
+    limits = {
+        "duration": (config.duration_s, (0.1, MAX_DURATION_S), "s"),
+        "rate": (config.rate_hz, RATE_HZ, "Hz"),
+        "speed": (config.speed_mps, SPEED_MPS, "m/s"),
+        "speed at the end": (config.speed_mps + config.accel_mps2 * config.duration_s, SPEED_MPS, "m/s"),
+    }
+    for name, (value, (low, high), unit) in limits.items():
+        if not low <= value <= high:
+            raise UsageError(f"the {name} of {value:g} {unit} is not between {low:g} and {high:g}")
