@@ -93,8 +93,8 @@ def _widths(natural: list[int], narrowest: list[int], available: int) -> list[in
             break
         widest = max((i for i, cells in enumerate(spare) if cells > 0), key=lambda i: widths[i])
         widths[widest] -= 1
-    if sum(widths) > available:  # one word wider than the terminal: it is cut
-        widths[widths.index(max(widths))] -= sum(widths) - available
+    while sum(widths) > available and max(widths) > 1:  # a word wider than the terminal: it is cut
+        widths[widths.index(max(widths))] -= 1
     return widths
 
 

@@ -78,6 +78,7 @@ def wrap(text: str, width: int) -> list[str]:
     """`text` in lines of at most `width` cells, broken at spaces, else after `/ _ . ,`, else anywhere."""
     lines: list[str] = []
     rest = text
+    width = max(width, 1)
     while display_width(rest) > width:
         cut = _cut(rest, width)
         lines.append(rest[:cut].rstrip())

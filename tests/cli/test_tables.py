@@ -42,6 +42,12 @@ def test_table_escapes_control_characters() -> None:
     assert "\x1b" not in table(("topic\x1b",), [("/evil\x1b[2J",)])
 
 
+def test_table_of_words_wider_than_the_terminal() -> None:
+    lines = table(("a" * 90, "b" * 300, "c"), [("x" * 90, "y" * 300, 1)]).split("\n")
+    assert max(map(len, lines)) <= 80
+    assert sum(line.count("y") for line in lines) == 300
+
+
 @given(
     st.lists(st.text(min_size=1, max_size=60), min_size=1, max_size=12).flatmap(
         lambda heads: st.tuples(
