@@ -138,7 +138,7 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     _check(config)
     spec = SETS[config.road]
     rng = stream(config.seed, "road-drive", "plan")
-    n = int(math.floor(config.duration_s * config.rate_hz + 1e-9)) + 1
+    n = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
     time_s = np.arange(n) / config.rate_hz
     end_mps = config.speed_mps + config.accel_mps2 * config.duration_s
     length_m = max(config.speed_mps, end_mps) * config.duration_s + GRID_M[-1] + 2 * KNOT_M

@@ -14,8 +14,8 @@ from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 BoolArray = npt.NDArray[np.bool_]
 
 VISIBLE_RANGE_M = 60.0
-"""Rows that show the road farther away count as not visible (a marking of 0.15 m is 2 pixels wide there at 320 x
-240).""" SIDES = ("left", "right")
+"""Rows that show the road farther away count as not visible: a marking of 0.15 m is 2 pixels wide there (320 x 240)."""
+SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
