@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,17 +24,18 @@ from cwcli.stages.channels import (
     vehicle_states,
     viewer_channels,
 )
-from cwcli.stages.estimate_summary import estimate_tables, gap_notes, sections
+from cwcli.stages.estimate_summary import TrackSummary, estimate_tables, gap_notes, sections, summarise
 from cwcli.stages.measurements import EgoSignal, ego_measurements, remote_measurements
 from cwcli.stages.result import StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.sources import SourceConfig, Sources, read_sources
-from cwcli.stages.states import vehicle_rows
+from cwcli.stages.states import N_STATES, vehicle_rows
 from cwcli.stages.truth import TruthErrors, against_truth
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_STATES = 20_000_000
 NS_PER_S = 1_000_000_000
+STATIONS_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
@@ -56,12 +57,16 @@ class EstimateConfig:
 
 
 @dataclass(frozen=True)
-class RemoteTracks:
-    """The remote vehicles' tracks and, for each, the rows of the V2X signal that it was made from."""
+class RemoteStates:
+    """The remote vehicles' states as one channel, and a summary of each track.
 
-    signal: RemoteSignal
-    rows: Mapping[str, Int64Array]
-    tracks: Mapping[str, Track]
+    Attributes:
+        channel: `/cwcli/remote/state`.
+        tracks: Station -> its summary.
+    """
+
+    channel: OutputChannel
+    tracks: Mapping[str, TrackSummary]
 
 
 def estimate(log: Log, config: EstimateConfig) -> StageResult:
@@ -83,16 +88,15 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     measurements = _ego_measurements(sources, local_map)
     grid_ns = _output_grid(measurements, config.rate_hz)
     ego = estimate_track(measurements, config.estimator, grid_ns)
-    remote = _remote_tracks(sources, local_map, config.estimator)
+    remote = _remote_states(sources, local_map, config.estimator)
     errors = against_truth(sources.by_role.get(Role.TRUTH, ()), measurements, ego, local_map, config.truth_origin)
-    channels = [*_ego_channels(ego, local_map)]
-    if remote is not None and local_map is not None:
-        channels.append(_remote_channel(remote, local_map))
-    summary = _summary(sources, ego, remote, errors, log)
+    channels = [*_ego_channels(ego, local_map), *([remote.channel] if remote else [])]
+    tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
+    summary = _summary(sources, tracks, errors)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
-        tables=estimate_tables(ego, remote.tracks if remote else {}, errors),
+        tables=estimate_tables(tracks, errors),
         summary=summary,
         metadata=run_record("estimate", log, config, summary, **_origin_record(local_map)),
     )
@@ -139,22 +143,43 @@ def _output_grid(measurements: list[Measurements], rate_hz: float) -> Int64Array
     return np.asarray(first_ns + step_ns * np.arange(n), dtype=np.int64)
 
 
-def _remote_tracks(sources: Sources, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteTracks | None:
+def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates | None:
+    """Estimate the remote vehicles, some at a time, and put their states where they belong in the channel at once.
+
+    The covariances are what fills the memory: 61 MB for twenty vehicles in ten minutes. So they exist once.
+    """
     signals = [s for s in sources.by_role.get(Role.REMOTE, ()) if isinstance(s, RemoteSignal)]
     if not signals or local_map is None:
         return None
     signal = merged(signals)
-    rows = {station: np.asarray(own, np.int64) for station, own in vehicle_rows(signal.station)}
-    config = EstimatorConfig(
-        model=estimator.model,
-        causal=estimator.causal,
-        latency="none",
-        gate_probability=estimator.gate_probability,
-        reset_after=estimator.reset_after,
+    n = len(signal.stamp_ns)
+    order = np.argsort(signal.log_time_ns, kind="stable")
+    place = np.empty(n, np.intp)
+    place[order] = np.arange(n)
+    state, covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
+    config = replace(estimator, latency="none")
+    stations = list(vehicle_rows(signal.station))
+    tracks: dict[str, TrackSummary] = {}
+    for first in range(0, len(stations), STATIONS_AT_ONCE):
+        group = stations[first : first + STATIONS_AT_ONCE]
+        said = [(remote_measurements(signal, own, local_map), signal.stamp_ns[own]) for _, own in group]
+        for (station, own), track in zip(group, estimate_tracks(said, config), strict=True):
+            state[place[own]], covariance[place[own]] = track.state, track.covariance
+            tracks[station] = summarise(track)
+    latitude_deg, longitude_deg = _geographic(state, local_map)
+    channel = vehicle_states(
+        REMOTE_STATE_TOPIC,
+        ids=Strings(signal.station.codes[order], signal.station.values),
+        stamp_ns=signal.stamp_ns[order],
+        log_time_ns=signal.log_time_ns[order],
+        state=state,
+        covariance=covariance,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        length_m=signal.length_m[order],
+        width_m=signal.width_m[order],
     )
-    groups = [(remote_measurements(signal, own, local_map), signal.stamp_ns[own]) for own in rows.values()]
-    tracks = estimate_tracks(groups, config)
-    return RemoteTracks(signal, rows, dict(zip(rows, tracks, strict=True)))
+    return RemoteStates(channel, tracks)
 
 
 def merged(signals: list[RemoteSignal]) -> RemoteSignal:
@@ -205,26 +230,6 @@ def _ego_channels(ego: Track, local_map: LocalMap | None) -> tuple[OutputChannel
     )
 
 
-def _remote_channel(remote: RemoteTracks, local_map: LocalMap) -> OutputChannel:
-    rows = np.concatenate(list(remote.rows.values()))
-    tracks = list(remote.tracks.values())
-    state = np.concatenate([track.state for track in tracks])
-    latitude_deg, longitude_deg = _geographic(state, local_map)
-    signal = remote.signal
-    return vehicle_states(
-        REMOTE_STATE_TOPIC,
-        ids=Strings(signal.station.codes[rows], signal.station.values),
-        stamp_ns=signal.stamp_ns[rows],
-        log_time_ns=signal.log_time_ns[rows],
-        state=state,
-        covariance=np.concatenate([track.covariance for track in tracks]),
-        latitude_deg=latitude_deg,
-        longitude_deg=longitude_deg,
-        length_m=signal.length_m[rows],
-        width_m=signal.width_m[rows],
-    )
-
-
 def _geographic(state: FloatArray, local_map: LocalMap | None) -> tuple[FloatArray, FloatArray]:
     if local_map is None:
         unknown = np.full(len(state), np.nan)
@@ -233,22 +238,19 @@ def _geographic(state: FloatArray, local_map: LocalMap | None) -> tuple[FloatArr
     return latitude_deg, longitude_deg
 
 
-def _summary(
-    sources: Sources, ego: Track, remote: RemoteTracks | None, errors: TruthErrors | None, log: Log
-) -> Summary:
+def _summary(sources: Sources, tracks: Mapping[str, TrackSummary], errors: TruthErrors | None) -> Summary:
     signals = [s for found in sources.by_role.values() for s in found if not isinstance(s, CameraInfoSignal)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
-    notes = [*sources.notes, *gap_notes(signals, start_ns, end_ns), *ego.notes]
+    notes = [*sources.notes, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
     position = signals[0]
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
-    tracks = remote.tracks if remote else {}
     for station, track in tracks.items():
-        notes.extend(f"{station}: {note}" for note in track.notes)
+        notes.extend(f"{station}: {note}" for note in track.notes if station != EGO_ID)
     if errors is not None:
         notes.extend(errors.notes)
-    return Summary("estimate", sections(ego, tracks, errors), sources.counts(), tuple(dict.fromkeys(notes)))
+    return Summary("estimate", sections(tracks, errors), sources.counts(), tuple(dict.fromkeys(notes)))
 
 
 def _origin_record(local_map: LocalMap | None) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,25 +31,58 @@ MAX_GAP_NOTES = 5
 NS_PER_S = 1_000_000_000
 
 
-def sections(ego: Track, remote: Mapping[str, Track], errors: TruthErrors | None) -> tuple[Section, ...]:
+@dataclass(frozen=True)
+class TrackSummary:
+    """What is told of a track, without its arrays.
+
+    Attributes:
+        n_states, span_s, max_speed_mps: Its size.
+        median_sigma_m: Median of the horizontal one-sigma per axis, NaN without states.
+        sources, notes: As in `Track`.
+    """
+
+    n_states: int
+    span_s: float
+    max_speed_mps: float
+    median_sigma_m: float
+    sources: tuple[SourceReport, ...]
+    notes: tuple[str, ...]
+
+
+def summarise(track: Track) -> TrackSummary:
+    """The summary of a track."""
+    n = len(track.stamp_ns)
+    variance = 0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1])
+    return TrackSummary(
+        n_states=n,
+        span_s=float(track.stamp_ns[-1] - track.stamp_ns[0]) / NS_PER_S if n else 0.0,
+        max_speed_mps=float(np.abs(track.state[:, 2]).max()) if n else math.nan,
+        median_sigma_m=float(np.median(np.sqrt(variance))) if n else math.nan,
+        sources=track.sources,
+        notes=track.notes,
+    )
+
+
+def sections(tracks: Mapping[str, TrackSummary], errors: TruthErrors | None) -> tuple[Section, ...]:
     """The stage's tables for the terminal."""
-    found = [_sources_section(ego), _noise_section(ego), _vehicles_section(ego, remote)]
+    ego = tracks[EGO_ID]
+    found = [_sources_section(ego), _noise_section(ego), _vehicles_section(tracks)]
     if errors is not None:
         found.append(_errors_section(errors))
     return tuple(found)
 
 
-def estimate_tables(ego: Track, remote: Mapping[str, Track], errors: TruthErrors | None) -> dict[str, Table]:
+def estimate_tables(tracks: Mapping[str, TrackSummary], errors: TruthErrors | None) -> dict[str, Table]:
     """One table: a row per metric, so that a gate can name it and two runs can be compared.
 
     Columns: vehicle, source (topic, or "" for the track as a whole), quantity, metric, value, unit.
     """
     rows: list[tuple[str, str, str, str, float, str]] = []
-    for vehicle, track in ((EGO_ID, ego), *remote.items()):
+    for vehicle, track in tracks.items():
         for report in track.sources:
             rows.extend(_report_rows(vehicle, report))
-        rows.append((vehicle, "", "state", "count", float(len(track.stamp_ns)), ""))
-        rows.append((vehicle, "", "position", "median_sigma", _median_sigma(track), "m"))
+        rows.append((vehicle, "", "state", "count", float(track.n_states), ""))
+        rows.append((vehicle, "", "position", "median_sigma", track.median_sigma_m, "m"))
     if errors is not None:
         for error in errors.rows:
             for metric, value, unit in (
@@ -98,7 +132,7 @@ def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> lis
     )
 
 
-def _sources_section(ego: Track) -> Section:
+def _sources_section(ego: TrackSummary) -> Section:
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
@@ -114,7 +148,7 @@ def _sources_section(ego: Track) -> Section:
     return Section("sources", "Ego sources: what was used and corrected", columns, tuple(rows))
 
 
-def _noise_section(ego: Track) -> Section:
+def _noise_section(ego: TrackSummary) -> Section:
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
@@ -131,13 +165,18 @@ def _noise_section(ego: Track) -> Section:
     return Section("noise", "Ego sources: noise and consistency of the innovations", columns, tuple(rows))
 
 
-def _vehicles_section(ego: Track, remote: Mapping[str, Track]) -> Section:
-    rows: list[tuple[Cell, ...]] = []
-    for vehicle, track in ((EGO_ID, ego), *remote.items()):
-        span_s = float(track.stamp_ns[-1] - track.stamp_ns[0]) / NS_PER_S if len(track.stamp_ns) else 0.0
-        speed = track.state[:, 2]
-        gated = sum(report.n_gated for report in track.sources)
-        rows.append((vehicle, len(track.stamp_ns), span_s, float(np.abs(speed).max()), _median_sigma(track), gated))
+def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            vehicle,
+            track.n_states,
+            track.span_s,
+            track.max_speed_mps,
+            track.median_sigma_m,
+            sum(report.n_gated for report in track.sources),
+        )
+        for vehicle, track in tracks.items()
+    ]
     columns = ("vehicle", "states", "span [s]", "max speed [m/s]", "median sigma [m]", "gated")
     return Section("vehicles", "Estimated tracks", columns, tuple(rows))
 
@@ -192,10 +231,3 @@ def _bias_text(report: SourceReport) -> str:
 def _bounds_text(report: SourceReport) -> str:
     low, high = (bound / report.nis_dof for bound in report.nis_bounds)
     return "" if math.isnan(low) else f"{low:.2f} to {high:.2f}"
-
-
-def _median_sigma(track: Track) -> float:
-    """Median of the horizontal one-sigma per axis."""
-    if not len(track.stamp_ns):
-        return math.nan
-    return float(np.median(np.sqrt(0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1]))))
