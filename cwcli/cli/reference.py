@@ -1,10 +1,15 @@
-"""Writes docs/commands.md and docs/channels.md from the code and the schemas: `python -m cwcli.cli.reference`."""
+"""Writes what is generated in the docs: `python -m cwcli.cli.reference`.
+
+docs/commands.md from the commands, docs/channels.md from the schemas, the output of `cwcli info` in README.md.
+"""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 from typing import Any
+
+ROOT = Path(__file__).parents[2]
 
 HEADER = """# Commands
 
@@ -60,12 +65,34 @@ def _section(title: str, command: Any, name: str) -> str:
     return f"## {title}\n\n```text\n{text.rstrip()}\n```\n"
 
 
+def readme() -> str:
+    """README.md with the output of `cwcli info` in its session as it is now."""
+    import contextlib
+    import io
+    import re
+
+    from cwcli.cli.main import run
+
+    arguments = ["info", "sample_logs/intersection.mcap"]
+    printed = io.StringIO()
+    with contextlib.chdir(ROOT), contextlib.redirect_stdout(printed):
+        run(arguments)
+    lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
+    block = "\n".join(f"    {line}".rstrip() for line in lines)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.sub(r"(?<=<!-- info -->\n).*?(?=\n<!-- end -->)", lambda _: block, text, count=1, flags=re.DOTALL)
+
+
 def pages() -> dict[Path, str]:
     """The generated pages of the checkout, by file."""
     from cwcli.cli.channel_reference import channel_reference
 
-    docs = Path(__file__).parents[2] / "docs"
-    return {docs / "commands.md": reference(), docs / "channels.md": channel_reference()}
+    docs = ROOT / "docs"
+    return {
+        docs / "commands.md": reference(),
+        docs / "channels.md": channel_reference(),
+        ROOT / "README.md": readme(),
+    }
 
 
 def main() -> None:
