@@ -4,6 +4,6 @@
 - `annotate`: writes the log again with more channels; `writer` writes a new one.
 - `codecs/`: message encodings, one file each.
 
-Nothing here knows what a number means (`cwcli.signals`), and no import here costs anything before it is needed: opening a
-log for `cwcli info` needs neither NumPy nor the `mcap` package.
+Nothing here knows what a number means (`cwcli.signals`), and no import here costs anything before it is needed: opening
+a log for `cwcli info` needs neither NumPy nor the `mcap` package.
 """

@@ -83,7 +83,8 @@ def is_camera(channel: ChannelInfo) -> bool:
 def stream_frames(reader: MessageReader, channels: Sequence[ChannelInfo], faults: Faults, name: str) -> Iterator[Frame]:
     """The frames of one topic.
 
-    One chunk is in memory at a time, a few where chunks overlap in time, and up to three more that are decompressed ahead.
+    One chunk is in memory at a time, a few where chunks overlap in time, and up to three more that are decompressed
+    ahead.
 
     Args:
         reader: Of the file.

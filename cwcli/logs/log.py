@@ -2,17 +2,18 @@
 
 What counts as damage:
 
-- A file without a footer was cut (the recorder was killed, the copy broke off), also where it happens to end between two
-  records: opening it is an error that names `--recover`, which reads what is there and sets `Faults.truncated`.
-- A file with a footer but without a summary, or with one that leaves out what the format lets it leave out, is whole. It is
-  read record by record, which is slower, and nothing is counted.
+- A file without a footer was cut (the recorder was killed, the copy broke off), also where it happens to end between
+  two records: opening it is an error that names `--recover`, which reads what is there and sets `Faults.truncated`.
+- A file with a footer but without a summary, or with one that leaves out what the format lets it leave out, is whole.
+  It is read record by record, which is slower, and nothing is counted.
 - A damaged summary is an error; `--recover` then reads the file record by record.
 - A damaged chunk is an error when a message in it is wanted, at the time it is read; `--recover` leaves the chunk out.
-- A message index that does not fit its chunk harms nobody, because messages are found in the chunk itself: it is counted.
+- A message index that does not fit its chunk harms nobody, because messages are found in the chunk itself: it is
+  counted.
 - A message that can't be decoded is counted and left out.
 
-Every message is found by walking the records of its chunk, not by its index entry: both take the same time, and the walk also
-finds what an index misses. The indexes tell which chunks need not be opened at all.
+Every message is found by walking the records of its chunk, not by its index entry: both take the same time, and the
+walk also finds what an index misses. The indexes tell which chunks need not be opened at all.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ class MessageReader:
         return (chunked + sum(end - start for start, end in self._structure.loose)) // MIN_MESSAGE_BYTES
 
     def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, Iterator[Batch]]]:
-        """The chunks' batches by the chunks' first log time, each with that time: no later chunk holds an earlier message."""
+        """The chunks' batches by first log time, each with that time: no later chunk holds an earlier message."""
         chunks = sorted(self.chunks(channel_ids), key=lambda chunk: (chunk.start_ns, chunk.chunk_start))
         for chunk, payload in self._payloads(chunks):
             if payload is not None:

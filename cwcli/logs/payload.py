@@ -90,7 +90,7 @@ def _check_header(data: memoryview, chunk: ChunkIndex) -> None:
         ChunkError: They differ.
     """
     try:
-        opcode, start, end = read_prefix(data, chunk.chunk_start, len(data))
+        _, start, end = read_prefix(data, chunk.chunk_start, len(data))
         found = read_chunk(data, start, end)
     except RecordError as error:
         raise ChunkError(f"a chunk's header is damaged: {error}") from error

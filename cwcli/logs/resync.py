@@ -1,7 +1,7 @@
 """Finding the next record behind damage.
 
-MCAP has no markers between records. A record is believed where its length leads to a further record, and so on for a few
-steps or to the file's end; a chunk is believed by its own three lengths, which must agree.
+MCAP has no markers between records. A record is believed where its length leads to a further record, and so on for a
+few steps or to the file's end; a chunk is believed by its own three lengths, which must agree.
 """
 
 from __future__ import annotations
@@ -55,8 +55,6 @@ def _leads_on(data: memoryview, at: int, channels: Container[int]) -> bool:
     for _ in range(N_STEPS):
         try:
             opcode, start, end = read_prefix(data, at, len(data))
-            if opcode > DATA_END:
-                return False
             if opcode == CHUNK:
                 chunk = read_chunk(data, start, end)
                 return chunk.data_start + chunk.data_length == end
@@ -64,13 +62,11 @@ def _leads_on(data: memoryview, at: int, channels: Container[int]) -> bool:
             return False
         if opcode == FOOTER:
             return data[end : end + len(MAGIC)] == MAGIC
+        is_known = opcode <= DATA_END
         if opcode == MESSAGE:
-            known = (
-                end - start >= MESSAGE_HEADER_BYTES and int.from_bytes(data[start : start + 2], "little") in channels
-            )
-            if not known:
-                return False
-        if end == len(data):
-            return True
+            is_long_enough = end - start >= MESSAGE_HEADER_BYTES
+            is_known = is_long_enough and int.from_bytes(data[start : start + 2], "little") in channels
+        if not is_known or end == len(data):
+            return is_known
         at = end
     return True

@@ -245,6 +245,7 @@ class _Scan:
     def _message(self, data: memoryview, start: int, end: int, *, is_counted: bool) -> int:
         if end - start < MESSAGE_HEADER_BYTES:
             raise RecordError("a message is shorter than its header")
+        channel_id: int
         channel_id, _, log_time_ns = _MESSAGE.unpack_from(data, start)
         if is_counted:
             self._counts[channel_id] = self._counts.get(channel_id, 0) + 1

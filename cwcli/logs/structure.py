@@ -14,8 +14,8 @@ class Structure:
     Attributes:
         profile, library: From the header.
         schemas, channels: By id.
-        chunks: In file order. No `index_offsets` means that the chunk must be opened to know its channels; an offset of 0
-            means that the channel is in the chunk, but not in an index.
+        chunks: In file order. No `index_offsets` means that the chunk must be opened to know its channels; an offset of
+            0 means that the channel is in the chunk, but not in an index.
         loose: Start and end of the parts of the data section outside chunks that may hold messages.
         attachments, metadata: In file order.
         statistics: As the summary or the scan counted; None until something counts.

@@ -4,8 +4,8 @@
     python tests/bench/bench_read.py --images       # the same with a camera in between (250 MB a file)
 
 Both bring every leaf of the same topics into NumPy columns. The official loop fetches the leaves of a message with one
-`operator.attrgetter` (for JSON: a chain of subscripts) and makes the arrays at the end. Each side opens the file anew; the
-best of the runs counts. Prints a Markdown table and exits with 1 when a ratio is below its bound.
+`operator.attrgetter` (for JSON: a chain of subscripts) and makes the arrays at the end. Each side opens the file anew;
+the best of the runs counts. Prints a Markdown table and exits with 1 when a ratio is below its bound.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _getter(leaves: list[str], *, is_json: bool) -> Callable[[Any], Any]:
     if not is_json:
         return operator.attrgetter(*leaves)
     code = ", ".join("m" + "".join(f"[{name!r}]" for name in leaf.split(".")) for leaf in leaves)
-    return eval(f"lambda m: ({code},)")  # noqa: S307 - our own field names
+    return eval(f"lambda m: ({code},)")  # our own field names
 
 
 def _best(function: Callable[[], object], n: int) -> float:

@@ -2,10 +2,10 @@
 
     python tests/bench/make_log.py /tmp/bench --seconds 600 --images
 
-writes cdr.mcap, protobuf.mcap and json.mcap: the same numbers in the three encodings. Images are random bytes of a JPEG's
-size, because nothing here decodes them, and because real ones can't be compressed either. The remote cars send J2735 BSM
-(`j2735_v2x_msgs/BSM` in CDR, the standard's names in JSON, and a made-up message with the same fields in protobuf, for which
-no standard schema exists; likewise the IMU).
+writes cdr.mcap, protobuf.mcap and json.mcap: the same numbers in the three encodings. Images are random bytes of a
+JPEG's size, because nothing here decodes them, and because real ones can't be compressed either. The remote cars send
+J2735 BSM (`j2735_v2x_msgs/BSM` in CDR, the standard's names in JSON, and a made-up message with the same fields in
+protobuf, for which no standard schema exists; likewise the IMU).
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ IMU_TOPIC, GNSS_TOPIC, BSM_TOPIC, CAMERA_TOPIC = "/imu/data", "/gps/fix", "/v2x/
 
 HEADER = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
 TIME = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
-VECTORS = "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n{line}MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
+QUATERNION = "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+VECTOR = "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
 LINE = "=" * 80 + "\n"
 IMU_TEXT = LINE.join(
     [
@@ -44,13 +45,15 @@ IMU_TEXT = LINE.join(
         "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n",
         HEADER,
         TIME,
-        VECTORS.format(line=LINE),
+        QUATERNION,
+        VECTOR,
     ]
 )
 FIX_TEXT = LINE.join(
     [
-        "std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n"
-        "float64[9] position_covariance\nuint8 COVARIANCE_TYPE_KNOWN=3\nuint8 position_covariance_type\n",
+        "std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\n"
+        "float64 altitude\nfloat64[9] position_covariance\nuint8 COVARIANCE_TYPE_KNOWN=3\n"
+        "uint8 position_covariance_type\n",
         HEADER,
         TIME,
         "MSG: sensor_msgs/NavSatStatus\nint8 STATUS_FIX=0\nint8 status\nuint16 service\n",
@@ -61,8 +64,9 @@ BSM_TEXT = LINE.join(
         "std_msgs/Header header\nj2735_v2x_msgs/BSMCoreData core_data\n",
         HEADER,
         TIME,
-        "MSG: j2735_v2x_msgs/BSMCoreData\nuint8 msg_count\nuint8[] id\nuint16 sec_mark\nint32 latitude\nint32 longitude\n"
-        "int32 elev\nPositionalAccuracy accuracy\nTransmissionState transmission\nuint16 speed\nuint16 heading\n"
+        "MSG: j2735_v2x_msgs/BSMCoreData\nuint8 msg_count\nuint8[] id\nuint16 sec_mark\nint32 latitude\n"
+        "int32 longitude\nint32 elev\nPositionalAccuracy accuracy\nTransmissionState transmission\n"
+        "uint16 speed\nuint16 heading\n"
         "int8 angle\nAccelerationSet4Way accel_set\nVehicleSize size\n",
         "MSG: j2735_v2x_msgs/PositionalAccuracy\nuint8 semi_major\nuint8 semi_minor\nuint16 orientation\n",
         "MSG: j2735_v2x_msgs/TransmissionState\nuint8 FORWARDGEARS=2\nuint8 transmission_state\n",
@@ -155,7 +159,13 @@ def write_cdr(path: Path, data: Drive, *, images: bool) -> None:
     fix = _records(
         data.gnss_ns,
         "gps",
-        [("status", "i1", 1), ("service", "<u2", 1), ("position", "<f8", 3), ("covariance", "<f8", 9), ("type", "u1", 1)],
+        [
+            ("status", "i1", 1),
+            ("service", "<u2", 1),
+            ("position", "<f8", 3),
+            ("covariance", "<f8", 9),
+            ("type", "u1", 1),
+        ],
     )
     fix["position"], fix["type"] = data.position, 2
     fix["covariance"][:, ::4] = 0.25
@@ -186,9 +196,7 @@ def write_cdr(path: Path, data: Drive, *, images: bool) -> None:
             log.write_messages(channel, times, _split(records))
         if images:
             schema = log.add_schema("sensor_msgs/msg/CompressedImage", "ros2msg", IMAGE_TEXT.encode())
-            head = _records(
-                data.camera_ns, "cam", [("format_length", "<u4", 1), ("format", "u1", 5), ("n", "<u4", 1)]
-            )
+            head = _records(data.camera_ns, "cam", [("format_length", "<u4", 1), ("format", "u1", 5), ("n", "<u4", 1)])
             head["format_length"], head["format"], head["n"] = 5, list(b"jpeg\0"), JPEG_BYTES
             frames = [start + image for start, image in zip(_split(head), _images(len(head)), strict=True)]
             log.write_messages(log.add_channel(CAMERA_TOPIC, "cdr", schema), data.camera_ns, frames)

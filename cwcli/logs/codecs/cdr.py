@@ -34,8 +34,9 @@ REASONS = {
 class CdrDecoder:
     """Decodes one channel.
 
-    A column's type follows from the schema alone: sequences are `Ragged` also when all are equally long; leaves inside fixed
-    arrays of messages are (n, k). Left out are strings inside sequences and arrays, and octet sequences unless they are named.
+    A column's type follows from the schema alone: sequences are `Ragged` also when all are equally long; leaves inside
+    fixed arrays of messages are (n, k). Left out are strings inside sequences and arrays, and octet sequences unless
+    they are named.
 
     Args:
         schema_name: As the file gives it.

@@ -1,15 +1,16 @@
 """Compiles a `ros2msg` definition into the operations of `cwcli.kernels.cdr`.
 
-CDR (XCDR1): primitives are aligned to their size, counted from behind the four bytes of the encapsulation header; a string is
-a 32-bit length (with the final NUL) and its bytes; a sequence is a 32-bit count and its elements. Runs of primitives whose
-padding is known become one operation.
+CDR (XCDR1): primitives are aligned to their size, counted from behind the four bytes of the encapsulation header; a
+string is a 32-bit length (with the final NUL) and its bytes; a sequence is a 32-bit count and its elements. Runs of
+primitives whose padding is known become one operation.
 
 Source: OMG DDSI-RTPS 2.5, 10; DDS-XTypes 1.3, 7.4.1 and 7.4.3.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -126,13 +127,12 @@ class _Compiler:
                 raise SchemaError(f"{path} is a wstring, which CDR encoders write in different ways")
             if each.type in PRIMITIVES:
                 self._primitive_field(each, path)
-            elif each.type == STRING:
-                self._within(each, lambda path=path: self._string(path))  # type: ignore[misc]
             else:
-                self._within(
-                    each,
-                    lambda each=each, path=path: self.message(each.type, f"{path}.", (*parents, name)),  # type: ignore[misc]
-                )
+                with self._within(each):
+                    if each.type == STRING:
+                        self._string(path)
+                    else:
+                        self.message(each.type, f"{path}.", (*parents, name))
         if len(self.operations) > MAX_OPERATIONS:
             raise SchemaError("the message is too large")
 
@@ -165,10 +165,11 @@ class _Compiler:
         self._emit(TEXT, 4, 0, 0, self._slot(Leaf(path, "string")) if is_wanted else -1)
         self._forget()
 
-    def _within(self, each: MessageField, body: Callable[[], None]) -> None:
-        """The body once, or in a loop."""
+    @contextmanager
+    def _within(self, each: MessageField) -> Iterator[None]:
+        """What is emitted inside is done once, or in a loop."""
         if not each.is_sequence and each.length is None:
-            body()
+            yield
             return
         self.has_loops = True
         if len(self.loops) == MAX_LOOPS:
@@ -180,7 +181,7 @@ class _Compiler:
             self._emit(REPEAT, 1, 0, each.length or 1, -1)
         self._forget()
         self.loops.append(each.length)
-        body()
+        yield
         self.loops.pop()
         self._emit(END, 1, 0, 0, -1)
         self.operations[begin][5] = len(self.operations)

@@ -1,6 +1,7 @@
 """JSON messages to columns; see `json_columns` for what becomes of which value.
 
-The kernel decodes what is usual; Python's json module decides over every message that is not. Both fill the same columns.
+The kernel decodes what is usual; Python's json module decides over every message that is not. Both fill the same
+columns.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 - numbers: int64 if all are integers, else float64; truth values: bool;
 - absent and null: NaN, and the column is float64;
 - one string among them: `Strings` (absent: -1), numbers as they are spelled;
-- arrays of numbers: (n, k) if all messages have k of them, else `Ragged`; nested arrays are flattened; leaves of objects in
-  arrays are `Ragged`, and an object that lacks the leaf adds nothing; null and strings in arrays are NaN.
+- arrays of numbers: (n, k) if all messages have k of them, else `Ragged`; nested arrays are flattened; leaves of
+  objects in arrays are `Ragged`, and an object that lacks the leaf adds nothing; null and strings in arrays are NaN.
 
 Arrays of nothing but strings, and arrays that are always empty, are left out.
 """
@@ -106,7 +106,7 @@ class JsonSlot:
 
     def take_places(self, payloads: Payloads, first_row: int) -> list[bytes | memoryview]:
         """The strings of the batch as they stand in the messages; they are not kept."""
-        whole = memoryview(payloads.data)
+        whole = payloads.data.data
         n = len(payloads)
         tags, values = self.tags.array[first_row : first_row + n], self.values.array[first_row : first_row + n]
         found: list[bytes | memoryview] = []
@@ -171,7 +171,8 @@ class JsonSlot:
 def _numbers(tags: TagArray, values: Int64Array) -> NumericArray:
     kinds = set(np.unique(tags).tolist())
     if kinds == {BOOL}:
-        return values != 0
+        is_true: NumericArray = values != 0
+        return is_true
     if kinds == {INT}:
         return values.astype(np.int64)
     return _floats(tags, values)
@@ -197,7 +198,7 @@ def _sequence(tags: TagArray, values: Int64Array, element_tags: Ragged, element_
         element_values = np.insert(element_values, at, values[alone])
         sizes[alone] = 1
     ragged = Ragged(_numbers(inner, element_values), np.concatenate([[0], np.cumsum(sizes)]))
-    return as_matrix(ragged) if (tags == ARRAY).all() else ragged
+    return as_matrix(ragged) if bool((tags == ARRAY).all()) else ragged
 
 
 def _spelled(tag: int, value: Int64Array) -> str:

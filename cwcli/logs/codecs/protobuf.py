@@ -1,7 +1,7 @@
 """Protobuf messages to columns.
 
-The kernel decodes what is usual; the official parser decides over every message that is not (text beyond ASCII, groups, wire
-types that are not the declared ones, damage). Both fill the same columns.
+The kernel decodes what is usual; the official parser decides over every message that is not (text beyond ASCII, groups,
+wire types that are not the declared ones, damage). Both fill the same columns.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ UNDECODABLE = "the message is not a valid one of its schema"
 class ProtobufDecoder:
     """Decodes one channel.
 
-    A scalar that is left out of a message has its default, 0, as the format means it. A field that the schema marks as optional,
-    and all that lies in a message that is left out, is NaN in a float column (strings: -1) where it is absent. Repeated scalars
-    are (n, k) if all messages have the same number of them, else `Ragged`; leaves of repeated messages always are `Ragged`.
-    Left out are bytes, repeated strings, maps, and what a message type holds of itself.
+    A scalar that is left out of a message has its default, 0, as the format means it. A field that the schema marks as
+    optional, and all that lies in a message that is left out, is NaN in a float column (strings: -1) where it is
+    absent. Repeated scalars are (n, k) if all messages have the same number of them, else `Ragged`; leaves of repeated
+    messages always are `Ragged`. Left out are bytes, repeated strings, maps, and what a message type holds of itself.
 
     Args:
         schema_name: Full name of the message type.

@@ -1,7 +1,7 @@
 """`ros2msg` schema texts: message definitions, one behind the other, as ROS 2 concatenates them.
 
-Source: https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html and the MCAP registry's `ros2msg`. Constants, default
-values, bounds and comments do not change the bytes of a message and are skipped.
+Source: https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html and the MCAP registry's `ros2msg`.
+Constants, default values, bounds and comments do not change the bytes of a message and are skipped.
 """
 
 from __future__ import annotations

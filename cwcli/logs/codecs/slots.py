@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels.message_scan import intern_spans
-from cwcli.signals.columns import Field, Int64Array, NumericArray, Ragged, Strings
+from cwcli.signals.columns import Int64Array, NumericArray, Ragged, Strings
 
 BoolArray = npt.NDArray[np.bool_]
 ByteArray = npt.NDArray[np.uint8]
@@ -131,7 +131,7 @@ class SpanSlot(StringSlot):
 
     def views(self) -> list[bytes | memoryview]:
         """The bytes of each message of the batch."""
-        whole = memoryview(self.data)
+        whole = self.data.data
         return [
             self.instead[row] if row in self.instead else whole[start : start + size]
             for row, (start, size) in enumerate(self.spans.tolist())

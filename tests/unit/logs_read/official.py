@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +116,9 @@ def _members(message: Any, encoding: str) -> Iterator[tuple[str, Any]]:
 
 
 def _is_list(value: Any) -> bool:
-    return not isinstance(value, str | bytes) and (isinstance(value, list) or type(value).__name__.startswith("Repeated"))
+    return not isinstance(value, str | bytes) and (
+        isinstance(value, list) or type(value).__name__.startswith("Repeated")
+    )
 
 
 def _is_message(value: Any, encoding: str) -> bool:
@@ -153,7 +156,7 @@ def _rows(column: Field) -> Iterator[Any]:
             yield column.values[code] if code >= 0 else None
     elif isinstance(column, Ragged):
         bounds = column.offsets.tolist()
-        for start, stop in zip(bounds, bounds[1:], strict=False):
+        for start, stop in pairwise(bounds):
             yield column.values[start:stop].tolist()
     else:
         yield from column.tolist()

@@ -71,7 +71,7 @@ class Definitions:
     def _type(self, name: str, k: int, depth: int) -> str:
         choice = self.rng.random()
         if depth and choice < 0.25:
-            inner = f"test_msgs/{name.split('/')[-1]}F{k}"
+            inner = f"test_msgs/{name.rpartition('/')[2]}F{k}"
             self.message(inner, depth - 1)
             return inner
         if choice < 0.4:
@@ -178,7 +178,19 @@ int32 id
     assert columns["quad"].shape == (2, 4)
     assert columns["two.id"].tolist() == [[7, 7], [7, 7]]
     assert isinstance(columns["some.x"], Ragged) and columns["some.x"].values.tolist() == [1.5, 1.5]
-    assert set(columns) == {"flag", "small", "large", "pair", "many", "name", "quad", "two.x", "two.id", "some.x", "some.id"}
+    assert set(columns) == {
+        "flag",
+        "small",
+        "large",
+        "pair",
+        "many",
+        "name",
+        "quad",
+        "two.x",
+        "two.id",
+        "some.x",
+        "some.id",
+    }
     assert decoded(text, payloads, ["blob"])["blob"].values.tobytes() == b"xyzxyz"
 
 
@@ -253,7 +265,8 @@ def test_schema_that_can_not_be_used_is_an_error_that_names_the_channel(tmp_path
 
 
 def test_definitions_with_constants_defaults_bounds_and_comments() -> None:
-    text = "# top\nint32 LIMIT=5 # five\nint32 a 3\nstring<=5 b 'x = y'\t# text\nint8[<=3] c [1, 2]\r\nHeader header\nmsg/Deep d\n"
+    text = "# top\nint32 LIMIT=5 # five\nint32 a 3\nstring<=5 b 'x = y'\t# text\nint8[<=3] c [1, 2]\r\n"
+    text += "Header header\nmsg/Deep d\n"
     root, definitions = parse_definitions("pkg/msg/Root", text)
     assert root == "pkg/Root"
     assert [(each.name, each.type, each.is_sequence, each.length) for each in definitions[root]] == [

@@ -82,7 +82,7 @@ def test_flipped_bytes_give_a_known_error_or_intact_messages(tmp_path: Path, nam
     expected = set(latitudes(read_all(path)[0]))
     has_crc = name not in ("no CRC", "unchunked")
     rng = np.random.default_rng(11)
-    for at in rng.integers(0, len(data), 120).tolist():
+    for at in rng.integers(0, len(data), 70).tolist():
         path.write_bytes(flipped(data, at))
         try:
             loaded, log = read_all(path, recover=recover)
@@ -237,7 +237,9 @@ def test_huge_counts_in_the_statistics_are_not_allocated(tmp_path: Path) -> None
 def test_record_in_a_chunk_of_two_to_the_63_bytes_is_an_error(tmp_path: Path) -> None:
     data = bytearray(small_log(N, compression=CompressionType.NONE, enable_crcs=False))
     chunk = next(
-        read_chunk(memoryview(bytes(data)), start, end) for opcode, _, start, end in records(bytes(data)) if opcode == CHUNK
+        read_chunk(memoryview(bytes(data)), start, end)
+        for opcode, _, start, end in records(bytes(data))
+        if opcode == CHUNK
     )
     at = chunk.data_start
     while data[at] != MESSAGE:

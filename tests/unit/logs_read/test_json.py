@@ -45,22 +45,22 @@ def check(tmp_path: Path, messages: list[bytes], **options: Any) -> Log:
         return log
 
 
+FLOATS = (1e-310, -0.0, math.inf, math.nan, 0.1, 1e22, 5e-324)
+TEXTS = ("", "text", "ü", 'quote " and \\ back', "line\nbreak", "\u0001", "\ud83d\ude00")
+
+
 def random_value(rng: np.random.Generator, depth: int) -> Any:
     """A JSON value; keys do not hold dots."""
-    kind = int(rng.integers(0, 10 if depth else 7))
-    if kind <= 1:
-        return int(rng.integers(-(10**6), 10**6))
-    if kind == 2:
-        return float(rng.choice([rng.normal(), rng.normal() * 1e300, 1e-310, -0.0, math.inf, math.nan, 0.1, 1e22, 5e-324]))
-    if kind == 3:
-        return bool(rng.integers(0, 2))
-    if kind == 4:
-        return None
-    if kind in (5, 6):
-        return str(rng.choice(["", "text", "ü", 'quote " and \\ back', "line\nbreak", "\u0001", "\ud83d\ude00"]))
-    if kind == 7:
-        return [random_value(rng, depth - 1) for _ in range(rng.integers(0, 4))]
-    return {f"k{k}": random_value(rng, depth - 1) for k in rng.permutation(4)[: rng.integers(0, 4)]}
+    kinds = [
+        lambda: int(rng.integers(-(10**6), 10**6)),
+        lambda: float(rng.choice([rng.normal(), rng.normal() * 1e300, *FLOATS])),
+        lambda: bool(rng.integers(0, 2)),
+        lambda: None,
+        lambda: TEXTS[int(rng.integers(len(TEXTS)))],
+        lambda: [random_value(rng, depth - 1) for _ in range(rng.integers(0, 4))],
+        lambda: {f"k{k}": random_value(rng, depth - 1) for k in rng.permutation(4)[: rng.integers(0, 4)]},
+    ]
+    return kinds[int(rng.integers(len(kinds) if depth else 5))]()
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -152,7 +152,14 @@ def test_kinds_of_columns() -> None:
 
 def test_mixed_strings_and_numbers_become_strings() -> None:
     column = columns_of({"v": "a"}, {"v": 12}, {"v": 0.5}, {"v": True}, {"v": None}, {})["v"]
-    assert [column.values[code] if code >= 0 else None for code in column.codes] == ["a", "12", "0.5", "true", None, None]
+    assert [column.values[code] if code >= 0 else None for code in column.codes] == [
+        "a",
+        "12",
+        "0.5",
+        "true",
+        None,
+        None,
+    ]
 
 
 def test_objects_in_arrays_become_ragged_leaves() -> None:
@@ -181,9 +188,11 @@ def test_numbers_are_those_of_the_json_module(text: str) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", " ", "{", "}", "[]", "1", '"a"', "null", '{"a" 1}', '{"a": 1,}', '{"a": 01}', '{"a": 1.}', '{"a": .5}', '{"a": +1}',
-     '{"a": tru}', '{"a": "\t"}', '{"a": "\\x"}', '{"a": "\\u12"}', "{'a': 1}", '{"a": 1} {"b": 2}', '{"a": 1}x', "{a: 1}",
-     '{"a": nan}', '{"a": 1e}', '{"a": -}', '{"a": [1,]}', '{"a": [1 2]}', '{"a": --1}', '{,}', '{"a": 1e+}', "\x00"],
+    ["", " ", "{", "}", "[]", "1", '"a"', "null", '{"a" 1}', '{"a": 1,}', '{"a": 01}', '{"a": 1.}', '{"a": .5}',
+     '{"a": +1}', '{"a": tru}', '{"a": "\t"}', '{"a": "\\x"}', '{"a": "\\u12"}', "{'a': 1}",
+     '{"a": 1} {"b": 2}', '{"a": 1}x',
+     "{a: 1}", '{"a": nan}', '{"a": 1e}', '{"a": -}', '{"a": [1,]}', '{"a": [1 2]}', '{"a": --1}',
+     '{,}', '{"a": 1e+}', "\x00"],
 )  # fmt: skip
 def test_what_the_json_module_refuses_is_counted(tmp_path: Path, text: str) -> None:
     log = check(tmp_path, [b'{"a": 1}', text.encode(), b'{"a": 2}'])
