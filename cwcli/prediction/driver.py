@@ -46,9 +46,9 @@ class DriverPrior:
     yaw_accel_sigma_radps2: float = 0.2
     yaw_accel_time_s: float = 0.5
     curvature_sigma_1pm: float = 0.05
-    along_floor_mps2: float = 0.3
+    along_floor_mps2: float = 0.25
     along_share: float = 0.5
-    cross_floor_mps2: float = 0.2
+    cross_floor_mps2: float = 0.15
     cross_share: float = 0.7
     creep_speed_mps: float = 1.0
 

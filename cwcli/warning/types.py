@@ -108,7 +108,7 @@ class WarningConfig:
     rule: str = "cwcli"
     horizon_s: float = 2.5
     distance_m: float = 2.5
-    probability: float = 0.7
+    probability: float = 0.5
     persistence_s: float | None = None
     hold_off_s: float = 1.0
     use: Use = "received"

@@ -8,7 +8,7 @@ covariance along its path takes the moments at which the limits are reached as g
 
 Rates that do not stand out of the filter's noise are left out: the positive-part James-Stein factor
 g = max(0, 1 - k^2 P / d^2) is 0 where the derivative is below k of its own sigmas and near 1 where it is clear. k is 1
-for the jerk, which moves a car by 2.6 m per m/s^3 in 2.5 s, and 3 for the yaw acceleration, which moves it sideways by
+for the jerk, which moves a car by 2.6 m per m/s^3 in 2.5 s, and 2 for the yaw acceleration, which moves it sideways by
 v t^3 / 6: 0.5 m per 0.01 rad/s^2 at 20 m/s, a lane within the noise of an ordinary gyroscope.
 """
 
@@ -25,7 +25,7 @@ ACCEL_LIMIT_MPS2 = 5.0  # where UN Regulation 157 lets emergency braking begin; 
 LATERAL_LIMIT_MPS2 = 4.0  # of a brisk turn; normal drivers stay below it
 MIN_SPEED_MPS = 1.0
 JERK_SIGMAS = 1.0
-YAW_ACCEL_SIGMAS = 3.0
+YAW_ACCEL_SIGMAS = 2.0
 
 
 def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:

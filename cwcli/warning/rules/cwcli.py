@@ -2,7 +2,8 @@
 
 Three conditions, each against one kind of false warning:
 
-1. The mean paths bring the centres nearer than the collision distance within the horizon (a matter of time).
+1. The mean paths bring the centres nearer than the collision distance within the horizon (a matter of time), and the
+   cars' outlines overlap on them: two cars side by side can be that near without touching.
 2. The probability that the cars pass each other nearer than that, given both position covariances, reaches the
    threshold. A path that only just scrapes the collision distance, or is too uncertain to say, does not warn.
 3. Conditions 1 and 2 have held for the persistence time. To cost no lead, condition 1 may look farther ahead by just
@@ -10,9 +11,9 @@ Three conditions, each against one kind of false warning:
 
 The mean path comes late where the other driver has only just begun to brake hard or to turn in: on average such an
 onset does not last, so a good predictor does not follow it far. A warning must. Where the other's path under the
-hypothesis that the onset goes on (`VehicleTrack.onset_paths`) fulfils 1 and 2, and brings the cars clearly nearer than
-the mean path does, the rule warns at once: the hypothesis asks for a derivative that stands out of the filter's noise,
-which is a persistence of its own.
+hypothesis that the onset goes on (`VehicleTrack.onset_paths`) fulfils 1 and 2, and brings the cars clearly nearer at
+the horizon than the mean path does, the rule warns at once: the hypothesis asks for a derivative that stands out of the
+filter's noise, which is a persistence of its own.
 
 A warning stays up until the predicted closest approach is a metre wider than the collision distance.
 """
@@ -37,7 +38,7 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
     held = measures.min_distance_m < config.distance_m + RELEASE_M
     shown, at_once = measures, None
     if onset is not None:
-        closer = onset.min_distance_m < measures.min_distance_m - ONSET_MATTERS_M
+        closer = onset.horizon_distance_m < measures.horizon_distance_m - ONSET_MATTERS_M
         at_once = closer & _collides(onset, config, 0.0)[1]
         shown = _where(at_once & ~raised, onset, measures)
         held |= onset.min_distance_m < config.distance_m
@@ -53,7 +54,7 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 
 def _collides(measures: Measures, config: WarningConfig, persistence_s: float) -> tuple[BoolArray, BoolArray]:
     """Conditions 1 and 2, with and without the time that persistence takes."""
-    probable = measures.miss_probability >= config.probability
+    probable = (measures.miss_probability >= config.probability) & np.isfinite(measures.overlap_s)
     armed = probable & (measures.entry_s <= config.horizon_s + persistence_s)
     return armed, armed & (measures.entry_s <= config.horizon_s)
 
