@@ -102,6 +102,7 @@ def decode_frames(
 
     n = n_threads or min(os.cpu_count() or 1, MAX_THREADS)
     cv2.setNumThreads(1)  # the threads are ours: one frame each
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # damaged frames are counted, not warned of
 
     def jobs() -> Iterator[Callable[[], DecodedFrame]]:
         video: VideoDecoder | None = None

@@ -1,0 +1,149 @@
+"""Plain twins of `cwcli.kernels.lane_search` and of the block responses: the paper's words, one by one."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+
+MASK_32, MASK_64 = (1 << 32) - 1, (1 << 64) - 1
+
+
+class Pcg32:
+    """PCG-XSH-RR 64/32, as in the reference implementation (pcg32_srandom_r, pcg32_random_r)."""
+
+    def __init__(self, state, stream):
+        self.state, self.increment = 0, (stream << 1 | 1) & MASK_64
+        self.draw()
+        self.state = (self.state + state) & MASK_64
+        self.draw()
+
+    def draw(self):
+        old = self.state
+        self.state = (old * 6364136223846793005 + self.increment) & MASK_64
+        shifted, turn = ((old >> 18 ^ old) >> 27) & MASK_32, old >> 59
+        return (shifted >> turn | shifted << (-turn & 31)) & MASK_32
+
+    def below(self, n):
+        return self.draw() * n >> 32
+
+
+def block_value(grey, column, row_from_bottom, b, road_grey, *, is_left):
+    """alpha dM + sum beta T of one block (eq. 2, 3) as a fraction; column and row count from 1 at the bottom left."""
+    v, u = grey.shape[0] - row_from_bottom, column - 1
+    block = [[int(value) for value in row] for row in grey[v - 1 : v + 2, u - 1 : u + 2]]
+    slope = b if is_left else -b
+    mean = Fraction(sum(map(sum, block)), 9)
+
+    def part(cells):
+        return Fraction(sum(block[i][j] for i, j in cells), 3)
+
+    above_left = part([(0, 0), (0, 1), (1, 0)])
+    below_right = part([(1, 2), (2, 1), (2, 2)])
+    above_right = part([(0, 1), (0, 2), (1, 2)])
+    below_left = part([(1, 0), (2, 0), (2, 1)])
+    upper, lower = part([(0, 0), (0, 1), (0, 2)]), part([(2, 0), (2, 1), (2, 2)])
+    left, right = part([(0, 0), (1, 0), (2, 0)]), part([(0, 2), (1, 2), (2, 2)])
+    diagonal = above_left - below_right if is_left else above_right - below_left
+    outer_side = left - right if is_left else right - left
+    alpha, beta, beta3, beta4 = (4, 6, 0, 0)
+    if slope > 2:
+        alpha, beta, beta3, beta4 = (2, 5, 3, 0)
+    elif slope < 0.5:
+        alpha, beta, beta3, beta4 = (2, 5, 0, 3)
+    total = alpha * (mean - road_grey) + beta * diagonal + beta3 * (upper - lower) + beta4 * outer_side
+    return total / 10
+
+
+def judge(response, abc, *, is_left):
+    """Eq. 2, 3 from a response array."""
+    a, b, c = abc
+    slope = b if is_left else -b
+    kind = 1 if slope > 2 else 2 if slope < 0.5 else 0
+    total, n = 0, 0
+    for i in range(response.shape[1]):
+        y = 2.0 + 3.0 * i
+        x = math.floor((a * y + b) * y + c + 0.5)
+        if 2 <= x <= response.shape[2] - 1:
+            total += int(response[kind, i, x - 1])
+            n += 1
+    return (total / (90.0 * n), n) if n else (-1e300, 0)
+
+
+def decode(code, low, high, bits, decimals):
+    """Eq. 5, rounded."""
+    made, shift = [], sum(bits)
+    for k in range(3):
+        shift -= bits[k]
+        number = code >> shift & (1 << bits[k]) - 1
+        value = low[k] + number / ((1 << bits[k]) - 1) * (high[k] - low[k])
+        made.append(math.floor(value * decimals[k] + 0.5) / decimals[k])
+    return made
+
+
+def crossover(first, second, points, n):
+    """Swap characters of the second and fourth segment."""
+    p, q, r = points
+    one, two = f"{first:0{n}b}", f"{second:0{n}b}"
+    child = one[:p] + two[p:q] + one[q:r] + two[r:]
+    other = two[:p] + one[p:q] + two[q:r] + one[r:]
+    return int(child, 2), int(other, 2)
+
+
+def search(
+    response,
+    is_left,
+    low,
+    high,
+    bits,
+    decimals,
+    generations,
+    crossover_rate,
+    mutation_rate,
+    shift,
+    with_centre,
+    seed,
+    stream,
+):
+    """The genetic search with chromosomes as strings; returns a, b, c and the objective."""
+    random, n, population = Pcg32(seed, stream), int(sum(bits)), 50
+    bits = [int(k) for k in bits]
+
+    def fitness_of(code):
+        return judge(response, decode(code, low, high, bits, decimals), is_left=is_left)[0]
+
+    parents = [random.draw() >> (32 - n) for _ in range(population)]
+    if with_centre:
+        parents[0] = int("".join("1" + "0" * (k - 1) for k in bits), 2)
+    fitness = [fitness_of(code) for code in parents]
+    best_value = max(fitness)
+    best = parents[fitness.index(best_value)]
+    for _ in range(generations):
+        wheel = np.cumsum([max(value + shift, 0.0) for value in fitness])
+        children = []
+        for _ in range(population):
+            if wheel[-1] > 0:
+                ball = random.draw() / 2.0**32 * wheel[-1]
+                children.append(parents[min(int(np.searchsorted(wheel, ball, side="right")), population - 1)])
+            else:
+                children.append(parents[random.below(population)])
+        for i in range(population):
+            if random.draw() < int(crossover_rate * 2**32):
+                points = []
+                while len(points) < 3:
+                    point = 1 + random.below(n - 1)
+                    if point not in points:
+                        points.append(point)
+                after = (i + 1) % population
+                children[i], children[after] = crossover(children[i], children[after], sorted(points), n)
+        for i in range(population):
+            if random.draw() < int(mutation_rate * 2**32):
+                children[i] ^= 1 << (n - 1 - random.below(n))
+        parents, fitness = children, [fitness_of(code) for code in children]
+        worst = fitness.index(min(fitness))
+        parents[worst], fitness[worst] = best, best_value
+        if max(fitness) > best_value:
+            best_value = max(fitness)
+            best = parents[fitness.index(best_value)]
+    return (*decode(best, low, high, bits, decimals), best_value)

@@ -1,0 +1,219 @@
+"""Decoding: every format against OpenCV's own conversions, damage, bombs, order and threads."""
+
+from __future__ import annotations
+
+import threading
+import time
+from functools import partial
+
+import cv2
+import numpy as np
+import pytest
+
+from cwcli.errors import InputError
+from cwcli.vision import video
+from cwcli.vision.frames import MAX_PIXELS, decode_frame, decode_frames, in_order
+from cwcli.vision.image_header import read_image_header
+from cwcli.vision.raw_images import BAYER, raw_colour, raw_grey
+from tests.unit.vision.fake_frames import FakeFrame, encoded, gradient, png_header
+
+ATOL_GREY = 1
+
+
+def same_size(width_px: int, height_px: int) -> tuple[int, int]:
+    return width_px, height_px
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".webp"])
+@pytest.mark.parametrize("size", [(64, 48), (321, 37)])
+def test_header_tells_kind_and_size(suffix: str, size: tuple[int, int]) -> None:
+    header = read_image_header(encoded(gradient(*size), suffix))
+    assert header is not None
+    kind = {".jpg": "jpeg", ".png": "png", ".webp": "webp"}[suffix]
+    assert (header.kind, header.width_px, header.height_px) == (kind, *size)
+
+
+def test_header_of_a_progressive_jpeg_with_a_comment() -> None:
+    data = encoded(gradient(), ".jpg", [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
+    commented = data[:2] + b"\xff\xfe\x00\x06abcd" + data[2:]
+    header = read_image_header(commented)
+    assert header is not None
+    assert (header.width_px, header.height_px) == (64, 48)
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff\xd8\xff", b"\xff\xd8\xff\xe0\x00\x01", b"hello", b"\x89PNG\r\n\x1a\n"])
+def test_header_of_rubbish_is_none(data: bytes) -> None:
+    assert read_image_header(data) is None
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".webp"])
+def test_compressed_image_decodes_to_grey(suffix: str) -> None:
+    image = gradient()
+    data = encoded(image, suffix)
+    decoded = decode_frame(7, FakeFrame(memoryview(data), format="whatever"), same_size)
+    assert (decoded.index, decoded.log_time_ns, decoded.stamp_ns) == (7, 5, 3)
+    assert (decoded.width_px, decoded.height_px) == (64, 48)
+    expected = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    np.testing.assert_array_equal(decoded.image, expected)
+
+
+@pytest.mark.parametrize(
+    ("size", "wanted"), [((1280, 960), (320, 240)), ((1280, 720), (320, 240)), ((400, 300), (320, 240))]
+)
+def test_reduced_decoding_is_near_the_mean_of_the_pixels(size: tuple[int, int], wanted: tuple[int, int]) -> None:
+    image = gradient(*size)
+    image = cv2.GaussianBlur(image, (0, 0), 8)
+    decoded = decode_frame(0, FakeFrame(encoded(image, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, 98])), lambda w, h: wanted)
+    assert decoded.image is not None
+    assert decoded.image.shape == wanted[::-1]
+    assert (decoded.width_px, decoded.height_px) == size
+    exact = cv2.resize(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), wanted, interpolation=cv2.INTER_AREA)
+    assert np.abs(decoded.image.astype(int) - exact).mean() < 1.0
+
+
+def raw(encoding: str, array: np.ndarray, *, padding: int = 0, width: int = 64) -> FakeFrame:
+    rows = array.reshape(array.shape[0], -1).view(np.uint8)
+    padded = np.hstack([rows, np.full((len(rows), padding), 99, np.uint8)])
+    return FakeFrame(padded.tobytes(), width=width, height=len(array), encoding=encoding, step=padded.shape[1])
+
+
+def grey_of(image: np.ndarray) -> np.ndarray:
+    return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+
+
+@pytest.mark.parametrize("padding", [0, 10])
+def test_packed_raw_images(padding: int) -> None:
+    image = gradient()
+    grey = grey_of(image)
+    cases = {
+        "bgr8": image,
+        "rgb8": image[:, :, ::-1].copy(),
+        "8UC3": image,
+        "bgra8": cv2.cvtColor(image, cv2.COLOR_BGR2BGRA),
+        "rgba8": cv2.cvtColor(image, cv2.COLOR_BGR2RGBA),
+    }
+    for encoding, array in cases.items():
+        frame = raw(encoding, array, padding=padding)
+        np.testing.assert_allclose(raw_grey(frame), grey, atol=ATOL_GREY, err_msg=encoding)
+        np.testing.assert_array_equal(raw_colour(frame), image, err_msg=encoding)
+    for encoding, array in {"mono8": grey, "8UC1": grey, "mono16": grey.astype("<u2") * 256 + 17}.items():
+        frame = raw(encoding, array, padding=padding)
+        np.testing.assert_array_equal(raw_grey(frame), grey, err_msg=encoding)
+        np.testing.assert_array_equal(raw_colour(frame), np.repeat(grey[:, :, None], 3, axis=2), err_msg=encoding)
+
+
+@pytest.mark.parametrize("encoding", sorted(BAYER))
+def test_bayer_images_give_the_colours_of_a_uniform_image(encoding: str) -> None:
+    blue_green_red = (40, 120, 220)
+    mosaic = np.zeros((48, 64), np.uint8)
+    order = encoding.removeprefix("bayer_")[:4]
+    for k, letter in enumerate(order):
+        mosaic[k // 2 :: 2, k % 2 :: 2] = blue_green_red["bgr".index(letter)]
+    frame = raw(encoding, mosaic)
+    np.testing.assert_allclose(raw_colour(frame)[4:-4, 4:-4], np.broadcast_to(blue_green_red, (40, 56, 3)), atol=1)
+    grey = 0.114 * 40 + 0.587 * 120 + 0.299 * 220
+    np.testing.assert_allclose(raw_grey(frame)[4:-4, 4:-4], grey, atol=1.5)
+
+
+@pytest.mark.parametrize(("encoding", "place"), [("yuyv", 0), ("yuv422_yuy2", 0), ("uyvy", 1), ("yuv422", 1)])
+def test_yuv422_images(encoding: str, place: int) -> None:
+    luminance = grey_of(gradient())
+    array = np.full((48, 64, 2), 128, np.uint8)  # without colour
+    array[:, :, place] = luminance
+    frame = raw(encoding, array)
+    np.testing.assert_array_equal(raw_grey(frame), luminance)
+    colour = raw_colour(frame)
+    assert (np.ptp(colour.astype(int), axis=2) <= 1).all()
+
+
+def test_damage_is_a_reason_not_an_error() -> None:
+    jpeg, png = encoded(gradient(640, 480), ".jpg"), encoded(gradient(), ".png")
+    cases = {
+        "neither JPEG, PNG nor WebP": FakeFrame(b"not an image"),
+        "cut short": FakeFrame(jpeg[: len(jpeg) // 2]),
+        "damaged": FakeFrame(png[:40] + b"\x00" * 100 + png[140:]),
+        "smaller than 32 x 32 pixels": FakeFrame(encoded(gradient(1, 1))),
+        f"more than {MAX_PIXELS // 1_000_000} megapixels": FakeFrame(png_header(10_000, 10_000)),
+        "the encoding 32fc1 is not supported": FakeFrame(b"\x00" * 40_000, width=100, height=100, encoding="32FC1"),
+        "fewer bytes than width, height and encoding need": FakeFrame(
+            b"\x00" * 9, width=64, height=48, encoding="mono8"
+        ),
+    }
+    for reason, frame in cases.items():
+        decoded = decode_frame(0, frame, same_size)
+        assert decoded.image is None
+        assert decoded.rejected == reason
+
+
+def test_bomb_costs_no_time_and_no_memory() -> None:
+    bomb = FakeFrame(png_header(60_000, 60_000))
+    begin = time.perf_counter()
+    for _ in range(1000):
+        assert decode_frame(0, bomb, None).image is None
+    assert time.perf_counter() - begin < 1.0
+
+
+def test_frame_without_stamp_has_its_log_time() -> None:
+    frame = FakeFrame(encoded(gradient()), stamp_ns=None)
+    assert decode_frame(0, frame, same_size).stamp_ns == 5
+
+
+def test_frames_come_in_order_with_what_was_prepared() -> None:
+    frames = [FakeFrame(encoded(np.full((40, 40, 3), k, np.uint8)), log_time_ns=k) for k in range(30)]
+    frames[4] = FakeFrame(b"rubbish", log_time_ns=4)
+    decoded = list(decode_frames(frames, size_of=same_size, prepare=lambda image: int(image[0, 0]) + 1, n_threads=3))
+    assert [each.index for each in decoded] == list(range(30))
+    assert [each.prepared for each in decoded] == [None if k == 4 else k + 1 for k in range(30)]
+
+
+def test_only_a_few_jobs_wait() -> None:
+    started = []
+    lock = threading.Lock()
+
+    def job(k: int) -> int:
+        with lock:
+            started.append(k)
+        time.sleep(0.001 * (5 - k % 5))
+        return k
+
+    results = in_order((partial(job, k) for k in range(100)), 2)
+    assert [next(results) for _ in range(10)] == list(range(10))
+    assert len(started) <= 10 + 2 * 3 + 1
+    results.close()
+
+
+def test_video_without_a_decoder_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "av", None)
+    frames = [FakeFrame(b"\x00\x00\x00\x01", format="h264")]
+    with pytest.raises(InputError) as caught:
+        list(decode_frames(frames, size_of=same_size, where="drive.mcap: /camera"))
+    assert "PyAV" in str(caught.value)
+    assert "cwcli[video]" in caught.value.hint
+
+
+@pytest.mark.parametrize("name", ["h264", "h265"])
+def test_video_is_decoded_where_pyav_is_installed(name: str) -> None:
+    av = pytest.importorskip("av", reason="PyAV, the extra cwcli[video], is not installed")
+    encoder = {"h264": "libx264", "h265": "libx265"}[name]
+    stream = av.CodecContext.create(encoder, "w")
+    stream.width, stream.height, stream.pix_fmt = 128, 96, "yuv420p"
+    stream.time_base = __import__("fractions").Fraction(1, 10)
+    stream.options = {"tune": "zerolatency", "preset": "ultrafast"}
+    packets = []
+    for k in range(6):
+        picture = av.VideoFrame.from_ndarray(np.full((96, 128, 3), 40 * k, np.uint8), format="bgr24")
+        picture.pts = k
+        packets += [bytes(packet) for packet in stream.encode(picture)]
+    packets += [bytes(packet) for packet in stream.encode(None)]
+    frames = [FakeFrame(b"\x00\x00\x00\x01\x09\x10", format=name), *(FakeFrame(data, format=name) for data in packets)]
+    decoded = list(decode_frames(frames, size_of=lambda w, h: (64, 48)))
+    assert decoded[0].rejected == "no picture comes out of the video"
+    means = [float(each.image.mean()) for each in decoded[1:] if each.image is not None]
+    expected = [16 + 40 * k * 219 / 255 for k in range(6)]
+    full_range = [40.0 * k for k in range(6)]
+    assert len(means) == 6
+    assert np.allclose(means, expected, atol=4) or np.allclose(means, full_range, atol=4)
+
+
+def test_formats_of_video_are_known_to_the_decoder() -> None:
+    assert {"h264", "h265"} <= set(video.VIDEO_FORMATS)

@@ -1,0 +1,125 @@
+"""Roads of known shape, projected and fitted as a search fits them, come back from the ground geometry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.fit_columns import columns_of
+from cwcli.vision.ground import FAR_M, GeometrySigmas, lane_geometry
+from cwcli.vision.method import LaneFit
+
+PREVIEW_M = 33.5
+MOUNTING = Mounting(height_m=1.4, pitch_rad=0.03)
+CAMERA = Camera(640, 480, 600.0, 600.0, 319.5, 239.5, mounting=MOUNTING).resized(320, 240)
+
+
+def seen(camera: Camera, y0_m: float, slope: float, curvature_1pm: float) -> Boundary:
+    """The best parabola, over the rows, of the road y = y0 + slope x + curvature x^2 / 2."""
+    x_m = np.geomspace(2.0, FAR_M, 4000)
+    u, v = camera.image_from_ground(x_m, y0_m + slope * x_m + 0.5 * curvature_1pm * x_m**2)
+    order = np.argsort(camera.height_px - v)
+    y_px = np.arange(1.0, (camera.height_px - v).max())
+    x_px = np.interp(y_px, (camera.height_px - v)[order], (u + 1.0)[order])
+    inside = (x_px >= 1.0) & (x_px <= camera.width_px)
+    a, b, c = np.polyfit(y_px[inside], x_px[inside], 2)
+    return Boundary(float(a), float(b), float(c), 50.0, 1.0, True)
+
+
+def lane(camera: Camera, centre_m: float, slope: float, curvature_1pm: float, width_m: float = 3.5) -> LaneFit:
+    return LaneFit(
+        seen(camera, centre_m + width_m / 2, slope, curvature_1pm),
+        seen(camera, centre_m - width_m / 2, slope, curvature_1pm),
+    )
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.03, -0.02])
+@pytest.mark.parametrize("centre_m", [0.0, 0.4, -0.7])
+def test_straight_road_by_hand(slope: float, centre_m: float) -> None:
+    geometry = lane_geometry(columns_of([lane(CAMERA, centre_m, slope, 0.0)]), CAMERA, preview_m=PREVIEW_M)
+    assert geometry.lateral_deviation_m[0] == pytest.approx(-(centre_m + slope * PREVIEW_M), abs=1e-3)
+    assert geometry.heading_deviation_rad[0] == pytest.approx(-math.atan(slope), abs=1e-5)
+    assert geometry.curvature_1pm[0] == pytest.approx(0.0, abs=1e-6)
+    assert geometry.lane_width_m[0] == pytest.approx(3.5 * math.cos(math.atan(slope)), abs=1e-3)
+
+
+@pytest.mark.parametrize("curvature_1pm", [0.001, -0.002, 0.003])
+def test_bend_comes_back_within_a_tenth(curvature_1pm: float) -> None:
+    geometry = lane_geometry(columns_of([lane(CAMERA, 0.1, 0.0, curvature_1pm)]), CAMERA, preview_m=PREVIEW_M)
+    slope = curvature_1pm * PREVIEW_M
+    y_l = -(0.1 + 0.5 * curvature_1pm * PREVIEW_M**2)
+    assert geometry.curvature_1pm[0] == pytest.approx(-curvature_1pm, rel=0.1)
+    assert geometry.heading_deviation_rad[0] == pytest.approx(-slope, rel=0.1)
+    assert geometry.lateral_deviation_m[0] == pytest.approx(y_l, rel=0.1)
+
+
+def test_signs_are_the_papers() -> None:
+    # A road that bends to the right, seen from a car that points to its left and drives left of the lane's centre.
+    geometry = lane_geometry(columns_of([lane(CAMERA, -0.5, -0.02, -0.001)]), CAMERA, preview_m=PREVIEW_M)
+    assert geometry.lateral_deviation_m[0] > 0.0
+    assert geometry.heading_deviation_rad[0] > 0.0
+    assert geometry.curvature_1pm[0] > 0.0
+    assert geometry.left_body[0, 0] > 0.0 > geometry.right_body[0, 0]
+
+
+def test_pitch_and_yaw_of_a_fit_replace_the_mountings() -> None:
+    turned = CAMERA.turned(pitch_rad=0.05, yaw_rad=0.01)
+    fit = lane(turned, 0.2, 0.01, 0.0)
+    told = lane_geometry(columns_of([replace(fit, pitch_rad=0.05, yaw_rad=0.01)]), CAMERA, preview_m=PREVIEW_M)
+    known = lane_geometry(columns_of([fit]), turned, preview_m=PREVIEW_M)
+    np.testing.assert_allclose(told.left_body, known.left_body, rtol=1e-9)
+    assert told.lateral_deviation_m[0] == pytest.approx(-(0.2 + 0.01 * PREVIEW_M), abs=2e-3)
+
+
+def test_distorted_camera_gives_the_same_road() -> None:
+    bent = replace(CAMERA, distortion_model="plumb_bob", distortion=(-0.2, 0.05, 0.0, 0.0, 0.0))
+    geometry = lane_geometry(columns_of([lane(bent, 0.0, 0.0, 0.0)]), bent, preview_m=PREVIEW_M)
+    assert geometry.lateral_deviation_m[0] == pytest.approx(0.0, abs=0.02)
+    assert geometry.lane_width_m[0] == pytest.approx(3.5, abs=0.1)
+
+
+def test_one_boundary_gives_direction_but_no_place() -> None:
+    fit = lane(CAMERA, 0.0, 0.02, 0.0)
+    alone = LaneFit(fit.left, NOT_FOUND)
+    geometry = lane_geometry(columns_of([alone, LaneFit(NOT_FOUND, NOT_FOUND)]), CAMERA, preview_m=PREVIEW_M)
+    assert np.isnan(geometry.lateral_deviation_m[0])
+    assert np.isnan(geometry.lateral_deviation_sigma_m[0])
+    assert geometry.heading_deviation_rad[0] == pytest.approx(-0.02, abs=1e-4)
+    assert np.isfinite(geometry.heading_deviation_sigma_rad[0])
+    assert np.isnan(geometry.lane_width_m[0])
+    assert np.isnan(geometry.heading_deviation_rad[1])
+
+
+def test_sigmas_are_those_of_a_monte_carlo_run() -> None:
+    rng = np.random.default_rng(8)
+    sigmas = GeometrySigmas(pitch_rad=0.003, yaw_rad=0.002, height_m=0.02)
+    covariance = np.diag([3e-5, 4e-3, 0.4]) ** 2
+    fit = lane(CAMERA, 0.3, 0.0, 0.0005)
+    exact = LaneFit(replace(fit.left, covariance=covariance), replace(fit.right, covariance=covariance))
+    told = lane_geometry(columns_of([exact]), CAMERA, preview_m=PREVIEW_M, sigmas=sigmas)
+    drawn = []
+    for _ in range(600):
+        moved = [
+            replace(side, a=side.a + d[0], b=side.b + d[1], c=side.c + d[2])
+            for side, d in zip((fit.left, fit.right), rng.multivariate_normal(np.zeros(3), covariance, 2), strict=True)
+        ]
+        mounting = replace(
+            MOUNTING,
+            pitch_rad=MOUNTING.pitch_rad + rng.normal(0, sigmas.pitch_rad),
+            yaw_rad=rng.normal(0, sigmas.yaw_rad),
+            height_m=MOUNTING.height_m + rng.normal(0, sigmas.height_m),
+        )
+        made = lane_geometry(columns_of([LaneFit(*moved)]), replace(CAMERA, mounting=mounting), preview_m=PREVIEW_M)
+        drawn.append((made.lateral_deviation_m[0], made.heading_deviation_rad[0], made.curvature_1pm[0]))
+    spread = np.std(drawn, axis=0)
+    expected = (told.lateral_deviation_sigma_m[0], told.heading_deviation_sigma_rad[0], told.curvature_sigma_1pm[0])
+    np.testing.assert_allclose(expected, spread, rtol=0.15)
+
+
+def test_no_frames_give_no_rows() -> None:
+    assert len(lane_geometry(columns_of([]), CAMERA, preview_m=PREVIEW_M).lane_width_m) == 0
