@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,16 +17,27 @@ from cwcli.cli.report import print_written
 from cwcli.cli.tables import table
 from cwcli.cli.text import paragraph, printable
 from cwcli.errors import UsageError
+from cwcli.simulation.road.names import WEATHERS
 from cwcli.simulation.scenario import scenario_names
+
+if TYPE_CHECKING:
+    from cwcli.stages.simulate import WrittenChannel
+
+ROAD = "road"
 
 EXAMPLES = (
     "cwcli simulate intersection -o intersection.mcap",
     "cwcli simulate rear-end --seed 7 --set host.speed_mps=15 -o - | cwcli run -",
+    "cwcli simulate road --weather rain --seed 3 --set size=640x480 -o road.mcap",
 )
 
 
 def _names(incomplete: str) -> list[str]:
-    return [name for name in scenario_names() if name.startswith(incomplete)]
+    return [name for name in (*scenario_names(), ROAD) if name.startswith(incomplete)]
+
+
+def _weathers(incomplete: str) -> list[str]:
+    return [name for name in WEATHERS if name.startswith(incomplete)]
 
 
 def command(
@@ -35,7 +47,7 @@ def command(
             metavar="NAME",
             show_default=False,
             autocompletion=_names,
-            help=f"A scenario: {', '.join(scenario_names())}; or a scenario file.",
+            help=f"A scenario: {', '.join(scenario_names())}; or a scenario file; or {ROAD}: camera frames of a lane.",
         ),
     ],
     talk: TalkOptions,
@@ -55,6 +67,16 @@ def command(
             "--set", metavar="KEY=VALUE", show_default=False, help="Change a value of the scenario. Repeatable."
         ),
     ] = None,
+    weather: Annotated[
+        str | None,
+        typer.Option(
+            "--weather",
+            metavar="NAME",
+            show_default="clear",
+            autocompletion=_weathers,
+            help=f"Of the {ROAD}: {', '.join(WEATHERS)}.",
+        ),
+    ] = None,
     force: ForceOption = False,
 ) -> None:
     """Make a log with known truth from a scenario.
@@ -69,6 +91,13 @@ def command(
     if seed is not None and seed < 0:
         raise UsageError(f"--seed {seed} must not be negative")
     from cwcli.output import check_target
+
+    if scenario == ROAD:
+        check_target(output, force=force)
+        _road(output, weather, seed, tuple(override or ()), talk, force=force)
+        return
+    if weather is not None:
+        raise UsageError(f"--weather {weather}: only the {ROAD} has a weather", hint=f"cwcli simulate {ROAD} -o ...")
     from cwcli.simulation.drive import simulate
     from cwcli.simulation.scenario import load_scenario
     from cwcli.stages.simulate import write_log
@@ -78,12 +107,36 @@ def command(
         progress.step(f"simulating {scenario}")
         drive = simulate(load_scenario(scenario, tuple(override or ())), seed)
         written = write_log(drive, output, force=force)
+    about = f"{drive.scenario.description}; seed {drive.seed}, {drive.scenario.duration_s:g} s"
+    _report(talk, drive.scenario.name, drive.seed, output, about, written)
+
+
+def _road(
+    output: str, weather: str | None, seed: int | None, override: tuple[str, ...], talk: TalkOptions, *, force: bool
+) -> None:
+    from cwcli.stages.simulate_road import plan, road_config, write_road
+
+    config = road_config(weather, seed, override)
+    drive = plan(config)
+    with Progress(quiet=talk.quiet) as progress:
+        progress.step(f"rendering {len(drive)} frames")
+        written = write_road(drive, config, output, force=force)
+    about = (
+        f"A rendered drive, {config.drive.weather}, {config.drive.road} road; {len(drive)} frames of "
+        f"{config.size[0]} x {config.size[1]}; seed {config.drive.seed}, {config.drive.duration_s:g} s"
+    )
+    _report(talk, ROAD, config.drive.seed, output, about, written)
+
+
+def _report(
+    talk: TalkOptions, name: str, seed: int, output: str, about: str, written: Sequence[WrittenChannel]
+) -> None:
     if talk.json:
         document = {
             "cwcli": __version__,
             "command": "simulate",
-            "scenario": drive.scenario.name,
-            "seed": drive.seed,
+            "scenario": name,
+            "seed": seed,
             "output": output,
             "channels": [
                 {"topic": entry.topic, "schema": entry.schema_name, "messages": entry.n_messages, "lost": entry.n_lost}
@@ -93,8 +146,7 @@ def command(
         typer.echo(json.dumps(document, indent=2))
         return
     console = Console(quiet=talk.quiet, summary_to_stderr=output == "-")
-    console.heading(f"simulate {drive.scenario.name}")
-    about = f"{drive.scenario.description}; seed {drive.seed}, {drive.scenario.duration_s:g} s"
+    console.heading(f"simulate {name}")
     console.summary(paragraph(printable(about)))
     console.summary("")
     rows = [(entry.topic, entry.schema_name, entry.n_messages, entry.n_lost) for entry in written]

@@ -114,4 +114,4 @@ def drive_along(
         k3 = rate(t + STEP_S / 2, state + STEP_S / 2 * k2)
         k4 = rate(t + STEP_S, state + STEP_S * k3)
         state = state + STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return np.arange(n) * STEP_S, states
+    return np.asarray(np.arange(n) * STEP_S), states

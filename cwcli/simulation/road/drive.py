@@ -182,9 +182,9 @@ def _along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.r
 
 
 def _check(config: RoadDriveConfig) -> None:
-    for name, value, known in (("weather", config.weather, CONDITIONS), ("road", config.road, SETS)):
-        if value not in known:
-            raise UsageError(f"there is no {name} {value!r}", hint=f"known: {', '.join(known)}")
+    for name, chosen, known in (("weather", config.weather, CONDITIONS), ("road", config.road, SETS)):
+        if chosen not in known:
+            raise UsageError(f"there is no {name} {chosen!r}", hint=f"known: {', '.join(known)}")
     limits = {
         "duration": (config.duration_s, (0.1, MAX_DURATION_S), "s"),
         "rate": (config.rate_hz, RATE_HZ, "Hz"),

@@ -1,0 +1,381 @@
+"""`simulate road`: a rendered drive as a log, with exact truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli import __version__
+from cwcli.errors import UsageError
+from cwcli.logs.writer import LogWriter
+from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Ragged, StreamedChannel, Strings
+from cwcli.simulation.road.camera import CAMERAS, PAPER_PREVIEW_M
+from cwcli.simulation.road.car import BEARING, LATERAL_SPEED, STEER, YAW_RATE, X, Y
+from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
+from cwcli.simulation.road.truth import LaneTruth
+from cwcli.simulation.sensors import SensorData
+from cwcli.simulation.streams import stream, to_ns
+from cwcli.stages.simulate import WrittenChannel
+from cwcli.stages.simulate_cdr import DEFINITIONS, imu_messages, velocity_reports
+
+CAMERA_TOPIC = "/camera/image"
+CALIBRATION_TOPIC = "/camera/calibration"
+TRANSFORM_TOPIC = "/tf"
+SPEED_TOPIC = "/vehicle/velocity"
+IMU_TOPIC = "/imu/data"
+LANES_TOPIC = "/truth/lanes"
+BOUNDARIES_TOPIC = "/truth/boundaries"
+LATERAL_TOPIC = "/truth/lateral"
+EGO_TOPIC = "/truth/ego"
+METADATA = "cwcli.road"
+
+CAMERA_FRAME = "camera"
+BODY_FRAME = "base_link"
+START_NS = 1_475_308_800_000_000_000
+"""2016-10-01T08:00:00Z, as in the scenarios."""
+CAMERA_DELAY_NS, SENSOR_DELAY_NS = 20_000_000, 5_000_000
+SPEED_HZ, IMU_HZ = 50.0, 100.0
+SPEED_SIGMA_MPS = 0.05
+IMU_SIGMA = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
+"""m/s^2 and rad/s."""
+GRAVITY_MPS2 = 9.80665
+JPEG_QUALITY = 95
+GROUND_M = (5.0, 10.0, 20.0, 30.0)
+
+LANES_SCHEMA = {
+    "title": "TuSimpleLanes",
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "h_samples": {"type": "array", "items": {"type": "integer"}},
+        "lanes": {"type": "array", "items": {"type": "array", "items": {"type": "integer"}}},
+        "raw_file": {"type": "string"},
+        "lateral_offset_m": {"type": "number"},
+        "heading_rad": {"type": "number"},
+        "curvature_1pm": {"type": "number"},
+        "lane_width_m": {"type": "number"},
+        "camera_pitch_rad": {"type": "number"},
+        "ground_x_m": {"type": "array", "items": {"type": "number"}},
+        "ground_left_y_m": {"type": "array", "items": {"type": "number"}},
+        "ground_right_y_m": {"type": "array", "items": {"type": "number"}},
+    },
+}
+"""TuSimple's label format, and the same in the ground plane."""
+
+
+@dataclass(frozen=True)
+class RoadConfig:
+    """What `cwcli simulate road` makes.
+
+    Attributes:
+        drive: Road, weather, motion.
+        camera: A name of `CAMERAS`.
+        size: Image width and height, pixels.
+        format: `jpeg` or `png`.
+    """
+
+    drive: RoadDriveConfig
+    camera: str = "paper"
+    size: tuple[int, int] = (320, 240)
+    format: str = "jpeg"
+
+
+def road_config(weather: str | None, seed: int | None, overrides: Sequence[str]) -> RoadConfig:
+    """The configuration from the command line.
+
+    Args:
+        weather: Or None for the default.
+        seed: Or None for the default.
+        overrides: `KEY=VALUE`: `camera`, `size` (640x480), `format`, or a field of `RoadDriveConfig`.
+
+    Raises:
+        UsageError: A key or a value is wrong.
+    """
+    config = RoadConfig(RoadDriveConfig())
+    kinds = {f.name: type(f.default) for f in fields(RoadDriveConfig)}
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        if not equals:
+            raise UsageError(f"--set {override}: expected KEY=VALUE")
+        if key == "size":
+            config = replace(config, size=_size(value))
+        elif key == "camera":
+            config = replace(config, camera=_one_of(key, value, tuple(CAMERAS)))
+        elif key == "format":
+            config = replace(config, format=_one_of(key, value, ("jpeg", "png")))
+        elif key in kinds:
+            change: dict[str, Any] = {key: _value(key, value, kinds[key])}
+            config = replace(config, drive=replace(config.drive, **change))
+        else:
+            known = ", ".join(("size", "camera", "format", *kinds))
+            raise UsageError(f"--set {override}: a road has no {key}", hint=f"it has: {known}")
+    if weather is not None:
+        config = replace(config, drive=replace(config.drive, weather=weather))
+    if seed is not None:
+        config = replace(config, drive=replace(config.drive, seed=seed))
+    if config.drive.seed < 0:
+        raise UsageError(f"the seed {config.drive.seed} must not be negative")
+    return config
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, by, height = text.lower().partition("x")
+    if not (by and width.isdecimal() and height.isdecimal()):
+        raise UsageError(f"--set size={text}: expected WIDTHxHEIGHT, e.g. 640x480")
+    return int(width), int(height)
+
+
+def _one_of(key: str, value: str, known: tuple[str, ...]) -> str:
+    if value not in known:
+        raise UsageError(f"--set {key}={value}: not one of {', '.join(known)}")
+    return value
+
+
+def _value(key: str, text: str, kind: type) -> str | int | float:
+    try:
+        value = kind(text)
+    except ValueError:
+        raise UsageError(f"--set {key}={text}: not a number") from None
+    if kind is float and not np.isfinite(value):
+        raise UsageError(f"--set {key}={text}: not a finite number")
+    return value  # type: ignore[no-any-return]
+
+
+def plan(config: RoadConfig) -> RoadDrive:
+    """The drive of a configuration.
+
+    Raises:
+        UsageError: A value is out of its range.
+    """
+    return plan_drive(config.drive, CAMERAS[config.camera](*config.size))
+
+
+def write_road(
+    drive: RoadDrive, config: RoadConfig, target: str | Path, *, force: bool = False
+) -> tuple[WrittenChannel, ...]:
+    """Write a rendered drive as an MCAP log. Frames are rendered while they are written: memory does not grow with
+    them.
+
+    Args:
+        drive: From `plan`.
+        config: The same configuration.
+        target: File, or `-` for standard output.
+        force: Overwrite a file that exists.
+
+    Raises:
+        OutputError: The target can't be written.
+    """
+    stamp_ns = START_NS + to_ns(drive.time_s)
+    truths = [drive.truth(index) for index in range(len(drive))]
+    with LogWriter(target, force=force) as log:
+        channels = [
+            _camera(drive, config, stamp_ns),
+            *_calibration(drive),
+            boundaries_channel(truths, stamp_ns),
+            _lateral(drive, truths, stamp_ns),
+            _ego(drive, stamp_ns),
+        ]
+        written = []
+        for channel in channels:
+            log.write_columns(channel)
+            written.append(WrittenChannel(channel.topic, channel.schema_name, len(channel), 0))
+        for topic, schema_name, data, encode in (
+            (SPEED_TOPIC, "autoware_vehicle_msgs/msg/VelocityReport", _speed(drive), velocity_reports),
+            (IMU_TOPIC, "sensor_msgs/msg/Imu", _imu(drive), imu_messages),
+        ):
+            schema_id = log.add_schema(schema_name, "ros2msg", DEFINITIONS[schema_name].encode())
+            log.write_messages(log.add_channel(topic, "cdr", schema_id), data.log_time_ns, encode(data))
+            written.append(WrittenChannel(topic, schema_name, len(data.stamp_ns), 0))
+        schema_id = log.add_schema("TuSimpleLanes", "jsonschema", json.dumps(LANES_SCHEMA).encode())
+        messages = [lanes_message(truth, int(stamp_ns[index]), index) for index, truth in enumerate(truths)]
+        log.write_messages(log.add_channel(LANES_TOPIC, "json", schema_id), stamp_ns, messages)
+        written.append(WrittenChannel(LANES_TOPIC, "TuSimpleLanes", len(messages), 0))
+        log.add_metadata(METADATA, _record(drive, config))
+    return tuple(written)
+
+
+def _record(drive: RoadDrive, config: RoadConfig) -> dict[str, str]:
+    document = {"camera": config.camera, "size": list(config.size), "format": config.format, **asdict(config.drive)}
+    return {"version": __version__, "seed": str(config.drive.seed), "resolved": json.dumps(document)}
+
+
+def _constant(value: str, n: int) -> Strings:
+    return Strings(np.zeros(n, np.int32), (value,))
+
+
+def _camera(drive: RoadDrive, config: RoadConfig, stamp_ns: Int64Array) -> StreamedChannel:
+    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+        images = [_encoded(drive.frame(index).grey, config.format) for index in range(start, stop)]
+        offsets = np.concatenate([[0], np.cumsum([len(image) for image in images])]).astype(np.int64)
+        return {
+            "timestamp": stamp_ns[start:stop],
+            "frame_id": _constant(CAMERA_FRAME, stop - start),
+            "data": Ragged(np.concatenate(images) if images else np.zeros(0, np.uint8), offsets),
+            "format": _constant(config.format, stop - start),
+        }
+
+    return StreamedChannel(CAMERA_TOPIC, "foxglove.CompressedImage", stamp_ns + CAMERA_DELAY_NS, rows=rows)
+
+
+def _encoded(grey: npt.NDArray[np.uint8], kind: str) -> npt.NDArray[np.uint8]:
+    import cv2
+
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if kind == "jpeg" else [cv2.IMWRITE_PNG_COMPRESSION, 3]
+    _, data = cv2.imencode(f".{kind}", grey, options)
+    return np.asarray(data, np.uint8).ravel()
+
+
+def _calibration(drive: RoadDrive) -> tuple[OutputChannel, OutputChannel]:
+    """Calibration and mounting (at rest), once a second."""
+    camera = drive.camera
+    n = int(drive.time_s[-1]) + 1
+    stamp_ns = START_NS + to_ns(np.arange(n, dtype=np.float64))
+    k = camera.matrix()
+    calibration = OutputChannel(
+        CALIBRATION_TOPIC,
+        "foxglove.CameraCalibration",
+        stamp_ns,
+        {
+            "timestamp": stamp_ns,
+            "frame_id": _constant(CAMERA_FRAME, n),
+            "width": np.full(n, camera.width_px, np.uint32),
+            "height": np.full(n, camera.height_px, np.uint32),
+            "K": np.tile(k.ravel(), (n, 1)),
+            "R": np.tile(np.eye(3).ravel(), (n, 1)),
+            "P": np.tile(np.column_stack([k, np.zeros(3)]).ravel(), (n, 1)),
+        },
+    )
+    # Body from optical axes: (x, y, z, w) = (-1, 1, -1, 1) / 2 looks ahead; the pitch turns it about the body's y.
+    half = camera.pitch_rad / 2
+    c, s = np.cos(half) / 2, np.sin(half) / 2
+    quaternion = {"x": -c - s, "y": c + s, "z": s - c, "w": c - s}
+    transform: dict[str, OutputField] = {
+        "timestamp": stamp_ns,
+        "parent_frame_id": _constant(BODY_FRAME, n),
+        "child_frame_id": _constant(CAMERA_FRAME, n),
+        "translation.x": np.zeros(n),
+        "translation.y": np.zeros(n),
+        "translation.z": np.full(n, camera.height_m),
+        **{f"rotation.{axis}": np.full(n, value) for axis, value in quaternion.items()},
+    }
+    return calibration, OutputChannel(TRANSFORM_TOPIC, "foxglove.FrameTransform", stamp_ns, transform)
+
+
+def boundaries_channel(truths: Sequence[LaneTruth], stamp_ns: Int64Array) -> OutputChannel:
+    """`cwcli.v1.Lanes`: parabolas fitted to the truth in the image's pixels; at 33.5 m, in the paper's signs."""
+    y_m, direction, curvature = np.array([truth.at_preview(PAPER_PREVIEW_M) for truth in truths]).T
+    n = len(truths)
+    columns: dict[str, OutputField] = {
+        "stamp_ns": stamp_ns,
+        "lateral_deviation_m": -y_m,
+        "heading_deviation_rad": -direction,
+        "curvature_1pm": -curvature,
+        "lateral_deviation_sigma_m": np.zeros(n),
+        "heading_deviation_sigma_rad": np.zeros(n),
+        "curvature_sigma_1pm": np.zeros(n),
+        "preview_distance_m": np.full(n, PAPER_PREVIEW_M),
+    }
+    for side in ("left", "right"):
+        parabolas = np.array([truth.parabola(side) for truth in truths])
+        found = np.isfinite(parabolas[:, 0])
+        columns |= {f"{side}.{name}": parabolas[:, k] for k, name in enumerate("abc")}
+        columns[f"{side}.score"] = np.full(n, np.nan)
+        columns[f"{side}.probability"] = found.astype(np.float64)
+        columns[f"{side}.found"] = found
+    return OutputChannel(BOUNDARIES_TOPIC, "cwcli.v1.Lanes", stamp_ns, columns)
+
+
+def lanes_message(truth: LaneTruth, stamp_ns: int, index: int) -> bytes:
+    """One JSON message of `LANES_SCHEMA`."""
+    height = truth.camera.height_px
+    h_samples = np.arange(height // 3, height, max(2, round(height / 72)))
+    x_m = np.array(GROUND_M)
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    document = {
+        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "h_samples": h_samples.tolist(),
+        "lanes": truth.tusimple(h_samples),
+        "raw_file": f"{index:06d}",
+        "lateral_offset_m": round(truth.lateral_offset_m, 6),
+        "heading_rad": round(truth.heading_rad, 8),
+        "curvature_1pm": round(truth.curvature_1pm, 10),
+        "lane_width_m": round(truth.lane_width_m, 6),
+        "camera_pitch_rad": round(truth.camera.pitch_rad, 8),
+        "ground_x_m": list(GROUND_M),
+        "ground_left_y_m": truth.boundary_y_m("left", x_m).round(6).tolist(),
+        "ground_right_y_m": truth.boundary_y_m("right", x_m).round(6).tolist(),
+    }
+    return json.dumps(document, separators=(",", ":")).encode()
+
+
+def _lateral(drive: RoadDrive, truths: Sequence[LaneTruth], stamp_ns: Int64Array) -> OutputChannel:
+    states = drive.states_at(drive.time_s)
+    preview = np.array([truth.at_preview(PAPER_PREVIEW_M) for truth in truths])
+    columns: dict[str, OutputField] = {
+        "stamp_ns": stamp_ns,
+        "lateral_speed_mps": states[:, LATERAL_SPEED],
+        "yaw_rate_radps": states[:, YAW_RATE],
+        "lateral_deviation_m": -preview[:, 0],
+        "heading_deviation_rad": -preview[:, 1],
+        "steer_rad": states[:, STEER],
+    }
+    return OutputChannel(LATERAL_TOPIC, "cwcli.v1.LateralState", stamp_ns, columns)
+
+
+def _ego(drive: RoadDrive, stamp_ns: Int64Array) -> OutputChannel:
+    """The car's track; the heading is its direction of motion, the frame that of the start."""
+    states = drive.states_at(drive.time_s)
+    n = len(stamp_ns)
+    along = drive.speed_at(drive.time_s)
+    columns: dict[str, OutputField] = {
+        "stamp_ns": stamp_ns,
+        "id": _constant("ego", n),
+        "x_m": states[:, X],
+        "y_m": states[:, Y],
+        "speed_mps": np.hypot(along, states[:, LATERAL_SPEED]),
+        "heading_rad": states[:, BEARING] + np.arctan2(states[:, LATERAL_SPEED], along),
+        "accel_mps2": np.full(n, drive.config.accel_mps2),
+        "yaw_rate_radps": states[:, YAW_RATE],
+        "jerk_mps3": np.zeros(n),
+        "yaw_accel_radps2": np.gradient(drive.fine_states[:, YAW_RATE], drive.fine_time_s)[
+            np.searchsorted(drive.fine_time_s, drive.time_s).clip(max=len(drive.fine_time_s) - 1)
+        ],
+        "latitude_deg": np.full(n, np.nan),
+        "longitude_deg": np.full(n, np.nan),
+    }
+    return OutputChannel(EGO_TOPIC, "cwcli.v1.VehicleState", stamp_ns, columns)
+
+
+def _times(drive: RoadDrive, rate_hz: float) -> FloatArray:
+    return np.asarray(np.arange(int(drive.time_s[-1] * rate_hz + 1e-9) + 1) / rate_hz)
+
+
+def _sensor(name: str, time_s: FloatArray, values: FloatArray, sigma: FloatArray, seed: int) -> SensorData:
+    noise = stream(seed, "road-drive", name).standard_normal(values.shape) * sigma
+    stamp_ns = START_NS + to_ns(time_s)
+    return SensorData(name, stamp_ns, stamp_ns + SENSOR_DELAY_NS, values + noise, sigma, 0)
+
+
+def _speed(drive: RoadDrive) -> SensorData:
+    time_s = _times(drive, SPEED_HZ)
+    return _sensor("speed", time_s, drive.speed_at(time_s)[:, None], np.array([SPEED_SIGMA_MPS]), drive.config.seed)
+
+
+def _imu(drive: RoadDrive) -> SensorData:
+    """At the centre of gravity of a level car: dv/dt - v_y gamma, dv_y/dt + v gamma, g; and the yaw rate."""
+    time_s = _times(drive, IMU_HZ)
+    states, along = drive.states_at(time_s), drive.speed_at(time_s)
+    v_y, yaw_rate = states[:, LATERAL_SPEED], states[:, YAW_RATE]
+    dv_y = np.interp(time_s, drive.fine_time_s, np.gradient(drive.fine_states[:, LATERAL_SPEED], drive.fine_time_s))
+    zero = np.zeros(len(time_s))
+    accel = [drive.config.accel_mps2 - v_y * yaw_rate, dv_y + along * yaw_rate, zero + GRAVITY_MPS2]
+    return _sensor("imu", time_s, np.column_stack([*accel, zero, zero, yaw_rate]), IMU_SIGMA, drive.config.seed)
