@@ -23,6 +23,7 @@ from cwcli.errors import UsageError
 COMMANDS = {
     "info": "List what a log holds and what cwcli can do with it.",
     "estimate": "Estimate the states of the ego and the remote vehicles.",
+    "track": "Track other road users from lidar and radar detections.",
     "predict": "Predict the vehicles' paths from their states.",
     "warn": "Warn of collisions from the predicted paths.",
     "lanes": "Find the lane boundaries in camera frames.",

@@ -66,6 +66,7 @@ class TargetErrors:
         n, n_tracked: Moments at which it exists, and at which a track is paired with it.
         id_switches: How often the id of its track changed.
         position_rmse_m, velocity_rmse_mps: Over the tracked moments, NaN when there is none.
+        rmse: The same by component: x, y in m, vx, vy in m/s.
     """
 
     id: int
@@ -74,6 +75,7 @@ class TargetErrors:
     id_switches: int
     position_rmse_m: float
     velocity_rmse_mps: float
+    rmse: tuple[float, ...] = (np.nan,) * 4
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ def score(truth: Moments, tracks: Moments, *, cutoff_m: float = 5.0, p: float = 
     numbers = np.zeros((len(moments), 2), np.int64)
     held: dict[int, int] = {}
     switches: dict[int, int] = {}
-    errors: dict[int, list[tuple[float, float]]] = {int(k): [] for k in np.unique(truth.id)}
+    errors: dict[int, list[FloatArray]] = {int(k): [] for k in np.unique(truth.id)}
     truth_rows, track_rows = _by_stamp(truth.stamp_ns, moments), _by_stamp(tracks.stamp_ns, moments)
     for k in range(len(moments)):
         a, b = truth_rows[k], track_rows[k]
@@ -170,10 +172,9 @@ def score(truth: Moments, tracks: Moments, *, cutoff_m: float = 5.0, p: float = 
         numbers[k] = len(a) - len(i), len(b) - len(j)
         parts[k, 1:] = (distance**p).sum(), numbers[k, 0] * penalty, numbers[k, 1] * penalty
         parts[k, 0] = parts[k, 1:].sum() ** (1.0 / p)
-        for u, v, away in zip(a[i].tolist(), b[j].tolist(), distance.tolist(), strict=True):
+        for u, v in zip(a[i].tolist(), b[j].tolist(), strict=True):
             target, track = int(truth.id[u]), int(tracks.id[v])
-            speed_error = float(np.linalg.norm(truth.state[u, 2:4] - tracks.state[v, 2:4]))
-            errors[target].append((away, speed_error))
+            errors[target].append(tracks.state[v, :4] - truth.state[u, :4])
             switches[target] = switches.get(target, 0) + (held.get(target, track) != track)
             held[target] = track
     targets = tuple(_target(truth, k, rows, switches.get(k, 0)) for k, rows in errors.items())
@@ -183,10 +184,11 @@ def score(truth: Moments, tracks: Moments, *, cutoff_m: float = 5.0, p: float = 
     )  # fmt: skip
 
 
-def _target(truth: Moments, target: int, rows: list[tuple[float, float]], switches: int) -> TargetErrors:
-    rmse = np.sqrt(np.mean(np.square(rows), axis=0)) if rows else np.full(2, np.nan)
+def _target(truth: Moments, target: int, rows: list[FloatArray], switches: int) -> TargetErrors:
+    square = np.mean(np.square(rows), axis=0) if rows else np.full(4, np.nan)
     n = int((truth.id == target).sum())
-    return TargetErrors(target, n, len(rows), switches, float(rmse[0]), float(rmse[1]))
+    position, velocity = float(np.sqrt(square[:2].sum())), float(np.sqrt(square[2:].sum()))
+    return TargetErrors(target, n, len(rows), switches, position, velocity, tuple(np.sqrt(square).tolist()))
 
 
 def _by_stamp(stamp_ns: Int64Array, moments: Int64Array) -> list[Int64Array]:

@@ -1,0 +1,110 @@
+"""The option `--sensor TOPIC:KEY=VALUE,..`: how a sensor is mounted and how well it measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from cwcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from cwcli.stages.track_sensors import SensorSetting
+
+MAX_SIGMAS = 3
+EXAMPLE = "for example --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30,sigma=0.25/0.01/0.12"
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _positive(text: str) -> float:
+    value = _number(text)
+    if value <= 0.0:
+        raise ValueError(text)
+    return value
+
+
+def _probability(text: str) -> float:
+    value = _number(text)
+    if not 0.0 < value < 1.0:
+        raise ValueError(text)
+    return value
+
+
+def _sigmas(text: str) -> tuple[float, ...]:
+    values = tuple(_positive(part) for part in text.split("/"))
+    if len(values) > MAX_SIGMAS:
+        raise ValueError(text)
+    return values * MAX_SIGMAS if len(values) == 1 else values
+
+
+def _one_of(*names: str) -> Callable[[str], str]:
+    def choose(text: str) -> str:
+        if text not in names:
+            raise ValueError(text)
+        return text
+
+    return choose
+
+
+_RATES: dict[str, dict[str, bool]] = {
+    "away": {},
+    "toward": {"is_rate_towards": True},
+    "off": {"use_range_rate": False},
+}
+_KEYS: dict[str, Callable[[str], dict[str, Any]]] = {
+    "x": lambda text: {"x_m": _number(text)},
+    "y": lambda text: {"y_m": _number(text)},
+    "yaw_deg": lambda text: {"yaw_rad": math.radians(_number(text))},
+    "axes": lambda text: {"axes": _one_of("body", "paper")(text)},
+    "carrier": lambda text: {"carrier": _one_of("body", "map")(text)},
+    "frame": lambda text: {"frame": text.lstrip("/")},
+    "sigma": lambda text: {"sigma": _sigmas(text)},
+    "range_m": lambda text: {"max_range_m": _positive(text)},
+    "fov_deg": lambda text: {"field_of_view_rad": math.radians(_positive(text))},
+    "detection": lambda text: {"detection_probability": _probability(text)},
+    "rate": lambda text: dict(_RATES[_one_of(*_RATES)(text)]),
+}
+
+
+def parse_sensors(entries: Sequence[str]) -> dict[str, SensorSetting]:
+    """Topic -> setting, from `TOPIC:KEY=VALUE,..` entries.
+
+    Raises:
+        UsageError: An entry is malformed, or a topic or a key comes twice.
+    """
+    if not entries:
+        return {}
+    from cwcli.stages.track_sensors import SensorSetting
+
+    found: dict[str, SensorSetting] = {}
+    for entry in entries:
+        topic, _, text = entry.partition(":")
+        if not topic or not text:
+            raise UsageError(f"--sensor {entry!r} is not TOPIC:KEY=VALUE,..", hint=EXAMPLE)
+        if topic in found:
+            raise UsageError(f"--sensor names {topic} twice")
+        found[topic] = SensorSetting(**_values(entry, text))
+    return found
+
+
+def _values(entry: str, text: str) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    seen: set[str] = set()
+    for part in text.split(","):
+        key, _, value = part.strip().partition("=")
+        if key not in _KEYS:
+            raise UsageError(f"--sensor {entry!r}: unknown key {key!r}", hint=f"keys: {', '.join(_KEYS)}")
+        if key in seen:
+            raise UsageError(f"--sensor {entry!r}: {key} comes twice")
+        seen.add(key)
+        try:
+            values.update(_KEYS[key](value))
+        except ValueError:
+            raise UsageError(f"--sensor {entry!r}: {value!r} can't be {key}", hint=EXAMPLE) from None
+    return values

@@ -1,0 +1,162 @@
+"""Stage `track`: detections of lidars and radars in, targets out (xiang2019)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from cwcli.logs.log import Log
+from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import Int64Array
+from cwcli.signals.roles import bind
+from cwcli.stages.result import InputCount, StageResult, Summary
+from cwcli.stages.run_record import run_record
+from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.states import read_states
+from cwcli.stages.track_channels import target_channels
+from cwcli.stages.track_sensors import (
+    SensorSetting,
+    check_carriers,
+    detections_of,
+    ego_states,
+    sensor_models,
+)
+from cwcli.stages.track_summary import detection_counts, sections, track_tables
+from cwcli.stages.track_truth import map_of, scores_of
+from cwcli.tracking.config import FilterConfig, TrackerConfig
+from cwcli.tracking.detections import Detections, EgoStates, SensorModel
+from cwcli.tracking.tracker import TrackResult, track_many, track_one
+
+Targets = Literal["auto", "one", "many"]
+MAX_GATED_SHARE = 0.1
+"""Of the detections: with more outside the gate, one target is not all that there is."""
+
+
+@dataclass(frozen=True)
+class TrackConfig:
+    """Settings of the stage.
+
+    Attributes:
+        sources: Which channels are read, and how.
+        tracker: Filter and tracker.
+        targets: `one`: every detection is of one target, or an outlier. `many`: births, deaths, clutter. `auto`: one
+            where no scan holds two detections and a single track takes nine in ten of them, else many.
+        sensors: Topic -> what the user says of the sensor.
+    """
+
+    sources: SourceConfig = field(default_factory=SourceConfig)
+    tracker: TrackerConfig = field(default_factory=lambda: TrackerConfig(FilterConfig(tune=True)))
+    targets: Targets = "auto"
+    sensors: Mapping[str, SensorSetting] = field(default_factory=dict)
+
+
+def track(log: Log, config: TrackConfig) -> StageResult:
+    """Track the targets that the sensors detect.
+
+    With the ego's states in the log, tracks live in the map; without, in the frame of the car (or of sensors that
+    report in the map).
+
+    Raises:
+        MissingSignalError: No channel holds detections, or the ego state is needed and missing.
+        UsageError: An override or a sensor setting that does not fit the log.
+        DataError: No message of any sensor can be used.
+    """
+    sources = read_sources(
+        log, config.sources, command="track", required=(Role.DETECTIONS,), optional=(Role.TARGET_TRUTH,)
+    )
+    signals = [s for s in sources.by_role[Role.DETECTIONS] if isinstance(s, DetectionSignal)]
+    ego, ego_count = _ego(log, config.sources)
+    models, notes = sensor_models(signals, config.sensors)
+    in_map = check_carriers(models, has_ego=ego is not None, where=log.name)
+    detections = [detections_of(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
+    result, how = _tracks(detections, models, config, ego)
+    known_ns = _known(signals)
+    errors = None
+    truth = sources.by_role.get(Role.TARGET_TRUTH, ())
+    if truth and isinstance(truth[0], TargetTruthSignal):
+        moments_ns = known_ns[0] if how == "many" else np.unique(np.concatenate([d.stamp_ns for d in detections]))
+        local_map = map_of(log.metadata) if ego is not None else None
+        errors, more = scores_of(truth[0], result, moments_ns, in_map=in_map, local_map=local_map)
+        notes.extend(more)
+    kinds = {d.source: d.kind for d in detections}
+    notes.extend(_notes(result, signals, how, config))
+    summary = Summary(
+        title="track",
+        sections=sections(result, kinds, errors, in_map=in_map),
+        inputs=(*sources.counts(), *ego_count, *detection_counts(result.counts)),
+        notes=(*sources.notes, *notes),
+    )
+    return StageResult(
+        stage="track",
+        channels=target_channels(result, in_map=in_map, known_ns=known_ns),
+        tables=track_tables(result, config.tracker.single, kinds, errors),
+        summary=summary,
+        metadata=run_record("track", log, config, summary, targets=how, frame="map" if in_map else "base_link"),
+    )
+
+
+def _ego(log: Log, config: SourceConfig) -> tuple[EgoStates | None, tuple[InputCount, ...]]:
+    """The car's states, if an earlier `cwcli estimate` has left them in the log."""
+    bound = bind(log.channels, config.topics, required=(), optional=(Role.EGO_STATE,), where=log.name)
+    topic = bound.topic(Role.EGO_STATE)
+    if topic is None:
+        return None, ()
+    states = read_states(log.columns(topic))
+    if not len(states):
+        return None, ()
+    return ego_states(states), (InputCount(topic, Role.EGO_STATE.value, len(states), len(states)),)
+
+
+def _tracks(
+    detections: Sequence[Detections], models: Mapping[str, SensorModel], config: TrackConfig, ego: EgoStates | None
+) -> tuple[TrackResult, str]:
+    """The tracks, and whether they were made for `one` target or `many`."""
+    one_a_scan = all(_most_in_a_scan(data) <= 1 for data in detections)
+    if config.targets == "one" or (config.targets == "auto" and one_a_scan):
+        result = track_one(detections, models, config.tracker, ego)
+        gated = sum(count.rejected.get("outside the gate", 0) for count in result.counts.values())
+        used = sum(count.used for count in result.counts.values())
+        if config.targets == "one" or gated <= MAX_GATED_SHARE * (gated + used):
+            return result, "one"
+    return track_many(detections, models, config.tracker, ego), "many"
+
+
+def _most_in_a_scan(data: Detections) -> int:
+    """The largest number of finite detections that share a stamp."""
+    stamps = data.stamp_ns[np.isfinite(data.values[:, :2]).all(axis=1)]
+    return int(np.unique(stamps, return_counts=True)[1].max(initial=0))
+
+
+def _known(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
+    """Stamps of all scans, increasing, and when each was known: its log time."""
+    stamp_ns = np.concatenate([signal.stamp_ns for signal in signals])
+    log_time_ns = np.concatenate([signal.log_time_ns for signal in signals])
+    order = np.lexsort((log_time_ns, stamp_ns))
+    stamp_ns, log_time_ns = stamp_ns[order], log_time_ns[order]
+    last = np.append(np.diff(stamp_ns) != 0, True)
+    return stamp_ns[last], log_time_ns[last]
+
+
+def _notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:
+    notes = list(result.notes)
+    if config.targets == "auto":
+        notes.append(f"tracked as {how} target{'s' if how == 'many' else ''} (--targets one|many says so for itself)")
+    kinds = {signal.kind for signal in signals}
+    if {"radar", "radar_track"} <= kinds:
+        names = [signal.source for signal in signals if signal.kind != "position"]
+        notes.append(
+            f"{', '.join(names)}: scans and tracks of radars; if they are of one radar, choose one of them with "
+            "--topic detections=/a,/b"
+        )
+    notes.extend(
+        f"{source}: the innovations are outside their 95 % bounds"
+        for source, check in result.consistency.items()
+        if check.dof > 0.0 and not check.is_inside
+    )
+    if not result.tracks:
+        notes.append("no target was found")
+    return notes

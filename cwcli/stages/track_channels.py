@@ -1,0 +1,176 @@
+"""Tracks as channels: `cwcli.v1.Target` for programs, `foxglove.SceneUpdate` for viewers; and back as states."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.errors import DataError
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel, OutputField, Repeated, Strings
+from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
+from cwcli.stages.channels import BODY_FRAME, MAP_FRAME, constant_strings
+from cwcli.stages.states import N_STATES, VehicleStates, vehicle_rows
+from cwcli.tracking.convert import MIN_HEADING_SPEED_MPS, target_rows, vehicle_states
+from cwcli.tracking.tracker import TargetTrack, TrackResult
+
+TARGETS_TOPIC = "/cwcli/targets"
+TARGET_SCENE_TOPIC = "/cwcli/targets/scene"
+LIFETIME_NS = 1_000_000_000
+BALL_M = 1.5
+TEXT_M = 1.0
+BALL_COLOR = (1.0, 0.55, 0.0, 0.8)
+TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
+ACCEL, YAW_RATE = 4, 5  # in the order of VehicleState
+
+
+def target_channels(
+    result: TrackResult, *, in_map: bool, known_ns: tuple[Int64Array, Int64Array]
+) -> tuple[OutputChannel, ...]:
+    """The tracks as channels.
+
+    Args:
+        result: The tracks.
+        in_map: Their frame is the map, not the car's body.
+        known_ns: Stamps of all scans, increasing, and the log times at which these were known.
+    """
+    rows = target_rows(result)
+    motion = _motion_rows(result)
+    stamps, logged = known_ns
+    log_time_ns = logged[np.searchsorted(stamps, rows.stamp_ns)] if len(rows.stamp_ns) else rows.stamp_ns
+    order = np.lexsort((rows.id, rows.stamp_ns, log_time_ns))
+    n = len(order)
+    names = tuple(str(track.id) for track in result.tracks)
+    number_of = {track.id: k for k, track in enumerate(result.tracks)}
+    codes = np.array([number_of[track] for track in rows.id[order].tolist()], np.int32)
+    ids = Strings(codes, names)
+    frame = constant_strings(MAP_FRAME if in_map else BODY_FRAME, n)
+    state = rows.state[order]
+    fields: dict[str, OutputField] = {
+        "stamp_ns": rows.stamp_ns[order],
+        "id": ids,
+        "x_m": state[:, 0],
+        "y_m": state[:, 1],
+        "vx_mps": state[:, 2],
+        "vy_mps": state[:, 3],
+        "covariance": rows.covariance[order].reshape(n, 16),
+        "sensor": Strings(rows.sensor.codes[order], rows.sensor.values),
+        "frame_id": frame,
+        "accel_mps2": motion[order, 0],
+        "yaw_rate_radps": motion[order, 1],
+        "accel_sigma_mps2": motion[order, 2],
+        "yaw_rate_sigma_radps": motion[order, 3],
+    }
+    targets = OutputChannel(TARGETS_TOPIC, "cwcli.v1.Target", log_time_ns[order], fields)
+    return targets, _scene(log_time_ns[order], rows.stamp_ns[order], ids, frame, state)
+
+
+def _motion_rows(result: TrackResult) -> FloatArray:
+    """Acceleration, yaw rate and their sigmas of all rows, in the order of `target_rows`; NaN where not modelled."""
+    parts = [np.zeros((0, 4)), *(_motion(track, result.state_names) for track in result.tracks)]
+    stamp = np.concatenate([np.zeros(0, np.int64), *(track.stamp_ns for track in result.tracks)])
+    ids = np.concatenate([np.zeros(0, np.int64), *(np.full(len(track), track.id) for track in result.tracks)])
+    return np.concatenate(parts)[np.lexsort((ids, stamp))]
+
+
+def _motion(track: TargetTrack, names: tuple[str, ...]) -> FloatArray:
+    out = np.full((len(track), 4), np.nan)
+    if "turn_rate_radps" in names:
+        k = names.index("turn_rate_radps")
+        out[:, 1], out[:, 3] = track.state[:, k], np.sqrt(track.covariance[:, k, k])
+    elif "ax_mps2" in names:
+        a, b = names.index("ax_mps2"), names.index("ay_mps2")
+        speed = np.hypot(track.state[:, 2], track.state[:, 3])
+        size = np.maximum(speed, MIN_HEADING_SPEED_MPS)
+        along = track.state[:, 2:4] / size[:, None]
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        accel, noise = track.state[:, [a, b]], track.covariance[:, [[a], [b]], [a, b]]
+        out[:, 0] = (along * accel).sum(axis=1)
+        out[:, 1] = (across * accel).sum(axis=1) / size
+        out[:, 2] = np.sqrt(np.einsum("ni,nij,nj->n", along, noise, along))
+        out[:, 3] = np.sqrt(np.einsum("ni,nij,nj->n", across, noise, across)) / size
+    return out
+
+
+def _scene(
+    log_time_ns: Int64Array, stamp_ns: Int64Array, ids: Strings, frame: Strings, state: FloatArray
+) -> OutputChannel:
+    """One scene a log time: a ball per target, an arrow as long as it moves in a second, and its id."""
+    n = len(log_time_ns)
+    times, first = np.unique(log_time_ns, return_index=True)
+    one_each = np.arange(n + 1, dtype=np.int64)
+    half = 0.5 * np.arctan2(state[:, 3], state[:, 2])
+    speed = np.hypot(state[:, 2], state[:, 3])
+
+    def pose(up_m: float, half_yaw: FloatArray) -> dict[str, OutputField]:
+        return {
+            "pose.position.x": state[:, 0],
+            "pose.position.y": state[:, 1],
+            "pose.position.z": np.full(n, up_m),
+            "pose.orientation.z": np.sin(half_yaw),
+            "pose.orientation.w": np.cos(half_yaw),
+        }
+
+    def color(values: tuple[float, ...]) -> dict[str, OutputField]:
+        return {f"color.{part}": np.full(n, value) for part, value in zip("rgba", values, strict=True)}
+
+    size: dict[str, OutputField] = {f"size.{axis}": np.full(n, BALL_M) for axis in "xyz"}
+    arrow: dict[str, OutputField] = {
+        "shaft_length": speed,
+        "shaft_diameter": np.full(n, 0.2 * BALL_M),
+        "head_length": np.full(n, 0.4 * BALL_M),
+        "head_diameter": np.full(n, 0.4 * BALL_M),
+    }
+    text: dict[str, OutputField] = {
+        "billboard": np.ones(n, np.bool_),
+        "font_size": np.full(n, TEXT_M),
+        "text": ids,
+    }
+    still = np.zeros(n)
+    entities: dict[str, OutputField] = {
+        "timestamp": stamp_ns,
+        "frame_id": frame,
+        "id": ids,
+        "lifetime": np.full(n, LIFETIME_NS, np.int64),
+        "spheres": Repeated(one_each, {**pose(0.5 * BALL_M, still), **size, **color(BALL_COLOR)}),
+        "arrows": Repeated(one_each, {**pose(0.5 * BALL_M, half), **arrow, **color(BALL_COLOR)}),
+        "texts": Repeated(one_each, {**pose(2.0 * BALL_M, still), **text, **color(TEXT_COLOR)}),
+    }
+    offsets = np.append(first, n).astype(np.int64)
+    return OutputChannel(TARGET_SCENE_TOPIC, "foxglove.SceneUpdate", times, {"entities": Repeated(offsets, entities)})
+
+
+def read_targets(columns: Columns) -> VehicleStates:
+    """A channel of targets as vehicle states, so that prediction and warning take them like V2X vehicles.
+
+    Acceleration and yaw rate that the track does not have are 0.
+
+    Raises:
+        DataError: Another version wrote the channel, or the targets are not in the map.
+    """
+    n = len(columns)
+    ids, frames = texts(columns, "id"), texts(columns, "frame_id")
+    covariance = matrix(columns, "covariance", 16).reshape(n, 4, 4)
+    if ids is None or not np.isfinite(covariance).all():
+        raise DataError(
+            "the targets have no ids or no covariances", where=columns.topic, hint="track again (--replace)"
+        )
+    if n and (
+        frames is None or {frames.values[code] if code >= 0 else "" for code in np.unique(frames.codes)} != {MAP_FRAME}
+    ):
+        raise DataError(
+            "the targets are in the car's own frame, and can't be put beside its path",
+            where=columns.topic,
+            hint="run `cwcli estimate` first, then `cwcli track --replace` on its output",
+        )
+    given = np.stack([numbers(columns, name) for name in ("x_m", "y_m", "vx_mps", "vy_mps")], axis=1)
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
+    more = np.stack([numbers(columns, name) for name in ("accel_mps2", "yaw_rate_radps")], axis=1)
+    sigma = np.stack([numbers(columns, name) for name in ("accel_sigma_mps2", "yaw_rate_sigma_radps")], axis=1)
+    state, full = np.zeros((n, N_STATES)), np.zeros((n, N_STATES, N_STATES))
+    for _, unordered in vehicle_rows(ids):
+        rows = unordered[np.argsort(stamp_ns[unordered], kind="stable")]
+        state[rows], full[rows] = vehicle_states(given[rows], covariance[rows])
+    for k, at in enumerate((ACCEL, YAW_RATE)):
+        state[:, at] = np.where(np.isfinite(more[:, k]), more[:, k], 0.0)
+        full[:, at, at] = np.where(np.isfinite(sigma[:, k]), sigma[:, k], 0.0) ** 2
+    unknown = np.full(n, np.nan)
+    return VehicleStates(ids, stamp_ns, columns.log_time_ns, state, full, unknown, unknown)

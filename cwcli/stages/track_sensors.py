@@ -1,0 +1,168 @@
+"""Signals and the user's settings as what the tracker takes: detections, sensor models, the car's states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.signals.build_motion import MAP_FRAMES
+from cwcli.signals.canonical import DetectionSignal
+from cwcli.signals.columns import Strings
+from cwcli.signals.elements import taken
+from cwcli.stages.states import VehicleStates
+from cwcli.tracking.convert import polar_from_cartesian
+from cwcli.tracking.detections import Axes, Detections, EgoStates, Kind, SensorModel
+
+
+@dataclass(frozen=True)
+class SensorSetting:
+    """What the user says of one sensor; None leaves it to the log or to the default.
+
+    Attributes:
+        x_m, y_m, yaw_rad: Mounting in the body frame, or in the map for one that stands still.
+        axes: `body` (x forward, y left) or `paper` (x right, y forward; xiang2019).
+        carrier: `body` or `map`; None: `map` where the messages' frame says so.
+        frame: Frame id that is accepted; None: the most frequent one.
+        sigma: 1-sigma noise of each value where the message gives none.
+        max_range_m, field_of_view_rad: What it can see.
+        detection_probability: Chance that a scan sees a target in view.
+        use_range_rate: False leaves the range rate out.
+        is_rate_towards: The range rate is positive for what comes nearer.
+    """
+
+    x_m: float | None = None
+    y_m: float | None = None
+    yaw_rad: float | None = None
+    axes: Axes = "body"
+    carrier: str | None = None
+    frame: str | None = None
+    sigma: tuple[float, ...] = ()
+    max_range_m: float | None = None
+    field_of_view_rad: float | None = None
+    detection_probability: float | None = None
+    use_range_rate: bool = True
+    is_rate_towards: bool = False
+
+    @property
+    def is_mounted(self) -> bool:
+        """Whether the user said where the sensor is."""
+        return (self.x_m, self.y_m, self.yaw_rad) != (None, None, None)
+
+
+def detections_of(signal: DetectionSignal, setting: SensorSetting) -> Detections:
+    """A signal as detections in the order of arrival, by which lateness is judged."""
+    arrival = np.argsort(signal.log_time_ns, kind="stable")
+    offsets, rows = taken(signal.offsets, arrival)
+    counts = np.diff(offsets)
+    values, covariance = signal.values[rows], signal.covariance[rows]
+    if signal.kind == "radar_track":
+        values, covariance = polar_from_cartesian(
+            values[:, :2], values[:, 2:], covariance[:, :2, :2], covariance[:, 2:, 2:]
+        )
+    if setting.is_rate_towards and signal.kind != "position":
+        values = values * np.array([1.0, 1.0, -1.0])
+    return Detections(
+        source=signal.source,
+        kind=Kind.POSITION if signal.kind == "position" else Kind.RADAR,
+        stamp_ns=np.repeat(signal.stamp_ns[arrival], counts),
+        values=values,
+        covariance=covariance,
+        frame=Strings(np.repeat(signal.frame.codes[arrival], counts), signal.frame.values),
+        scan_stamp_ns=np.unique(signal.stamp_ns),
+    )
+
+
+def sensor_models(
+    signals: Sequence[DetectionSignal], settings: Mapping[str, SensorSetting]
+) -> tuple[dict[str, SensorModel], list[str]]:
+    """The model of each sensor, and notes on what was assumed.
+
+    Raises:
+        UsageError: A setting names a topic that is no sensor of this log, or a value does not fit the sensor.
+    """
+    unknown = [topic for topic in settings if topic not in {signal.source for signal in signals}]
+    if unknown:
+        raise UsageError(
+            f"--sensor {unknown[0]}: no detections are read from this topic",
+            hint=f"sensors: {', '.join(signal.source for signal in signals)}",
+        )
+    models, notes = {}, []
+    for signal in signals:
+        setting = settings.get(signal.source, SensorSetting())
+        frame = setting.frame or _usual_frame(signal.frame)
+        carrier = setting.carrier or ("map" if frame in MAP_FRAMES else "body")
+        if carrier == "body" and not setting.is_mounted:
+            notes.append(
+                f"{signal.source}: its mounting is not given, taken at the car's origin and looking forward "
+                f"(--sensor {signal.source}:x=..,y=..,yaw_deg=..)"
+            )
+        models[signal.source] = _model(signal.source, setting, frame, carrier)
+    return models, notes
+
+
+def _model(source: str, setting: SensorSetting, frame: str, carrier: str) -> SensorModel:
+    given = {
+        "x_m": setting.x_m,
+        "y_m": setting.y_m,
+        "yaw_rad": setting.yaw_rad,
+        "max_range_m": setting.max_range_m,
+        "field_of_view_rad": setting.field_of_view_rad,
+        "detection_probability": setting.detection_probability,
+    }
+    numbers = {name: value for name, value in given.items() if value is not None}
+    try:
+        return SensorModel(
+            axes=setting.axes,
+            carrier="map" if carrier == "map" else "body",
+            sigma=setting.sigma,
+            frame_ids=(frame,) if frame else (),
+            use_range_rate=setting.use_range_rate,
+            **numbers,
+        )
+    except ValueError as error:
+        raise UsageError(f"--sensor {source}: {error}") from None
+
+
+def _usual_frame(frame: Strings) -> str:
+    """The frame that most scans name, "" when none does."""
+    named = frame.codes[frame.codes >= 0]
+    if not len(named):
+        return ""
+    names, counts = np.unique([frame.values[code] for code in named.tolist()], return_counts=True)
+    return str(names[np.argmax(counts)])
+
+
+def ego_states(states: VehicleStates) -> EgoStates:
+    """The car's states by stamp, the first of each stamp."""
+    order = np.argsort(states.stamp_ns, kind="stable")
+    stamp_ns = states.stamp_ns[order]
+    rows = order[np.concatenate(([True], np.diff(stamp_ns) > 0))] if len(order) else order
+    state = states.state[rows]
+    return EgoStates(
+        stamp_ns=states.stamp_ns[rows],
+        x_m=state[:, 0],
+        y_m=state[:, 1],
+        heading_rad=state[:, 3],
+        speed_mps=state[:, 2],
+        yaw_rate_radps=np.where(np.isfinite(state[:, 5]), state[:, 5], 0.0),
+    )
+
+
+def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: str) -> bool:
+    """Whether tracks will be in the map.
+
+    Raises:
+        MissingSignalError: Some sensors move with the car, some stand in the map, and where the car is is not known.
+    """
+    fixed = [source for source, model in models.items() if model.carrier == "map"]
+    moving = [source for source, model in models.items() if model.carrier == "body"]
+    if fixed and moving and not has_ego:
+        raise MissingSignalError(
+            f"{moving[0]} moves with the car and {fixed[0]} stands in the map: the ego state is needed to join them",
+            where=where,
+            hint=f"run `cwcli estimate LOG -o estimated.mcap` first, or say --sensor {fixed[0]}:carrier=body",
+        )
+    return has_ego or not moving
