@@ -1,0 +1,1 @@
+"""How a car moves sideways: single-track model, steering, and the observer of lateral speed and yaw rate."""

@@ -1,0 +1,188 @@
+"""zhang2011's observer (eq. 14-22): gains computed beforehand at multiples of 10 km/h, two neighbours blended.
+
+What the paper leaves open, and how it is read here (the reasons are in docs/papers/zhang2011-motion.md):
+- Both neighbours start each period from the blended state, so that neither drifts away with the other's speed.
+- R1 is the noise intensity of the continuous model and is discretised with it.
+- Below 10 km/h there is no state. Above 160 km/h the observer of 160 km/h is used alone.
+- A frame without boundaries is predicted with the inputs of the frame before.
+- f(v) is that of half load; the observers' mass is that of the chosen load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import isnan
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.dynamics.config import ObserverConfig
+from cwcli.dynamics.matrix_exponential import discretise, discretise_noise
+from cwcli.dynamics.riccati import steady_gain
+from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status, count_statuses
+from cwcli.dynamics.single_track import preview_matrices
+from cwcli.dynamics.speed import speed_at
+from cwcli.dynamics.steering import correction, steer_from_vision
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.kernels import observer as kernel
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.resample import resample
+
+STEP_KMH = 10.0
+SPEEDS_KMH = np.arange(10.0, 161.0, STEP_KMH)
+MPS_PER_KMH = 1.0 / 3.6
+DEFAULT_PERIOD_S = 0.1
+NS_PER_S = 1e9
+OUTPUT = np.eye(4)[2:]
+"""C of eq. 21: y_L and e_L are measured."""
+
+
+@dataclass(frozen=True)
+class Bank:
+    """The observers of all speeds of `SPEEDS_KMH`.
+
+    Attributes:
+        phi: Shape (16, 4, 4). gamma: Shape (16, 4, 2). gain: Shape (16, 4, 2).
+    """
+
+    phi: FloatArray
+    gamma: FloatArray
+    gain: FloatArray
+
+
+def observer_bank(vehicle: Vehicle, config: ObserverConfig, period_s: float) -> Bank:
+    """Discretise eq. 21 (corrected) at each speed and settle its Kalman filter (eq. 16, 17, 19)."""
+    key = (
+        *(vehicle.front_axle_m, vehicle.rear_axle_m, vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad),
+        *(vehicle.yaw_inertia_kgm2, vehicle.mass_kg, config.preview_m + vehicle.camera_forward_m),
+        *(config.process_noise, config.lane_noise, period_s),
+    )
+    return _bank(key, config.noise_reading == "continuous")
+
+
+@lru_cache(maxsize=8)
+def _bank(key: tuple[float, ...], is_continuous: bool) -> Bank:
+    lf, lr, kf, kr, inertia, mass, preview_m, r1, r2, period_s = key
+    vehicle = Vehicle("", lf, lr, kf, kr, inertia, mass, mass)
+    made = []
+    for kmh in SPEEDS_KMH:
+        a, b = preview_matrices(vehicle, kmh * MPS_PER_KMH, preview_m)
+        phi, gamma = discretise(a, b, period_s)
+        noise = discretise_noise(a, r1 * np.eye(4), period_s) if is_continuous else r1 * np.eye(4)
+        made.append((phi, gamma, steady_gain(phi, OUTPUT, noise, r2 * np.eye(2))))
+    return Bank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*made, strict=True)))
+
+
+def neighbours(speed_mps: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
+    """Index of the lower neighbour in `SPEEDS_KMH` and the upper one's weight (v - v_1) / 10, eq. 22 (corrected)."""
+    kmh = np.clip(np.nan_to_num(speed_mps / MPS_PER_KMH), SPEEDS_KMH[0], SPEEDS_KMH[-1])
+    low = np.minimum((kmh - SPEEDS_KMH[0]) // STEP_KMH, len(SPEEDS_KMH) - 2).astype(np.int32)
+    return low, (kmh - SPEEDS_KMH[low]) / STEP_KMH
+
+
+def observe_blended(
+    lanes: LaneSamples,
+    speed: Samples,
+    vehicle: Vehicle,
+    config: ObserverConfig,
+    *,
+    yaw_rate: Samples | None = None,
+    steer: Samples | None = None,
+) -> LateralTrack:
+    """The paper's method at every frame. A measured steering angle replaces the vision's; a yaw rate is not used."""
+    stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
+    n = len(stamp_ns)
+    v = speed_at(speed, stamp_ns, config.max_speed_gap_s)
+    dt_s = np.diff(stamp_ns, prepend=stamp_ns[:1]) / NS_PER_S
+    period_s = config.period_s or _median_period_s(dt_s)
+    bank = observer_bank(vehicle, config, period_s)
+    measured = (
+        np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad]).astype(np.float64).reshape(n, 2)
+    )
+    seen = np.asarray(np.isfinite(measured).all(axis=1), dtype=np.bool_)
+    steer_rad = _steer(lanes, vehicle, v, config, steer)
+    inputs = np.column_stack([_kept(steer_rad), _kept(lanes.curvature_1pm)]).reshape(n, 2)
+    begin, status = _life(dt_s, v, seen, config)
+    low, weight = neighbours(v)
+    state = np.empty((n, 4))
+    periods = np.maximum(np.rint(dt_s / period_s), 1).astype(np.int32)
+    kernel.blended(
+        low,
+        np.ascontiguousarray(weight),
+        begin,
+        periods,
+        np.ascontiguousarray(inputs),
+        np.ascontiguousarray(measured),
+        bank.phi,
+        bank.gamma,
+        bank.gain,
+        state,
+    )
+    return LateralTrack(
+        stamp_ns=stamp_ns,
+        state=state,
+        covariance=np.full((n, 4, 4), np.nan),
+        speed_mps=v,
+        steer_rad=np.where(np.isfinite(state[:, 0]), inputs[:, 0], np.nan),
+        curvature_1pm=np.asarray(lanes.curvature_1pm, dtype=np.float64),
+        mass_kg=np.full(n, vehicle.mass_kg),
+        status=status,
+        counts=count_statuses(status),
+        notes=() if yaw_rate is None else ("the measured yaw rate is not used by zhang2011's observers",),
+    )
+
+
+def _median_period_s(dt_s: FloatArray) -> float:
+    steps = dt_s[1:][dt_s[1:] > 0.0]
+    return float(np.median(steps)) if len(steps) else DEFAULT_PERIOD_S
+
+
+def _steer(
+    lanes: LaneSamples, vehicle: Vehicle, v: FloatArray, config: ObserverConfig, steer: Samples | None
+) -> FloatArray:
+    """delta_D: measured, or from vision by eq. 10 and 13."""
+    if steer is not None:
+        return resample(steer.stamp_ns, steer.values, lanes.stamp_ns, max_gap_s=config.max_speed_gap_s)
+    kinematic = steer_from_vision(
+        vehicle,
+        np.asarray(lanes.stamp_ns, dtype=np.int64),
+        np.asarray(lanes.heading_deviation_rad, dtype=np.float64),
+        np.asarray(lanes.curvature_1pm, dtype=np.float64),
+        v,
+        rate=config.steer_rate,
+    )
+    return kinematic * correction(vehicle, v)
+
+
+def _kept(values: FloatArray) -> FloatArray:
+    """The last known value at each row; 0 before the first."""
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(last >= 0, np.asarray(values)[np.maximum(last, 0)], 0.0)
+
+
+def _life(
+    dt_s: FloatArray, v: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
+) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int8]]:
+    """Where the observer begins (1) and stops (2), and the status of each frame."""
+    n = len(v)
+    begin = np.zeros(n, dtype=np.int8)
+    status = np.full(n, Status.LOST, dtype=np.int8)
+    slowest = SPEEDS_KMH[0] * MPS_PER_KMH * (1.0 - 1e-9)
+    running, unseen_s = False, 0.0
+    for i, (dt, speed, is_seen) in enumerate(zip(dt_s.tolist(), v.tolist(), seen.tolist(), strict=True)):
+        unseen_s += dt
+        is_driving = speed >= slowest  # false for NaN
+        if not is_driving or dt > config.max_gap_s or (unseen_s > config.max_coast_s and not is_seen):
+            running = False
+            begin[i] = 2
+        if not is_driving:
+            status[i] = Status.NO_SPEED if isnan(speed) else Status.TOO_SLOW
+        elif is_seen:
+            begin[i] = 0 if running else 1
+            status[i] = Status.OBSERVED if running else Status.STARTED
+            running, unseen_s = True, 0.0
+        elif running:
+            status[i] = Status.PREDICTED
+    return begin, status

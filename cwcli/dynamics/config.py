@@ -1,0 +1,112 @@
+"""Options of the observers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+from cwcli.dynamics.samples import PREVIEW_M
+from cwcli.errors import UsageError
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """What the default filter assumes. Standard deviations; `*_walk_*` are those of a random walk after one second.
+
+    Attributes:
+        lateral_speed_walk_mps, yaw_rate_walk_radps: Errors of the single-track model: wind, banked road, tyres.
+        steer_walk_rad: How the driver steers.
+        curvature_walk_1pm: Change of the road's curvature over one metre (not second): after 100 m ten times as much.
+        load_sigma, load_walk: Of nominal mass / mass, if the load is estimated.
+        gyro_bias_radps, gyro_bias_walk_radps: Of the measured yaw rate.
+        camera_yaw_rad, camera_yaw_walk_rad: Of the camera's mounting.
+        lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Of frames that carry no sigmas.
+        yaw_rate_sigma_radps, steer_sigma_rad: Of sensors that carry none.
+        start_lateral_speed_mps, start_yaw_rate_radps, start_steer_rad, start_curvature_1pm: At the first frame, about
+            a car that follows the road steadily.
+        gate: Innovations beyond this many sigmas are not believed.
+        restart_after: So many disbelieved frames in a row start the filter anew.
+    """
+
+    lateral_speed_walk_mps: float = 0.10
+    yaw_rate_walk_radps: float = 0.02
+    steer_walk_rad: float = 0.004
+    curvature_walk_1pm: float = 4e-5
+    load_sigma: float = 0.2
+    load_walk: float = 1e-4
+    gyro_bias_radps: float = 0.002
+    gyro_bias_walk_radps: float = 2e-5
+    camera_yaw_rad: float = 0.002
+    camera_yaw_walk_rad: float = 1e-5
+    lateral_sigma_m: float = 0.10
+    heading_sigma_rad: float = 0.005
+    curvature_sigma_1pm: float = 3e-4
+    yaw_rate_sigma_radps: float = 0.002
+    steer_sigma_rad: float = 0.002
+    start_lateral_speed_mps: float = 1.0
+    start_yaw_rate_radps: float = 0.3
+    start_steer_rad: float = 0.05
+    start_curvature_1pm: float = 3e-3
+    gate: float = 5.0
+    restart_after: int = 4
+
+
+@dataclass(frozen=True)
+class ObserverConfig:
+    """Options of `observe`.
+
+    Attributes:
+        method: A key of `METHODS`.
+        preview_m: Of the preview point ahead of the camera.
+        estimate_load: "cwcli": also estimate the car's mass.
+        max_coast_s: Without boundaries for longer than this there is no state.
+        max_gap_s: A pause of the frames longer than this starts the observer anew.
+        max_speed_gap_s: The speed is not interpolated or kept over a longer gap.
+        noise: "cwcli": see `FilterNoise`.
+        period_s: "zhang2011": the observers' sampling time; None: the median time between frames.
+        steer_rate: "zhang2011": a key of `steering.RATES`.
+        process_noise, lane_noise: "zhang2011": R1 and R2, printed as 0.01 and 0.01 I.
+        noise_reading: "zhang2011": "continuous": R1 belongs to eq. 21 and is discretised with it; "discrete": it is
+            added as it stands in eq. 16.
+    """
+
+    method: str = "cwcli"
+    preview_m: float = PREVIEW_M
+    estimate_load: bool = False
+    max_coast_s: float = 2.0
+    max_gap_s: float = 1.0
+    max_speed_gap_s: float = 0.5
+    noise: FilterNoise = field(default_factory=FilterNoise)
+    period_s: float | None = None
+    steer_rate: str = "raw"
+    process_noise: float = 0.01
+    lane_noise: float = 0.01
+    noise_reading: Literal["continuous", "discrete"] = "continuous"
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            UsageError: A value is not positive, or not a number.
+        """
+        may_be_zero = {"load_walk", "gyro_bias_radps", "gyro_bias_walk_radps", "camera_yaw_rad", "camera_yaw_walk_rad"}
+        values = {name: getattr(self, name) for name in _POSITIVE}
+        values |= {f"noise.{each.name}": getattr(self.noise, each.name) for each in fields(self.noise)}
+        for name, value in values.items():
+            if value is None:
+                continue
+            low_ok = value >= 0.0 if name.removeprefix("noise.") in may_be_zero else value > 0.0
+            if not (math.isfinite(value) and low_ok):
+                raise UsageError(f"{name} is {value!r}; permitted: a positive number", where="observer")
+
+
+_POSITIVE = (
+    "preview_m",
+    "max_coast_s",
+    "max_gap_s",
+    "max_speed_gap_s",
+    "period_s",
+    "process_noise",
+    "lane_noise",
+)

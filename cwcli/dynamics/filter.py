@@ -1,0 +1,235 @@
+"""The default observer: one Kalman filter with the times of frames and sensors as they are.
+
+Beside the paper's four states it estimates the steering angle and the road's curvature (which the paper takes as exact
+inputs), the bias of the gyroscope, the yaw of the camera's mounting and, if asked, the load as nominal mass / mass, in
+which the model is linear. Each frame counts with its own sigmas. A y_L that does not fit (another lane) starts y_L
+anew and nothing else; other values that do not fit are left out, and several such frames in a row start the filter
+anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.dynamics.config import FilterNoise, ObserverConfig
+from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status, count_statuses
+from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
+from cwcli.dynamics.speed import speed_at
+from cwcli.dynamics.steering import robust_rate
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.kernels import observer as kernel
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.resample import resample
+
+N_STATES = 9
+STEER, CURVATURE, LOAD, GYRO_BIAS, CAMERA_YAW = 4, 5, 6, 7, 8
+NS_PER_S = 1e9
+MAX_STEP_S = 0.1
+LOAD_RANGE = (0.5, 2.0)
+STILL_MPS = 0.1
+MIN_SIGMA = 1e-9
+OPPOSITE = -0.5
+MIN_FRAMES_OF_SIGN = 50
+MIN_TURNING_RADPS = 0.01
+
+
+def model_vector(vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
+    """The kernel's parameters, shape (36,), in the order of its P_* names."""
+    m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
+    kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
+    lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
+    moment = lr * kr - lf * kf
+    noise = config.noise
+    physics = [
+        (kf + kr) / m,
+        moment / m,
+        kf / m,
+        moment / inertia,
+        (lf**2 * kf + lr**2 * kr) / inertia,
+        lf * kf / inertia,
+        config.preview_m + vehicle.camera_forward_m,
+        MIN_MODEL_SPEED_MPS,
+    ]
+    rest = [
+        noise.gate,
+        float(noise.restart_after),
+        vehicle.wheelbase_m,
+        lr,
+        m * lf / (kr * vehicle.wheelbase_m),
+        understeer_gradient(vehicle),
+        MAX_STEP_S,
+        *LOAD_RANGE,
+        STILL_MPS,
+    ]
+    return np.array([*physics, *_walks(noise, config.estimate_load), *_starts(noise, config.estimate_load), *rest])
+
+
+def _walks(noise: FilterNoise, with_load: bool) -> list[float]:
+    """Noise intensities of the nine states."""
+    walks = [
+        noise.lateral_speed_walk_mps,
+        noise.yaw_rate_walk_radps,
+        0.0,
+        0.0,
+        noise.steer_walk_rad,
+        noise.curvature_walk_1pm,
+        noise.load_walk if with_load else 0.0,
+        noise.gyro_bias_walk_radps,
+        noise.camera_yaw_walk_rad,
+    ]
+    return [walk**2 for walk in walks]
+
+
+def _starts(noise: FilterNoise, with_load: bool) -> list[float]:
+    """Standard deviations at the start."""
+    return [
+        noise.start_lateral_speed_mps,
+        noise.start_yaw_rate_radps,
+        0.0,
+        0.0,
+        noise.start_steer_rad,
+        noise.start_curvature_1pm,
+        noise.load_sigma if with_load else 0.0,
+        noise.gyro_bias_radps,
+        noise.camera_yaw_rad,
+    ]
+
+
+def observe_filter(
+    lanes: LaneSamples,
+    speed: Samples,
+    vehicle: Vehicle,
+    config: ObserverConfig,
+    *,
+    yaw_rate: Samples | None = None,
+    steer: Samples | None = None,
+) -> LateralTrack:
+    """Filter frames, yaw rate and steering angle in the order of their stamps; the state at each frame."""
+    stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
+    noise = config.noise
+    n = len(stamp_ns)
+    notes: list[str] = []
+    frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
+    parts = [(stamp_ns, kernel.KIND_LANE, *_lane_rows(lanes, noise))]
+    vision = _yaw_rate_from_vision(lanes, frame_speed)
+    for name, samples, kind, default in (
+        ("yaw rate", yaw_rate, kernel.KIND_YAW_RATE, noise.yaw_rate_sigma_radps),
+        ("steering angle", steer, kernel.KIND_STEER, noise.steer_sigma_rad),
+    ):
+        if samples is None or not len(samples.values):
+            continue
+        if _runs_against(samples, stamp_ns, vision):
+            notes.append(
+                f"the {name} has the opposite sign of the lane's turning: not used; check its sign or mounting"
+            )
+            continue
+        parts.append((np.asarray(samples.stamp_ns, np.int64), kind, *_scalar_rows(samples, default)))
+    stamps = np.concatenate([part[0] for part in parts])
+    order = np.argsort(stamps, kind="stable")
+    stamps = stamps[order]
+    kinds = np.concatenate([np.full(len(part[0]), part[1], np.int8) for part in parts])[order]
+    values = np.ascontiguousarray(np.concatenate([part[2] for part in parts])[order])
+    sigmas = np.ascontiguousarray(np.concatenate([part[3] for part in parts])[order])
+    dt_s = np.diff(stamps, prepend=stamps[:1]) / NS_PER_S
+    at = speed_at(speed, stamps, config.max_speed_gap_s)
+    before = np.concatenate([at[:1], at[:-1]])
+    between = np.where(np.isfinite(before), 0.5 * (at + before), at)
+    begin = np.where(np.isfinite(at), np.where(dt_s > config.max_gap_s, 1, 0), 2).astype(np.int8)
+    x = np.empty((len(stamps), N_STATES))
+    p = np.empty((len(stamps), N_STATES, N_STATES))
+    outcome = np.zeros(len(stamps), dtype=np.int8)
+    kernel.follow(
+        np.ascontiguousarray(dt_s),
+        np.nan_to_num(between),
+        kinds,
+        begin,
+        values,
+        sigmas,
+        model_vector(vehicle, config),
+        x,
+        p,
+        outcome,
+    )
+    frames = kinds == kernel.KIND_LANE
+    status = _statuses(stamps, kinds, outcome, values, frame_speed, config)
+    x, p = x[frames], p[frames]
+    is_known = np.isin(status, (Status.OBSERVED, Status.REJECTED, Status.PREDICTED, Status.STARTED))
+    x[~is_known] = np.nan
+    p[~is_known] = np.nan
+    return LateralTrack(
+        stamp_ns=stamp_ns,
+        state=x[:, :4],
+        covariance=p[:, :4, :4],
+        speed_mps=frame_speed,
+        steer_rad=x[:, STEER],
+        curvature_1pm=x[:, CURVATURE],
+        mass_kg=vehicle.mass_kg / x[:, LOAD] if n else np.zeros(0),
+        status=status,
+        counts=count_statuses(status),
+        notes=tuple(notes),
+    )
+
+
+def _lane_rows(lanes: LaneSamples, noise: FilterNoise) -> tuple[FloatArray, FloatArray]:
+    values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])
+    given = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
+    defaults = (noise.lateral_sigma_m, noise.heading_sigma_rad, noise.curvature_sigma_1pm)
+    columns = []
+    for sigma, default in zip(given, defaults, strict=True):
+        raw = np.full(len(lanes), np.nan) if sigma is None else np.asarray(sigma, dtype=np.float64)
+        columns.append(np.where(np.isfinite(raw) & (raw > 0.0), np.maximum(raw, MIN_SIGMA), default))
+    finite = np.where(np.isfinite(values), values, np.nan).reshape(-1, 3)
+    return finite, np.column_stack(columns).reshape(-1, 3)
+
+
+def _scalar_rows(samples: Samples, default: float) -> tuple[FloatArray, FloatArray]:
+    n = len(samples.values)
+    values, sigmas = np.full((n, 3), np.nan), np.ones((n, 3))
+    values[:, 0] = np.where(np.isfinite(samples.values), samples.values, np.nan)
+    sigmas[:, 0] = samples.sigmas(default)
+    return values, sigmas
+
+
+def _yaw_rate_from_vision(lanes: LaneSamples, v: FloatArray) -> FloatArray:
+    """gamma = de_L/dt - v K_L (eq. 20 in body signs), coarse; shape (n,)."""
+    change = robust_rate(np.asarray(lanes.stamp_ns, np.int64), np.asarray(lanes.heading_deviation_rad, np.float64))
+    return change - v * np.asarray(lanes.curvature_1pm, np.float64)
+
+
+def _runs_against(samples: Samples, stamp_ns: Int64Array, vision: FloatArray) -> bool:
+    """Whether a sensor turns the other way than the camera sees, in what is clearly a turn."""
+    sensor = resample(samples.stamp_ns, samples.values, stamp_ns, max_gap_s=0.5)
+    both = np.isfinite(sensor) & np.isfinite(vision)
+    if np.count_nonzero(both) < MIN_FRAMES_OF_SIGN or np.std(vision[both]) < MIN_TURNING_RADPS:
+        return False
+    a, b = sensor[both], vision[both]
+    scale = float(np.sqrt(np.mean(a**2) * np.mean(b**2)))
+    return scale > 0.0 and float(np.mean(a * b)) / scale < OPPOSITE
+
+
+def _statuses(
+    stamps: Int64Array,
+    kinds: npt.NDArray[np.int8],
+    outcome: npt.NDArray[np.int8],
+    values: FloatArray,
+    frame_speed: FloatArray,
+    config: ObserverConfig,
+) -> npt.NDArray[np.int8]:
+    """The frames' statuses from the kernel's outcomes; a state carried on for too long is lost."""
+    frames = kinds == kernel.KIND_LANE
+    result = np.full(np.count_nonzero(frames), Status.LOST, dtype=np.int8)
+    own = outcome[frames]
+    for code, status in (
+        (kernel.USED, Status.OBSERVED),
+        (kernel.REJECTED, Status.REJECTED),
+        (kernel.PREDICTED, Status.PREDICTED),
+        (kernel.RESTARTED, Status.STARTED),
+    ):
+        result[own == code] = status
+    supported = np.isin(outcome, (kernel.USED, kernel.RESTARTED)) & (frames | (kinds == kernel.KIND_YAW_RATE))
+    last = np.maximum.accumulate(np.where(supported, np.arange(len(stamps)), 0))
+    age_s = ((stamps - stamps[last]) / NS_PER_S)[frames]
+    result[(age_s > config.max_coast_s) & (result != Status.STARTED)] = Status.LOST
+    result[~np.isfinite(frame_speed)] = Status.NO_SPEED
+    return result

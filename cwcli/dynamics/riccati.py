@@ -1,0 +1,50 @@
+"""The steady-state Kalman gain: the discrete Riccati equation by structure-preserving doubling."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+MAX_DOUBLINGS = 60
+TOLERANCE = 1e-13
+
+
+def steady_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+    """The predicted covariance P that a Kalman filter settles at, shape (n, n).
+
+    P = Phi P Phi' + Q - Phi P H' (H P H' + R)^-1 H P Phi' (zhang2011, eq. 16, 17, 19 at rest). Each pass of the
+    doubling algorithm (Chu, Fan, Lin, Wang 2004) does as many steps of the plain iteration as all passes before it
+    together.
+
+    Args:
+        phi: Shape (n, n).
+        h: Shape (m, n).
+        q: Shape (n, n), symmetric, not negative.
+        r: Shape (m, m), symmetric positive.
+
+    Raises:
+        ValueError: It does not settle: what is unstable can't be observed.
+    """
+    a = phi.T.copy()
+    g = h.T @ np.linalg.solve(r, h)
+    p = q.copy()
+    identity = np.eye(len(phi))
+    for _ in range(MAX_DOUBLINGS):
+        w = np.linalg.inv(identity + g @ p)
+        aw = a @ w
+        step = a.T @ p @ w @ a
+        g = g + aw @ g @ a.T
+        a = aw @ a
+        p = p + 0.5 * (step + step.T)
+        if not np.all(np.isfinite(p)):
+            break
+        if np.abs(step).max() <= TOLERANCE * np.abs(p).max():
+            return np.asarray(p)
+    raise ValueError("the filter does not settle: an unstable or undamped part of the model is not observed")
+
+
+def steady_gain(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+    """K = P H' (H P H' + R)^-1 (eq. 17) at rest, shape (n, m)."""
+    p = steady_covariance(phi, h, q, r)
+    return np.asarray(np.linalg.solve(h @ p @ h.T + r, h @ p).T)

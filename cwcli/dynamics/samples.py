@@ -1,0 +1,114 @@
+"""What the observers are given and what they give back, as plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray, Int64Array
+
+PREVIEW_M = 33.5
+"""D_L of zhang2011."""
+
+
+class Status(IntEnum):
+    """What stands behind the state of a frame."""
+
+    OBSERVED = 0
+    """The frame's boundaries were used."""
+    REJECTED = 1
+    """Some of the frame's values did not fit and were left out."""
+    PREDICTED = 2
+    """No boundaries; the state is carried on by the model and the other sensors."""
+    STARTED = 3
+    """The observer began, or began anew, at this frame."""
+    LOST = 4
+    """No state: no boundaries yet, or none for too long."""
+    NO_SPEED = 5
+    """No state: the speed is not known."""
+    TOO_SLOW = 6
+    """No state: slower than the slowest of the paper's observers."""
+
+
+@dataclass(frozen=True)
+class LaneSamples:
+    """The lane at the preview point, one row a frame, in the paper's signs (see `dynamics.single_track`).
+
+    Attributes:
+        stamp_ns: Shape (n,), non-decreasing.
+        lateral_deviation_m, heading_deviation_rad, curvature_1pm: Shape (n,): y_L, e_L, K_L; NaN where not found.
+        lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Shape (n,), or None: the observer's default.
+    """
+
+    stamp_ns: Int64Array
+    lateral_deviation_m: FloatArray
+    heading_deviation_rad: FloatArray
+    curvature_1pm: FloatArray
+    lateral_sigma_m: FloatArray | None = None
+    heading_sigma_rad: FloatArray | None = None
+    curvature_sigma_1pm: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A scalar signal with its own times: speed (m/s), yaw rate (rad/s) or steering angle (rad), left positive.
+
+    Attributes:
+        stamp_ns: Shape (n,), non-decreasing.
+        values: Shape (n,).
+        sigma: Shape (n,), or one number for all, or None: the observer's default.
+    """
+
+    stamp_ns: Int64Array
+    values: FloatArray
+    sigma: FloatArray | float | None = None
+
+    def sigmas(self, default: float) -> FloatArray:
+        """Shape (n,): sigma where it is known and positive, else the default."""
+        given = np.broadcast_to(np.nan if self.sigma is None else np.asarray(self.sigma, np.float64), self.values.shape)
+        return np.where(np.isfinite(given) & (given > 0.0), given, default)
+
+
+@dataclass(frozen=True)
+class LateralTrack:
+    """The observed state at each frame.
+
+    Attributes:
+        stamp_ns: Shape (n,): as the frames'.
+        state: Shape (n, 4): v_y (m/s, left positive), gamma (rad/s, counter-clockwise), y_L (m), e_L (rad), NaN where
+            there is none.
+        covariance: Shape (n, 4, 4); NaN where the method gives none.
+        speed_mps: Shape (n,).
+        steer_rad: Shape (n,), left positive.
+        curvature_1pm: Shape (n,): of the road at the preview point, right bend positive.
+        mass_kg: Shape (n,): the load as estimated, or as assumed.
+        status: Shape (n,), values of `Status`.
+        counts: Name of a status -> frames.
+        notes: One line each, for people.
+    """
+
+    stamp_ns: Int64Array
+    state: FloatArray
+    covariance: FloatArray
+    speed_mps: FloatArray
+    steer_rad: FloatArray
+    curvature_1pm: FloatArray
+    mass_kg: FloatArray
+    status: npt.NDArray[np.int8]
+    counts: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+def count_statuses(status: npt.NDArray[np.int8]) -> dict[str, int]:
+    """How many frames have each status, by its name in small letters."""
+    return {each.name.lower(): int(np.count_nonzero(status == each)) for each in Status}

@@ -1,0 +1,179 @@
+"""The parameters of a car, read from a TOML file and checked.
+
+`vehicles/zhang2011.toml` is the paper's car (table 5) and shows every key. Errors are one line: file, key, what is
+wrong, what is permitted.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from cwcli.errors import InputError, UsageError
+
+SUFFIX = ".toml"
+DEFAULT_VEHICLE = "zhang2011"
+
+RANGES: Mapping[str, tuple[float, float, str]] = {
+    "front_axle_m": (0.1, 10.0, "m ahead of the centre of gravity"),
+    "rear_axle_m": (0.1, 10.0, "m behind the centre of gravity"),
+    "front_stiffness_nprad": (1e3, 1e7, "N/rad for the whole axle, positive"),
+    "rear_stiffness_nprad": (1e3, 1e7, "N/rad for the whole axle, positive"),
+    "yaw_inertia_kgm2": (10.0, 1e6, "kg m^2"),
+    "width_m": (0.3, 4.0, "m"),
+    "camera_forward_m": (-10.0, 10.0, "m ahead of the centre of gravity"),
+}
+OPTIONAL: Mapping[str, float] = {"width_m": 1.8, "camera_forward_m": 0.0}
+MASS_KG = (50.0, 60_000.0)
+USE = ("load", "correction_load")
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """A car as the single-track model sees it.
+
+    Attributes:
+        name: For messages.
+        front_axle_m, rear_axle_m: l_f and l_r, distances of the axles from the centre of gravity.
+        front_stiffness_nprad, rear_stiffness_nprad: k_f and k_r, cornering stiffness of each axle.
+        yaw_inertia_kgm2: I_zz.
+        mass_kg: m, of the chosen load.
+        correction_mass_kg: The mass in f(v).
+        load_kg: Load name -> mass.
+        width_m: Outside of the front tyres.
+        camera_forward_m: Of the camera ahead of the centre of gravity.
+    """
+
+    name: str
+    front_axle_m: float
+    rear_axle_m: float
+    front_stiffness_nprad: float
+    rear_stiffness_nprad: float
+    yaw_inertia_kgm2: float
+    mass_kg: float
+    correction_mass_kg: float
+    load_kg: Mapping[str, float] = field(default_factory=dict)
+    width_m: float = OPTIONAL["width_m"]
+    camera_forward_m: float = OPTIONAL["camera_forward_m"]
+
+    @property
+    def wheelbase_m(self) -> float:
+        """L = l_f + l_r."""
+        return self.front_axle_m + self.rear_axle_m
+
+    def loaded(self, load: str) -> Vehicle:
+        """The same car with another load of its file; f(v) keeps its mass.
+
+        Raises:
+            UsageError: The file has no such load.
+        """
+        if load not in self.load_kg:
+            raise UsageError(f"load {load!r} is unknown; permitted: {', '.join(self.load_kg)}", where=self.name)
+        return replace(self, mass_kg=self.load_kg[load])
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Names of the cars that come with cwcli."""
+    folder = files("cwcli.dynamics") / "vehicles"
+    return tuple(sorted(entry.name.removesuffix(SUFFIX) for entry in folder.iterdir() if entry.name.endswith(SUFFIX)))
+
+
+def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = None) -> Vehicle:
+    """A car by the name of a shipped one, or from a file.
+
+    Args:
+        source: A name of `vehicle_names()`, or a file whose name ends in `.toml`.
+        load: A load of the file; None: the file's own choice.
+
+    Raises:
+        UsageError: The file's content is wrong, or there is no such car or load.
+        InputError: The file can't be read.
+    """
+    text, where = _text_of(source)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"not TOML: {error}", where=where) from None
+    vehicle = vehicle_from_table(table, where)
+    return vehicle if load is None else vehicle.loaded(load)
+
+
+def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
+    """A car from the content of its file.
+
+    Raises:
+        UsageError: An unknown or missing key, a wrong type, a value outside its range.
+    """
+    known = ("name", *RANGES, "load_kg", "use")
+    for key in table:
+        if key not in known:
+            raise _bad(where, key, "is unknown", ", ".join(known))
+    values = {key: _number(table, key, where) for key in RANGES}
+    loads = _loads(table.get("load_kg"), where)
+    use = table.get("use", {})
+    if not isinstance(use, Mapping):
+        raise _bad(where, "use", f"is {use!r}", "a table")
+    for key in use:
+        if key not in USE:
+            raise _bad(where, f"use.{key}", "is unknown", ", ".join(USE))
+    first = next(iter(loads))
+    chosen = {key: use.get(key, use.get("load", first)) for key in USE}
+    for key, load in chosen.items():
+        if load not in loads:
+            raise _bad(where, f"use.{key}", f"is {load!r}", ", ".join(loads))
+    return Vehicle(
+        name=str(table.get("name", where)),
+        **values,
+        mass_kg=loads[chosen["load"]],
+        correction_mass_kg=loads[chosen["correction_load"]],
+        load_kg=loads,
+    )
+
+
+def _text_of(source: str | Path) -> tuple[str, str]:
+    if str(source) in vehicle_names():
+        name = f"{source}{SUFFIX}"
+        return (files("cwcli.dynamics") / "vehicles" / name).read_text(encoding="utf-8"), name
+    path = Path(source)
+    if path.suffix != SUFFIX:
+        hint = f"a file ending in {SUFFIX}, or one of: {', '.join(vehicle_names())}"
+        raise UsageError(f"there is no vehicle '{source}'", hint=hint)
+    try:
+        return path.read_text(encoding="utf-8"), str(source)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise InputError(f"can't be read: {reason}", where=str(source)) from None
+
+
+def _number(table: Mapping[str, Any], key: str, where: str) -> float:
+    low, high, unit = RANGES[key]
+    permitted = f"{low:g} to {high:g} {unit}"
+    if key not in table:
+        if key in OPTIONAL:
+            return OPTIONAL[key]
+        raise _bad(where, key, "is missing", permitted)
+    return _checked(table[key], low, high, where, key, permitted)
+
+
+def _loads(table: Any, where: str) -> dict[str, float]:
+    if not isinstance(table, Mapping) or not table:
+        raise _bad(where, "load_kg", "is missing or empty", "a table of names and masses")
+    low, high = MASS_KG
+    permitted = f"{low:g} to {high:g} kg"
+    return {str(name): _checked(mass, low, high, where, f"load_kg.{name}", permitted) for name, mass in table.items()}
+
+
+def _checked(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value) or not low <= value <= high:
+        raise _bad(where, key, f"is {value!r}", permitted)
+    return float(value)
+
+
+def _bad(where: str, key: str, what: str, permitted: str) -> UsageError:
+    return UsageError(f"{key} {what}; permitted: {permitted}", where=where)

@@ -1,0 +1,207 @@
+"""What the sensors of a car in a lane tell: boundaries on the ground, the preview point, speed and yaw rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.dynamics.samples import PREVIEW_M, LaneSamples, Samples
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.simulation.lane_drive import STEP_S, Road, Truth
+from cwcli.simulation.streams import stream, to_ns
+
+SAMPLE_M = np.geomspace(6.0, 50.0, 16)
+"""Where the boundaries are seen."""
+FOCAL_PX = 667.0
+NEWTON_STEPS = 4
+
+
+@dataclass(frozen=True)
+class CameraNoise:
+    """Of the simulated sensors.
+
+    Attributes:
+        pixel_px: Error of each seen point of a boundary, at the paper's focal length of 667 pixels.
+        frame_s: Mean time between frames.
+        jitter_s: Each frame comes up to this much later.
+        blind_s: (from, to) intervals without boundaries.
+        speed_hz, speed_sigma_mps: Of the speed sensor.
+        yaw_rate_hz, yaw_rate_sigma_radps, yaw_rate_bias_radps: Of the gyroscope.
+    """
+
+    pixel_px: float = 1.0
+    frame_s: float = 0.1
+    jitter_s: float = 0.0
+    blind_s: tuple[tuple[float, float], ...] = ()
+    speed_hz: float = 50.0
+    speed_sigma_mps: float = 0.05
+    yaw_rate_hz: float = 50.0
+    yaw_rate_sigma_radps: float = float(np.radians(0.1))
+    yaw_rate_bias_radps: float = 0.0
+
+
+@dataclass(frozen=True)
+class SensedDrive:
+    """One run as its sensors saw it.
+
+    Attributes:
+        index: Shape (n,): the truth's row of each frame.
+        left_body, right_body: Shape (n, 3): y0 (m), slope, curvature (1/m) before the camera; left positive, NaN
+            where not found.
+        lanes: At the preview point, with sigmas.
+        speed, yaw_rate: On times of their own.
+    """
+
+    index: npt.NDArray[np.intp]
+    left_body: FloatArray
+    right_body: FloatArray
+    lanes: LaneSamples
+    speed: Samples
+    yaw_rate: Samples
+
+    @property
+    def stamp_ns(self) -> Int64Array:
+        """Shape (n,): of the frames."""
+        return self.lanes.stamp_ns
+
+
+def sense_lane(
+    truth: Truth,
+    run: int,
+    road: Road,
+    vehicle: Vehicle,
+    *,
+    noise: CameraNoise | None = None,
+    seed: int = 0,
+    preview_m: float = PREVIEW_M,
+) -> SensedDrive:
+    """Sense one run of a drive.
+
+    Args:
+        truth: From `drive_lane`.
+        run: Which column of it.
+        road, vehicle: As given to `drive_lane`.
+        noise: None: the defaults.
+        seed: Of all noise.
+        preview_m: Ahead of the camera.
+    """
+    noise = noise or CameraNoise()
+    names = ("lane", str(run))
+    index = _frame_index(truth, noise, stream(seed, *names, "jitter"))
+    left, right = (
+        _seen(truth, run, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m)[0] for sign in (1.0, -1.0)
+    )
+    fit = _fit_matrix()
+    error = noise.pixel_px * SAMPLE_M / FOCAL_PX
+    draws = stream(seed, *names, "pixels").standard_normal((2, len(index), len(SAMPLE_M)))
+    bodies = [(seen + draw * error) @ fit.T for seen, draw in zip((left, right), draws, strict=True)]
+    time_s = truth.time_s[index]
+    for start, end in noise.blind_s:
+        for body in bodies:
+            body[(time_s >= start) & (time_s < end)] = np.nan
+    covariance = (fit * error**2) @ fit.T
+    stamp_ns = to_ns(time_s)
+    return SensedDrive(
+        index=index,
+        left_body=bodies[0],
+        right_body=bodies[1],
+        lanes=lanes_from_boundaries(stamp_ns, bodies[0], bodies[1], covariance, preview_m),
+        speed=_scalar(truth, truth.speed_mps[:, run], noise.speed_hz, noise.speed_sigma_mps, 0.0, seed, (*names, "v")),
+        yaw_rate=_scalar(
+            truth,
+            truth.yaw_rate_radps[:, run],
+            noise.yaw_rate_hz,
+            noise.yaw_rate_sigma_radps,
+            noise.yaw_rate_bias_radps,
+            seed,
+            (*names, "gyro"),
+        ),
+    )
+
+
+def lanes_from_boundaries(
+    stamp_ns: Int64Array, left_body: FloatArray, right_body: FloatArray, covariance: FloatArray, preview_m: float
+) -> LaneSamples:
+    """y_L, e_L, K_L at the preview point from both boundaries, as `cwcli.vision.ground` defines them.
+
+    Args:
+        stamp_ns: Shape (n,).
+        left_body, right_body: Shape (n, 3).
+        covariance: Shape (3, 3): of each boundary's fit.
+        preview_m: Ahead of the camera.
+    """
+    y0, slope0, curve = (0.5 * (left_body + right_body)).T
+    slope = slope0 + curve * preview_m
+    at = np.array([[1.0, preview_m, 0.5 * preview_m**2], [0.0, 1.0, preview_m], [0.0, 0.0, 1.0]])
+    sigma = np.sqrt(np.diag(at @ (0.5 * covariance) @ at.T))
+    n = len(stamp_ns)
+    return LaneSamples(
+        stamp_ns=stamp_ns,
+        lateral_deviation_m=-(y0 + (slope0 + 0.5 * curve * preview_m) * preview_m),
+        heading_deviation_rad=-np.arctan(slope),
+        curvature_1pm=-curve / (1.0 + slope**2) ** 1.5,
+        lateral_sigma_m=np.full(n, sigma[0]),
+        heading_sigma_rad=np.full(n, sigma[1]),
+        curvature_sigma_1pm=np.full(n, sigma[2]),
+    )
+
+
+def true_preview(
+    truth: Truth, run: int, index: npt.NDArray[np.intp], road: Road, vehicle: Vehicle, preview_m: float = PREVIEW_M
+) -> FloatArray:
+    """Exact y_L, e_L and K_L of the lane's centre line, shape (n, 3)."""
+    _, y, slope, station = _seen(truth, run, index, road, vehicle, 0.0, preview_m)
+    return np.column_stack([-y, -slope, -road.curvature(station)])
+
+
+def _frame_index(truth: Truth, noise: CameraNoise, random: np.random.Generator) -> npt.NDArray[np.intp]:
+    step = round(noise.frame_s / STEP_S)
+    index = np.arange(0, len(truth.time_s), step)
+    late = random.integers(0, round(noise.jitter_s / STEP_S) + 1, len(index))
+    return np.asarray(np.minimum(index + late, len(truth.time_s) - 1), dtype=np.intp)
+
+
+def _seen(
+    truth: Truth,
+    run: int,
+    index: npt.NDArray[np.intp],
+    road: Road,
+    vehicle: Vehicle,
+    offset_m: float,
+    preview_m: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """A line's lateral place at `SAMPLE_M`, (n, 16); its place, direction and station at the preview point, (n,)."""
+    station = truth.station_m[index, run][:, None]
+    table, xs, ys, directions = road.table(float(station.max()) + 200.0)
+    yaw = truth.yaw_rad[index, run][:, None]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x0 = truth.x_m[index, run][:, None] + vehicle.camera_forward_m * cos
+    y0 = truth.y_m[index, run][:, None] + vehicle.camera_forward_m * sin
+    wanted = np.concatenate([SAMPLE_M, [preview_m]])
+    s = station + wanted
+    for _ in range(NEWTON_STEPS):
+        direction = np.interp(s, table, directions)
+        dx = np.interp(s, table, xs) - offset_m * np.sin(direction) - x0
+        dy = np.interp(s, table, ys) + offset_m * np.cos(direction) - y0
+        forward, left = dx * cos + dy * sin, -dx * sin + dy * cos
+        s = s + (wanted - forward) / np.maximum(np.cos(direction - yaw), 0.1)
+    turned = np.interp(s, table, directions) - yaw
+    return left[:, :-1], left[:, -1], turned[:, -1], s[:, -1]
+
+
+def _fit_matrix() -> FloatArray:
+    """Shape (3, 16): least squares of y0, s, k, weighted as the inverse of the lateral error of a pixel."""
+    design = np.column_stack([np.ones_like(SAMPLE_M), SAMPLE_M, 0.5 * SAMPLE_M**2])
+    weight = 1.0 / SAMPLE_M
+    return np.asarray(np.linalg.pinv(design * weight[:, None]) * weight)
+
+
+def _scalar(
+    truth: Truth, values: FloatArray, rate_hz: float, sigma: float, bias: float, seed: int, names: tuple[str, ...]
+) -> Samples:
+    index = np.arange(0, len(truth.time_s), max(1, round(1.0 / (rate_hz * STEP_S))))
+    noisy = values[index] + bias + sigma * stream(seed, *names).standard_normal(len(index))
+    return Samples(to_ns(truth.time_s[index]), noisy, sigma)

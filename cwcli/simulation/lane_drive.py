@@ -1,0 +1,236 @@
+"""A car that a driver keeps in a lane, or lets drift out of it: truth, camera, speed sensor and gyroscope. Plain
+arrays.
+
+The car is the single-track model; its place in the lane is exact geometry (not the linear eq. 20). Many runs on one
+road are computed at once. The camera sees points of both boundaries with an error of so many pixels, and fits
+y = y0 + s x + k x^2 / 2 to them as `cwcli.vision` does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.streams import stream
+
+STEP_S = 0.01
+TABLE_M = 0.5
+BEHIND_M = 50.0
+
+
+@dataclass(frozen=True)
+class Road:
+    """A lane of constant width; the curvature is linear between stations.
+
+    Attributes:
+        station_m, curvature_1pm: Shape (k,): left bend positive; constant beyond both ends.
+        lane_width_m: Between the boundaries.
+    """
+
+    station_m: FloatArray = field(default_factory=lambda: np.array([0.0]))
+    curvature_1pm: FloatArray = field(default_factory=lambda: np.array([0.0]))
+    lane_width_m: float = 3.6
+
+    def curvature(self, station_m: FloatArray) -> FloatArray:
+        """Curvature of the lane's centre line at the given stations."""
+        return np.interp(station_m, self.station_m, self.curvature_1pm)
+
+    def table(self, length_m: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Station, x, y and direction of the centre line from `-BEHIND_M` on; starts at the origin, eastward."""
+        station = np.arange(-BEHIND_M, length_m + TABLE_M, TABLE_M)
+        middle = self.curvature(0.5 * (station[1:] + station[:-1]))
+        direction = np.concatenate([[0.0], np.cumsum(middle * TABLE_M)])
+        direction -= np.interp(0.0, station, direction)
+        half = 0.5 * (direction[1:] + direction[:-1])
+        x = np.concatenate([[0.0], np.cumsum(np.cos(half) * TABLE_M)])
+        y = np.concatenate([[0.0], np.cumsum(np.sin(half) * TABLE_M)])
+        return station, x - np.interp(0.0, station, x), y - np.interp(0.0, station, y), direction
+
+
+@dataclass(frozen=True)
+class Driver:
+    """Steers back to a target line with a preview of the road, lagged and not quite steadily.
+
+    Attributes:
+        stiffness_radps: Natural frequency of the correction. damping: Its damping ratio.
+        lag_s: First-order lag of the arms and the steering.
+        unrest_mps2: Standard deviation of the unwanted lateral acceleration, correlated over `unrest_s`.
+        look_ahead_s: The driver answers to the curvature this far ahead, which cancels the lag.
+    """
+
+    stiffness_radps: float = 0.6
+    damping: float = 0.9
+    lag_s: float = 0.15
+    unrest_mps2: float = 0.10
+    unrest_s: float = 0.7
+    look_ahead_s: float = 0.15
+
+
+@dataclass(frozen=True)
+class Runs:
+    """m drives on one road. Shape (m,) where an array is said; drift_mps is positive to the left.
+
+    Attributes:
+        speed_mps: Shape (m,): at the start.
+        drift_mps: Shape (m,): lateral speed of the target line from `drift_start_s` on, after easing in over 1 s.
+        drift_start_s: Shape (m,).
+        accel_mps2: For all.
+        duration_s: For all.
+    """
+
+    speed_mps: FloatArray
+    drift_mps: FloatArray
+    drift_start_s: FloatArray
+    accel_mps2: float = 0.0
+    duration_s: float = 20.0
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What really happened, at every step of `STEP_S`. Shapes (k,) and (k, m).
+
+    Attributes:
+        time_s: Shape (k,).
+        lateral_speed_mps, yaw_rate_radps, steer_rad: Body frame, left positive.
+        speed_mps: Forward.
+        station_m, offset_m, heading_rad: In the lane, of the centre of gravity; offset left positive.
+        x_m, y_m, yaw_rad: Map frame.
+        left_gap_m, right_gap_m: From the outside of the nearer front tyre to the boundary; negative beyond it.
+        approach_mps: Lateral speed of the front axle in the lane, left positive.
+    """
+
+    time_s: FloatArray
+    lateral_speed_mps: FloatArray
+    yaw_rate_radps: FloatArray
+    steer_rad: FloatArray
+    speed_mps: FloatArray
+    station_m: FloatArray
+    offset_m: FloatArray
+    heading_rad: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    yaw_rad: FloatArray
+    left_gap_m: FloatArray
+    right_gap_m: FloatArray
+    approach_mps: FloatArray
+
+
+def drive_lane(road: Road, vehicle: Vehicle, runs: Runs, *, driver: Driver | None = None, seed: int = 0) -> Truth:
+    """Drive all runs, by Runge-Kutta steps of `STEP_S` with the driver's unrest held over each.
+
+    Args:
+        road: The lane.
+        vehicle: The car, with its load.
+        runs: Speeds and drifts.
+        driver: None: the default driver.
+        seed: Of the unrest.
+    """
+    driver = driver or Driver()
+    m = len(runs.speed_mps)
+    n = round(runs.duration_s / STEP_S) + 1
+    time_s = np.arange(n, dtype=np.float64) * STEP_S
+    unrest = _unrest(driver, n, m, seed)
+    states = np.zeros((n, 6, m))  # v_y, gamma, delta, station, offset, heading in the lane
+    states[0] = _at_start(road, vehicle, runs)
+    for i in range(n - 1):
+        t, x, a = float(time_s[i]), states[i], unrest[i]
+
+        def slope(dt: float, moved: FloatArray, t: float = t, a: FloatArray = a) -> FloatArray:
+            return _slope(t + dt, moved, a, road, vehicle, runs, driver)
+
+        k1 = slope(0.0, x)
+        k2 = slope(STEP_S / 2, x + STEP_S / 2 * k1)
+        k3 = slope(STEP_S / 2, x + STEP_S / 2 * k2)
+        k4 = slope(STEP_S, x + STEP_S * k3)
+        states[i + 1] = x + STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return _truth(time_s, states, road, vehicle, runs)
+
+
+def _unrest(driver: Driver, n: int, m: int, seed: int) -> FloatArray:
+    noise = stream(seed, "lane", "unrest").standard_normal((n, m))
+    keep = float(np.exp(-STEP_S / driver.unrest_s))
+    values = np.empty((n, m))
+    values[0] = noise[0]
+    for i in range(1, n):
+        values[i] = keep * values[i - 1] + np.sqrt(1.0 - keep**2) * noise[i]
+    return driver.unrest_mps2 * values
+
+
+def _at_start(road: Road, vehicle: Vehicle, runs: Runs) -> FloatArray:
+    """A car that follows the lane steadily."""
+    v = runs.speed_mps
+    curvature = np.broadcast_to(road.curvature(np.zeros(1)), v.shape)
+    slip = vehicle.mass_kg * vehicle.front_axle_m / (vehicle.rear_stiffness_nprad * vehicle.wheelbase_m)
+    lateral = (vehicle.rear_axle_m - slip * v**2) * v * curvature
+    steer = (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2) * curvature
+    zero = np.zeros_like(v)
+    heading = -np.arctan2(lateral, np.maximum(v, MIN_MODEL_SPEED_MPS))
+    return np.stack([lateral, v * curvature, steer, zero, zero, heading])
+
+
+def _slope(
+    t: float, x: FloatArray, unrest: FloatArray, road: Road, vehicle: Vehicle, runs: Runs, driver: Driver
+) -> FloatArray:
+    lateral, yaw_rate, steer, station, offset, heading = x
+    v = np.maximum(runs.speed_mps + runs.accel_mps2 * t, 0.0)
+    ve = np.maximum(v, MIN_MODEL_SPEED_MPS)
+    m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
+    kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
+    lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
+    front = kf * (steer * (v / ve) - (lateral + lf * yaw_rate) / ve)  # eq. 11 (corrected), as tyre forces
+    rear = -kr * (lateral - lr * yaw_rate) / ve
+    target, rate = _target(t, runs)
+    course = heading + lateral / ve
+    ahead = road.curvature(station + v * driver.look_ahead_s)
+    correct = -(
+        (driver.stiffness_radps / ve) ** 2 * (offset - target)
+        + 2.0 * driver.damping * driver.stiffness_radps / ve * (course - rate / ve)
+    )
+    wanted = (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2) * (ahead + correct + unrest / ve**2)
+    along = (v * np.cos(heading) - lateral * np.sin(heading)) / (1.0 - offset * road.curvature(station))
+    return np.stack(
+        [
+            (front + rear) / m - ve * yaw_rate,
+            (lf * front - lr * rear) / inertia,
+            (wanted - steer) / driver.lag_s,
+            along,
+            v * np.sin(heading) + lateral * np.cos(heading),
+            yaw_rate - road.curvature(station) * along,
+        ]
+    )
+
+
+def _target(t: float, runs: Runs) -> tuple[FloatArray, FloatArray]:
+    """Offset and lateral speed of the target line: eased in over 1 s with a constant acceleration."""
+    since = np.maximum(t - runs.drift_start_s, 0.0)
+    eased = np.minimum(since, 1.0)
+    return runs.drift_mps * (0.5 * eased**2 + (since - eased)), runs.drift_mps * eased
+
+
+def _truth(time_s: FloatArray, states: FloatArray, road: Road, vehicle: Vehicle, runs: Runs) -> Truth:
+    lateral, yaw_rate, steer, station, offset, heading = np.moveaxis(states, 1, 0)
+    speed = np.maximum(runs.speed_mps + runs.accel_mps2 * time_s[:, None], 0.0)
+    table, x, y, direction = road.table(float(station.max()) + 100.0)
+    along = np.interp(station, table, direction)
+    at_front = offset + vehicle.front_axle_m * np.sin(heading)
+    half = 0.5 * vehicle.width_m * np.cos(heading)
+    return Truth(
+        time_s=time_s,
+        lateral_speed_mps=lateral,
+        yaw_rate_radps=yaw_rate,
+        steer_rad=steer,
+        speed_mps=speed,
+        station_m=station,
+        offset_m=offset,
+        heading_rad=heading,
+        x_m=np.interp(station, table, x) - offset * np.sin(along),
+        y_m=np.interp(station, table, y) + offset * np.cos(along),
+        yaw_rad=along + heading,
+        left_gap_m=0.5 * road.lane_width_m - (at_front + half),
+        right_gap_m=0.5 * road.lane_width_m + (at_front - half),
+        approach_mps=speed * np.sin(heading) + (lateral + vehicle.front_axle_m * yaw_rate) * np.cos(heading),
+    )

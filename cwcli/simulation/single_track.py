@@ -1,0 +1,127 @@
+"""A single-track car before a camera: zhang2011's simulated runs (figures 14 to 16), on the paper's linear model.
+
+The steering angle is held while the road keeps its curvature, so the car soon leaves the lane and e_L grows without
+bound. The paper's linear model (eq. 20, 21) does not mind, and neither does this. A car that stays in a real lane is
+`lane_drive`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cwcli.dynamics.matrix_exponential import discretise
+from cwcli.dynamics.samples import PREVIEW_M, LaneSamples, Samples
+from cwcli.dynamics.single_track import preview_matrices, steady_state
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.streams import to_ns
+
+KMH = 1.0 / 3.6
+
+
+@dataclass(frozen=True)
+class PaperRun:
+    """One of the paper's simulated runs.
+
+    Attributes:
+        figure: `fig 14`.
+        load: Of the simulated car.
+        steer_rad: Held.
+        start_kmh, end_kmh: Speed; it stays at the end's once that is reached.
+        accel_mps2: Between them.
+        duration_s: Of the run; the paper's text does not tell.
+        curvature_1pm: Mean curvature of the road.
+        step_s: Of the simulation.
+        frame_s: Of the observer.
+    """
+
+    figure: str
+    load: str
+    steer_rad: float
+    start_kmh: float
+    end_kmh: float
+    accel_mps2: float = 0.0
+    duration_s: float = 5.0
+    curvature_1pm: float = 0.001
+    step_s: float = 0.01
+    frame_s: float = 0.1
+
+
+PAPER_RUNS: dict[str, PaperRun] = {
+    "fig 14": PaperRun("fig 14", "half", 0.1, 88.0, 88.0),
+    "fig 15": PaperRun("fig 15", "half", 0.01, 60.0, 80.0, 0.2, 27.8),
+    "fig 16": PaperRun("fig 16", "full", 0.01, 80.0, 80.0),
+}
+
+
+@dataclass(frozen=True)
+class LinearRun:
+    """What the car did and what the camera saw, at each frame.
+
+    Attributes:
+        time_s: Shape (n,).
+        state: Shape (n, 4): true v_y, gamma, y_L, e_L; signs as in `dynamics.single_track`.
+        speed_mps: Shape (n,).
+        lanes: Exact measurements.
+        speed: Exact speed.
+        steer: The held angle.
+    """
+
+    time_s: FloatArray
+    state: FloatArray
+    speed_mps: FloatArray
+    lanes: LaneSamples
+    speed: Samples
+    steer: Samples
+
+
+def simulate_paper_run(
+    run: PaperRun,
+    vehicle: Vehicle,
+    *,
+    start: Literal["turning", "straight"] = "turning",
+    preview_m: float = PREVIEW_M,
+) -> LinearRun:
+    """Drive the car of `run.load` on the linear model, exactly over each step.
+
+    Args:
+        run: The run.
+        vehicle: The car; its load is set by the run.
+        start: "turning": in a steady turn from the first frame on, so the observer begins with the whole of v_y and
+            gamma as its error. "straight": from v_y = gamma = 0, as the steering steps.
+        preview_m: From the centre of gravity.
+    """
+    car = vehicle.loaded(run.load)
+    per_frame = round(run.frame_s / run.step_s)
+    n = int(run.duration_s / run.frame_s + 1e-9) + 1
+    speeds = np.minimum(run.start_kmh * KMH + run.accel_mps2 * run.step_s * np.arange(n * per_frame), run.end_kmh * KMH)
+    state = np.zeros((n, 4))
+    if start == "turning":
+        state[0, :2] = steady_state(car, run.start_kmh * KMH, run.steer_rad)
+    x = state[0].copy()
+    inputs = np.array([run.steer_rad, run.curvature_1pm])
+    phi = gamma = np.zeros(0)
+    speed = np.nan
+    for i in range((n - 1) * per_frame):
+        middle = 0.5 * (speeds[i] + speeds[i + 1])
+        if middle != speed:
+            speed = middle
+            phi, gamma = discretise(*preview_matrices(car, float(speed), preview_m), run.step_s)
+        x = phi @ x + gamma @ inputs
+        if (i + 1) % per_frame == 0:
+            state[(i + 1) // per_frame] = x
+    time_s = np.arange(n, dtype=np.float64) * run.frame_s
+    stamp_ns = to_ns(time_s)
+    speed_mps = speeds[::per_frame].copy()
+    constant = np.full(n, run.curvature_1pm)
+    return LinearRun(
+        time_s=time_s,
+        state=state,
+        speed_mps=speed_mps,
+        lanes=LaneSamples(stamp_ns, state[:, 2].copy(), state[:, 3].copy(), constant),
+        speed=Samples(stamp_ns, speed_mps),
+        steer=Samples(stamp_ns, np.full(n, run.steer_rad)),
+    )
