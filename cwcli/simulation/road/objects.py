@@ -11,8 +11,10 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.canvas import Shape, draw
 from cwcli.simulation.road.geometry import RoadAhead
+from cwcli.simulation.road.lamps import Lamp
 from cwcli.simulation.road.scene import Light, RoadScene, Vehicle
 from cwcli.simulation.road.surface import Float32Array
+from cwcli.simulation.road.trees import N_SHAPES, draw_tree
 from cwcli.simulation.road.truth import BoolArray
 
 MIN_DEPTH_M = 0.5
@@ -20,8 +22,10 @@ HAZE_GREY = 200.0
 NIGHT_GREY = 0.16
 POST_SPACING_M = 50.0
 TREE_SPACING_M = 14.0
-RAIL_M = (0.5, 0.78)
-"""Lower and upper edge of a rail."""
+RAIL_BANDS = ((0.5, 0.78, 150.0), (0.62, 0.66, 105.0))
+"""A rail and the groove in it: lower and upper edge above the road (m), grey."""
+RAIL_STEPS_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
+"""A rail is drawn from far to near in pieces of even haze."""
 DRAWN_M = 150.0
 
 
@@ -58,21 +62,21 @@ def draw_roadside(image: Float32Array, camera: RoadCamera, road: RoadAhead, scen
 
 def draw_vehicles(
     image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene, hidden: BoolArray
-) -> list[tuple[float, float, float]]:
+) -> list[Lamp]:
     """Vehicles, in place; marks what they hide.
 
     Returns:
-        Lights that dazzle at night: u, v and radius in pixels.
+        Lights that dazzle at night.
     """
     view = _View(camera, road, scene.light)
-    lamps: list[tuple[float, float, float]] = []
+    lamps: list[Lamp] = []
     for vehicle in sorted(scene.vehicles, key=lambda each: -each.ahead_m):
         if 2.0 < vehicle.ahead_m < DRAWN_M:
             lamps += _vehicle(image, view, vehicle, hidden)
     return lamps
 
 
-def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArray) -> list[tuple[float, float, float]]:
+def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArray) -> list[Lamp]:
     x, y, direction = view.road.at_arc(vehicle.ahead_m, vehicle.offset_m)
     forward = np.array([math.cos(direction), math.sin(direction)])
     left = np.array([-forward[1], forward[0]])
@@ -123,42 +127,35 @@ def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArr
                           (0.5, -roof * 0.92, height - 0.07), (0.5, roof * 0.92, height - 0.07)))  # fmt: skip
         body.append(face(215.0 if grey < 150 else 235.0, 0.26, -0.26, 0.62, 0.74))
     lamp_z = 0.72 * waist if not is_tall else 0.8
-    lamps: list[tuple[float, float, float]] = []
+    lamps: list[Lamp] = []
     for across in (half - 0.2, -half + 0.2):
         lamp_grey = 240.0 if vehicle.is_oncoming else (170.0 if vehicle.is_braking else 75.0)
         body.append(face(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
         centre = view.points(*(np.array([value]) for value in at(0.0, across, lamp_z)))[0]
         radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.09) / max(x, 1.0)
         if np.isfinite(centre).all():
-            lamps.append((float(centre[0]), float(centre[1]), max(radius, 0.6)))
+            strength = 1.0 if vehicle.is_oncoming else (0.5 if vehicle.is_braking else 0.28)
+            lamps.append(Lamp(float(centre[0]), float(centre[1]), max(radius, 0.6), strength))
     draw(image, body, hidden=hidden)
     return lamps
 
 
 def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
     x, y = (values[: view.road.n_ahead] for values in view.road.line(offset_m))
-    keep = (x > 2.0) & (x < DRAWN_M)
-    x, y = x[keep], y[keep]
-    if len(x) < 2:
-        return
-    shapes = []
-    edge = np.concatenate([np.arange(2.0, 40.0, 4.0), np.geomspace(40.0, DRAWN_M, 10)])
-    for start in np.arange(4.0, 70.0, 4.0):
-        px, py = np.interp([start, start + 0.12], x, x), np.interp([start, start + 0.12], x, y)
-        corners = view.points(
-            np.array([px[0], px[1], px[1], px[0]]), np.array([py[0], py[1], py[1], py[0]]), np.array([0, 0, 0.7, 0.7])
-        )
-        shapes.append(Shape(corners, view.shade(85.0, float(start))))
-    for near, far in pairwise(edge):
+    starts = np.arange(4.0, 60.0, 4.0)[::-1]
+    along = starts[:, None] + np.array([0.0, 0.12, 0.12, 0.0])
+    posts = view.points(along.ravel(), np.interp(along.ravel(), x, y), np.tile([0.0, 0.0, 0.7, 0.7], len(starts)))
+    shapes = [
+        Shape(corners, view.shade(85.0, float(start)))
+        for corners, start in zip(posts.reshape(-1, 4, 2), starts, strict=True)
+    ]
+    for far, near in pairwise(RAIL_STEPS_M):
         inside = np.concatenate([[near], x[(x > near) & (x < far)], [far]])
-        py = np.interp(inside, x, y)
-        for low, high, grey in ((RAIL_M[0], RAIL_M[1], 150.0), (0.62, 0.66, 105.0)):
-            band = view.points(
-                np.concatenate([inside, inside[::-1]]),
-                np.concatenate([py, py[::-1]]),
-                np.concatenate([np.full(len(inside), low), np.full(len(inside), high)]),
-            )
-            shapes.append(Shape(band, view.shade(grey, float(near))))
+        side = np.interp(inside, x, y)
+        there_and_back = np.concatenate([inside, inside[::-1]]), np.concatenate([side, side[::-1]])
+        for low, high, grey in RAIL_BANDS:
+            up = np.repeat([low, high], len(inside))
+            shapes.append(Shape(view.points(*there_and_back, up), view.shade(grey, near)))
     draw(image, shapes)
 
 
@@ -185,20 +182,11 @@ def _trees(image: Float32Array, view: _View, scene: RoadScene) -> None:
         ahead = (number + rng.uniform(-0.4, 0.4)) * TREE_SPACING_M - view.road.station_m
         if ahead < 9.0:
             continue
-        side = 1.0 if rng.random() < 0.5 else -1.0
         beyond = rng.uniform(3.5, 14.0)
-        offset = scene.left_edge_m + beyond if side > 0 else scene.right_edge_m - beyond
+        offset = scene.left_edge_m + beyond if rng.random() < 0.5 else scene.right_edge_m - beyond
         x, y, _ = view.road.at_arc(ahead, offset)
-        tall = float(rng.uniform(3.0, 9.0))
-        wide = tall * float(rng.uniform(0.22, 0.38))
-        grey = float(rng.uniform(38.0, 72.0))
-        shapes = []
-        trunk = view.points(
-            np.full(4, x), y + np.array([0.14, -0.14, -0.12, 0.12]), np.array([-0.1, -0.1, 0.5, 0.5]) * tall
-        )
-        shapes.append(Shape(trunk, view.shade(grey * 0.8, x)))
-        for _ in range(4):
-            dy, dz, size = rng.uniform(-0.5, 0.5) * wide, rng.uniform(0.42, 0.8) * tall, rng.uniform(0.5, 0.9) * wide
-            box = view.points(np.full(2, x), np.array([y + dy + size, y + dy - size]), np.array([dz + size, dz - size]))
-            shapes.append(Shape(box, view.shade(grey * float(rng.uniform(0.8, 1.25)), x), is_ellipse=True))
-        draw(image, shapes)
+        tall = float(rng.uniform(2.5, 9.0))
+        wide = tall * float(rng.uniform(0.35, 0.55))
+        box = view.points(np.full(2, x), np.array([y + wide, y - wide]), np.array([tall, -0.1]))
+        dark, light = (view.shade(grey, x) for grey in (30.0, rng.uniform(70.0, 100.0)))
+        draw_tree(image, box, int(rng.integers(0, N_SHAPES)), dark, light)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from cwcli.simulation.road import ground, weather
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.geometry import RoadAhead
+from cwcli.simulation.road.lamps import shine
 from cwcli.simulation.road.objects import draw_roadside, draw_vehicles
 from cwcli.simulation.road.paint import paint
 from cwcli.simulation.road.rows import rows_of
@@ -67,7 +68,7 @@ def render(scene: RoadScene, camera: RoadCamera, road: RoadAhead, rng: np.random
     hidden = np.zeros(image.shape, np.bool_)
     found = draw_vehicles(image, camera, road, scene, hidden)
     if light.night or light.rain > 0:
-        weather.lamps(image, found, light)
+        shine(image, found, at_night=light.night)
     weather.glare(image, camera, top, light)
     image = weather.rain_on_glass(image, light, rng)
     return RoadFrame(weather.sensor(image, light, rng), _truth(scene, camera, road, hidden))

@@ -74,7 +74,7 @@ def wet_road(image: Float32Array, top: int, light: Light) -> None:
     above = image[:top][::-1]
     mirrored = cv2.resize(np.ascontiguousarray(above[: max(2, min(top, n))]), (width, n))
     mirrored = cv2.blur(mirrored, (3, max(3, n // 6 * 2 + 1)))
-    share = light.rain * np.linspace(0.34, 0.10, n, dtype=np.float32)[:, None]
+    share = light.rain * np.linspace(0.42, 0.14, n, dtype=np.float32)[:, None]
     image[top:] += share * (mirrored - image[top:])
 
 
@@ -91,23 +91,6 @@ def glare(image: Float32Array, camera: RoadCamera, top: int, light: Light) -> No
         below = np.linspace(0.0, 1.0, camera.height_px - top, dtype=np.float32)[:, None]
         across = (u - light.glare_u) / (0.05 + 0.10 * below)
         image[top:] += light.glare * 0.62 * np.exp(-0.5 * across**2) * np.exp(-below / 0.42)
-
-
-def lamps(image: Float32Array, found: list[tuple[float, float, float]], light: Light) -> None:
-    """Lights of other vehicles at night: a core and a halo."""
-    height, width = image.shape
-    for u, v, radius in found:
-        reach = int(min(radius * 9, width / 5)) + 2
-        u0, u1 = max(int(u) - reach, 0), min(int(u) + reach + 1, width)
-        v0, v1 = max(int(v) - reach, 0), min(int(v) + reach + 1, height)
-        if u0 >= u1 or v0 >= v1:
-            continue
-        du = np.arange(u0, u1, dtype=np.float32)[None, :] - u
-        dv = np.arange(v0, v1, dtype=np.float32)[:, None] - v
-        far = np.sqrt(du * du + dv * dv) / radius
-        edge = np.clip(1.0 - far * radius / reach, 0.0, 1.0)
-        strength = 1.0 if light.night else 0.25
-        image[v0:v1, u0:u1] += strength * edge * (230.0 * np.exp(-(far**2)) + 120.0 * np.exp(-far / 1.8))
 
 
 def rain_on_glass(image: Float32Array, light: Light, rng: np.random.Generator) -> Float32Array:
