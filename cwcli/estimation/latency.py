@@ -31,11 +31,12 @@ from cwcli.signals.columns import FloatArray
 PRIOR_S = 0.2  # one sigma about the coarse guess
 MIN_GUESS_S = 0.15  # nearer to zero the filter gets there by itself
 TRUST_S = 0.5  # farther from the guess the filter's linearisation is not believed
-OBSERVABLE_S = 0.1  # a latency known worse than this is not corrected
+OBSERVABLE_S = 0.05  # a latency known worse than this is not corrected
 THINNED_HZ = 25.0
 WINDOW_S = 300.0
 GATE = 1.0 - 1e-5
 MAX_PASSES = 6
+FAR_M = 100.0
 LOOSE_JERK_MPS3 = 20.0
 LOOSE_YAW_ACCEL_RADPS2 = 4.0
 SIDE_SLIP_M = 0.03  # less than the filter's own: a latency needs the position's long memory
@@ -158,6 +159,8 @@ def _refine(
         start = start_with_parameters([now, *others], priors, causal=False)
         # The prior stays about the guess while the stamps move.
         start.state[n] = guess - now.latency_s
+        # The first position must not count twice: at constant speed a shift in time is a shift in place.
+        start.covariance[0, 0] = start.covariance[1, 1] = FAR_M**2
         result = run_pass([now, *others], start, parameters, walks, np.zeros(0), smooth=False, reset_after=50)
         likelihood = result.log_likelihood
         if not np.isfinite(result.last_state).all():

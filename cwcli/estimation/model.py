@@ -21,7 +21,8 @@ class ModelParameters:
         accel_decay_s: A driver holds an acceleration for some seconds, not for minutes.
         jerk_decay_s: Time that a pedal or brake needs to build up.
         jerk_sigma_mps3: Stationary jerk; everyday driving stays within about +-2 m/s^3.
-        yaw_rate_decay_s: A turn at a junction takes some seconds.
+        yaw_rate_decay_s: A turn at a junction takes some seconds. (Near standstill it is 0.3 s: a standing car does
+            not turn.)
         yaw_accel_decay_s: Time that a driver needs to turn the wheel in.
         yaw_accel_sigma_radps2: Stationary yaw acceleration; 90 degrees at a junction within 4 s need 0.3 rad/s^2.
         standstill_speed_mps: Below it a car hardly yaws: the yaw noise shrinks with v^2 / (v^2 + standstill^2).

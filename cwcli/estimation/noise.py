@@ -14,7 +14,7 @@ from cwcli.estimation.start import start_with_parameters
 from cwcli.signals.columns import FloatArray
 
 MIN_ROWS_FOR_NOISE = 50
-MAX_FACTOR = 16.0
+MAX_FACTOR = 64.0
 MAX_UPDATES = 8_000  # of the window that is looked at, with an IMU
 MAX_UPDATES_SLOW = 1_500  # without one: a remote vehicle's messages, and there are many vehicles
 ENOUGH_ROWS = 300  # in the window: then the whole log tells nothing new of the noise
@@ -31,7 +31,7 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
     """Return the factor on the noise variance that brings the innovations into agreement (innovation matching).
 
     The equation is mean(min(nu^2 / (h P h' + factor r), 9)) = 1 over all rows, gated ones too: an outlier counts, but
-    no more than three sigma. One call moves the variance by at most a factor of 16, because the predicted
+    no more than three sigma. One call moves the variance by at most a factor of 64, because the predicted
     covariance answers to it. A message's own covariance is only ever raised: errors that are slow look small
     from one innovation to the next, and are there all the same.
 

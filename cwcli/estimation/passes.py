@@ -128,6 +128,7 @@ def run_pass(
     kept_steps, kept = (n_steps, 2 * n_updates) if smooth else (0, 0)
     x_post = np.zeros((kept_steps, n))
     flip = np.zeros(kept_steps, np.int8)
+    yaw_decay = np.zeros(kept_steps)
     gain = np.empty((kept, n))
     partials = np.empty((kept, 5))
     innovation = np.empty((kept, 2))
@@ -145,12 +146,12 @@ def run_pass(
         time, first, out_row, index, values, noise, *table,
         np.array([s.gate for s in series], np.float64), patience, packed,
         np.zeros((6, 6)) if q_matrix is None else q_matrix, walk, x, p,
-        x_post, flip, gain, partials, innovation, status, nis, out_x, out_p, np.zeros(len(series), np.int32),
+        x_post, flip, yaw_decay, gain, partials, innovation, status, nis, out_x, out_p, np.zeros(len(series), np.int32),
         np.full(len(series), time[0]),
     )  # fmt: skip
     if smooth:
         ekf.backward(
-            time, first, out_row, index, *table, packed, x_post, flip, gain, partials, innovation, status,
+            time, first, out_row, index, *table, packed, x_post, flip, yaw_decay, gain, partials, innovation, status,
             out_x, out_p,
         )  # fmt: skip
     unsorted_nis, unsorted_status = np.empty_like(nis), np.empty_like(status)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.estimation.imu import level_imu
 from cwcli.estimation.measurements import Kind, Measurements
@@ -33,6 +34,7 @@ NOISE_FLOOR: dict[Kind, float] = {
 """Sigma below which noise found from the log is not believed (resolution of the usual messages); SI units."""
 
 CONSTANT_MIN_ROWS = 50
+BURST_ROWS, BURST_PART = 4, 0.5
 ROUGHNESS_PART = 0.5  # an IMU's noise is at least this part of what its second differences show
 
 
@@ -46,6 +48,7 @@ class Prepared:
         n_read: Rows handed in.
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
+        n_held_back: Rows left out because they came in a burst (see `held_back`).
     """
 
     series: Series
@@ -53,6 +56,7 @@ class Prepared:
     n_read: int
     n_not_finite: int
     n_interpolated: int = 0
+    n_held_back: int = 0
 
 
 def epoch_ns(measurements: Sequence[Measurements]) -> int:
@@ -93,12 +97,43 @@ def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prep
                 series = _with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
                 prepared.append(Prepared(series, True, len(m), lost, imu.n_interpolated))
             continue
+        late = held_back(time)
+        if late.any():
+            notes.append(f"{m.source}: {int(late.sum())} {m.kind.name.lower()} rows came in bursts, left out")
+            time, values = time[~late], values[~late]
+            covariance = None if covariance is None else covariance[~late]
         if _is_constant(m.kind, values):
             notes.append(f"{m.source}: {m.kind.name.lower()} never changes; taken as not measured")
             prepared.append(Prepared(_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost))
             continue
-        prepared.append(Prepared(_with_noise(m.source, m.kind, time, values, covariance), False, len(m), lost))
+        series = _with_noise(m.source, m.kind, time, values, covariance)
+        prepared.append(Prepared(series, False, len(m), lost, n_held_back=int(late.sum())))
     return prepared, notes
+
+
+def held_back(time_s: FloatArray) -> npt.NDArray[np.bool_]:
+    """Find rows of a backlog: messages that were held back and stamped as they came out.
+
+    A link that stalls delivers what it kept all at once. Of such a burst only the last row is fresh; the others are
+    older than their stamps say, and a car seems to race. A burst is BURST_ROWS or more gaps in a row that are shorter
+    than BURST_PART of the usual gap.
+
+    Args:
+        time_s: Shape (n,), sorted.
+
+    Returns:
+        Shape (n,), True for rows of a burst except its last.
+    """
+    late = np.zeros(len(time_s), bool)
+    if len(time_s) < 10 * BURST_ROWS:
+        return late
+    gap = np.diff(time_s)
+    short = (gap < BURST_PART * float(np.median(gap))).astype(np.int8)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], short, [0]))))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - begin >= BURST_ROWS:
+            late[begin:end] = True
+    return late
 
 
 def _is_constant(kind: Kind, values: FloatArray) -> bool:
@@ -147,9 +182,9 @@ def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:
 
 def thinned(series: Series, factor: int) -> Series:
     """Average blocks of `factor` rows, which is as good for finding slow parameters and quicker; no block has a gap."""
-    n = len(series) // factor * factor
-    if factor < 2 or n < 10 * factor:
+    if factor < 2 or len(series) < 10 * factor:
         return series
+    n = len(series) // factor * factor
     shape = (n // factor, factor)
     time = series.time_s[:n].reshape(shape)
     whole = np.ptp(time, axis=1) < 2.0 * factor * float(np.median(np.diff(series.time_s)))

@@ -11,6 +11,7 @@ from cwcli.estimation.passes import N_MOTION, Series, Start
 from cwcli.signals.columns import FloatArray
 
 MIN_DISPLACEMENT_M = 2.0
+MIN_DISPLACEMENT_S = 0.5
 CLEAR_SIGMAS = 10.0  # a heading from a displacement is then good to about 0.15 rad, which the filter's expansion bears
 UNKNOWN_HEADING_RAD = 1.8  # one sigma of a uniform circle
 UNKNOWN_SPEED_MPS = 10.0
@@ -99,11 +100,14 @@ def _first_displacement(s: Series) -> tuple[float, float, float, float, float] |
     if not len(beyond):
         return None
     j = int(beyond[0])
-    # The last point still near the anchor: a long standstill before it says nothing of the speed.
+    # The last point still near the anchor: a long standstill before it says nothing of the speed. Messages that were
+    # held back come in a burst, and their stamps say nothing of it either.
     near = np.flatnonzero(distance[:j] < 0.5 * far)
     i = int(near[-1]) if len(near) else 0
+    while i > 0 and time[j] - time[i] < MIN_DISPLACEMENT_S:
+        i -= 1
     dx, dy = s.values[j] - s.values[i]
-    dt = max(float(time[j] - time[i]), 1e-3)
+    dt = max(float(time[j] - time[i]), 0.1)
     length = float(np.hypot(dx, dy))
     uncertain = max(np.sqrt(2.0) * sigma, 0.1 * length)
     return (

@@ -65,7 +65,7 @@ def truth(scenario: Scenario) -> FloatArray:
     fine = 0.001
     if scenario == "straight":
         time = np.arange(0.0, 30.0, fine)
-        accel = 2.0 * (_pulse(time, 3.0, 7.0, 1.0) + 0.9375 * _pulse(time, 14.0, 18.0, 1.0))
+        accel = 2.0 * (_pulse(time, 3.0, 7.0, 1.0) + 0.875 * _pulse(time, 14.0, 18.0, 1.0))
         yaw_rate = np.zeros_like(time)
         speed = _integral(accel, fine)
     else:

@@ -31,6 +31,7 @@ STATE_NAMES = (
     "yaw_accel_radps2",
 )
 MIN_NIS_ROWS = 20
+AHEAD_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class SourceReport:
         n_gated: Rows that the chi-square gate rejected.
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
+        n_held_back: Rows left out because they came in a burst, older than their stamps say.
         n_resets: Times that the gate gave in after too many rejections in a row (for ACCEL and YAW_RATE: after two,
             because an inertial sensor that stays off for longer shows a manoeuvre).
         nis_mean: Mean normalised innovation squared over the used rows; expectation `nis_dof`.
@@ -69,6 +71,7 @@ class SourceReport:
     n_gated: int = 0
     n_not_finite: int = 0
     n_interpolated: int = 0
+    n_held_back: int = 0
     n_resets: int = 0
     nis_mean: float = float("nan")
     nis_dof: int = 1
@@ -88,7 +91,8 @@ class Track:
     """An estimated track.
 
     Attributes:
-        stamp_ns: Shape (m,), int64: the output stamps asked for, on the reference source's clock.
+        stamp_ns: Shape (m,), int64: the output stamps asked for, on the reference source's clock (on the
+            position's where that one leads the reference: see `notes`).
         state: Shape (m, 8), order `STATE_NAMES`; the heading is unwrapped (continuous).
         covariance: Shape (m, 8, 8), symmetric, positive semi-definite; grows where nothing is measured.
         sources: One report per source and kind.
@@ -135,7 +139,9 @@ def estimate_track(
         output_stamp_ns = _grid(measurements, config.rate_hz)
     tuned = tune(prepared, config, ModelParameters())
     start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
-    output_s = seconds(output_stamp_ns, epoch)
+    late_s, remark = _late_reference(tuned)
+    notes += remark
+    output_s = seconds(output_stamp_ns, epoch) + late_s
     result = run_pass(
         tuned.series, start, tuned.parameters, tuned.walk, output_s,
         smooth=not config.causal, reset_after=config.reset_after,
@@ -163,6 +169,29 @@ def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
     last = max(int(m.stamp_ns.max()) for m in measurements if len(m))
     step = round(1e9 / rate_hz)
     return np.arange(first, last + 1, step, dtype=np.int64)
+
+
+def _late_reference(tuned: Tuned) -> tuple[float, list[str]]:
+    """Return by how much the reference is late, in seconds, with a note; 0 where nothing says so.
+
+    A position can't be stamped before it was there. Where one comes out earlier than the reference, clearly beyond its sigma,
+    the reference (an IMU behind a filter or a bus) is late, and the receiver's satellite clock is the better one. The
+    filter runs on the reference's clock; the output is asked for on the receiver's.
+    """
+    late_s, source = 0.0, ""
+    for s, latency in zip(tuned.series, tuned.latencies, strict=True):
+        if (
+            s.kind is Kind.POSITION
+            and latency.status == "estimated"
+            and latency.seconds < min(-late_s, -AHEAD_SIGMAS * latency.sigma_s)
+        ):
+            late_s, source = -latency.seconds, s.source
+    if not source:
+        return 0.0, []
+    return late_s, [
+        f"{source}: positions lead the reference by {1000.0 * late_s:.0f} ms, so the reference is late; "
+        f"states are on the clock of {source}"
+    ]
 
 
 def _hold_before_start(result: PassResult, tuned: Tuned, start: Start, output_s: FloatArray) -> None:
@@ -212,6 +241,7 @@ def _report(p: Prepared, tuned: Tuned, i: int, result: PassResult) -> SourceRepo
         n_gated=int((status == 0).sum()),
         n_not_finite=p.n_not_finite,
         n_interpolated=p.n_interpolated,
+        n_held_back=p.n_held_back,
         n_resets=int((status == 2).sum()),
         nis_mean=mean,
         nis_dof=s.width,

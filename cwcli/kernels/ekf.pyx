@@ -16,6 +16,14 @@ from libc.math cimport M_PI, cos, fabs, log, remainder, sin
 # its covariance does not know of, and the first position after a tunnel must not be taken for an outlier.
 cdef double GATE_WIDENS_S = 2.0
 
+# A burst of messages that were held back can be long in rows and short in time: a source must stay elsewhere for this
+# long before it is believed again. Inertial sensors (kind 4, 5) are believed by rows alone.
+cdef double PATIENCE_S = 2.0
+
+# Below about half a metre per second the yaw rate dies away within 0.3 s.
+cdef double STANDING_M2 = 0.25
+cdef double STANDING_RATE = 3.3
+
 cdef enum:
     NMAX = 16
     NH = 5
@@ -93,8 +101,17 @@ cdef void companion(double dt, double rate1, double rate2, double* out) noexcept
     out[5] = jj
 
 
-cdef void linearise(const double* x, double dt, const double* model, int n, Step* f, double* cached) noexcept nogil:
-    """Fill the transition over dt about x. `cached` keeps the linear part of the last dt (13 numbers)."""
+cdef inline double decay_of_yaw_rate(double v2, const double* model) noexcept nogil:
+    """A car that stands does not turn: its yaw rate dies away. v2 is the expected square of the speed."""
+    cdef double standing = STANDING_M2 / (v2 + STANDING_M2)
+    if standing < 0.02:
+        return model[P_RATE_W]
+    return model[P_RATE_W] + STANDING_RATE * standing * standing
+
+
+cdef void linearise(const double* x, double dt, double yaw_decay, const double* model, int n, Step* f,
+                    double* cached) noexcept nogil:
+    """Fill the transition over dt about x. `cached` keeps the linear part of the last dt (14 numbers)."""
     cdef double heading
     f.dt = dt
     if n == 6:                                            # song2016, eq. 2 and 6
@@ -110,8 +127,11 @@ cdef void linearise(const double* x, double dt, const double* model, int n, Step
         return
     if cached[0] != dt:
         companion(dt, model[P_RATE_A], model[P_RATE_J], cached + 1)
-        companion(dt, model[P_RATE_W], model[P_RATE_ALPHA], cached + 7)
         cached[0] = dt
+        cached[13] = -1.0
+    if cached[13] != yaw_decay:
+        companion(dt, yaw_decay, model[P_RATE_ALPHA], cached + 7)
+        cached[13] = yaw_decay
     f.f_va = cached[1]
     f.f_vj = cached[2]
     f.f_aa = cached[3]
@@ -284,10 +304,7 @@ cdef int expect(const double* x, int kind, int bias, int lag, double* h, double*
         h[0] = x[0]
         h[1] = x[1]
         if lag >= 0:
-            u = x[2] - 0.5 * tau * x[4]
-            th = x[3] - 0.5 * tau * x[5]
-            c = cos(th)
-            s = sin(th)
+            u = x[2]
             idx[4] = lag
             h[0] -= tau * u * c
             h[1] -= tau * u * s
@@ -295,8 +312,8 @@ cdef int expect(const double* x, int kind, int bias, int lag, double* h, double*
             hx[NH + 2] = -tau * s
             hx[3] = tau * u * s
             hx[NH + 3] = -tau * u * c
-            hx[4] = -x[2] * c
-            hx[NH + 4] = -x[2] * s
+            hx[4] = -u * c
+            hx[NH + 4] = -u * s
         return 2
     if kind == 1:                                         # velocity over ground
         u = x[2] - tau * x[4]
@@ -382,7 +399,7 @@ def forward(const double[::1] time_s, const int[::1] first, const int[::1] out_r
             const int[::1] kind, const int[::1] bias, const int[::1] lag, const double[::1] gate, const int[::1] reset_after,
             const double[::1] model, const double[:, ::1] q_matrix, const double[::1] q_walk,
             double[::1] x, double[:, ::1] p,
-            double[:, ::1] x_post, signed char[::1] flip, double[:, ::1] gain, double[:, ::1] partials,
+            double[:, ::1] x_post, signed char[::1] flip, double[::1] yaw_decay, double[:, ::1] gain, double[:, ::1] partials,
             double[:, ::1] innovation, signed char[::1] status, double[:, ::1] nis,
             double[:, ::1] out_x, double[:, :, ::1] out_p, int[::1] streak, double[::1] believed):
     """Run the filter over all steps.
@@ -400,7 +417,7 @@ def forward(const double[::1] time_s, const int[::1] first, const int[::1] out_r
         reset_after: (S,): rejections in a row after which a source is believed.
         model: (11,), q_matrix: (6, 6) for n = 6, q_walk: (n,).
         x, p: (n,), (n, n): state at time_s[0]; overwritten with the last one.
-        x_post: (T, n) or (0, 0) when nothing is stored for `backward`. flip: (T,).
+        x_post: (T, n) or (0, 0) when nothing is stored for `backward`. flip, yaw_decay: (T,).
         gain: (2 U, n), partials: (2 U, 5), innovation: (2 U, 2) as (nu / S, 1 / S): or (0, 0).
         status: (U,): 0 gated, 1 used, 2 used after a reset.
         nis: (U, 3): squared normalised innovation, mean nu^2 over the axes, mean h P h' over the axes.
@@ -419,6 +436,7 @@ def forward(const double[::1] time_s, const int[::1] first, const int[::1] out_r
                           &r[0, 0] if series.shape[0] else NULL,
                           &kind[0], &bias[0], &lag[0], &gate[0], &reset_after[0], &model[0], &q_matrix[0, 0], &q_walk[0],
                           &x[0], &p[0, 0], n, keep, &x_post[0, 0] if keep else NULL, &flip[0] if keep else NULL,
+                          &yaw_decay[0] if keep else NULL,
                           &gain[0, 0] if gain.shape[0] else NULL, &partials[0, 0] if partials.shape[0] else NULL,
                           &innovation[0, 0] if innovation.shape[0] else NULL,
                           &status[0] if series.shape[0] else NULL, &nis[0, 0] if series.shape[0] else NULL,
@@ -432,11 +450,11 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
                       const int* kind, const int* bias, const int* lag, const double* gate, const int* reset_after,
                       const double* model, const double* q_matrix, const double* q_walk,
                       double* x_io, double* p_io, int n, bint keep, double* x_post, signed char* flip,
-                      double* gain, double* partials, double* innovation, signed char* status, double* nis,
+                      double* yaw_decay, double* gain, double* partials, double* innovation, signed char* status, double* nis,
                       double* out_x, double* out_p, int* streak, double* believed) noexcept nogil:
     cdef double x[NMAX]
     cdef double p[NMAX * NMAX]
-    cdef double cached[13]
+    cdef double cached[14]
     cdef double h[2]
     cdef double nu[2]
     cdef double hx[2 * NH]
@@ -445,7 +463,7 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
     cdef int idx[NH]
     cdef Step f
     cdef int i, j, k, u, s, width, axis, row
-    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, total = 0.0
+    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, total = 0.0
     cached[0] = -1.0
     for i in range(NMAX * NMAX):
         p[i] = 0.0
@@ -457,7 +475,10 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
         if k > 0:
             dt = time_s[k] - time_s[k - 1]
             if dt > 0.0:
-                linearise(x, dt, model, n, &f, cached)
+                decay = decay_of_yaw_rate(x[2] * x[2] + p[2 * NMAX + 2], model)
+                if keep:
+                    yaw_decay[k] = decay
+                linearise(x, dt, decay, model, n, &f, cached)
                 times_f(p, &f, n, NMAX, 1)
                 times_f(p, &f, n, 1, NMAX)
                 add_noise(p, x, dt, model, q_matrix, q_walk, n)
@@ -505,7 +526,7 @@ cdef double forward_c(const double* time_s, int n_steps, const int* first, const
             quiet = 1.0 + (time_s[k] - believed[s]) / GATE_WIDENS_S
             if gate[s] > 0.0 and not d2 <= gate[s] * quiet * quiet:
                 streak[s] += 1
-                if streak[s] <= reset_after[s]:
+                if streak[s] <= reset_after[s] or (kind[s] < 4 and time_s[k] - believed[s] < PATIENCE_S):
                     status[u] = 0
                     continue
                 inflate(x, p, kind[s], nu, n)
@@ -586,7 +607,8 @@ cdef void flip_sign(double* p, int n) noexcept nogil:
 
 def backward(const double[::1] time_s, const int[::1] first, const int[::1] out_row, const int[::1] series,
              const int[::1] kind, const int[::1] bias, const int[::1] lag, const double[::1] model,
-             const double[:, ::1] x_post, const signed char[::1] flip, const double[:, ::1] gain,
+             const double[:, ::1] x_post, const signed char[::1] flip, const double[::1] yaw_decay,
+             const double[:, ::1] gain,
              const double[:, ::1] partials, const double[:, ::1] innovation, const signed char[::1] status,
              double[:, ::1] out_x, double[:, :, ::1] out_p):
     """Smooth what `forward` stored: out_x and out_p at the output rows become the smoothed state and covariance."""
@@ -595,7 +617,7 @@ def backward(const double[::1] time_s, const int[::1] first, const int[::1] out_
         return
     with nogil:
         backward_c(&time_s[0], n_steps, &first[0], &out_row[0], &series[0] if series.shape[0] else NULL,
-                   &kind[0], &bias[0], &lag[0], &model[0], n, &x_post[0, 0], &flip[0],
+                   &kind[0], &bias[0], &lag[0], &model[0], n, &x_post[0, 0], &flip[0], &yaw_decay[0],
                    &gain[0, 0] if gain.shape[0] else NULL, &partials[0, 0] if partials.shape[0] else NULL,
                    &innovation[0, 0] if innovation.shape[0] else NULL, &status[0] if series.shape[0] else NULL,
                    &out_x[0, 0], &out_p[0, 0, 0])
@@ -603,14 +625,14 @@ def backward(const double[::1] time_s, const int[::1] first, const int[::1] out_
 
 cdef void backward_c(const double* time_s, int n_steps, const int* first, const int* out_row, const int* series,
                      const int* kind, const int* bias, const int* lag, const double* model, int n,
-                     const double* x_post, const signed char* flip, const double* gain, const double* partials,
+                     const double* x_post, const signed char* flip, const double* yaw_decay, const double* gain, const double* partials,
                      const double* innovation, const signed char* status, double* out_x,
                      double* out_p) noexcept nogil:
     cdef double la[NMAX]
     cdef double big[NMAX * NMAX]
     cdef double w[NMAX]
     cdef double tmp[NMAX * NMAX]
-    cdef double cached[13]
+    cdef double cached[14]
     cdef double h[2]
     cdef double hx[2 * NH]
     cdef int idx[NH]
@@ -692,7 +714,7 @@ cdef void backward_c(const double* time_s, int n_steps, const int* first, const 
         if k > 0:
             dt = time_s[k] - time_s[k - 1]
             if dt > 0.0:
-                linearise(x_post + (k - 1) * n, dt, model, n, &f, cached)
+                linearise(x_post + (k - 1) * n, dt, yaw_decay[k], model, n, &f, cached)
                 times_ft(la, &f, n, 1, 0, 1)
                 times_ft(big, &f, n, NMAX, 1, n)
                 times_ft(big, &f, n, 1, NMAX, n)

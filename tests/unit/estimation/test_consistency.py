@@ -1,0 +1,46 @@
+"""Chi-square tools and error rows, against scipy and hand calculation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from cwcli.estimation.consistency import chi_square_quantile, effective_count, error_rows, mean_bounds, nees
+
+
+@pytest.mark.parametrize(("dof", "rtol"), [(1, 1e-9), (2, 1e-9), (5, 0.05), (50, 1e-3), (6000, 1e-4)])
+@pytest.mark.parametrize("probability", [0.025, 0.5, 0.975, 0.999])
+def test_quantile_equals_scipy(dof: int, rtol: float, probability: float) -> None:
+    assert chi_square_quantile(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=rtol, abs=0.02)
+
+
+def test_mean_bounds_hold_95_percent_of_the_means() -> None:
+    low, high = mean_bounds(2, 100)
+    means = np.random.default_rng(0).chisquare(2, (4000, 100)).mean(axis=1)
+    assert ((means > low) & (means < high)).mean() == pytest.approx(0.95, abs=0.015)
+
+
+def test_effective_count_of_a_correlated_series() -> None:
+    """First-order autoregression with coefficient c is worth n (1 - c) / (1 + c)."""
+    white = np.random.default_rng(1).standard_normal(20_000)
+    assert effective_count(white) == pytest.approx(20_000, rel=0.05)
+    assert effective_count(lfilter([1], [1, -0.8], white)) == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15)
+
+
+def test_nees_by_hand() -> None:
+    error = np.array([[1.0, 2.0], [0.0, 3.0]])
+    covariance = np.array([[[1.0, 0.0], [0.0, 4.0]], [[1.0, 0.0], [0.0, 9.0]]])
+    np.testing.assert_allclose(nees(error, covariance), [2.0, 1.0])
+
+
+def test_error_rows_by_hand() -> None:
+    truth = {"speed": np.array([10.0, 10.0]), "heading": np.array([np.pi, np.pi])}
+    measured = {"speed": np.array([11.0, 9.0]), "heading": np.array([-np.pi + 0.1, np.pi - 0.1])}
+    estimated = {"speed": np.array([10.5, 10.5]), "heading": np.array([np.pi, np.nan])}
+    speed, heading = error_rows(truth, measured, estimated)
+    assert (speed.measured_sigma, speed.estimated_sigma, speed.estimated_bias) == (1.0, 0.5, 0.5)
+    assert speed.change_percent == pytest.approx(-50.0)
+    assert heading.measured_sigma == pytest.approx(np.degrees(0.1))
+    assert (heading.n, heading.estimated_sigma) == (1, 0.0)
