@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.errors import DataError
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel, OutputField, Repeated, Strings
@@ -173,4 +174,12 @@ def read_targets(columns: Columns) -> VehicleStates:
         state[:, at] = np.where(np.isfinite(more[:, k]), more[:, k], 0.0)
         full[:, at, at] = np.where(np.isfinite(sigma[:, k]), sigma[:, k], 0.0) ** 2
     unknown = np.full(n, np.nan)
-    return VehicleStates(ids, stamp_ns, columns.log_time_ns, state, full, unknown, unknown)
+    everything = VehicleStates(ids, stamp_ns, columns.log_time_ns, state, full, unknown, unknown)
+    return everything.rows(_last_of_each(ids.codes, stamp_ns))
+
+
+def _last_of_each(codes: npt.NDArray[np.int32], stamp_ns: Int64Array) -> npt.NDArray[np.intp]:
+    """The last row of each id and stamp, in file order: two sensors may see a target at one time."""
+    order = np.lexsort((np.arange(len(codes)), stamp_ns, codes))
+    is_last = np.append((np.diff(codes[order]) != 0) | (np.diff(stamp_ns[order]) != 0), len(order) > 0)
+    return np.sort(order[is_last[: len(order)]])

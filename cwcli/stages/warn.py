@@ -4,26 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import DataError
 from cwcli.logs.log import Log
+from cwcli.prediction.models import MODELS
 from cwcli.prediction.paths import Paths
+from cwcli.prediction.rollout import rollout
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, OutputChannel, Strings
 from cwcli.signals.roles import bind
 from cwcli.stages.channels import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
+from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
+from cwcli.stages.track_channels import read_targets
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
 RAISED = 1
+OF_EGO = (Role.EGO_STATE, Role.EGO_PATH)
+OF_OTHERS = (Role.REMOTE_STATE, Role.REMOTE_PATH)
 NS_PER_S = 1_000_000_000
+
+Source = Literal["v2x", "targets"]
 
 
 @dataclass(frozen=True)
@@ -32,11 +41,13 @@ class WarnConfig:
 
     Attributes:
         rule: The rule and its thresholds.
+        source: Whom to warn of: the vehicles that speak over V2X, or the targets of `cwcli track`.
         topics: Role -> topic, the user's choices.
         start_ns, end_ns: Only states logged in this span are used.
     """
 
     rule: WarningConfig = field(default_factory=WarningConfig)
+    source: Source = "v2x"
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
@@ -44,6 +55,8 @@ class WarnConfig:
 
 def warn(log: Log, config: WarnConfig) -> StageResult:
     """Warn the ego of the other vehicles, at each of its states.
+
+    Targets are predicted here, with the model, the step and the horizon of the ego's own paths.
 
     Raises:
         MissingSignalError: The log lacks a state or path channel.
@@ -53,7 +66,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
     bound = bind(
         log.channels,
         config.topics,
-        required=(Role.EGO_STATE, Role.EGO_PATH, Role.REMOTE_STATE, Role.REMOTE_PATH),
+        required=OF_EGO + (OF_OTHERS if config.source == "v2x" else (Role.TARGETS,)),
         where=log.name,
         command="warn",
     )
@@ -61,17 +74,26 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
     columns = log.load(dict.fromkeys(topics.values()))
     inputs: list[InputCount] = []
     tracks: dict[Role, list[VehicleTrack]] = {}
+    predicted: dict[Role, PredictedPaths] = {}
     for state_role, path_role in ((Role.EGO_STATE, Role.EGO_PATH), (Role.REMOTE_STATE, Role.REMOTE_PATH)):
+        if state_role not in topics:
+            continue
         everything = read_states(columns[topics[state_role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
-        paths = read_paths(columns[topics[path_role]])
-        tracks[state_role] = _tracks(states, paths)
+        predicted[path_role] = read_paths(columns[topics[path_role]])
+        tracks[state_role] = _tracks(states, predicted[path_role])
         n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
         inputs.append(InputCount(topics[state_role], state_role.value, len(everything), n_used))
-        inputs.append(InputCount(topics[path_role], path_role.value, len(paths), n_used))
+        inputs.append(InputCount(topics[path_role], path_role.value, len(predicted[path_role]), n_used))
     hosts = tracks[Role.EGO_STATE]
     if len(hosts) != 1:
         raise DataError(f"expected the states of one ego, found {len(hosts)}", where=topics[Role.EGO_STATE])
+    if config.source == "targets":
+        everything = read_targets(columns[topics[Role.TARGETS]])
+        states = everything.logged_within(config.start_ns, config.end_ns)
+        paths = _paths_of(states, like=predicted[Role.EGO_PATH], where=topics[Role.EGO_PATH])
+        tracks[Role.REMOTE_STATE] = _tracks(states, paths)
+        inputs.append(InputCount(topics[Role.TARGETS], Role.TARGETS.value, len(everything), len(states)))
     result = evaluate(hosts[0], tracks[Role.REMOTE_STATE], config.rule)
     summary = Summary("warn", _sections(result, log.start_ns), tuple(inputs), bound.notes)
     channels = (
@@ -110,6 +132,21 @@ def _tracks(states: VehicleStates, predicted: PredictedPaths) -> list[VehicleTra
             )
         )
     return tracks
+
+
+def _paths_of(states: VehicleStates, *, like: PredictedPaths, where: str) -> PredictedPaths:
+    """Paths that start from the states, predicted like others.
+
+    Raises:
+        DataError: The others were predicted with a model that is not known here, or there are none.
+    """
+    if like.model not in MODELS:
+        raise DataError(f"the paths' motion model {like.model!r} is not known", where=where, hint="predict again")
+    time_s = like.paths.time_s
+    step_s = float(time_s[1] - time_s[0])
+    horizon_s = float(time_s[-1]) + MAX_MESSAGE_AGE_S
+    paths = rollout(like.model, states.state, states.covariance, horizon_s=horizon_s, step_s=step_s)
+    return PredictedPaths(states.ids, states.stamp_ns, states.log_time_ns, like.model, paths)
 
 
 def _by_stamp(stamp_ns: npt.NDArray[np.int64], rows: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:

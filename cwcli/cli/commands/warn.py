@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "cwcli warn predicted.mcap -o warned.mcap --metrics warnings.parquet",
     "cwcli warn predicted.mcap --rule song2016 --horizon 2.5 --distance 2.5",
+    "cwcli warn tracked.mcap --source targets -o warned.mcap",
 )
 DEFAULTS = WarningConfig()
 
@@ -44,6 +45,10 @@ class WarnOptions(StageOptions):
             help="; ".join(f"{name}: {rule.summary}" for name, rule in RULES.items()) + ".",
         ),
     ] = DEFAULT_RULE
+    source: Annotated[
+        Literal["v2x", "targets"],
+        typer.Option("--source", help="Warn of the vehicles heard over V2X, or of the targets of `cwcli track`."),
+    ] = "v2x"
     horizon: Annotated[
         float, typer.Option("--horizon", metavar="SECONDS", help="Warn of events at most this far ahead.")
     ] = DEFAULTS.horizon_s
@@ -114,7 +119,13 @@ class WarnOptions(StageOptions):
         def stage(log: Log, selection: Selection) -> StageResult:
             return warn(
                 log,
-                WarnConfig(rule=rule, topics=selection.topics, start_ns=selection.start_ns, end_ns=selection.end_ns),
+                WarnConfig(
+                    rule=rule,
+                    source=self.source,
+                    topics=selection.topics,
+                    start_ns=selection.start_ns,
+                    end_ns=selection.end_ns,
+                ),
             )
 
         return stage
@@ -130,7 +141,8 @@ def command(
 ) -> None:
     """Warn the ego vehicle of collisions with the others.
 
-    Needs the channels of `cwcli predict`. One conflict is one warning: raised, held, cleared. Where the log holds what
-    really happened, warnings are scored as true, false, late or missed, with their lead times.
+    Needs the channels of `cwcli predict`, and for `--source targets` those of `cwcli track` on the same log. One
+    conflict is one warning: raised, held, cleared. Where the log holds what really happened, warnings are scored as
+    true, false, late or missed, with their lead times.
     """
     run_job(Job("warn", log, {"warn": options.make()}, reading, writing, talk, metrics=metrics))
