@@ -106,10 +106,10 @@ def test_outage_drops_and_rate() -> None:
     assert run_s[0] == pytest.approx(0.03)
     assert np.median(np.diff(run_s)) == pytest.approx(0.1)
     assert not np.any(((run_s >= 5) & (run_s < 10)) | ((run_s >= 20) & (run_s < 21)))
-    assert (len(run_s), gnss.n_lost) == (250 - 60, 60)
+    assert (len(run_s), gnss.n_lost) == (220 - 60, 60)
     speed = made.sensors["speed"]
-    assert len(speed.stamp_ns) + speed.n_lost == 501
-    assert 0.2 < speed.n_lost / 501 < 0.4
+    assert len(speed.stamp_ns) + speed.n_lost == 441
+    assert 0.2 < speed.n_lost / 441 < 0.4
 
 
 def test_jitter_lies_between_nothing_and_its_bound_and_log_times_ascend() -> None:
