@@ -16,6 +16,8 @@ class Faults:
         broken_indexes: Chunks whose message index does not fit what they hold; they are read without it.
         bytes_lost: Bytes of the file that hold nothing readable.
         messages_lost: Messages in lost chunks and behind damaged records, as far as the file tells.
+        data_crc_mismatch: Messages outside chunks were read, and the CRC over all of them does not fit: one of them may
+            be wrong.
         truncated: The file ends before its end.
         summary_damaged: The summary can't be trusted; the file was read record by record.
         undecodable: Topic -> reason -> messages.
@@ -27,6 +29,7 @@ class Faults:
     broken_indexes: int = 0
     bytes_lost: int = 0
     messages_lost: int = 0
+    data_crc_mismatch: bool = False
     truncated: bool = False
     summary_damaged: bool = False
     undecodable: dict[str, dict[str, int]] = field(default_factory=dict)
@@ -42,6 +45,7 @@ class Faults:
         named = {
             "file cut short": int(self.truncated),
             "summary damaged": int(self.summary_damaged),
+            "CRC of all messages wrong": int(self.data_crc_mismatch),
             "chunks lost": self.chunks_lost,
             "of these with a wrong CRC": self.crc_mismatches,
             "chunks read in part": self.chunks_partial,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -30,6 +32,7 @@ from cwcli.signals.columns import Int64Array
 MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
 MAX_BATCH_MESSAGES = 1 << 16
 N_AHEAD = 2
+CRC_BLOCK_BYTES = 1 << 24
 MIN_BYTES_FOR_THREADS = 4 << 20
 RECOVER_HINT = "--recover reads what is intact"
 
@@ -144,6 +147,7 @@ class MessageReader:
             while at < end:
                 batch, at, status = _scan(octets, at, end, channel_ids)
                 if len(batch):
+                    self._check_data_crc()
                     yield batch
                 if status == DAMAGED:
                     self._lose(at, "a record is damaged", end - at)
@@ -152,6 +156,21 @@ class MessageReader:
     def loose_spans(self) -> Sequence[tuple[int, int]]:
         """Where messages may lie outside chunks."""
         return self._structure.loose
+
+    def _check_data_crc(self) -> None:
+        """Check the CRC over the data section, once: it is all that protects messages outside chunks."""
+        end = self._structure.data_end
+        if not self._verify or end is None or end in self._counted:
+            return
+        self._counted.add(end)
+        (crc,) = struct.unpack_from("<I", self._data, end + PREFIX.size)
+        if not crc or crc == _crc32(self._data[:end]):
+            return
+        if not self._recover:
+            raise InputError(
+                f"the CRC of its messages does not fit (at byte {end})", where=self._name, hint=RECOVER_HINT
+            )
+        self._faults.data_crc_mismatch = True
 
     def _payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
         """Each chunk with what is in it (None if it is lost), decompressed ahead by threads where that pays."""
@@ -257,6 +276,13 @@ class MessageReader:
             if not np.array_equal(listed[order, 0], times[is_own].view(np.uint64)):
                 return False
         return True
+
+
+def _crc32(data: memoryview) -> int:
+    crc = 0
+    for at in range(0, len(data), CRC_BLOCK_BYTES):
+        crc = zlib.crc32(data[at : at + CRC_BLOCK_BYTES], crc)
+    return crc
 
 
 def _scan(octets: ByteArray, at: int, end: int, channel_ids: Collection[int]) -> tuple[Batch, int, int]:

@@ -79,6 +79,7 @@ class _Scan:
             try:
                 opcode, start, end = read_prefix(data, at, len(data))
                 if opcode in (DATA_END, FOOTER):
+                    structure.data_end = at if opcode == DATA_END else None
                     break
                 at = self._take(opcode, start, end)
             except RecordError as error:

@@ -19,6 +19,8 @@ class Structure:
         loose: Start and end of the parts of the data section outside chunks that may hold messages.
         attachments, metadata: In file order.
         statistics: As the summary or the scan counted; None until something counts.
+        data_end: Where the data section ends: its end record, which holds a CRC of everything before; None if there is
+            none.
         partial_chunk: Start of the last chunk when it is cut, else None.
         is_scanned: The file was read record by record.
     """
@@ -32,6 +34,7 @@ class Structure:
     attachments: list[AttachmentIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     statistics: Statistics | None = None
+    data_end: int | None = None
     partial_chunk: int | None = None
     is_scanned: bool = False
 

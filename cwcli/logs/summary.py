@@ -80,6 +80,8 @@ def read_summary(
     data_end = start - DATA_END_BYTES
     if data_end < data_start or data[data_end] != DATA_END:
         data_end = start  # a longer end record: the walk will come upon it
+    else:
+        structure.data_end = data_end
     structure.chunks.sort(key=lambda chunk: chunk.chunk_start)
     structure.loose = _gaps(structure, data_start, data_end)
     return structure

@@ -10,6 +10,7 @@ import json
 from collections.abc import Collection
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.kernels import json_walk as kernel
 from cwcli.logs.codecs.base import Outcome
@@ -45,33 +46,24 @@ class JsonDecoder:
         self._is_ok: list[BoolArray] = []
         self._reasons: dict[str, int] = {}
         self._n = 0
+        self._batch = (0, 0)
 
     def add(self, payloads: Payloads) -> None:
         """Decode a batch."""
         n, first = len(payloads), self._n
         if not n:
             return
+        # An element of an array takes two bytes at least: itself, and the comma or bracket behind it.
+        self._batch = (n, payloads.n_bytes // 2 + 8)
         self._capacity = grown_capacity(self._capacity, first + n)
-        n_bytes = payloads.n_bytes
-        for slot in self._slots:
-            self._begin(slot, n, n_bytes)
+        for slot, cursors in zip(self._slots, np.zeros((len(self._slots), n), np.int64), strict=True):
+            self._begin(slot, cursors)
         status = np.zeros(n, np.uint8)
-        at = self._walk(payloads, status, 0)
-        learned = -1
-        while at < n:
-            if at == learned:  # its keys can't be learned
-                status[at] = kernel.STATUS_ODD
-                for slot in self._slots:
-                    slot.cursors[at] = slot.cursors[at - 1] if at else 0
-                at += 1
-            else:
-                self._learn(payloads.message(at), n, n_bytes)
-                learned = at
-            at = self._walk(payloads, status, at)
+        self._walk_all(payloads, status)
         is_ok = status == kernel.STATUS_OK
         instead: list[dict[int, Elements]] = [{} for _ in self._slots]
         for row in np.flatnonzero(~is_ok).tolist():
-            is_ok[row] = self._decide(payloads.message(row), row, int(status[row]), n, n_bytes, instead)
+            is_ok[row] = self._decide(payloads.message(row), row, int(status[row]), instead)
         for path in self._blobs:
             self._blob_rows[path] = self._slots[self._tree.paths.index(path)].take_places(payloads, first)
         for slot, rows in zip(self._slots, instead, strict=True):
@@ -99,32 +91,48 @@ class JsonDecoder:
                     fields.setdefault(path, column)
         return fields
 
-    def _begin(self, slot: JsonSlot, n: int, n_bytes: int) -> None:
+    def _begin(self, slot: JsonSlot, cursors: Int64Array) -> None:
         slot.tags.grow(self._capacity)
         slot.values.grow(self._capacity)
-        slot.begin(n, n_bytes)
+        slot.begin(cursors, self._batch[1])
 
-    def _walk(self, payloads: Payloads, status: np.ndarray, begin: int) -> int:
+    def _walk_all(self, payloads: Payloads, status: npt.NDArray[np.uint8]) -> None:
+        """Walk the batch; learn from messages with unknown keys, and go on with them."""
+        n = len(payloads)
+        at = self._walk(payloads, status, 0)
+        learned = -1
+        while at < n:
+            if at == learned:  # its keys can't be learned
+                status[at] = kernel.STATUS_ODD
+                for slot in self._slots:
+                    slot.cursors[at] = slot.cursors[at - 1] if at else 0
+                at += 1
+            else:
+                self._learn(payloads.message(at))
+                learned = at
+            at = self._walk(payloads, status, at)
+
+    def _walk(self, payloads: Payloads, status: npt.NDArray[np.uint8], begin: int) -> int:
         slots = self._slots
-        cursors = np.array([slot.cursors[begin - 1] if begin else 0 for slot in slots], np.int64)
+        places = np.array([slot.addresses() for slot in slots], np.int64).reshape(-1, 4).T.copy()
         return kernel.walk(
             payloads.data,
             payloads.starts,
             payloads.ends,
             *self._tables,
-            _addresses([slot.tags.array for slot in slots]),
-            _addresses([slot.values.array for slot in slots]),
-            _addresses([slot.element_tags for slot in slots]),
-            _addresses([slot.element_values for slot in slots]),
-            cursors,
-            _addresses([slot.cursors for slot in slots]),
+            places[0],
+            places[1],
+            places[2],
+            places[3],
+            np.array([slot.cursors[begin - 1] if begin else 0 for slot in slots], np.int64),
+            np.array([slot.cursors.__array_interface__["data"][0] for slot in slots], np.int64),
             self._tree.learns,
             begin,
             self._n,
             status,
         )
 
-    def _learn(self, message: bytes, n: int, n_bytes: int) -> None:
+    def _learn(self, message: bytes) -> None:
         """Add the message's keys."""
         try:
             value = json.loads(message)
@@ -134,13 +142,11 @@ class JsonDecoder:
         self._tree.learn(value, self._tree.root)
         for _ in range(before, len(self._tree.paths)):
             slot = JsonSlot(self._n)
-            self._begin(slot, n, n_bytes)
+            self._begin(slot, np.zeros(self._batch[0], np.int64))
             self._slots.append(slot)
         self._tables = self._tree.tables()
 
-    def _decide(
-        self, message: bytes, row: int, status: int, n: int, n_bytes: int, instead: list[dict[int, Elements]]
-    ) -> bool:
+    def _decide(self, message: bytes, row: int, status: int, instead: list[dict[int, Elements]]) -> bool:
         """Decode one message with the json module where the kernel did not; returns whether that was possible."""
         try:
             if status == kernel.STATUS_NOT_ASCII:
@@ -152,7 +158,7 @@ class JsonDecoder:
         if not isinstance(value, dict):
             return self._refuse(NO_OBJECT)
         if self._tree.learns:
-            self._learn(message, n, n_bytes)
+            self._learn(message)
             instead.extend({} for _ in range(len(instead), len(self._slots)))
         self._put_object(value, self._tree.root, row, instead, in_array=False)
         return True
@@ -201,7 +207,3 @@ class JsonDecoder:
 
 def _n_elements(instead: list[dict[int, Elements]], slot: int, row: int) -> int:
     return len(instead[slot][row][0]) if slot >= 0 and row in instead[slot] else 0
-
-
-def _addresses(arrays: list[np.ndarray]) -> Int64Array:
-    return np.array([array.__array_interface__["data"][0] for array in arrays], np.int64)

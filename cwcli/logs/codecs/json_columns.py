@@ -63,13 +63,18 @@ class JsonSlot:
         self._known: dict[bytes, int] = {}
         self._strings: list[bytes] = []
 
-    def begin(self, n: int, n_bytes: int) -> None:
-        """Before a batch of n messages. The buffers stay from batch to batch; memory is used where it is written to."""
-        capacity = n_bytes // 2 + 8
-        if len(self.element_tags) < capacity:
-            self.element_tags = np.empty(capacity, np.uint8)
-            self.element_values = np.empty(capacity, np.int64)
-        self.cursors = np.zeros(n, np.int64)
+    def begin(self, cursors: Int64Array, n_elements: int) -> None:
+        """Before a batch: where the cursors go, and room for elements. Room costs nothing until it is written to."""
+        self.cursors = cursors
+        if len(self.element_tags) < n_elements:
+            self.element_tags = np.empty(n_elements, np.uint8)
+            self.element_values = np.empty(n_elements, np.int64)
+
+    def addresses(self) -> tuple[int, int, int, int]:
+        """Of tags, values, and the elements' tags and values."""
+        arrays = (self.tags.array, self.values.array, self.element_tags, self.element_values)
+        tags, values, element_tags, element_values = (each.__array_interface__["data"][0] for each in arrays)
+        return tags, values, element_tags, element_values
 
     def end(self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements]) -> None:
         """After a batch: keep its elements, with those of `instead` for some rows, and code its strings."""

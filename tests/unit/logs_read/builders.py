@@ -113,6 +113,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
     "no chunk index": {"index_types": IndexType.ALL & ~IndexType.CHUNK},
     "no index": {"index_types": IndexType.NONE},
     "no CRC": {"enable_crcs": False},
+    "unchunked with a CRC": {"use_chunking": False, "enable_data_crcs": True},
     "no summary": {
         "use_statistics": False,
         "repeat_channels": False,

@@ -132,7 +132,8 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:
         return high
 
     peak(20)
-    assert peak(1200) < peak(400) + 200_000
+    # 24 MB of images in chunks of 100 kB: some are decompressed ahead, as many as the threads manage.
+    assert peak(1200) < 20 * 100_000
 
 
 def test_stopping_early_leaves_no_thread_behind(tmp_path: Path) -> None:
