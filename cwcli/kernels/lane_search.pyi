@@ -28,6 +28,7 @@ def search(
     mutation_rate: float,
     wheel_shift: float,
     with_centre: bool,
+    min_blocks: int,
     seed_state: int,
     seed_stream: int,
     parabola: _F,
@@ -43,11 +44,12 @@ def search(
         crossover_rate, mutation_rate: Probability per individual, below 1.
         wheel_shift: Added to the fitness on the roulette wheel, grey levels.
         with_centre: The first individual is the middle of the region (the previous result), not a random one.
+        min_blocks: A candidate with fewer blocks on the image is the worst there is; 1 at least.
         seed_state, seed_stream: Of PCG32, uint64.
         parabola: Shape (3,), out.
 
     Returns:
-        Its objective, grey levels; -1e300 if no candidate touched the image.
+        Its objective, grey levels; -1e300 if no candidate had enough blocks.
     """
 
 def decode_code(code: int, low: _F, high: _F, bits: _I, decimals: _F, parabola: _F) -> None:

@@ -74,9 +74,9 @@ cdef inline void decode(Region* region, uint32 code, double* abc) noexcept nogil
 
 
 cdef double judge(
-    const int[:, :, ::1] response, double a, double b, double c, bint is_left, int* n_blocks
+    const int[:, :, ::1] response, double a, double b, double c, bint is_left, int min_blocks, int* n_blocks
 ) noexcept nogil:
-    """Eq. 2, 3: mean response of the blocks on the image; -1e300 if there are none."""
+    """Eq. 2, 3: mean response of the blocks on the image; -1e300 if there are fewer than min_blocks."""
     cdef double slope = b if is_left else -b
     cdef Py_ssize_t kind = 1 if slope > 2.0 else (2 if slope < 0.5 else 0)
     cdef Py_ssize_t width = response.shape[2]
@@ -95,7 +95,7 @@ cdef double judge(
         y += 3.0
         row += width
     n_blocks[0] = n
-    if n == 0:
+    if n < min_blocks:
         return -1e300
     return <double>total / (90.0 * n)
 
@@ -106,7 +106,7 @@ def objective(const int[:, :, ::1] response, const double[:, ::1] parabolas, bin
     cdef Py_ssize_t i
     with nogil:
         for i in range(parabolas.shape[0]):
-            value[i] = judge(response, parabolas[i, 0], parabolas[i, 1], parabolas[i, 2], is_left, &n_blocks[i])
+            value[i] = judge(response, parabolas[i, 0], parabolas[i, 1], parabolas[i, 2], is_left, 1, &n_blocks[i])
 
 
 cdef uint32 cross(Pcg* random, uint32* first, uint32* second, int bits) noexcept nogil:
@@ -181,6 +181,7 @@ def search(
     double mutation_rate,
     double wheel_shift,
     bint with_centre,
+    int min_blocks,
     uint64 seed_state,
     uint64 seed_stream,
     double[::1] parabola,
@@ -201,6 +202,8 @@ def search(
     cdef uint32 mutation_below = <uint32>(mutation_rate * TWO_32)
     cdef int i, after, low_i, high_i, middle, worst, generation, n_blocks
     set_region(&region, low, high, bits, decimals)
+    if min_blocks < 1:
+        raise ValueError(f"at least {min_blocks} blocks")
     if region.bits > MAX_BITS or region.bits < 4:
         raise ValueError(f"a chromosome of {region.bits} bits")
     with nogil:
@@ -216,7 +219,7 @@ def search(
                 parents[0] |= ((region.largest[i] >> 1) + 1) << region.shift[i]
         for i in range(POPULATION):
             decode(&region, parents[i], abc)
-            fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, &n_blocks)
+            fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, min_blocks, &n_blocks)
             if fitness[i] > best_value:
                 best_value = fitness[i]
                 best = parents[i]
@@ -259,7 +262,7 @@ def search(
                 fitness[i] = known[i]  # a copy is as fit as its original
                 if is_new[i]:
                     decode(&region, parents[i], abc)
-                    fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, &n_blocks)
+                    fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, min_blocks, &n_blocks)
                 if fitness[i] < fitness[worst]:
                     worst = i
             # Elitism: the best so far takes the place of the worst; then the best so far is brought up to date.

@@ -19,6 +19,9 @@ CROSSOVER_RATE = 0.45
 MUTATION_RATE = 0.05
 WHEEL_SHIFT = 50.0
 """Grey levels, added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't."""
+MIN_BLOCKS = 25
+"""A candidate that shows fewer of its 50 blocks is never chosen: the mean of a few blocks on a bright spot beats any
+road."""
 DECIMALS = (4, 2, 0)
 """Of a, b, c."""
 FIRST_LEFT = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
@@ -131,6 +134,7 @@ def search_boundary(
         MUTATION_RATE,
         WHEEL_SHIFT,
         phase.reach is not None,
+        MIN_BLOCKS,
         seed & _MASK_64,
         stream,
         made,

@@ -103,6 +103,7 @@ def search(
     mutation_rate,
     shift,
     with_centre,
+    min_blocks,
     seed,
     stream,
 ):
@@ -111,7 +112,8 @@ def search(
     bits = [int(k) for k in bits]
 
     def fitness_of(code):
-        return judge(response, decode(code, low, high, bits, decimals), is_left=is_left)[0]
+        value, n_blocks = judge(response, decode(code, low, high, bits, decimals), is_left=is_left)
+        return value if n_blocks >= min_blocks else -1e300
 
     parents = [random.draw() >> (32 - n) for _ in range(population)]
     if with_centre:

@@ -48,6 +48,7 @@ def test_search_equals_its_twin_bit_for_bit(is_left: bool, with_centre: bool, se
         0.3,
         20.0,
         with_centre,
+        30,
         seed,
         7,
     )
@@ -59,7 +60,7 @@ def test_search_equals_its_twin_bit_for_bit(is_left: bool, with_centre: bool, se
 def test_search_of_a_black_image_draws_uniformly_and_equals_its_twin() -> None:
     response = block_responses(np.zeros((240, 320), np.uint8)).left
     low, high, bits = np.array([-0.005, 0.3, -100.0]), np.array([0.005, 2.3, 150.0]), np.array([7, 8, 8], np.int32)
-    arguments = (response, True, low, high, bits, POWERS, 4, 0.45, 0.05, 0.0, False, 3, 1)
+    arguments = (response, True, low, high, bits, POWERS, 4, 0.45, 0.05, 0.0, False, 1, 3, 1)
     made = np.empty(3)
     value = lane_search.search(*arguments, made)
     assert (*made, value) == naive.search(*arguments)
@@ -71,7 +72,7 @@ def test_search_refuses_a_chromosome_that_does_not_fit() -> None:
     bits = np.array([12, 12, 12], np.int32)
     with pytest.raises(ValueError, match="36 bits"):
         lane_search.search(
-            response, True, np.zeros(3), np.ones(3), bits, POWERS, 1, 0.5, 0.5, 0.0, False, 0, 0, np.empty(3)
+            response, True, np.zeros(3), np.ones(3), bits, POWERS, 1, 0.5, 0.5, 0.0, False, 1, 0, 0, np.empty(3)
         )
 
 
