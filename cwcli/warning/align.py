@@ -66,28 +66,25 @@ def pair_up(host: VehicleTrack, other: VehicleTrack, use: Use, max_age_s: float)
 
 @dataclass(frozen=True)
 class Points:
-    """Points read from paths, all (m, q), the covariance (m, q, 3); `beyond` (m,): read past a path's end."""
+    """Points read from paths, all (m, q); `beyond` (m,): read past a path's end."""
 
     x_m: FloatArray
     y_m: FloatArray
     heading_rad: FloatArray
     speed_mps: FloatArray
-    covariance_m2: FloatArray
     beyond: npt.NDArray[np.bool_]
 
     def rows(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Points:
         """Some rows at some of the times."""
-        x, y, heading, speed, covariance = (
-            values[rows][:, columns]
-            for values in (self.x_m, self.y_m, self.heading_rad, self.speed_mps, self.covariance_m2)
-        )
-        return Points(x, y, heading, speed, covariance, self.beyond[rows])
+        flat = rows[:, None] * self.x_m.shape[1] + columns
+        x, y, heading, speed = (values.take(flat) for values in (self.x_m, self.y_m, self.heading_rad, self.speed_mps))
+        return Points(x, y, heading, speed, self.beyond[rows])
 
 
 def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray) -> Points:
     """Paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, linear between the points.
 
-    Past the end: straight on at the last speed and heading, the covariance as at the end.
+    Past the end: straight on at the last speed and heading.
     """
     step_s = float(paths.time_s[1] - paths.time_s[0])
     last = len(paths.time_s) - 1
@@ -99,11 +96,10 @@ def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArr
     flat = rows[:, None] * (last + 1) + before
 
     def read(values: FloatArray) -> FloatArray:
-        values = values.reshape(-1, *values.shape[2:])
-        first = values.take(flat, axis=0)
-        step = values.take(flat + 1, axis=0)
+        first = values.take(flat)
+        step = values.take(flat + 1)
         step -= first
-        step *= share.reshape(share.shape + (1,) * (step.ndim - 2))
+        step *= share
         first += step
         return first
 
@@ -113,4 +109,15 @@ def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArr
     if beyond.any():
         x += past_s * speed * np.cos(heading)
         y += past_s * speed * np.sin(heading)
-    return Points(x, y, heading, speed, read(paths.position_covariance_m2), beyond)
+    return Points(x, y, heading, speed, beyond)
+
+
+def read_covariance(paths: PathArrays, rows: npt.NDArray[np.intp], at_s: FloatArray) -> FloatArray:
+    """Position covariance of paths `rows` (m,) at one time each, (m, 3); past the end that of the end."""
+    step_s = float(paths.time_s[1] - paths.time_s[0])
+    last = len(paths.time_s) - 1
+    place = np.minimum(at_s / step_s, last)
+    before = np.minimum(place.astype(np.intp), last - 1)
+    share = (place - before)[:, None]
+    covariance = paths.position_covariance_m2
+    return np.asarray((1.0 - share) * covariance[rows, before] + share * covariance[rows, before + 1])

@@ -5,6 +5,7 @@ Positions are relative, other minus host; r(tau) is linear between the path poin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,8 +52,12 @@ def measure(
     radius_m: float,
     host_size: Size,
     other_size: Size,
+    covariance_at: Callable[[FloatArray], FloatArray],
 ) -> Measures:
-    """Measures from the points of both paths at the same times `time_s` (q,), which begin at 0 and hold `horizon_s`."""
+    """Measures from the points of both paths at the same times `time_s` (q,), which begin at 0 and hold `horizon_s`.
+
+    `covariance_at` gives the covariance of the relative position, (m, 3), at one time (m,) of each evaluation.
+    """
     x, y = other.x_m - host.x_m, other.y_m - host.y_m
     distance, closing = _now(host, other, x[:, 0], y[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -60,15 +65,11 @@ def measure(
     segments = _Segments.of(x, y, time_s)
     nearest, share, smallest = segments.nearest()
     start = time_s[nearest]
+    nearest_s = start + share * (time_s[nearest + 1] - start)
     at_horizon = int(np.searchsorted(time_s, horizon_s - 1e-9))
     reach = 0.5 * (np.hypot(*host_size) + np.hypot(*other_size))
     miss, total = _probabilities(
-        segments,
-        nearest,
-        share,
-        host.covariance_m2 + other.covariance_m2,
-        horizon_s=horizon_s,
-        radius_m=radius_m,
+        segments, nearest, share, covariance_at(nearest_s), horizon_s=horizon_s, radius_m=radius_m
     )
     return Measures(
         distance_m=distance,
@@ -76,7 +77,7 @@ def measure(
         ttc_s=ttc,
         horizon_distance_m=np.hypot(x[:, at_horizon], y[:, at_horizon]),
         min_distance_m=smallest,
-        min_time_s=start + share * (time_s[nearest + 1] - start),
+        min_time_s=nearest_s,
         entry_s=segments.entry(radius_m),
         overlap_s=_first_overlap(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
         miss_probability=miss,
@@ -156,7 +157,8 @@ def _probabilities(
 
     At the closest approach of the mean paths the relative position splits into u along the relative velocity (how
     far there still is to go: a matter of time) and w across it (by how much they miss). Both are Gaussian under the sum
-    of the two position covariances. A pair with no relative motion has u along the line between the centres.
+    of the two position covariances, `covariance_m2` (m, 3), at that moment. A pair with no relative motion has u along
+    the line between the centres.
     """
     rows = np.arange(len(nearest))
     x = segments.x[rows, nearest] + share * segments.ex[rows, nearest]
@@ -169,8 +171,7 @@ def _probabilities(
         ux = np.where(moving, vx / speed, np.where(distance > 0.0, -x / distance, 1.0))
         uy = np.where(moving, vy / speed, np.where(distance > 0.0, -y / distance, 0.0))
     to_go, miss = -(x * ux + y * uy), -x * uy + y * ux
-    at = np.minimum(nearest + (share > 0.5), covariance_m2.shape[1] - 1)
-    xx, xy, yy = covariance_m2[rows, at].T
+    xx, xy, yy = covariance_m2.T
     tiny = 1e-12
     sigma_u = np.sqrt(np.maximum(xx * ux**2 + 2.0 * xy * ux * uy + yy * uy**2, tiny))
     sigma_w = np.sqrt(np.maximum(xx * uy**2 - 2.0 * xy * ux * uy + yy * ux**2, tiny))

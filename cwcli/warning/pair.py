@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.actual import Motion
-from cwcli.warning.align import Points, pair_up, read_paths
+from cwcli.warning.align import Points, pair_up, read_covariance, read_paths
 from cwcli.warning.conflicts import RealConflict, Verdict
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.measures import Measures, measure
@@ -179,5 +179,8 @@ def _read_and_measure(
         radius_m=config.distance_m,
         host_size=host.outline_m,
         other_size=other.outline_m,
+        covariance_at=lambda at_s: (
+            read_covariance(host.paths, host_row, at_s) + read_covariance(paths, other_row, age_s + at_s)
+        ),
     )
     return measures, theirs.beyond

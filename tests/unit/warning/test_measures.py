@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from cwcli.prediction.paths import Paths
-from cwcli.warning.align import read_paths
+from cwcli.warning.align import read_covariance, read_paths
 from cwcli.warning.measures import Measures, measure
 from cwcli.warning.probability import normal_cdf
 from tests.unit.warning.vehicles import straight
@@ -26,6 +26,7 @@ def between(host_paths: Paths, other_paths: Paths) -> Measures:
         radius_m=2.5,
         host_size=CAR,
         other_size=CAR,
+        covariance_at=lambda at_s: read_covariance(host_paths, row, at_s) + read_covariance(other_paths, row, at_s),
     )
 
 

@@ -1,0 +1,217 @@
+"""Paths from the observer: 2 s ahead from v, v_y, gamma and the road's curvature (zhang2011, section 4.2).
+
+Two models. "zhang2011" keeps v, v_y and gamma. "cwcli", the default, lets the yaw rate go over to the one that the
+road's curvature asks for, since drivers follow roads; the car's place in the lane does not pull the path back to the
+middle, so a drift stays a drift. The uncertainty grows from the observer's covariance, the curvature's sigma and the
+driver's unrest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.dynamics.samples import PREVIEW_M, LateralTrack
+from cwcli.dynamics.single_track import steady_lateral_lever
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.errors import UsageError
+from cwcli.prediction.paths import Paths
+from cwcli.signals.columns import FloatArray
+
+NS_PER_S = 1e9
+LATERAL_MODELS = ("cwcli", "zhang2011")
+Z_90 = 1.6448536269514722
+
+
+@dataclass(frozen=True)
+class LateralPathConfig:
+    """Options.
+
+    Attributes:
+        model: One of `LATERAL_MODELS`.
+        horizon_s, step_s: Of the paths.
+        preview_m: Of the preview point ahead of the camera.
+        adapt_s: Time constant with which the yaw rate goes over to the road's.
+        unrest_mps2: Standard deviation of the driver's unwanted lateral acceleration, correlated over `adapt_s`.
+        curvature_sigma_1pm: Of the road's curvature.
+        speed_sigma_mps: Of the speed, and `accel_sigma_mps2` of its change.
+        default_sigma: Of v_y (m/s) and gamma (rad/s), where the observer gives no covariance.
+    """
+
+    model: str = "cwcli"
+    horizon_s: float = 2.0
+    step_s: float = 0.05
+    preview_m: float = PREVIEW_M
+    adapt_s: float = 0.7
+    unrest_mps2: float = 0.25
+    curvature_sigma_1pm: float = 2e-4
+    speed_sigma_mps: float = 0.1
+    accel_sigma_mps2: float = 0.3
+    default_sigma: tuple[float, float] = (0.05, 0.01)
+
+    def __post_init__(self) -> None:
+        """Check the options.
+
+        Raises:
+            UsageError: Unknown model, or times that are not positive or do not fit.
+        """
+        if self.model not in LATERAL_MODELS:
+            raise UsageError(f"there is no path model '{self.model}'", hint=f"one of: {', '.join(LATERAL_MODELS)}")
+        ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s, self.preview_m))
+        if not ok or self.step_s > self.horizon_s:
+            raise UsageError(f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is not possible")
+
+
+def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConfig | None = None) -> Paths:
+    """The path of the centre of gravity from each frame, in the body frame of that frame (x forward, y left).
+
+    Args:
+        track: From the observer, n frames.
+        vehicle: The car.
+        config: Options; None: the defaults.
+
+    Returns:
+        n paths; NaN where the track has no state.
+    """
+    config = config or LateralPathConfig()
+    t = np.arange(round(config.horizon_s / config.step_s) + 1, dtype=np.float64) * config.step_s
+    v = np.asarray(track.speed_mps, dtype=np.float64)[:, None]
+    lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
+    reach_m = config.preview_m + vehicle.camera_forward_m
+    if config.model == "zhang2011":
+        turning = np.broadcast_to(yaw_rate, (len(v), len(t)))
+        sideways = np.broadcast_to(lateral, turning.shape)
+        forgets = np.zeros_like(t)
+    else:
+        here, ahead = road_curvature(track, reach_m)
+        road = v * (here[:, None] + (ahead - here)[:, None] * np.clip(v * t / reach_m, 0.0, 1.0))
+        forgets = np.exp(-t / config.adapt_s)
+        turning = road + (yaw_rate - road[:, :1]) * forgets
+        lever = steady_lateral_lever(vehicle, v)
+        sideways = lateral + lever * (turning - yaw_rate)
+    heading = _integral(turning, config.step_s)
+    cos, sin = np.cos(heading), np.sin(heading)
+    forward = np.broadcast_to(v, heading.shape)
+    return Paths(
+        time_s=t,
+        x_m=_integral(forward * cos - sideways * sin, config.step_s),
+        y_m=_integral(forward * sin + sideways * cos, config.step_s),
+        heading_rad=heading,
+        speed_mps=np.hypot(forward, sideways),
+        position_covariance_m2=_covariance(track, vehicle, t, heading, v, config),
+    )
+
+
+def road_curvature(track: LateralTrack, reach_m: float) -> tuple[FloatArray, FloatArray]:
+    """The road's curvature beside the car and at the preview point, left bend positive, shape (n,) each.
+
+    Beside the car is what was at the preview point one preview distance ago; before that distance has been driven, and
+    across a pause of the track, what is at the preview point.
+    """
+    ahead = -np.asarray(track.curvature_1pm, dtype=np.float64)
+    known = np.isfinite(ahead)
+    if not known.any():
+        return np.zeros_like(ahead), np.zeros_like(ahead)
+    dt = np.diff(track.stamp_ns, prepend=track.stamp_ns[:1]) / NS_PER_S
+    driven = np.cumsum(np.nan_to_num(track.speed_mps) * dt)
+    before = driven - reach_m
+    here = np.interp(before, driven[known], ahead[known])
+    at = np.searchsorted(driven[known], before)
+    is_old = before >= driven[known][0]
+    near = np.abs(driven[known][np.minimum(at, np.count_nonzero(known) - 1)] - before) <= reach_m
+    filled = np.where(known, ahead, 0.0)
+    return np.where(is_old & near, here, filled), filled
+
+
+def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> Paths:
+    """Paths of the body frame placed in the map, from n poses of shape (n,)."""
+    cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
+    xx, xy, yy = np.moveaxis(paths.position_covariance_m2, -1, 0)
+    return Paths(
+        time_s=paths.time_s,
+        x_m=x_m[:, None] + cos * paths.x_m - sin * paths.y_m,
+        y_m=y_m[:, None] + sin * paths.x_m + cos * paths.y_m,
+        heading_rad=heading_rad[:, None] + paths.heading_rad,
+        speed_mps=paths.speed_mps,
+        position_covariance_m2=np.stack(
+            [
+                cos**2 * xx - 2.0 * cos * sin * xy + sin**2 * yy,
+                cos * sin * (xx - yy) + (cos**2 - sin**2) * xy,
+                sin**2 * xx + 2.0 * cos * sin * xy + cos**2 * yy,
+            ],
+            axis=-1,
+        ),
+    )
+
+
+def dead_reckon(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """x, y and heading of the observed motion itself, shape (n,) each, from (0, 0, 0) at the first frame.
+
+    Where there is no state, the car is taken to go straight on.
+    """
+    dt = np.diff(track.stamp_ns, prepend=track.stamp_ns[:1]) / NS_PER_S
+    yaw_rate, lateral = np.nan_to_num(track.state[:, 1]), np.nan_to_num(track.state[:, 0])
+    heading = np.cumsum(_step_mean(yaw_rate) * dt)
+    v = np.nan_to_num(track.speed_mps)
+    cos, sin = np.cos(heading), np.sin(heading)
+    x = np.cumsum(_step_mean(v * cos - lateral * sin) * dt)
+    y = np.cumsum(_step_mean(v * sin + lateral * cos) * dt)
+    return x, y, heading
+
+
+def _step_mean(values: FloatArray) -> FloatArray:
+    before = np.concatenate([values[:1], values[:-1]])
+    return 0.5 * (values + before)
+
+
+def _integral(rate: FloatArray, step_s: float) -> FloatArray:
+    """Trapezoidal rule along the rows, from 0."""
+    whole = np.cumsum(0.5 * step_s * (rate[:, 1:] + rate[:, :-1]), axis=1)
+    return np.concatenate([np.zeros((len(rate), 1)), whole], axis=1)
+
+
+def _covariance(
+    track: LateralTrack, vehicle: Vehicle, t: FloatArray, heading: FloatArray, v: FloatArray, config: LateralPathConfig
+) -> FloatArray:
+    """Across the path: what v_y, gamma, the curvature and the driver leave open; along it: the speed. (n, k, 3)."""
+    n = len(v)
+    assumed = np.diag(np.square(config.default_sigma))
+    given = track.covariance[:, :2, :2]
+    start = np.where(np.isfinite(given).all(axis=(1, 2))[:, None, None], given, assumed)
+    lever = steady_lateral_lever(vehicle, v)
+    turned, bent = _memory(t, config)
+    to_gamma = v * bent + lever * (turned - t)  # how far gamma's error carries the car sideways
+    to_lateral = np.broadcast_to(t, to_gamma.shape)
+    across = (
+        start[:, 0, 0, None] * to_lateral**2
+        + 2.0 * start[:, 0, 1, None] * to_lateral * to_gamma
+        + start[:, 1, 1, None] * to_gamma**2
+    )
+    if config.model != "zhang2011":
+        across = across + (config.curvature_sigma_1pm * v**2 * (0.5 * t**2 - bent)) ** 2
+    # White noise behind the yaw rate: the integral of the squared answer to an impulse.
+    swing = _memory(t, LateralPathConfig(adapt_s=config.adapt_s))[1]
+    grown = np.concatenate([[0.0], np.cumsum(0.5 * config.step_s * (swing[1:] ** 2 + swing[:-1] ** 2))])
+    across = across + 2.0 * config.unrest_mps2**2 / config.adapt_s * grown
+    along = (config.speed_sigma_mps * t) ** 2 + (0.5 * config.accel_sigma_mps2 * t**2) ** 2
+    cos, sin = np.cos(heading), np.sin(heading)
+    along_rows = np.broadcast_to(along, (n, len(t)))
+    return np.stack(
+        [
+            cos**2 * along_rows + sin**2 * across,
+            cos * sin * (along_rows - across),
+            sin**2 * along_rows + cos**2 * across,
+        ],
+        axis=-1,
+    )
+
+
+def _memory(t: FloatArray, config: LateralPathConfig) -> tuple[FloatArray, FloatArray]:
+    """First and second integral of what is left of a yaw rate error after t."""
+    if config.model == "zhang2011":
+        return t, 0.5 * t**2
+    tau = config.adapt_s
+    turned = -tau * np.expm1(-t / tau)
+    return turned, tau * (t - turned)

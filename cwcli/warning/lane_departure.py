@@ -1,0 +1,381 @@
+"""Lane departure: warn when the predicted path takes a front tyre over a boundary.
+
+What it does: the outside of each front tyre is carried along the predicted path and compared with the fitted
+boundaries; the time to line crossing is when the first of them meets its boundary. It warns below `warn_s`, and once
+a tyre is on the line, but never before ISO's earliest warning line.
+
+Why: a constant lateral speed or a constant turning radius misjudges bends and the driver's steering (zhang2011,
+section 0).
+
+Zones (ISO 17361, lane departure warning systems, 4.3, for passenger cars): with V the rate of departure, the earliest
+line lies 0.75 m inside the boundary for V up to 0.5 m/s, 1.5 s V for V up to 1.0 m/s, 1.5 m above; the latest line
+lies 0.3 m outside it (1.0 m for trucks and buses). A system of class I must work from 20 m/s on, one of class II from
+17 m/s on.
+
+Limits: it does not know the turn signal, so a wanted lane change is warned of too. Without a boundary on a side, or
+slower than `min_speed_mps`, that side is silent and counted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import UsageError
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.signals.columns import Field, FloatArray, Int64Array, Strings
+from cwcli.warning.events import NS_PER_S, Span, find_events
+from cwcli.warning.output import CLEARED, HELD, RAISED, UNKNOWN_NS, strings
+from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
+
+RULE = "lane-departure"
+SIDES = ("left", "right")
+
+EARLIEST_SLOW_M = 0.75
+EARLIEST_S = 1.5
+EARLIEST_FAST_M = 1.5
+LATEST_CAR_M = -0.3
+LATEST_TRUCK_M = -1.0
+CLASS_I_MPS = 20.0
+CLASS_II_MPS = 17.0
+
+
+def earliest_line_m(rate_mps: FloatArray) -> FloatArray:
+    """Distance inside the boundary before which no warning may come, at a rate of departure (ISO 17361)."""
+    return np.clip(EARLIEST_S * np.asarray(rate_mps, dtype=np.float64), EARLIEST_SLOW_M, EARLIEST_FAST_M)
+
+
+@dataclass(frozen=True)
+class LaneDepartureConfig:
+    """Options.
+
+    Attributes:
+        warn_s: Warn when the time to line crossing falls to this.
+        min_rate_mps: A slower approach is no departure until the tyre is on the line.
+        release_s: The warning is held until the time to line crossing is longer than this
+        release_m: and the tyre is farther than this inside the boundary.
+        persistence_s: The condition must have held this long.
+        hold_off_s: A condition that has been false this long is over.
+        min_speed_mps: No warning is raised below this speed; a raised one ends `speed_hysteresis_mps` below it.
+        rate_over_s: The rate of departure is taken over this piece of the path.
+        max_width_m, min_width_m: Boundaries that are nearer or farther from each other than this are not believed.
+    """
+
+    warn_s: float = 0.7
+    min_rate_mps: float = 0.05
+    release_s: float = 1.5
+    release_m: float = 0.1
+    persistence_s: float = 0.1
+    hold_off_s: float = 1.0
+    min_speed_mps: float = CLASS_II_MPS
+    speed_hysteresis_mps: float = 1.0
+    rate_over_s: float = 0.3
+    min_width_m: float = 2.0
+    max_width_m: float = 6.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            UsageError: A value is negative, not a number, or the thresholds contradict each other.
+        """
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value >= 0.0):
+                raise UsageError(f"{name} is {value!r}; permitted: a number from 0", where=RULE)
+        if self.release_s < self.warn_s:
+            raise UsageError(f"release_s ({self.release_s:g}) is below warn_s ({self.warn_s:g})", where=RULE)
+        if self.min_width_m >= self.max_width_m:
+            raise UsageError("min_width_m is not below max_width_m", where=RULE)
+
+
+@dataclass(frozen=True)
+class Boundaries:
+    """Both boundaries in the body frame: y = y0 + s x + k x^2 / 2 with x from the camera, left positive.
+
+    Attributes:
+        left, right: Shape (n, 3): y0 (m), s, k (1/m); NaN where not found.
+        camera_forward_m: Of the camera ahead of the centre of gravity.
+    """
+
+    left: FloatArray
+    right: FloatArray
+    camera_forward_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class LaneDepartureResult:
+    """Warnings of leaving the lane.
+
+    Attributes:
+        log_time_ns: Shape (w,), non-decreasing.
+        channel: Columns of `cwcli.v1.Warning`; `other_id` is "left boundary" or "right boundary".
+        events: One row an event.
+        series: One row a frame.
+        counts: What was done with the frames of each side, by name.
+    """
+
+    log_time_ns: Int64Array
+    channel: Mapping[str, Field]
+    events: Table
+    series: Table
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One side at each frame, shape (n,): gap of the tyre, rate, time to crossing, probability; and the events."""
+
+    gap_m: FloatArray
+    rate_mps: FloatArray
+    crossing_s: FloatArray
+    end_gap_m: FloatArray
+    probability: FloatArray
+    spans: list[Span]
+
+
+def evaluate_lane_departure(
+    stamp_ns: Int64Array,
+    log_time_ns: Int64Array,
+    paths: PathArrays,
+    boundaries: Boundaries,
+    speed_mps: FloatArray,
+    config: LaneDepartureConfig | None = None,
+    *,
+    width_m: float = DEFAULT_WIDTH_M,
+    front_axle_m: float = 1.2,
+    host_id: str = "ego",
+) -> LaneDepartureResult:
+    """Judge the boundaries at every frame.
+
+    Args:
+        stamp_ns: Shape (n,), strictly increasing.
+        log_time_ns: Shape (n,), non-decreasing.
+        paths: n paths of the centre of gravity in each frame's body frame, at least `warn_s` long.
+        boundaries: Of the same frames.
+        speed_mps: Shape (n,).
+        config: Options; None: the defaults.
+        width_m: Outside of the front tyres.
+        front_axle_m: Ahead of the centre of gravity.
+        host_id: The warned vehicle.
+
+    Raises:
+        UsageError: The paths are too short.
+    """
+    config = config or LaneDepartureConfig()
+    if paths.time_s[-1] < config.warn_s - 1e-9:
+        raise UsageError(
+            f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead", where=RULE
+        )
+    lines = _believed(boundaries, config)
+    sides = [
+        _side(stamp_ns, paths, line, sign, boundaries.camera_forward_m, speed_mps, config, width_m, front_axle_m)
+        for line, sign in zip(lines, (1.0, -1.0), strict=True)
+    ]
+    found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
+    events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
+    log, channel = _channel(sides, events, stamp_ns, log_time_ns, host_id)
+    return LaneDepartureResult(
+        log_time_ns=log,
+        channel=channel,
+        events=_events(sides, events, stamp_ns, host_id),
+        series=_series(sides, stamp_ns),
+        counts=_counts(boundaries, lines, speed_mps, config),
+    )
+
+
+def _believed(boundaries: Boundaries, config: LaneDepartureConfig) -> tuple[FloatArray, FloatArray]:
+    """Both sides; NaN in frames whose boundaries cross or are too far from each other."""
+    with np.errstate(invalid="ignore"):
+        width = boundaries.left[:, 0] - boundaries.right[:, 0]
+        wrong = (width < config.min_width_m) | (width > config.max_width_m)
+    left, right = (np.where(wrong[:, None], np.nan, line) for line in (boundaries.left, boundaries.right))
+    return left, right
+
+
+def _side(
+    stamp_ns: Int64Array,
+    paths: PathArrays,
+    line: FloatArray,
+    sign: float,
+    camera_forward_m: float,
+    speed_mps: FloatArray,
+    config: LaneDepartureConfig,
+    width_m: float,
+    front_axle_m: float,
+) -> _Side:
+    t = paths.time_s
+    cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
+    x = paths.x_m + front_axle_m * cos - sign * 0.5 * width_m * sin
+    y = paths.y_m + front_axle_m * sin + sign * 0.5 * width_m * cos
+    ahead = x - camera_forward_m
+    y0, slope0, curve = (line[:, k, None] for k in range(3))
+    slope = slope0 + curve * ahead
+    gap = sign * (y0 + (slope0 + 0.5 * curve * ahead) * ahead - y) / np.sqrt(1.0 + slope**2)
+    last = max(1, int(np.searchsorted(t, config.rate_over_s - 1e-9)))
+    rate = (gap[:, 0] - gap[:, last]) / t[last]
+    crossing = _first_crossing(t, gap)
+    within = t <= config.warn_s + 1e-9
+    sigma = np.sqrt(np.maximum(paths.position_covariance_m2[:, :, 2], 1e-12))
+    with np.errstate(invalid="ignore"):
+        chance = np.max(_normal_cdf(-gap[:, within] / sigma[:, within]), axis=1)
+        near = gap[:, 0] <= earliest_line_m(rate)
+        over = (gap[:, 0] <= 0.0) & (rate > -config.min_rate_mps)
+        leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps)
+        fast = speed_mps >= config.min_speed_mps
+        raised = near & (over | leaving) & fast
+        held = (gap[:, 0] < config.release_m) | ((crossing <= config.release_s) & (rate > 0.0))
+        held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
+    spans = find_events(
+        stamp_ns,
+        raised,
+        raised,
+        held,
+        clock_ns=stamp_ns,
+        persistence_s=config.persistence_s,
+        hold_off_s=config.hold_off_s,
+    )
+    return _Side(gap[:, 0], rate, crossing, gap[:, -1], chance, spans)
+
+
+def _first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
+    """When the gap first becomes zero, linear between points; inf: not within the path, NaN: not known; shape (n,)."""
+    over = gap <= 0.0
+    at = np.argmax(over, axis=1)
+    rows = np.arange(len(gap))
+    before = np.maximum(at - 1, 0)
+    drop = gap[rows, before] - gap[rows, at]
+    share = gap[rows, before] / np.where(drop > 0.0, drop, 1.0)
+    crossing = t[before] + share * (t[at] - t[before])
+    crossing = np.where(at == 0, 0.0, crossing)
+    crossing = np.where(over.any(axis=1), crossing, np.inf)
+    return np.where(np.isfinite(gap[:, 0]), crossing, np.nan)
+
+
+def _normal_cdf(z: FloatArray) -> FloatArray:
+    """Standard normal distribution function (Abramowitz and Stegun 26.2.17, within 7.5e-8)."""
+    k = 1.0 / (1.0 + 0.2316419 * np.abs(z))
+    series = k * (0.319381530 + k * (-0.356563782 + k * (1.781477937 + k * (-1.821255978 + k * 1.330274429))))
+    tail = np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi) * series
+    return np.where(z > 0.0, 1.0 - tail, tail)
+
+
+def _channel(
+    sides: list[_Side],
+    events: list[tuple[int, int, Span]],
+    stamp_ns: Int64Array,
+    log_time_ns: Int64Array,
+    host_id: str,
+) -> tuple[Int64Array, dict[str, Field]]:
+    rows: list[tuple[int, int, int, int, str, float, float, float, str]] = []
+    nan = float("nan")
+    for number, at, span in events:
+        side, name = sides[at], SIDES[at]
+        for i in range(span.raised, span.last + 1):
+            state = RAISED if i == span.raised else HELD
+            time, gap, rate = float(side.crossing_s[i]), float(side.gap_m[i]), float(side.rate_mps[i])
+            when = f"in {time:.1f} s" if math.isfinite(time) and time > 0.0 else "now"
+            text = f"leaving the lane to the {name} {when}: {gap:.2f} m to the line, {rate:.2f} m/s"
+            distance = 0.0 if math.isfinite(time) else float(side.end_gap_m[i])
+            chance = float(side.probability[i])
+            rows.append((int(log_time_ns[i]), int(stamp_ns[i]), number, state, name, time, distance, chance, text))
+        if span.cleared is not None:
+            i = span.cleared
+            text = f"warning {number} of the {name} boundary is over"
+            rows.append((int(log_time_ns[i]), int(stamp_ns[i]), number, CLEARED, name, nan, nan, nan, text))
+    rows.sort(key=lambda row: (row[0], row[2], row[3]))
+    columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 9
+    log, stamp, number_, state_, name_, time_, distance_, chance_, text_ = columns
+    n = len(rows)
+    return np.array(log, dtype=np.int64), {
+        "stamp_ns": np.array(stamp, dtype=np.int64),
+        "rule": Strings(np.zeros(n, np.int32), (RULE,)),
+        "event_id": np.array(number_, dtype=np.int64),
+        "state": np.array(state_, dtype=np.int32),
+        "host_id": Strings(np.zeros(n, np.int32), (host_id,)),
+        "other_id": strings([f"{name} boundary" for name in name_]),
+        "time_to_event_s": np.array(time_, dtype=np.float64),
+        "predicted_distance_m": np.array(distance_, dtype=np.float64),
+        "ttc_s": np.full(n, np.nan),
+        "probability": np.array(chance_, dtype=np.float64),
+        "message": strings(text_),
+    }
+
+
+def _events(sides: list[_Side], events: list[tuple[int, int, Span]], stamp_ns: Int64Array, host_id: str) -> Table:
+    def at_raise(name: str) -> FloatArray:
+        return np.array([float(getattr(sides[at], name)[span.raised]) for _, at, span in events], dtype=np.float64)
+
+    def stamps(values: list[int]) -> Int64Array:
+        return np.array(values, dtype=np.int64)
+
+    cleared = [UNKNOWN_NS if span.cleared is None else int(stamp_ns[span.cleared]) for _, _, span in events]
+    raised, last = (
+        stamps([int(stamp_ns[getattr(span, name)]) for _, _, span in events]) for name in ("raised", "last")
+    )
+    gap, rate = at_raise("gap_m"), at_raise("rate_mps")
+    columns: dict[str, Any] = {
+        "event_id": stamps([number for number, _, _ in events]),
+        "rule": [RULE] * len(events),
+        "host_id": [host_id] * len(events),
+        "side": [SIDES[at] for _, at, _ in events],
+        "raised_stamp_ns": raised,
+        "last_held_stamp_ns": last,
+        "cleared_stamp_ns": stamps(cleared),
+        "duration_s": (last - raised) / NS_PER_S,
+        "time_to_line_crossing_s": at_raise("crossing_s"),
+        "gap_m": gap,
+        "departure_rate_mps": rate,
+        "earliest_line_m": earliest_line_m(rate),
+        "latest_line_m": np.full(len(events), LATEST_CAR_M),
+        "probability": at_raise("probability"),
+    }
+    docs = {
+        "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
+        "gap_m": ColumnDoc(doc="outside of the front tyre to the boundary when the warning was raised"),
+        "earliest_line_m": ColumnDoc(doc="ISO 17361's earliest warning line at that rate, inside the boundary"),
+        "latest_line_m": ColumnDoc(doc="ISO 17361's latest warning line for passenger cars; negative: outside"),
+    }
+    return Table("lane_departures", columns, docs)
+
+
+def _series(sides: list[_Side], stamp_ns: Int64Array) -> Table:
+    columns: dict[str, Any] = {"stamp_ns": stamp_ns}
+    for name, side in zip(SIDES, sides, strict=True):
+        active = np.zeros(len(stamp_ns), dtype=np.bool_)
+        for span in side.spans:
+            active[span.raised : span.last + 1] = True
+        columns |= {
+            f"{name}_gap_m": side.gap_m,
+            f"{name}_departure_rate_mps": side.rate_mps,
+            f"{name}_time_to_line_crossing_s": side.crossing_s,
+            f"{name}_is_active": active,
+        }
+    return Table("lane_series", columns)
+
+
+def _counts(
+    boundaries: Boundaries,
+    lines: tuple[FloatArray, FloatArray],
+    speed_mps: FloatArray,
+    config: LaneDepartureConfig,
+) -> dict[str, int]:
+    def missing(line: FloatArray) -> npt.NDArray[np.bool_]:
+        return np.asarray(np.isnan(line).any(axis=1), dtype=np.bool_)
+
+    fast = speed_mps >= config.min_speed_mps
+    wrong = missing(lines[0]) & ~missing(boundaries.left) & ~missing(boundaries.right)
+    return {
+        "frames": len(speed_mps),
+        "left_evaluated": int(np.count_nonzero(fast & ~missing(lines[0]))),
+        "right_evaluated": int(np.count_nonzero(fast & ~missing(lines[1]))),
+        "left_not_found": int(np.count_nonzero(missing(boundaries.left))),
+        "right_not_found": int(np.count_nonzero(missing(boundaries.right))),
+        "width_not_believed": int(np.count_nonzero(wrong)),
+        "too_slow": int(np.count_nonzero(speed_mps < config.min_speed_mps)),
+        "speed_not_known": int(np.count_nonzero(~np.isfinite(speed_mps))),
+    }
