@@ -1,0 +1,98 @@
+"""A small version of `cwcli reproduce song2016`: the paper's numbers on a few seeds; the command is the full one."""
+
+import numpy as np
+import pytest
+
+from cwcli.stages.song2016.control import control_part
+from cwcli.stages.song2016.estimation import table1_part
+from cwcli.stages.song2016.finding import Finding, ordered, within
+from cwcli.stages.song2016.methods import STEP_S, trailing_slope
+from cwcli.stages.song2016.prediction import prediction_errors, prediction_part
+from cwcli.stages.song2016.warning import (
+    PAPER_MOMENTS_S,
+    TRAPS,
+    Moments,
+    false_warnings,
+    figure_part,
+    first_below,
+    warning_moments,
+)
+
+SEEDS = 6
+
+
+def nothing() -> None:
+    return None
+
+
+@pytest.fixture(scope="module", params=["rear-end", "intersection"])
+def moments(request: pytest.FixtureRequest) -> tuple[str, Moments]:
+    return request.param, warning_moments(request.param, SEEDS, nothing)
+
+
+def required(findings: tuple[Finding, ...]) -> list[Finding]:
+    return [finding for finding in findings if finding.is_required]
+
+
+def test_warning_moments_are_the_papers_within_a_tenth(moments: tuple[str, Moments]) -> None:
+    name, found = moments
+    for family in ("jerk", "acceleration", "speed"):
+        assert np.nanmedian(found.by_method[family]) == pytest.approx(PAPER_MOMENTS_S[name][family], abs=0.1 + 1e-9)
+    assert found.ideal_s == pytest.approx(PAPER_MOMENTS_S[name]["ideal"], abs=0.1)
+
+
+def test_no_required_warning_finding_fails(moments: tuple[str, Moments]) -> None:
+    failed = [f"{f.what}: {f.ours}" for f in required(figure_part(*moments).findings) if f.has_failed]
+    assert not failed
+
+
+def test_control_comes_out_as_in_the_paper(moments: tuple[str, Moments]) -> None:
+    findings = required(control_part(*moments).findings)
+    assert len(findings) >= 1
+    assert not [f"{f.what}: {f.ours}" for f in findings if f.has_failed]
+
+
+@pytest.mark.parametrize("name", ["straight", "curve"])
+def test_order_of_the_families_in_figures_3_and_5(name: str) -> None:
+    findings = required(prediction_part(name, prediction_errors(name, SEEDS, nothing)).findings)
+    assert len(findings) == 2  # mean and maximum
+    assert not [f"{f.what}: {f.ours}" for f in findings if f.has_failed]
+
+
+def test_table_1_of_our_smoother_on_the_straight() -> None:
+    findings = required(table1_part("straight", SEEDS, nothing).findings)
+    assert len(findings) == 5
+    assert not [f"{f.what}: {f.ours:.1f} against {f.paper:g}" for f in findings if f.has_failed]
+
+
+@pytest.mark.parametrize("name", TRAPS)
+def test_default_rule_is_silent_in_the_traps(name: str) -> None:
+    assert false_warnings(name, 3, nothing)["cwcli"] == 0
+
+
+def test_trailing_slope_of_a_line_is_its_slope() -> None:
+    values = 3.0 + 2.0 * STEP_S * np.arange(20)
+    slope = trailing_slope(values, 8)
+    np.testing.assert_allclose(slope[7:], 2.0)
+    np.testing.assert_array_equal(slope[:7], 0.0)
+
+
+def test_trailing_slope_looks_back_only() -> None:
+    values = np.where(np.arange(20) < 10, 0.0, 1.0)
+    assert np.all(trailing_slope(values, 4)[:10] == 0.0)
+    assert trailing_slope(values, 4)[10] > 0.0
+
+
+def test_first_below_by_hand() -> None:
+    assert first_below(np.array([0.0, 1.0, 2.0]), np.array([5.0, 2.4, 1.0]), 2.5) == 1.0
+    assert np.isnan(first_below(np.array([0.0, 1.0]), np.array([5.0, 2.5]), 2.5))
+
+
+def test_verdicts() -> None:
+    assert within(3.7, 3.6, 0.1) == "reproduced"
+    assert within(3.71, 3.6, 0.1) == "differs"
+    assert ordered([1.0, 2.0, 3.0])
+    assert not ordered([1.0, 1.0])
+    nan = float("nan")
+    assert Finding("fig 9", "", "s", 1.0, 2.0, nan, nan, "differs", is_required=True).has_failed
+    assert not Finding("fig 9", "", "s", 1.0, 2.0, nan, nan, "differs").has_failed
