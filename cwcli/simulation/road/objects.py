@@ -18,6 +18,7 @@ from cwcli.simulation.road.trees import N_SHAPES, draw_tree
 from cwcli.simulation.road.truth import BoolArray
 
 MIN_DEPTH_M = 0.5
+CIRCLE = [(math.cos(angle), math.sin(angle)) for angle in np.arange(14) * (2 * math.pi / 14)]
 HAZE_GREY = 200.0
 NIGHT_GREY = 0.16
 POST_SPACING_M = 50.0
@@ -101,7 +102,7 @@ def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArr
     grey, waist = vehicle.grey, height if is_tall else 0.62 * height
     near = half if y < 0 else -half  # the flank that faces the camera's lane
     body, glass = [], 45.0
-    low = 0.28
+    low = 0.24
     body.append(shape(0.72 * grey, (0, near, low), (length, near, low), (length, near, waist), (0, near, waist)))
     if not is_tall:
         inner = near * 0.82
@@ -110,8 +111,8 @@ def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArr
                   (0.8, inner, height))
         )  # fmt: skip
     for along in (0.8, length - 0.9):
-        wheel = [(along + dx, near, up) for dx, up in ((-0.33, 0.02), (0.33, 0.02), (0.33, 0.6), (-0.33, 0.6))]
-        body.append(shape(22.0, *wheel))
+        for radius, wheel_grey in ((0.34, 20.0), (0.2, 0.5 * grey + 30.0)):
+            body.append(shape(wheel_grey, *((along + radius * c, near, 0.33 + radius * d) for c, d in CIRCLE)))
     for across in (half - 0.12, -half + 0.12):
         body.append(face(18.0, across + 0.11, across - 0.11, 0.0, 0.4))
     body.append(face(0.45 * grey, half, -half, low - 0.08, 0.5))
@@ -132,9 +133,9 @@ def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArr
         lamp_grey = 240.0 if vehicle.is_oncoming else (170.0 if vehicle.is_braking else 75.0)
         body.append(face(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
         centre = view.points(*(np.array([value]) for value in at(0.0, across, lamp_z)))[0]
-        radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.09) / max(x, 1.0)
+        radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.11) / max(x, 1.0)
         if np.isfinite(centre).all():
-            strength = 1.0 if vehicle.is_oncoming else (0.5 if vehicle.is_braking else 0.28)
+            strength = 1.0 if vehicle.is_oncoming else (0.7 if vehicle.is_braking else 0.4)
             lamps.append(Lamp(float(centre[0]), float(centre[1]), max(radius, 0.6), strength))
     draw(image, body, hidden=hidden)
     return lamps
