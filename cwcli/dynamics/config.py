@@ -22,6 +22,8 @@ class FilterNoise:
         gyro_bias_radps, gyro_bias_walk_radps: Of the measured yaw rate.
         camera_yaw_rad, camera_yaw_walk_rad: Of the camera's mounting.
         lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Of frames that carry no sigmas.
+        lateral_floor_m, heading_floor_rad, curvature_floor_1pm: Added to every frame's sigmas (as squares): a
+            parabola does not fit a road whose curvature changes, and errors of one frame's values go together.
         yaw_rate_sigma_radps, steer_sigma_rad: Of sensors that carry none.
         start_lateral_speed_mps, start_yaw_rate_radps, start_steer_rad, start_curvature_1pm: At the first frame, about
             a car that follows the road steadily.
@@ -29,7 +31,7 @@ class FilterNoise:
         restart_after: So many disbelieved frames in a row start the filter anew.
     """
 
-    lateral_speed_walk_mps: float = 0.10
+    lateral_speed_walk_mps: float = 0.05
     yaw_rate_walk_radps: float = 0.02
     steer_walk_rad: float = 0.004
     curvature_walk_1pm: float = 4e-5
@@ -42,6 +44,9 @@ class FilterNoise:
     lateral_sigma_m: float = 0.10
     heading_sigma_rad: float = 0.005
     curvature_sigma_1pm: float = 3e-4
+    lateral_floor_m: float = 0.03
+    heading_floor_rad: float = 0.0015
+    curvature_floor_1pm: float = 2e-4
     yaw_rate_sigma_radps: float = 0.002
     steer_sigma_rad: float = 0.002
     start_lateral_speed_mps: float = 1.0
@@ -90,7 +95,10 @@ class ObserverConfig:
         Raises:
             UsageError: A value is not positive, or not a number.
         """
-        may_be_zero = {"load_walk", "gyro_bias_radps", "gyro_bias_walk_radps", "camera_yaw_rad", "camera_yaw_walk_rad"}
+        may_be_zero = {
+            *("load_walk", "gyro_bias_radps", "gyro_bias_walk_radps", "camera_yaw_rad", "camera_yaw_walk_rad"),
+            *("lateral_floor_m", "heading_floor_rad", "curvature_floor_1pm"),
+        }
         values = {name: getattr(self, name) for name in _POSITIVE}
         values |= {f"noise.{each.name}": getattr(self.noise, each.name) for each in fields(self.noise)}
         for name, value in values.items():

@@ -175,10 +175,11 @@ def _lane_rows(lanes: LaneSamples, noise: FilterNoise) -> tuple[FloatArray, Floa
     values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])
     given = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
     defaults = (noise.lateral_sigma_m, noise.heading_sigma_rad, noise.curvature_sigma_1pm)
+    floors = (noise.lateral_floor_m, noise.heading_floor_rad, noise.curvature_floor_1pm)
     columns = []
-    for sigma, default in zip(given, defaults, strict=True):
+    for sigma, default, floor in zip(given, defaults, floors, strict=True):
         raw = np.full(len(lanes), np.nan) if sigma is None else np.asarray(sigma, dtype=np.float64)
-        columns.append(np.where(np.isfinite(raw) & (raw > 0.0), np.maximum(raw, MIN_SIGMA), default))
+        columns.append(np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_SIGMA), floor), default))
     finite = np.where(np.isfinite(values), values, np.nan).reshape(-1, 3)
     return finite, np.column_stack(columns).reshape(-1, 3)
 

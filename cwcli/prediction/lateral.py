@@ -163,7 +163,7 @@ def dead_reckon(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray
 
 def _step_mean(values: FloatArray) -> FloatArray:
     before = np.concatenate([values[:1], values[:-1]])
-    return 0.5 * (values + before)
+    return np.asarray(0.5 * (values + before))
 
 
 def _integral(rate: FloatArray, step_s: float) -> FloatArray:
@@ -179,7 +179,8 @@ def _covariance(
     n = len(v)
     assumed = np.diag(np.square(config.default_sigma))
     given = track.covariance[:, :2, :2]
-    start = np.where(np.isfinite(given).all(axis=(1, 2))[:, None, None], given, assumed)
+    is_given = np.isfinite(given).reshape(n, -1).all(axis=1)
+    start = np.where(np.asarray(is_given)[:, None, None], given, assumed)
     lever = steady_lateral_lever(vehicle, v)
     turned, bent = _memory(t, config)
     to_gamma = v * bent + lever * (turned - t)  # how far gamma's error carries the car sideways

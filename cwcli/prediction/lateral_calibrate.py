@@ -1,0 +1,67 @@
+"""Widen or narrow the paths' uncertainty by the record itself: how far from its paths did this car go?
+
+Drivers differ far more than any fixed noise can say. The observed motion, integrated over the horizon from each frame,
+is held against the paths from that frame; at each point of the horizon the errors across the path, in the predicted
+sigmas, give one factor, so that 90 % of them lie inside the 90 % band.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.dynamics.samples import LateralTrack
+from cwcli.prediction.lateral import NS_PER_S, Z_90, dead_reckon
+from cwcli.prediction.paths import Paths
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.resample import resample
+
+PRIOR_HORIZONS = 3.0
+"""The assumed sigmas count as much as this many horizons of record."""
+MIN_FACTOR = 0.05
+MAX_GAP_S = 0.5
+
+
+def calibrate_paths(paths: Paths, track: LateralTrack) -> Paths:
+    """Paths in the body frame with the covariance scaled across the path, by one factor for each time ahead.
+
+    Args:
+        paths: From `lateral_paths`, body frame.
+        track: The observer's, of the same frames.
+    """
+    factor = record_factors(paths, track)
+    cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
+    xx, xy, yy = np.moveaxis(paths.position_covariance_m2, -1, 0)
+    along = cos**2 * xx + 2.0 * cos * sin * xy + sin**2 * yy
+    across = (sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy) * factor**2
+    covariance = np.stack(
+        [cos**2 * along + sin**2 * across, cos * sin * (along - across), sin**2 * along + cos**2 * across], axis=-1
+    )
+    return Paths(paths.time_s, paths.x_m, paths.y_m, paths.heading_rad, paths.speed_mps, covariance)
+
+
+def record_factors(paths: Paths, track: LateralTrack) -> FloatArray:
+    """One factor on sigma for each point of the horizon, shape (k,); near 1 where the record is short."""
+    x, y, heading = dead_reckon(track)
+    known = np.asarray(np.isfinite(track.state[:, 0]))
+    pose = np.where(known[:, None], np.column_stack([x, y]), np.nan)
+    cos, sin = np.cos(heading), np.sin(heading)
+    factors = np.ones(len(paths.time_s))
+    horizon_s = float(paths.time_s[-1])
+    period_s = float(np.median(np.diff(track.stamp_ns))) / NS_PER_S if len(track) > 1 else horizon_s
+    for k, time_s in enumerate(paths.time_s.tolist()):
+        if k == 0:
+            continue
+        later = resample(track.stamp_ns, pose, track.stamp_ns + round(time_s * NS_PER_S), max_gap_s=MAX_GAP_S)
+        dx, dy = later[:, 0] - x, later[:, 1] - y
+        ex, ey = cos * dx + sin * dy - paths.x_m[:, k], -sin * dx + cos * dy - paths.y_m[:, k]
+        c, s = np.cos(paths.heading_rad[:, k]), np.sin(paths.heading_rad[:, k])
+        xx, xy, yy = paths.position_covariance_m2[:, k].T
+        sigma = np.sqrt(np.maximum(s**2 * xx - 2.0 * c * s * xy + c**2 * yy, 1e-12))
+        z = np.abs(-s * ex + c * ey) / sigma
+        z = z[np.isfinite(z)]
+        if not len(z):
+            continue
+        own = max(float(np.quantile(z, 0.9)) / Z_90, MIN_FACTOR)
+        weight = len(z) * period_s / horizon_s
+        factors[k] = (weight * own + PRIOR_HORIZONS) / (weight + PRIOR_HORIZONS)
+    return factors
