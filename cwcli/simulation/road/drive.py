@@ -10,19 +10,22 @@ import numpy as np
 
 from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, Driver, drive_along
 from cwcli.simulation.road.conditions import CONDITIONS
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
 from cwcli.simulation.road.scene import RoadScene, Shadow, Vehicle
-from cwcli.simulation.road.sets import SETS, draw_scene
+from cwcli.simulation.road.sets import SET_SIZE, SETS, draw_scene
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.streams import stream
 
 KNOT_M = 90.0
 """The curvature changes evenly between knots this far apart."""
 SHADOWS_PER_M = 1 / 45.0
+SET_DRIVES = 20
+PAPER_RATE_HZ = 10.0
+"""zhang2011, section 2.1."""
 MAX_DURATION_S = 3600.0
 RATE_HZ = (1.0, 100.0)
 SPEED_MPS = (5.0, 60.0)
@@ -165,6 +168,38 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     return RoadDrive(
         config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, np.asarray(pitch_rad)
     )
+
+
+def set_drives(
+    name: str,
+    n_drives: int = SET_DRIVES,
+    *,
+    seed: int = 0,
+    camera: RoadCamera | None = None,
+    n_frames: int = SET_SIZE // SET_DRIVES,
+) -> Iterator[RoadDrive]:
+    """A set as short drives at the paper's 10 Hz instead of single frames: for methods that follow the lane.
+
+    Args:
+        name: A key of `SETS`.
+        n_drives: How many; each has its own road, traffic, speed (17 to 33 m/s) and weather.
+        seed: Another seed gives another set with the same distribution.
+        camera: zhang2011's where not given.
+        n_frames: Of each drive; 20 drives of 25 make the 500 of a set.
+    """
+    spec = SETS[name]
+    names, chances = list(spec.conditions), np.array(list(spec.conditions.values()))
+    for number in range(n_drives):
+        rng = stream(seed, "road-set-drive", name, str(number))
+        config = RoadDriveConfig(
+            weather=names[int(rng.choice(len(names), p=chances / chances.sum()))],
+            road=name,
+            seed=int(rng.integers(0, 2**31)),
+            duration_s=(n_frames - 1) / PAPER_RATE_HZ,
+            rate_hz=PAPER_RATE_HZ,
+            speed_mps=rng.uniform(17.0, 33.0),
+        )
+        yield plan_drive(config, camera or paper_camera())
 
 
 def _along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
