@@ -31,7 +31,7 @@ cdef enum:
 
 cdef enum:
     E_KEY = 0           # where the key begins in `keys`
-    E_SIZE = 1
+    E_SIZE = 1          # or -1 for a key that JSON writes with escapes
     E_SLOT = 2          # or -1
     E_CHILD = 3         # node of the object below, or -1
     N_COLUMNS = 4
@@ -54,6 +54,37 @@ cdef enum:
 cdef double[23] POWERS
 for _k in range(23):
     POWERS[_k] = float("1e%d" % _k)
+
+cdef extern from "<float.h>":
+    const int LDBL_MANT_DIG
+
+cdef enum:
+    MAX_EXTENDED_POWER = 27     # 5^27 < 2^64
+
+cdef long double[28] EXTENDED_POWERS
+EXTENDED_POWERS[0] = 1
+for _k in range(1, 28):
+    EXTENDED_POWERS[_k] = EXTENDED_POWERS[_k - 1] * 10
+
+
+cdef inline bint extended_quotient(unsigned long long mantissa, int scale, double* value) noexcept nogil:
+    """mantissa * 10^scale, correctly rounded; False where that is not sure.
+
+    In the 64-bit significands of x86 both numbers are exact, so the result is off by half a unit of the 64th bit at most.
+    Rounding it to 53 bits is right unless the eleven bits that go lie next to the middle.
+    """
+    cdef long double result
+    cdef unsigned long long bits
+    if LDBL_MANT_DIG != 64 or scale < -MAX_EXTENDED_POWER or scale > MAX_EXTENDED_POWER:
+        return False
+    result = <long double>mantissa
+    result = result / EXTENDED_POWERS[-scale] if scale < 0 else result * EXTENDED_POWERS[scale]
+    memcpy(&bits, &result, 8)
+    if 0x3FF <= (bits & 0x7FF) <= 0x401:
+        return False
+    value[0] = <double>result
+    return True
+
 
 cdef struct State:
     const unsigned char* p
@@ -216,6 +247,9 @@ cdef Py_ssize_t read_number(State* s, Py_ssize_t at, int entry, bint in_array) n
         value = value / POWERS[-scale] if scale < 0 else value * POWERS[scale]
         if is_negative:
             value = -value
+    elif n_digits <= MAX_MANTISSA_DIGITS and extended_quotient(mantissa, scale, &value):
+        if is_negative:
+            value = -value
     else:
         if at - begin > MAX_NUMBER_BYTES:
             return ODD
@@ -318,11 +352,25 @@ cdef Py_ssize_t read_object(State* s, Py_ssize_t at, int entry, bint in_array, i
         if at >= s.end or s.p[at] != 34:
             return ODD
         begin = at + 1
-        at = read_string(s, begin, &has_escape)
-        if at < 0:
-            return at
         found = -1
-        if node >= 0:
+        if guess < n_entries:
+            # Most often it is the key that followed this one in the message before.
+            row = s.entries + N_COLUMNS * (first + guess)
+            size = row[E_SIZE]
+            if size >= 0 and size < s.end - begin and s.p[begin + size] == 34:
+                if memcmp(s.keys + row[E_KEY], s.p + begin, size) == 0:
+                    found = first + guess
+                    guess += 1
+        if found >= 0:
+            at = begin + size
+            if s.stamps[found] == serial:
+                return ODD
+            s.stamps[found] = serial
+        else:
+            at = read_string(s, begin, &has_escape)
+            if at < 0:
+                return at
+        if found < 0 and node >= 0:
             if has_escape:
                 return ODD
             size = at - begin

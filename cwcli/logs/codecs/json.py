@@ -47,6 +47,8 @@ class JsonDecoder:
         self._reasons: dict[str, int] = {}
         self._n = 0
         self._batch = (0, 0)
+        self._places_key = (-1, 0, 0)
+        self._places = np.zeros((4, 0), np.int64)
 
     def add(self, payloads: Payloads) -> None:
         """Decode a batch."""
@@ -54,7 +56,7 @@ class JsonDecoder:
         if not n:
             return
         # An element of an array takes two bytes at least: itself, and the comma or bracket behind it.
-        self._batch = (n, payloads.n_bytes // 2 + 8)
+        self._batch = (n, max(payloads.n_bytes // 2 + 8, self._batch[1]))
         self._capacity = grown_capacity(self._capacity, first + n)
         for slot, cursors in zip(self._slots, np.zeros((len(self._slots), n), np.int64), strict=True):
             self._begin(slot, cursors)
@@ -114,7 +116,11 @@ class JsonDecoder:
 
     def _walk(self, payloads: Payloads, status: npt.NDArray[np.uint8], begin: int) -> int:
         slots = self._slots
-        places = np.array([slot.addresses() for slot in slots], np.int64).reshape(-1, 4).T.copy()
+        key = (len(slots), self._capacity, self._batch[1])
+        if key != self._places_key:
+            self._places = np.array([slot.addresses() for slot in slots], np.int64).reshape(-1, 4).T.copy()
+            self._places_key = key
+        places = self._places
         return kernel.walk(
             payloads.data,
             payloads.starts,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
@@ -10,6 +11,8 @@ import numpy.typing as npt
 
 MAX_KEYS = 4096
 """Keys that are learned; further ones are left out: they are data rather than names."""
+
+_NEEDS_ESCAPE = re.compile(r'["\\\x00-\x1f]')
 
 
 @dataclass
@@ -91,7 +94,8 @@ class KeyTree:
                     nodes.append([0, 0])
                     waiting.append((child, key.below))
                 octets = name.encode(errors="surrogatepass")
-                entries.append([len(text), len(octets), key.slot, child])
+                size = -1 if _NEEDS_ESCAPE.search(name) else len(octets)
+                entries.append([len(text), size, key.slot, child])
                 text += octets
         return (
             np.frombuffer(bytes(text) or b"\0", np.uint8),

@@ -223,6 +223,32 @@ def test_duplicate_key_with_arrays_counts_once() -> None:
     assert columns_of(b'{"a": [1, 2], "a": [3]}', b'{"a": [4]}')["a"].tolist() == [[3], [4]]
 
 
+def test_floats_of_all_lengths_are_those_of_the_json_module() -> None:
+    rng = np.random.default_rng(7)
+    digits = rng.integers(1, 22, 20_000)
+    texts = [f"{rng.normal() * 10.0 ** rng.integers(-6, 6):.{k}g}" for k in digits]
+    texts += [repr(value) for value in rng.normal(size=20_000).tolist()]
+    texts += [f"{int(a)}.{int(b):019d}" for a, b in rng.integers(0, 10**9, (5_000, 2))]
+    # Halfway between two doubles, and next to it.
+    texts += [f"{2**53 + k}.{tail}" for k in range(40) for tail in ("0", "5", "50000000001", "49999999999")]
+    found = columns_of(*(f'{{"v": {text}, "w": 0.5}}' for text in texts))["v"]
+    expected = np.array([float(json.loads(text)) for text in texts])
+    assert np.array_equal(found.view(np.uint64), expected.view(np.uint64))
+
+
+def test_keys_that_need_escapes() -> None:
+    columns = columns_of({'a"b': 1, "c\\d": 2, "e\nf": 3}, {'a"b': 4, "c\\d": 5, "e\nf": 6})
+    assert {path: column.tolist() for path, column in columns.items()} == {
+        'a"b': [1, 4],
+        "c\\d": [2, 5],
+        "e\nf": [3, 6],
+    }
+    decoder = JsonDecoder(None)
+    text = b'{"a\\"b": 1}{"a"b": 1}'
+    decoder.add(Payloads(np.frombuffer(text, np.uint8), np.array([0, 11]), np.array([11, 21])))
+    assert decoder.outcome().is_ok.tolist() == [True, False]
+
+
 def test_more_keys_than_are_learned_do_not_become_columns() -> None:
     columns = columns_of({f"key{k}": k for k in range(5000)}, {"key0": 1, "other": 2})
     assert len(columns) == 4096
