@@ -15,7 +15,7 @@ from cwcli.stages.result import Cell, Section, Summary
 
 PAPER_LEAST_GAIN_PCT = {"lidar": 20.0, "radar": 50.0}
 TITLES = {
-    "figure_6": "Figures 5 and 6: error of the distance, each sensor alone and both (paper: below 0.01 m)",
+    "figure_6": "Figures 5 and 6: error of the distance (paper: both together below 0.01 m)",
     "looks": "How many looks of each sensor bring the error at 4.90 m to the paper's 0.01 m",
     "table_1": "Table 1: mean square error in per mille of a square metre",
     "settings": "Table 1 with other process noises",
@@ -50,7 +50,6 @@ SHOWN: dict[str, dict[str, str]] = {
         "difference": "EKF - UKF",
         "difference_low": "95 % from",
         "difference_high": "to",
-        "better": "better",
         "paper_ekf": "paper EKF",
         "paper_ukf": "paper UKF",
     },
