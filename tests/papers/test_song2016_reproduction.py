@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from cwcli.stages.findings import Finding, ordered, within
 from cwcli.stages.song2016.control import control_part
 from cwcli.stages.song2016.estimation import table1_part
-from cwcli.stages.song2016.finding import Finding, ordered, within
 from cwcli.stages.song2016.methods import STEP_S, trailing_slope
 from cwcli.stages.song2016.prediction import prediction_errors, prediction_part
 from cwcli.stages.song2016.warning import (

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.control.closed_loop import Motion, Outcome, driver_policy, fuzzy_policy, replay
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST, Scenario
-from cwcli.stages.song2016.finding import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
+from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
 from cwcli.stages.song2016.methods import FAMILIES
 from cwcli.stages.song2016.warning import OURS, Moments
 

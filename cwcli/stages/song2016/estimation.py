@@ -11,7 +11,7 @@ from cwcli.metrics.intervals import normal_interval
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.stages.song2016.finding import NOT_PRINTED, Curve, Finding, Part, Plot
+from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot
 from cwcli.stages.song2016.methods import our_track, paper_states, sense
 
 STANDARD_GRAVITY_MPS2 = 9.80665

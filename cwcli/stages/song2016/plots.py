@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cwcli.errors import UsageError
 from cwcli.output import write_file
-from cwcli.stages.song2016.finding import Plot
+from cwcli.stages.findings import Plot
 
 FORMATS = ("png", "svg")
 

@@ -13,7 +13,7 @@ from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.stages.song2016.finding import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval, ordered
+from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval, ordered
 from cwcli.stages.song2016.methods import (
     FAMILIES,
     HORIZON_S,

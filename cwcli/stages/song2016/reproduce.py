@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.stages.findings import Finding, Part, Plot
 from cwcli.stages.result import Cell, Section, Summary
 from cwcli.stages.song2016.control import control_part
 from cwcli.stages.song2016.estimation import table1_part
-from cwcli.stages.song2016.finding import Finding, Part, Plot
 from cwcli.stages.song2016.prediction import horizon_part, prediction_errors, prediction_part
 from cwcli.stages.song2016.warning import TRAPS, false_warnings, figure_part, trap_part, warning_moments
 

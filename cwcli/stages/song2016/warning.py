@@ -13,7 +13,7 @@ from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drive import SimulatedDrive, simulate
 from cwcli.simulation.scenario import HOST, Scenario, load_scenario
-from cwcli.stages.song2016.finding import (
+from cwcli.stages.findings import (
     NOT_PRINTED,
     Curve,
     Finding,
