@@ -3,12 +3,22 @@ import numpy.typing as npt
 
 _F = npt.NDArray[np.float64]
 _I = npt.NDArray[np.int32]
+_R = npt.NDArray[np.int16]
 
-def objective(response: _I, parabolas: _F, is_left: bool, value: _F, n_blocks: _I) -> None:
+def block_responses(grey: npt.NDArray[np.uint8], nine_road: int, left: _R, right: _R) -> None:
+    """Responses of every block for both boundaries.
+
+    Args:
+        grey: Shape (height, width), C order; three rows a block, from the bottom.
+        nine_road: Nine times the mean road grey.
+        left, right: Shape (3, rows of blocks, width), int16, out: see `objective`; the outermost columns are left alone.
+    """
+
+def objective(response: _R, parabolas: _F, is_left: bool, value: _F, n_blocks: _I) -> None:
     """Value of eq. 2 or 3 of each parabola.
 
     Args:
-        response: Shape (3, rows, width), C order: 1/90 grey level; by slope class (0.5 to 2, above, below), row of blocks
+        response: Shape (3, rows, width), int16, C order: 1/90 grey level; by slope class (0.5 to 2, above, below), row of blocks
             from the bottom, and column of the block's centre.
         parabolas: Shape (n, 3): a, b, c.
         is_left: Else the right boundary: the sign of the slope is mirrored.
@@ -17,7 +27,7 @@ def objective(response: _I, parabolas: _F, is_left: bool, value: _F, n_blocks: _
     """
 
 def search(
-    response: _I,
+    response: _R,
     is_left: bool,
     low: _F,
     high: _F,

@@ -79,7 +79,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     method = _checked(config)
     bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
-    if config.render in {topic, None} and config.render is not None:
+    if config.render == topic:
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
     source = camera_source(log, topic, config.topics, config.mounting or Mounting(), config.field_of_view_rad)
     motion = read_motion(log, config.topics) if method.uses_motion else Motion()

@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame
-from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, Int32Array, block_responses
+from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, ResponseArray, block_responses
 
 CROSSOVER_RATE = 0.45
 MUTATION_RATE = 0.05
@@ -96,7 +96,7 @@ def mutate(code: str, place: int) -> str:
 
 
 def search_boundary(
-    responses: Int32Array,
+    responses: ResponseArray,
     phase: Phase,
     previous: Boundary,
     *,

@@ -149,3 +149,24 @@ def search(
             best_value = max(fitness)
             best = parents[fitness.index(best_value)]
     return (*decode(best, low, high, bits, decimals), best_value)
+
+
+def block_responses(grey, nine_road, weights):
+    """Twin of the kernel's responses, whole rows at a time: (3, 50, 320) for the left and the right boundary."""
+    rows = grey[90:].reshape(50, 3, 320)[::-1].astype(int)
+    upper, middle, lower = rows[:, 0], rows[:, 1], rows[:, 2]
+    left, centre, right = slice(0, -2), slice(1, -1), slice(2, None)
+    columns = upper + middle + lower
+    contrast = columns[:, left] + columns[:, centre] + columns[:, right] - nine_road
+    t1 = upper[:, left] + upper[:, centre] + middle[:, left] - middle[:, right] - lower[:, centre] - lower[:, right]
+    t2 = upper[:, right] + upper[:, centre] + middle[:, right] - middle[:, left] - lower[:, centre] - lower[:, left]
+    t3 = upper[:, left] + upper[:, centre] + upper[:, right] - lower[:, left] - lower[:, centre] - lower[:, right]
+    t4 = columns[:, left] - columns[:, right]
+    made = []
+    for diagonal, side in ((t1, t4), (t2, -t4)):
+        response = np.zeros((3, 50, 320), int)
+        for k, (alpha, beta, beta_other) in enumerate(weights):
+            other = t3 if k == 1 else side
+            response[k, :, 1:-1] = alpha * contrast + 3 * beta * diagonal + 3 * beta_other * other
+        made.append(response)
+    return made

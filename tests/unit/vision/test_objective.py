@@ -7,7 +7,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cwcli.vision.objective import ROAD_COLUMNS, ROAD_ROWS, block_responses, objective
+from cwcli.vision.objective import (
+    ROAD_COLUMNS,
+    ROAD_ROWS,
+    WEIGHTS,
+    block_responses,
+    nine_times_road_grey,
+    objective,
+)
 from tests.unit.vision import naive_search as naive
 
 ROAD = (slice(240 - ROAD_ROWS, 240), slice(*ROAD_COLUMNS))
@@ -35,6 +42,18 @@ def test_upper_left_pixel_of_a_left_block_by_hand() -> None:
     value, n = objective(block_responses(grey).left, np.array([[0.0, 1.0, 9.0]]), is_left=True)
     assert n[0] == 50
     assert value[0] == pytest.approx((0.4 * 150 / 9 + 0.6 * 150 / 3) / 50, abs=1e-12)
+
+
+@pytest.mark.parametrize("extreme", [False, True])
+def test_every_response_equals_its_twin(extreme: bool) -> None:
+    grey = np.random.default_rng(6).integers(0, 256, (240, 320)).astype(np.uint8)
+    if extreme:  # nothing overflows 16 bits
+        grey = np.where(grey < 128, 0, 255).astype(np.uint8)
+        grey[ROAD] = 0
+    expected = naive.block_responses(grey, nine_times_road_grey(grey), WEIGHTS)
+    made = block_responses(grey)
+    np.testing.assert_array_equal(made.left, expected[0])
+    np.testing.assert_array_equal(made.right, expected[1])
 
 
 def test_uniform_image_scores_nothing() -> None:

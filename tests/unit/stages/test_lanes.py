@@ -1,0 +1,219 @@
+"""The stage `lanes` on small logs: channels, annotations, rendered frames, faults of the frames, memory."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+from cwcli.errors import DataError, InputError, MissingSignalError, UsageError
+from cwcli.logs.annotate import annotate
+from cwcli.logs.log import Log
+from cwcli.stages.lanes import LanesConfig, lanes
+from cwcli.stages.lanes_channels import ANNOTATIONS_TOPIC, LANES_TOPIC
+from cwcli.stages.result import StageResult
+from cwcli.vision.camera import Mounting
+from tests.unit.vision.fake_frames import encoded, png_header
+from tests.unit.vision.lane_logs import START_NS, STEP_NS, calibration, road_frames, write_log
+from tests.unit.vision.scenes import LEFT, RIGHT
+
+RENDERED = "/camera/lanes"
+
+
+def run(path: Path, config: LanesConfig | None = None) -> StageResult:
+    with Log.open(path) as log:
+        return lanes(log, config or LanesConfig(method="zhang2011"))
+
+
+def written(path: Path, config: LanesConfig, target: Path) -> dict[str, list[object]]:
+    """Topic -> messages of the annotated log, as the official reader decodes them."""
+    with Log.open(path) as log:
+        result = lanes(log, config)
+        annotate(log, result.channels, {"cwcli.run.lanes": result.metadata}, target)
+    messages: dict[str, list[object]] = {}
+    with target.open("rb") as file:
+        for _, channel, message, decoded in make_reader(
+            file, validate_crcs=True, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            messages.setdefault(channel.topic, []).append((message.log_time, decoded))
+    return messages
+
+
+def test_boundaries_are_published_frame_by_frame(tmp_path: Path) -> None:
+    source = write_log(tmp_path / "road.mcap", road_frames(14))
+    messages = written(source, LanesConfig(method="zhang2011", render=RENDERED), tmp_path / "out.mcap")
+    assert len(messages["/camera/image"]) == len(messages[LANES_TOPIC]) == len(messages[ANNOTATIONS_TOPIC]) == 14
+    log_time_ns, last = messages[LANES_TOPIC][-1]
+    assert log_time_ns == START_NS + 13 * STEP_NS + 5_000_000
+    assert last.stamp_ns == START_NS + 13 * STEP_NS
+    y_px = np.arange(1.0, 150.0)
+    for side, truth in ((last.left, LEFT), (last.right, RIGHT)):
+        assert side.found
+        found = (side.a * y_px + side.b) * y_px + side.c
+        assert np.mean(np.abs(found - np.polyval(truth, y_px)) < 6.0) > 0.85
+    assert (last.search_width_px, last.search_height_px) == (320, 240)
+    assert last.preview_distance_m == 33.5
+
+
+def test_annotations_lie_on_the_image_of_the_camera(tmp_path: Path) -> None:
+    frames = [cv2.resize(cv2.imdecode(np.frombuffer(f, np.uint8), 1), (640, 480)) for f in road_frames(14)]
+    source = write_log(tmp_path / "road.mcap", [encoded(image, ".png") for image in frames])
+    messages = written(source, LanesConfig(method="zhang2011"), tmp_path / "out.mcap")
+    lane, annotation = messages[LANES_TOPIC][-1][1], messages[ANNOTATIONS_TOPIC][-1][1]
+    assert [line.type for line in annotation.points] == [3, 3]
+    for line, side in zip(annotation.points, (lane.left, lane.right), strict=True):
+        assert line.timestamp.ToNanoseconds() == lane.stamp_ns
+        u, v = np.array([point.x for point in line.points]), np.array([point.y for point in line.points])
+        y_px = 240 - ((v + 0.5) / 2 - 0.5)
+        x_px = (u + 0.5) / 2 - 0.5 + 1
+        np.testing.assert_allclose(x_px, (side.a * y_px + side.b) * y_px + side.c, atol=1e-9)
+
+
+def test_rendered_frames_are_the_cameras_with_lines(tmp_path: Path) -> None:
+    source = write_log(tmp_path / "road.mcap", [*road_frames(5), b"damaged", *road_frames(5, first=5)])
+    messages = written(source, LanesConfig(method="zhang2011", render=RENDERED), tmp_path / "out.mcap")
+    rendered = messages[RENDERED]
+    assert [time for time, _ in rendered] == [time for time, _ in messages[LANES_TOPIC]]
+    assert len(rendered) == 10
+    originals = {m.timestamp.ToNanoseconds(): m for _, m in messages["/camera/image"]}
+    for _, message in rendered:
+        assert (message.format, message.frame_id) == ("jpeg", "camera")
+        image = cv2.imdecode(np.frombuffer(message.data, np.uint8), 1).astype(int)
+        original = originals[message.timestamp.ToNanoseconds()]
+        before = cv2.imdecode(np.frombuffer(original.data, np.uint8), 1).astype(int)
+        changed = np.abs(image - before).max(axis=2) > 60
+        assert 0.001 < changed.mean() < 0.1
+        assert np.abs(image - before)[:80].mean() < 10.0
+
+
+def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
+    source = write_log(tmp_path / "road.mcap", road_frames(4))
+    targets = [tmp_path / f"{name}.mcap" for name in "abc"]
+    for target, seed in zip(targets, (1, 1, 2), strict=True):
+        written(source, LanesConfig(method="zhang2011", seed=seed, render=RENDERED), target)
+    first, again, other = (target.read_bytes() for target in targets)
+    assert first == again
+    assert first != other
+
+
+def test_bad_frames_are_counted_and_the_others_used(tmp_path: Path) -> None:
+    good = road_frames(6)
+    bad = [b"rubbish", good[0][:500], png_header(10_000, 10_000), encoded(np.zeros((1, 1, 3), np.uint8))]
+    result = run(write_log(tmp_path / "road.mcap", [*good[:3], *bad, *good[3:]]))
+    count = result.summary.inputs[0]
+    assert (count.read, count.used) == (10, 6)
+    assert dict(count.rejected) == {
+        "neither JPEG, PNG nor WebP": 1,
+        "cut short": 1,
+        "more than 50 megapixels": 1,
+        "smaller than 32 x 32 pixels": 1,
+    }
+    assert result.tables["lanes"].columns["frame"].tolist() == [0, 1, 2, 7, 8, 9]
+
+
+def test_black_frames_are_used_and_nothing_is_found(tmp_path: Path) -> None:
+    black = encoded(np.zeros((240, 320, 3), np.uint8))
+    result = run(write_log(tmp_path / "road.mcap", [black] * 3))
+    assert result.summary.inputs[0].used == 3
+    table = result.tables["lanes"].columns
+    assert not table["left_found"].any()
+    assert np.isnan(table["lateral_deviation_m"]).all()
+
+
+def test_no_usable_frame_is_an_error_that_tells_why(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "road.mcap", [b"rubbish"] * 3)
+    with pytest.raises(DataError) as caught:
+        run(path)
+    assert caught.value.found == ("3 frames: neither JPEG, PNG nor WebP",)
+
+
+def test_change_of_size_starts_a_new_search_and_says_so(tmp_path: Path) -> None:
+    small = road_frames(3)
+    large = [encoded(cv2.resize(cv2.imdecode(np.frombuffer(f, np.uint8), 1), (640, 480)), ".jpg") for f in small]
+    result = run(write_log(tmp_path / "road.mcap", [*small, *large]))
+    assert any("320 x 240 to 640 x 480 at frame 3" in note for note in result.summary.notes)
+    assert result.tables["lanes"].columns["image_width_px"].tolist() == [320] * 3 + [640] * 3
+    sections = dict(result.summary.sections[0].rows)
+    assert sections["searches begun"] == 2
+
+
+def test_gap_starts_a_new_search(tmp_path: Path) -> None:
+    result = run(write_log(tmp_path / "road.mcap", road_frames(3), step_ns=1_000_000_000))
+    assert dict(result.summary.sections[0].rows)["searches begun"] == 3
+
+
+def test_calibration_beside_the_camera_is_used(tmp_path: Path) -> None:
+    path = write_log(
+        tmp_path / "road.mcap",
+        road_frames(3),
+        calibrations=[("/other/camera_info", calibration()), ("/camera/camera_info", calibration())],
+    )
+    result = run(path, LanesConfig(method="zhang2011", mounting=Mounting(1.4)))
+    assert [count.topic for count in result.summary.inputs] == ["/camera/image", "/camera/camera_info"]
+    assert not result.summary.notes
+
+
+def test_missing_calibration_and_mounting_are_noted(tmp_path: Path) -> None:
+    result = run(write_log(tmp_path / "road.mcap", road_frames(2)))
+    assert any("no calibration for /camera/image" in note and "60 degrees" in note for note in result.summary.notes)
+    assert any("mounting is not known: 1.3 m" in note for note in result.summary.notes)
+
+
+def test_calibration_for_another_shape_is_noted(tmp_path: Path) -> None:
+    path = write_log(
+        tmp_path / "road.mcap", road_frames(2), calibrations=[("/camera/camera_info", calibration(640, 360))]
+    )
+    assert any("640 x 360" in note for note in run(path).summary.notes)
+
+
+def test_span_limits_the_frames(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "road.mcap", road_frames(6))
+    config = LanesConfig(
+        method="zhang2011", start_ns=START_NS + STEP_NS, end_ns=START_NS + 4 * STEP_NS, render=RENDERED
+    )
+    messages = written(path, config, tmp_path / "out.mcap")
+    assert [m.stamp_ns for _, m in messages[LANES_TOPIC]] == [START_NS + k * STEP_NS for k in (1, 2, 3)]
+    assert len(messages[RENDERED]) == 3
+
+
+def test_log_without_camera_says_what_it_holds(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "road.mcap", [], calibrations=[("/camera/camera_info", calibration())])
+    with pytest.raises(MissingSignalError) as caught:
+        run(path)
+    assert "no channel holds the camera" in str(caught.value)
+    assert caught.value.found == ("/camera/camera_info (foxglove.CameraCalibration)",)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        LanesConfig(method="nonsense"),
+        LanesConfig(preview_m=0.0),
+        LanesConfig(preview_m=math.nan),
+        LanesConfig(mounting=Mounting(height_m=-1.0)),
+        LanesConfig(field_of_view_rad=4.0),
+        LanesConfig(seed=-1),
+        LanesConfig(render="/camera/image"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(tmp_path: Path, config: LanesConfig) -> None:
+    with pytest.raises(UsageError):
+        run(write_log(tmp_path / "road.mcap", road_frames(1)), config)
+
+
+def test_video_without_its_decoder_is_an_input_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+    from mcap_protobuf.writer import Writer
+
+    monkeypatch.setitem(__import__("sys").modules, "av", None)
+    path = tmp_path / "video.mcap"
+    with path.open("wb") as file, Writer(file) as writer:
+        message = CompressedVideo(frame_id="camera", data=b"\x00\x00\x00\x01\x67", format="h264")
+        writer.write_message("/camera/video", message, START_NS, START_NS)
+    with pytest.raises(InputError, match=r"/camera/video.*h264.*PyAV"):
+        run(path)
