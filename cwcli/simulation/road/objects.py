@@ -104,6 +104,7 @@ def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArr
     body, glass = [], 45.0
     low = 0.24
     body.append(shape(0.72 * grey, (0, near, low), (length, near, low), (length, near, waist), (0, near, waist)))
+    body.append(shape(0.3 * grey, (0, near, low), (length, near, low), (length, near, 0.36), (0, near, 0.36)))
     if not is_tall:
         inner = near * 0.82
         body.append(

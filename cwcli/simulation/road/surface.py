@@ -53,7 +53,11 @@ class Texture:
             Shape (n, cells).
         """
         length = np.maximum(end_m - start_m, 1e-3).astype(np.float32)[:, None]
-        made = (self._sum_to(end_m) - self._sum_to(start_m)) / length
+        if np.array_equal(start_m[:-1], end_m[1:]):  # neighbouring rows share an edge
+            sums = self._sum_to(np.concatenate([end_m[:1], start_m]))
+            made = (sums[:-1] - sums[1:]) / length
+        else:
+            made = (self._sum_to(end_m) - self._sum_to(start_m)) / length
         return np.roll(made, shift, axis=1) if shift else made
 
     def _sum_to(self, station_m: FloatArray) -> Float32Array:
