@@ -21,6 +21,7 @@ Beside the channels below, cwcli writes standard ones for viewers:
 | `/cwcli/ego/pose` | `foxglove.PoseInFrame` | the ego in `map` |
 | `/cwcli/tf` | `foxglove.FrameTransform` | `base_link` in `map` |
 | `/cwcli/log` | `foxglove.Log` | the warnings, in words |
+| `/cwcli/targets/scene` | `foxglove.SceneUpdate` | the targets, with velocity and id |
 
 A metadata record `cwcli.run.<stage>` holds version, resolved configuration, the input's SHA-256 and the counts of
 messages.
