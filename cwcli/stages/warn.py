@@ -24,10 +24,13 @@ from cwcli.stages.run_record import run_record
 from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
 from cwcli.stages.track_channels import read_targets
 from cwcli.warning.evaluate import evaluate
+from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
 RAISED = 1
+ONSET = "onset"
+"""The motion model that says where a manoeuvre leads that has just begun."""
 OF_EGO = (Role.EGO_STATE, Role.EGO_PATH)
 OF_OTHERS = (Role.REMOTE_STATE, Role.REMOTE_PATH)
 NS_PER_S = 1_000_000_000
@@ -72,6 +75,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
     )
     topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
     columns = log.load(dict.fromkeys(topics.values()))
+    uses_onset = config.rule.rule in RULES and RULES[config.rule.rule].uses_onset
     inputs: list[InputCount] = []
     tracks: dict[Role, list[VehicleTrack]] = {}
     predicted: dict[Role, PredictedPaths] = {}
@@ -81,7 +85,8 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
         everything = read_states(columns[topics[state_role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
         predicted[path_role] = read_paths(columns[topics[path_role]])
-        tracks[state_role] = _tracks(states, predicted[path_role])
+        is_other = state_role is Role.REMOTE_STATE
+        tracks[state_role] = _tracks(states, predicted[path_role], with_onset=is_other and uses_onset)
         n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
         inputs.append(InputCount(topics[state_role], state_role.value, len(everything), n_used))
         inputs.append(InputCount(topics[path_role], path_role.value, len(predicted[path_role]), n_used))
@@ -92,7 +97,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
         everything = read_targets(columns[topics[Role.TARGETS]])
         states = everything.logged_within(config.start_ns, config.end_ns)
         paths = _paths_of(states, like=predicted[Role.EGO_PATH], where=topics[Role.EGO_PATH])
-        tracks[Role.REMOTE_STATE] = _tracks(states, paths)
+        tracks[Role.REMOTE_STATE] = _tracks(states, paths, with_onset=uses_onset)
         inputs.append(InputCount(topics[Role.TARGETS], Role.TARGETS.value, len(everything), len(states)))
     result = evaluate(hosts[0], tracks[Role.REMOTE_STATE], config.rule)
     summary = Summary("warn", _sections(result, log.start_ns), tuple(inputs), bound.notes)
@@ -104,8 +109,12 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
     return StageResult("warn", channels, tables, summary, run_record("warn", log, config, summary))
 
 
-def _tracks(states: VehicleStates, predicted: PredictedPaths) -> list[VehicleTrack]:
-    """One track per vehicle: its states, in stamp order, each with the path that starts from it."""
+def _tracks(states: VehicleStates, predicted: PredictedPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
+    """One track per vehicle: its states, in stamp order, each with the path that starts from it.
+
+    Args:
+        with_onset: Add the paths of the onset hypothesis, which are never published: they are no prediction.
+    """
     path_rows = dict(vehicle_rows(predicted.ids))
     tracks = []
     for vehicle, unordered in vehicle_rows(states.ids):
@@ -129,6 +138,7 @@ def _tracks(states: VehicleStates, predicted: PredictedPaths) -> list[VehicleTra
                 paths=_rows(predicted.paths, candidates),
                 length_m=_outline(states.length_m[rows]),
                 width_m=_outline(states.width_m[rows]),
+                onset_paths=_onset(states, rows, predicted.paths.time_s) if with_onset else None,
             )
         )
     return tracks
@@ -153,6 +163,12 @@ def _by_stamp(stamp_ns: npt.NDArray[np.int64], rows: npt.NDArray[np.intp]) -> np
     """The rows in stamp order, the first of each stamp."""
     ordered = rows[np.argsort(stamp_ns[rows], kind="stable")]
     return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))]
+
+
+def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> Paths:
+    """Paths of the onset hypothesis from some states, over the same times as the predicted ones."""
+    step_s = float(time_s[1] - time_s[0])
+    return rollout(ONSET, states.state[rows], states.covariance[rows], horizon_s=float(time_s[-1]), step_s=step_s)
 
 
 def _rows(paths: Paths, rows: npt.NDArray[np.intp]) -> Paths:

@@ -27,6 +27,7 @@ def control_part(name: str, moments: Moments) -> Part:
     outcomes = {
         method: replay(host, other, np.where(np.isnan(when), np.inf, when), fuzzy_policy)
         for method, when in moments.by_method.items()
+        if method in LABELS
     }
     jerk = moments.by_method["jerk"]
     nothing = replay(host, other, np.array([np.inf]), fuzzy_policy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST, Scenario
 from cwcli.simulation.sensors import measure
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
+from cwcli.stages.warn import ONSET
 from cwcli.warning.types import VehicleTrack
 
 STEP_S = 0.05  # dT of eq. 2
@@ -104,12 +106,21 @@ class Known:
     width_m: float
 
     def predicted(self, model: str) -> VehicleTrack:
-        """With a path from every state, by a key of `prediction.MODELS`."""
+        """With a path from every state, by a key of `prediction.MODELS`, and the onset hypothesis beside it."""
         track = self.track
-        paths = rollout(model, track.state, track.covariance, horizon_s=self.horizon_s, step_s=STEP_S)
-        return VehicleTrack(
-            self.name, track.stamp_ns, self.log_time_ns, track.state, paths, self.length_m, self.width_m
+        paths, onset = (
+            rollout(name, track.state, track.covariance, horizon_s=self.horizon_s, step_s=STEP_S)
+            for name in (model, ONSET)
         )
+        return VehicleTrack(
+            self.name, track.stamp_ns, self.log_time_ns, track.state, paths, self.length_m, self.width_m, onset
+        )
+
+
+def known_exactly(run: Run, name: str) -> Known:
+    """One vehicle as the paper has it: its own filter's state is known to the host at once, here from our filter."""
+    track = our_track(run)
+    return Known(name, track, track.stamp_ns, HORIZON_S + MAX_MESSAGE_AGE_S, math.nan, math.nan)
 
 
 def known_vehicles(drive: SimulatedDrive) -> tuple[Known, list[Known]]:
