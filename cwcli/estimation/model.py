@@ -43,7 +43,7 @@ class ModelParameters:
     yaw_accel_sigma_radps2: float = 0.2
     standstill_speed_mps: float = 2.0
     standstill_floor: float = 1e-3
-    side_slip_m: float = 0.1
+    side_slip_m: float = 0.15
     course_rad: float = 5e-4
     reverse_mps: float = 4.0
     accel_bias_walk: float = 0.005

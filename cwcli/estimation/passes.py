@@ -119,49 +119,88 @@ def run_pass(
         reset_after: See `EstimatorConfig`.
         q_matrix: Shape (6, 6) for song2016's model.
     """
-    n = len(start.state)
     time, first, out_row, order, index = _merge(series, start.time_s, output_s)
     values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
     noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
+    table = SeriesTable(
+        np.array([s.kind for s in series], np.int32),
+        np.array([s.bias_state for s in series], np.int32),
+        np.array([s.latency_state for s in series], np.int32),
+        np.array([s.gate for s in series], np.float64),
+        np.array([_patience(s, reset_after) for s in series], np.int32),
+    )
+    events = Events(time, first, out_row, index, values, noise)
+    result = run_events(events, table, start, parameters, walk, len(output_s), smooth=smooth, q_matrix=q_matrix)
+    # From time order back to the rows of each series.
+    nis, status = np.empty_like(result.nis[0]), np.empty_like(result.status[0])
+    nis[order], status[order] = result.nis[0], result.status[0]
+    edges = np.cumsum([0] + [len(s) for s in series])
+    return replace(
+        result,
+        nis=tuple(nis[i:j] for i, j in itertools.pairwise(edges)),
+        status=tuple(status[i:j] for i, j in itertools.pairwise(edges)),
+    )
+
+
+@dataclass(frozen=True)
+class Events:
+    """All steps and updates in time order: see `ekf.forward` for the shapes."""
+
+    time_s: FloatArray
+    first: IntArray
+    out_row: IntArray
+    series: IntArray
+    values: FloatArray
+    noise: FloatArray
+
+
+@dataclass(frozen=True)
+class SeriesTable:
+    """What the kernel has to know of each series, (S,) each: see `ekf.forward`."""
+
+    kind: IntArray
+    bias_state: IntArray
+    latency_state: IntArray
+    gate: FloatArray
+    patience: IntArray
+
+
+def run_events(
+    events: Events,
+    table: SeriesTable,
+    start: Start,
+    parameters: ModelParameters,
+    walk: FloatArray,
+    n_output: int,
+    *,
+    smooth: bool,
+    q_matrix: FloatArray | None = None,
+) -> PassResult:
+    """Run the kernel over prepared events; `nis` and `status` of the result are one array each, in time order."""
+    n, n_steps, n_updates = len(start.state), len(events.time_s), len(events.series)
     x, p = start.state.copy(), np.ascontiguousarray(start.covariance).copy()
-    m, n_steps, n_updates = len(output_s), len(time), len(order)
     kept_steps, kept = (n_steps, 2 * n_updates) if smooth else (0, 0)
-    x_post = np.zeros((kept_steps, n))
+    x_post = np.empty((kept_steps, n))
     flip = np.zeros(kept_steps, np.int8)
-    yaw_decay = np.zeros(kept_steps)
+    yaw_decay = np.empty(kept_steps)
     gain = np.empty((kept, n))
     partials = np.empty((kept, 5))
     innovation = np.empty((kept, 2))
     status = np.zeros(n_updates, np.int8)
-    nis = np.zeros((n_updates, 3))
-    out_x, out_p = np.zeros((m, n)), np.zeros((m, n, n))
-    table = (
-        np.array([s.kind for s in series], np.int32),
-        np.array([s.bias_state for s in series], np.int32),
-        np.array([s.latency_state for s in series], np.int32),
-    )
+    nis = np.empty((n_updates, 3))
+    out_x, out_p = np.empty((n_output, n)), np.empty((n_output, n, n))
     packed = parameters.packed()
-    patience = np.array([_patience(s, reset_after) for s in series], np.int32)
+    head = (events.time_s, events.first, events.out_row, events.series)
+    kinds = (table.kind, table.bias_state, table.latency_state)
     likelihood = ekf.forward(
-        time, first, out_row, index, values, noise, *table,
-        np.array([s.gate for s in series], np.float64), patience, packed,
+        *head, events.values, events.noise, *kinds, table.gate, table.patience, packed,
         np.zeros((6, 6)) if q_matrix is None else q_matrix, walk, x, p,
-        x_post, flip, yaw_decay, gain, partials, innovation, status, nis, out_x, out_p, np.zeros(len(series), np.int32),
-        np.full(len(series), time[0]),
+        x_post, flip, yaw_decay, gain, partials, innovation, status, nis, out_x, out_p,
+        np.zeros(len(table.kind), np.int32), np.full(len(table.kind), events.time_s[0]),
     )  # fmt: skip
     if smooth:
-        ekf.backward(
-            time, first, out_row, index, *table, packed, x_post, flip, yaw_decay, gain, partials, innovation, status,
-            out_x, out_p,
-        )  # fmt: skip
-    unsorted_nis, unsorted_status = np.empty_like(nis), np.empty_like(status)
-    unsorted_nis[order], unsorted_status[order] = nis, status
-    edges = np.cumsum([0] + [len(s) for s in series])
-    return PassResult(
-        out_x, out_p, x, p, likelihood,
-        tuple(unsorted_nis[a:b] for a, b in itertools.pairwise(edges)),
-        tuple(unsorted_status[a:b] for a, b in itertools.pairwise(edges)),
-    )  # fmt: skip
+        ekf.backward(*head, *kinds, packed, x_post, flip, yaw_decay, gain, partials, innovation, status, out_x, out_p)
+    return PassResult(out_x, out_p, x, p, likelihood, (nis,), (status,))
 
 
 def _patience(s: Series, reset_after: int) -> int:

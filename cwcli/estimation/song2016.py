@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, Series, Start, run_pass
+from cwcli.estimation.passes import N_MOTION, Events, Series, SeriesTable, Start, run_events, run_pass
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
 from cwcli.estimation.start import find_start
 from cwcli.estimation.track import SourceReport, Track
@@ -27,6 +26,8 @@ JERK_SIGMA = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz."""
 YAW_ACCEL_SIGMA = 0.02
 """Root of the yaw acceleration's spectral density, rad/s^2 per root Hz."""
+
+VECTOR_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING, Kind.ACCEL, Kind.YAW_RATE)
 
 
 def process_noise(step_s: float, jerk: float = JERK_SIGMA, yaw_accel: float = YAW_ACCEL_SIGMA) -> FloatArray:
@@ -123,21 +124,29 @@ def filter_vectors(
         States (n, 6) and covariances (n, 6, 6); the first state is the first vector with covariance R.
     """
     n = len(z)
-    time: FloatArray = step_s * np.arange(n, dtype=np.float64)
     variance: FloatArray = np.square(np.asarray(sigma, dtype=np.float64))
-    kinds = ((Kind.POSITION, 0), (Kind.SPEED, 2), (Kind.HEADING, 3), (Kind.ACCEL, 4), (Kind.YAW_RATE, 5))
-    series = []
-    for kind, column in kinds:
-        width = 2 if kind is Kind.POSITION else 1
-        value = np.zeros((n, 2))
-        value[:, :width] = z[:, column : column + width]
-        keep: npt.NDArray[np.bool_] = np.isfinite(value).all(axis=1) & (time > 0)
-        noise = np.tile(np.array([variance[column], 0.0, variance[column + width - 1]]), (n, 1))
-        series.append(Series(kind.name, kind, time[keep], value[keep], noise[keep]))
-    result = run_pass(
-        series, Start(0.0, z[0].copy(), np.diag(variance)), ModelParameters(), np.zeros(6), time,
-        smooth=smooth, reset_after=1, q_matrix=process_noise(step_s) if q is None else q,
-    )  # fmt: skip
+    # Five updates a step (the position is one of width 2), the first vector being the start.
+    values = np.zeros((n, len(VECTOR_KINDS), 2))
+    values[:, 0] = z[:, :2]
+    values[:, 1:, 0] = z[:, 2:]
+    measured = np.isfinite(values).all(axis=2) & (np.arange(n) > 0)[:, None]
+    noise = np.zeros((len(VECTOR_KINDS), 3))
+    noise[0, [0, 2]] = variance[:2]
+    noise[1:, 0] = variance[2:]
+    step, kind = np.nonzero(measured)
+    events = Events(
+        step_s * np.arange(n, dtype=np.float64),
+        np.concatenate(([0], np.cumsum(measured.sum(axis=1)))).astype(np.int32),
+        np.arange(n, dtype=np.int32),
+        kind.astype(np.int32),
+        values[step, kind],
+        noise[kind],
+    )
+    none = np.full(len(VECTOR_KINDS), -1, np.int32)
+    table = SeriesTable(np.array(VECTOR_KINDS, np.int32), none, none, np.zeros(len(VECTOR_KINDS)), -none)
+    start = Start(0.0, np.array(z[0], dtype=np.float64), np.diag(variance))
+    q = process_noise(step_s) if q is None else q
+    result = run_events(events, table, start, ModelParameters(), np.zeros(6), n, smooth=smooth, q_matrix=q)
     return result.state, result.covariance
 
 

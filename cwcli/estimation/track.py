@@ -174,8 +174,8 @@ def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
 def _late_reference(tuned: Tuned) -> tuple[float, list[str]]:
     """Return by how much the reference is late, in seconds, with a note; 0 where nothing says so.
 
-    A position can't be stamped before it was there. Where one comes out earlier than the reference, clearly beyond its sigma,
-    the reference (an IMU behind a filter or a bus) is late, and the receiver's satellite clock is the better one. The
+    A position can't be stamped before it was there. Where one comes out earlier than the reference, clearly beyond its
+    sigma, the reference (an IMU behind a filter or a bus) is late, and the receiver's satellite clock is better. The
     filter runs on the reference's clock; the output is asked for on the receiver's.
     """
     late_s, source = 0.0, ""

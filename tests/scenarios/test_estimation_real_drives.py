@@ -1,0 +1,117 @@
+"""The estimator on the development logs in ../shared/logs: real receivers, real IMUs. Nothing is told to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
+from cwcli.logs.log import Log
+from cwcli.signals.codec import Role
+from cwcli.signals.geodesy import LocalMap
+from cwcli.stages.measurements import ego_measurements
+from cwcli.stages.sources import SourceConfig, read_sources
+
+LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
+EGO = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.IMU)
+KITTI = "kitti-2011-10-03-drive-0027.first240s.mcap"
+KITTI_ORIGIN = (48.9825, 8.3904, 116.4)
+
+
+def read(name: str, origin: tuple[float, float, float] | None = None):
+    """Return the ego's measurements and the truth signal, if there is one."""
+    path = LOGS / name
+    if not path.exists():
+        pytest.skip("the development logs in ../shared/logs are not here")
+    topics = {"truth": "/truth/pose_imu"} if name == KITTI else {}
+    with Log.open(path) as log:
+        sources = read_sources(
+            log,
+            SourceConfig(topics=topics),
+            command="estimate",
+            required=(Role.EGO_POSITION,),
+            optional=(*EGO[1:], Role.TRUTH),
+        )
+    (position,) = sources.by_role[Role.EGO_POSITION]
+    first = (position.latitude_deg[0], position.longitude_deg[0], position.altitude_m[0])
+    local_map = LocalMap(*(origin or (float(v) for v in first)))
+    found = [m for role in EGO for signal in sources.by_role.get(role, ()) for m in ego_measurements(signal, local_map)]
+    truth = sources.by_role.get(Role.TRUTH, ())
+    return found, (truth[0] if truth else None)
+
+
+def report(track: Track, kind: Kind):
+    return next(r for r in track.sources if r.kind is kind)
+
+
+def test_dresden_lags_and_forward_bias_are_found() -> None:
+    """The log's README: GNSS late by about 0.5 s (position) and 1.0 s (speed, course), IMU pitched 10 degrees."""
+    measurements, _ = read("balzer-dresden-2014-03-26.ros2.mcap")
+    track = estimate_track(measurements, EstimatorConfig())
+    assert report(track, Kind.POSITION).latency_s == pytest.approx(0.5, abs=0.1)
+    assert report(track, Kind.VELOCITY).latency_s == pytest.approx(1.0, abs=0.1)
+    imu = next(m for m in measurements if m.kind is Kind.IMU)
+    assert report(track, Kind.ACCEL).bias == pytest.approx(imu.values[:, 0].mean(), abs=0.2)
+    assert np.isfinite(track.state).all()
+
+
+@pytest.fixture(scope="module")
+def kitti():
+    measurements, truth = read(KITTI, KITTI_ORIGIN)
+    return measurements, truth.stamp_ns, np.stack([truth.x_m, truth.y_m], axis=1)
+
+
+def at(stamp_ns: np.ndarray, from_ns: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    return np.stack([np.interp(stamp_ns, from_ns, xy[:, i]) for i in (0, 1)], axis=1)
+
+
+def test_kitti_smoothed_position_is_as_good_as_the_gnss_itself(kitti) -> None:
+    """At the fixes, 0.34 m. Truth and GNSS come from one unit, so that equal to the GNSS is as good as it gets."""
+    measurements, truth_ns, truth_xy = kitti
+    track = estimate_track(measurements, EstimatorConfig(), truth_ns)
+    gps = next(m for m in measurements if m.kind is Kind.POSITION)
+    inside = (gps.stamp_ns > truth_ns[0]) & (gps.stamp_ns < truth_ns[-1])
+    stamp = gps.stamp_ns[inside]
+    true = at(stamp, truth_ns, truth_xy)
+    gnss_rms = np.sqrt(((gps.values[inside] - true) ** 2).sum(axis=1).mean())
+    rms = np.sqrt(((at(stamp, truth_ns, track.state[:, :2]) - true) ** 2).sum(axis=1).mean())
+    assert gnss_rms == pytest.approx(0.34, abs=0.01)
+    assert rms <= 1.02 * gnss_rms
+
+
+def test_kitti_with_every_second_20_s_of_gnss_withheld_stays_within_2_m(kitti) -> None:
+    measurements, truth_ns, truth_xy = kitti
+    gps = next(m for m in measurements if m.kind is Kind.POSITION)
+    rest = [m for m in measurements if m.kind is not Kind.POSITION]
+    seen = ((gps.stamp_ns - gps.stamp_ns[0]) // 20_000_000_000) % 2 == 0
+    some = Measurements(gps.source, gps.kind, gps.stamp_ns[seen], gps.values[seen])
+    track = estimate_track([some, *rest], EstimatorConfig(), truth_ns)
+    error = np.hypot(*(track.state[:, :2] - truth_xy).T)
+    withheld = ((truth_ns - gps.stamp_ns[0]) // 20_000_000_000) % 2 == 1
+    between = withheld & (truth_ns < some.stamp_ns[-1])
+    assert between.sum() > 900
+    assert error[between].max() < 2.0
+
+
+@pytest.mark.parametrize("part", ["22", "23"])
+def test_openacc_track_agrees_with_its_own_speed(part: str) -> None:
+    measurements, _ = read(f"openacc-dynamic-part{part}.ros2.mcap")
+    speed = next(m for m in measurements if m.kind is Kind.SPEED)
+    position = next(m for m in measurements if m.kind is Kind.POSITION)
+    alone = estimate_track([position], EstimatorConfig(latency="none"), speed.stamp_ns)
+    np.testing.assert_allclose(alone.state[10:-10, 2], speed.values[10:-10, 0], atol=0.6)
+    both = estimate_track(measurements, EstimatorConfig(), speed.stamp_ns)
+    assert np.abs(both.state[:, 2] - speed.values[:, 0]).max() < 0.5
+    assert sum(r.n_gated for r in both.sources) < 10
+
+
+def test_psu_follower_is_found_from_positions_alone() -> None:
+    measurements, _ = read("psu-follow-2obu.mcap")
+    for causal in (False, True):
+        track = estimate_track(measurements, EstimatorConfig(causal=causal))
+        assert np.isfinite(track.state).all()
+    smoothed = estimate_track(measurements, EstimatorConfig())
+    assert smoothed.state[:, 2].min() > -0.5
+    assert smoothed.state[:, 2].max() < 15.0
