@@ -32,8 +32,8 @@ class FilterNoise:
     """
 
     lateral_speed_walk_mps: float = 0.05
-    yaw_rate_walk_radps: float = 0.02
-    steer_walk_rad: float = 0.004
+    yaw_rate_walk_radps: float = 0.01
+    steer_walk_rad: float = 0.003
     curvature_walk_1pm: float = 4e-5
     load_sigma: float = 0.2
     load_walk: float = 1e-4

@@ -1,9 +1,9 @@
 """Paths from the observer: 2 s ahead from v, v_y, gamma and the road's curvature (zhang2011, section 4.2).
 
-Two models. "zhang2011" keeps v, v_y and gamma. "cwcli", the default, lets the yaw rate go over to the one that the
-road's curvature asks for, since drivers follow roads; the car's place in the lane does not pull the path back to the
-middle, so a drift stays a drift. The uncertainty grows from the observer's covariance, the curvature's sigma and the
-driver's unrest.
+Two models. "zhang2011" keeps v, v_y and gamma. "cwcli", the default, keeps the recent acceleration and lets the yaw rate
+go over to the one that the road's curvature asks for, since drivers follow roads; the car's place in the lane does not
+pull the path back to the middle, so a drift stays a drift. The uncertainty grows from the observer's covariance, the
+curvature's sigma and the driver's unrest.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from cwcli.dynamics.samples import PREVIEW_M, LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_lever
+from cwcli.dynamics.steering import robust_rate
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import UsageError
 from cwcli.prediction.paths import Paths
@@ -23,6 +24,7 @@ from cwcli.signals.columns import FloatArray
 NS_PER_S = 1e9
 LATERAL_MODELS = ("cwcli", "zhang2011")
 Z_90 = 1.6448536269514722
+ACCEL_FRAMES = 11
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,8 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
     config = config or LateralPathConfig()
     t = np.arange(round(config.horizon_s / config.step_s) + 1, dtype=np.float64) * config.step_s
     v = np.asarray(track.speed_mps, dtype=np.float64)[:, None]
+    if config.model == "cwcli":
+        v = np.maximum(v + recent_acceleration(track)[:, None] * t, 0.0)
     lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
     reach_m = config.preview_m + vehicle.camera_forward_m
     if config.model == "zhang2011":
@@ -86,11 +90,11 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
         forgets = np.zeros_like(t)
     else:
         here, ahead = road_curvature(track, reach_m)
-        road = v * (here[:, None] + (ahead - here)[:, None] * np.clip(v * t / reach_m, 0.0, 1.0))
+        road = v * (here[:, None] + (ahead - here)[:, None] * np.clip(_integral(v, config.step_s) / reach_m, 0.0, 1.0))
         forgets = np.exp(-t / config.adapt_s)
         turning = road + (yaw_rate - road[:, :1]) * forgets
         lever = steady_lateral_lever(vehicle, v)
-        sideways = lateral + lever * (turning - yaw_rate)
+        sideways = lateral + lever * turning - lever[:, :1] * yaw_rate
     heading = _integral(turning, config.step_s)
     cos, sin = np.cos(heading), np.sin(heading)
     forward = np.broadcast_to(v, heading.shape)
@@ -123,6 +127,12 @@ def road_curvature(track: LateralTrack, reach_m: float) -> tuple[FloatArray, Flo
     near = np.abs(driven[known][np.minimum(at, np.count_nonzero(known) - 1)] - before) <= reach_m
     filled = np.where(known, ahead, 0.0)
     return np.where(is_old & near, here, filled), filled
+
+
+def recent_acceleration(track: LateralTrack) -> FloatArray:
+    """Slope of the speed over the last second or so, m/s^2, shape (n,); 0 where it is not known."""
+    slope = robust_rate(np.asarray(track.stamp_ns, np.int64), np.asarray(track.speed_mps), window=ACCEL_FRAMES)
+    return np.nan_to_num(slope)
 
 
 def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> Paths:

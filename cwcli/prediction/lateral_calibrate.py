@@ -2,7 +2,7 @@
 
 Drivers differ far more than any fixed noise can say. The observed motion, integrated over the horizon from each frame,
 is held against the paths from that frame; at each point of the horizon the errors across the path, in the predicted
-sigmas, give one factor, so that 90 % of them lie inside the 90 % band.
+sigmas, give one factor, so that 90 % of them lie inside the 90 % band. What the observed motion itself errs is added.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 
-PRIOR_HORIZONS = 3.0
+PRIOR_HORIZONS = 1.0
 """The assumed sigmas count as much as this many horizons of record."""
 MIN_FACTOR = 0.05
 MAX_GAP_S = 0.5
+ERROR_TIME_S = 0.1
+"""The observer's errors are correlated over about this time."""
 
 
 def calibrate_paths(paths: Paths, track: LateralTrack) -> Paths:
@@ -33,10 +35,18 @@ def calibrate_paths(paths: Paths, track: LateralTrack) -> Paths:
     xx, xy, yy = np.moveaxis(paths.position_covariance_m2, -1, 0)
     along = cos**2 * xx + 2.0 * cos * sin * xy + sin**2 * yy
     across = (sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy) * factor**2
+    across = across + _reckoning_variance(paths, track)
     covariance = np.stack(
         [cos**2 * along + sin**2 * across, cos * sin * (along - across), sin**2 * along + cos**2 * across], axis=-1
     )
     return Paths(paths.time_s, paths.x_m, paths.y_m, paths.heading_rad, paths.speed_mps, covariance)
+
+
+def _reckoning_variance(paths: Paths, track: LateralTrack) -> FloatArray:
+    """Across the path: what errors of v_y and gamma add to the observed motion itself, shape (n, k)."""
+    lateral, yaw_rate = (np.nan_to_num(track.covariance[:, k, k])[:, None] for k in (0, 1))
+    t, v = paths.time_s, paths.speed_mps
+    return np.asarray(2.0 * ERROR_TIME_S * (lateral * t + v**2 * yaw_rate * t**3 / 3.0))
 
 
 def record_factors(paths: Paths, track: LateralTrack) -> FloatArray:

@@ -1,0 +1,1 @@
+"""Stage `reproduce zhang2011`: the lanes, the observer and the paths."""
