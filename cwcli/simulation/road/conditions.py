@@ -21,14 +21,15 @@ def overcast(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     return replace(scene, light=light)
 
 
+def shadow_band(rng: np.random.Generator, first_m: float, last_m: float) -> Shadow:
+    """Of a pole, a trunk, a gantry or a bridge, somewhere between two stations."""
+    length_m = rng.choice([0.35, 0.5, 1.0, 7.0], p=[0.35, 0.3, 0.25, 0.1])
+    return Shadow(rng.uniform(first_m, last_m), length_m, slant=rng.normal(0.0, 0.7))
+
+
 def shadow(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Sun behind leaves, poles and bridges: hard shadows over road and paint."""
-    bands = [
-        Shadow(
-            rng.uniform(6, 60), rng.choice([0.35, 0.5, 1.0, 7.0], p=[0.35, 0.3, 0.25, 0.1]), slant=rng.normal(0.0, 0.7)
-        )
-        for _ in range(int(rng.integers(1, 5)))
-    ]
+    bands = [shadow_band(rng, 6.0, 60.0) for _ in range(int(rng.integers(1, 5)))]
     light = Light(
         exposure=rng.uniform(1.0, 1.2),
         sky=rng.uniform(205, 240),

@@ -12,7 +12,7 @@ from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, Driver, drive_along
-from cwcli.simulation.road.conditions import CONDITIONS
+from cwcli.simulation.road.conditions import CONDITIONS, shadow_band
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
 from cwcli.simulation.road.scene import RoadScene, Shadow, Vehicle
@@ -22,7 +22,7 @@ from cwcli.simulation.streams import stream
 
 KNOT_M = 90.0
 """The curvature changes evenly between knots this far apart."""
-SHADOWS_PER_M = 1 / 45.0
+SHADOWS_PER_M = 1 / 15.0
 SET_DRIVES = 20
 PAPER_RATE_HZ = 10.0
 """zhang2011, section 2.1."""
@@ -210,9 +210,7 @@ def _along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.r
             patches.append(replace(patch, station_m=float(start + rng.uniform(0.0, 80.0))))
     shadows: list[Shadow] = []
     if scene.light.shadows:
-        for _ in range(int(length_m * SHADOWS_PER_M)):
-            kind = scene.light.shadows[int(rng.integers(0, len(scene.light.shadows)))]
-            shadows.append(replace(kind, station_m=rng.uniform(0.0, length_m), slant=rng.normal(0.0, 0.7)))
+        shadows = [shadow_band(rng, 0.0, length_m) for _ in range(int(length_m * SHADOWS_PER_M))]
     return replace(scene, patches=tuple(patches), light=replace(scene.light, shadows=tuple(shadows)))
 
 
