@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -87,7 +87,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     images = decode_frames(
         _frames(log, topic, config),
         size_of=method.search_size,
-        prepare=method.prepare,
+        prepare=_prepare_with(method),
         where=f"{log.name}: {topic}",
     )
     for decoded in images:
@@ -100,8 +100,9 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     if config.render is not None:
         frame_id = next(iter(log.frames(topic))).frame_id
 
-        def in_colour() -> Iterator[DecodedFrame]:
-            return decode_frames(_frames(log, topic, config), size_of=None, where=f"{log.name}: {topic}")
+        def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
+            frames_of_topic = _frames(log, topic, config)
+            return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(rendered_channel(frames, config.render, frame_id=frame_id, images=in_colour))
     count = InputCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected))
@@ -113,6 +114,11 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     )
     table: Table = lanes_table(frames)
     return StageResult("lanes", tuple(channels), {"lanes": table}, summary, run_record("lanes", log, config, summary))
+
+
+def _prepare_with(method: Method) -> Callable[[DecodedFrame], object] | None:
+    prepare = method.prepare
+    return None if prepare is None else lambda decoded: None if decoded.image is None else prepare(decoded.image)
 
 
 def _checked(config: LanesConfig) -> Method:

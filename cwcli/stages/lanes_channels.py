@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +21,13 @@ from cwcli.signals.columns import (
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame
 from cwcli.vision.ground import LaneGeometry
-from cwcli.vision.overlay import LEFT_RGB, RIGHT_RGB, burn_in, encode_jpeg, line_points
+from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, encode_jpeg, line_points
 
 LANES_TOPIC = "/cwcli/lanes"
 ANNOTATIONS_TOPIC = "/cwcli/lanes/annotations"
+StartImages = Callable[[Callable[[DecodedFrame], object]], Iterator[DecodedFrame]]
+ByteArray = npt.NDArray[np.uint8]
+
 LINE_STRIP = 3  # foxglove.PointsAnnotation.Type
 PIXELS_PER_THICKNESS = 320.0
 
@@ -116,16 +118,14 @@ def annotations_channel(frames: LaneFrames) -> StreamedChannel:
     return StreamedChannel(ANNOTATIONS_TOPIC, "foxglove.ImageAnnotations", frames.log_time_ns, rows=rows)
 
 
-def rendered_channel(
-    frames: LaneFrames, topic: str, *, frame_id: str, images: Callable[[], Iterator[DecodedFrame]]
-) -> StreamedChannel:
+def rendered_channel(frames: LaneFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
     """The camera's frames with the lines burnt in, as JPEG `foxglove.CompressedImage`, made while they are written.
 
     Args:
         frames: The used frames.
         topic: Where to publish.
         frame_id: Of the camera.
-        images: Starts the camera's frames anew, in colour.
+        images: Starts the camera's frames anew, in colour; calls what it is given with each of them, in its thread.
     """
     rendering = _Rendering(frames, images)
 
@@ -146,38 +146,38 @@ def rendered_channel(
 class _Rendering:
     """Reads the camera's frames along as rows are asked for; starts again if they are asked for a second time."""
 
-    def __init__(self, frames: LaneFrames, images: Callable[[], Iterator[DecodedFrame]]) -> None:
+    def __init__(self, frames: LaneFrames, images: StartImages) -> None:
         self._frames = frames
         self._start_images = images
         self._images: Iterator[DecodedFrame] = iter(())
+        self._row_of = {index: row for row, index in enumerate(frames.index.tolist())}
         self._next_row: int | None = None
 
-    def rows(self, start: int, stop: int) -> Sequence[npt.NDArray[np.uint8]]:
+    def rows(self, start: int, stop: int) -> list[ByteArray]:
         """The JPEG files of rows `start` to `stop`."""
         if start != self._next_row:
-            self._images = self._start_images()
-            wanted = int(self._frames.index[start]) if start < stop else 0
-            next(islice(self._images, wanted, wanted), None)
+            self._images = self._start_images(self._render)
         self._next_row = stop
-        points, is_in = _points(self._frames, slice(start, stop))
-        made = []
-        for row in range(start, stop):
-            image = self._image(int(self._frames.index[row]))
-            lines = [points[row - start, side][is_in[row - start, side]] for side in range(2)]
-            made.append(encode_jpeg(burn_in(image, lines)))
+        made: list[ByteArray] = []
+        while len(made) < stop - start:
+            decoded = next(self._images, None)
+            if decoded is None:
+                raise RuntimeError(f"{len(made)} of {stop - start} frames could be decoded again")
+            row = self._row_of.get(decoded.index, -1)
+            if row >= start and isinstance(decoded.prepared, np.ndarray):
+                made.append(decoded.prepared)
         return made
 
-    def _image(self, index: int) -> npt.NDArray[np.uint8]:
-        for decoded in self._images:
-            if decoded.index == index and decoded.image is not None:
-                return decoded.image
-        raise RuntimeError(f"frame {index} could be decoded before and can't be now")
+    def _render(self, decoded: DecodedFrame) -> ByteArray | None:
+        row = self._row_of.get(decoded.index)
+        if row is None or decoded.image is None:
+            return None
+        points, is_in = _points(self._frames, slice(row, row + 1))
+        return encode_jpeg(burn_in(decoded.image, [points[0, side][is_in[0, side]] for side in range(2)]))
 
 
 def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """`line_points` of some rows, whatever their image sizes."""
-    from cwcli.vision.overlay import N_POINTS
-
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_POINTS, 2)), np.zeros((len(sizes), 2, N_POINTS), np.bool_)
     fits, horizon_px = frames.fits[at], frames.horizon_px[at]

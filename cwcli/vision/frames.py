@@ -61,7 +61,7 @@ class DecodedFrame:
         width_px, height_px: Of the camera's image, whatever the size of `image`; 0 where rejected.
         image: Grey (height, width) or colour (height, width, 3), uint8; None where rejected.
         rejected: The reason, else "".
-        prepared: What `prepare` made of the image.
+        prepared: What `prepare` made of the frame.
     """
 
     index: int
@@ -75,14 +75,13 @@ class DecodedFrame:
 
 
 SizeOf = Callable[[int, int], tuple[int, int]]
-Prepare = Callable[[Image], object]
 
 
 def decode_frames(
     frames: Iterable[FrameLike],
     *,
     size_of: SizeOf | None,
-    prepare: Prepare | None = None,
+    prepare: Callable[[DecodedFrame], object] | None = None,
     n_threads: int | None = None,
     where: str = "",
 ) -> Iterator[DecodedFrame]:
@@ -91,7 +90,7 @@ def decode_frames(
     Args:
         frames: Still encoded.
         size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
-        prepare: Called with each image in its thread; the result comes with the frame.
+        prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
         n_threads: Of decoding; None: as many as there are processors, at most `MAX_THREADS`.
         where: File and topic, for messages.
 
@@ -198,9 +197,9 @@ def _video_frame(index: int, frame: FrameLike, picture: Any, size_of: SizeOf | N
     return _finished(index, frame, image, (picture.width, picture.height), wanted)
 
 
-def _prepared(job: Callable[[], DecodedFrame], prepare: Prepare) -> DecodedFrame:
+def _prepared(job: Callable[[], DecodedFrame], prepare: Callable[[DecodedFrame], object]) -> DecodedFrame:
     decoded = job()
-    return decoded if decoded.image is None else replace(decoded, prepared=prepare(decoded.image))
+    return decoded if decoded.image is None else replace(decoded, prepared=prepare(decoded))
 
 
 def _finished(
