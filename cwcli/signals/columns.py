@@ -130,8 +130,8 @@ class StreamedChannel(OutputChannel):
     A later stage of the same run can't read it: `fields` is empty.
 
     Attributes:
-        rows: Rows `start` to `stop` as columns. Called with growing, adjoining spans, after a first look at the very
-            first rows (`PROBED_STREAM_ROWS`) for their size.
+        rows: Rows `start` to `stop` as columns. After a first look at the very first rows for their size, it is called
+            with spans that move forward; a span may begin with rows of the one before.
     """
 
     rows: Callable[[int, int], Mapping[str, OutputField]] = field(kw_only=True)

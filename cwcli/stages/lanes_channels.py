@@ -144,29 +144,37 @@ def rendered_channel(frames: LaneFrames, topic: str, *, frame_id: str, images: S
 
 
 class _Rendering:
-    """Reads the camera's frames along as rows are asked for; starts again if they are asked for a second time."""
+    """Reads the camera's frames along as rows are asked for.
+
+    The rows that were asked for last are kept, because the next span may begin among them; a span that begins earlier
+    starts the frames again.
+    """
 
     def __init__(self, frames: LaneFrames, images: StartImages) -> None:
         self._frames = frames
         self._start_images = images
         self._images: Iterator[DecodedFrame] = iter(())
         self._row_of = {index: row for row, index in enumerate(frames.index.tolist())}
-        self._next_row: int | None = None
+        self._kept: list[ByteArray] = []
+        self._kept_from = 0
+        self._is_started = False
 
     def rows(self, start: int, stop: int) -> list[ByteArray]:
         """The JPEG files of rows `start` to `stop`."""
-        if start != self._next_row:
-            self._images = self._start_images(self._render)
-        self._next_row = stop
-        made: list[ByteArray] = []
-        while len(made) < stop - start:
-            decoded = next(self._images, None)
-            if decoded is None:
-                raise RuntimeError(f"{len(made)} of {stop - start} frames could be decoded again")
+        end = self._kept_from + len(self._kept)
+        if not self._is_started or not self._kept_from <= start <= end:
+            self._images, self._is_started = self._start_images(self._render), True
+            self._kept, self._kept_from, end = [], start, start
+        self._kept, self._kept_from = self._kept[start - self._kept_from :], start
+        for decoded in self._images if end < stop else ():
             row = self._row_of.get(decoded.index, -1)
-            if row >= start and isinstance(decoded.prepared, np.ndarray):
-                made.append(decoded.prepared)
-        return made
+            if row >= end and isinstance(decoded.prepared, np.ndarray):
+                self._kept.append(decoded.prepared)
+            if row == stop - 1:
+                break
+        if len(self._kept) < stop - start:
+            raise RuntimeError(f"{len(self._kept)} of {stop - start} frames could be decoded again")
+        return self._kept[: stop - start]
 
     def _render(self, decoded: DecodedFrame) -> ByteArray | None:
         row = self._row_of.get(decoded.index)

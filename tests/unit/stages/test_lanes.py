@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.signals.columns import Ragged, StreamedChannel
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.lanes_channels import ANNOTATIONS_TOPIC, LANES_TOPIC
 from cwcli.stages.result import StageResult
@@ -217,3 +219,20 @@ def test_video_without_its_decoder_is_an_input_error(tmp_path: Path, monkeypatch
         writer.write_message("/camera/video", message, START_NS, START_NS)
     with pytest.raises(InputError, match=r"/camera/video.*h264.*PyAV"):
         run(path)
+
+
+def test_rendered_rows_may_be_asked_for_again(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "road.mcap", [*road_frames(4), b"damaged", *road_frames(6, first=4)])
+    with Log.open(path) as log:
+        result = lanes(log, LanesConfig(method="zhang2011", render=RENDERED))
+        channel = next(each for each in result.channels if each.topic == RENDERED)
+        assert isinstance(channel, StreamedChannel)
+
+        def files(start: int, stop: int) -> list[bytes]:
+            data = channel.rows(start, stop)["data"]
+            assert isinstance(data, Ragged)
+            return [bytes(data.values[a:b]) for a, b in pairwise(data.offsets.tolist())]
+
+        whole = files(0, 10)
+        spans = [(0, 2), (0, 4), (3, 7), (5, 7), (7, 7), (7, 10), (2, 3)]
+        assert [files(*span) for span in spans] == [whole[start:stop] for start, stop in spans]
