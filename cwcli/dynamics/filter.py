@@ -120,9 +120,7 @@ def observe_filter(
         if samples is None or not len(samples.values):
             continue
         if _runs_against(samples, stamp_ns, vision):
-            notes.append(
-                f"the {name} has the opposite sign of the lane's turning: not used; check its sign or mounting"
-            )
+            notes.append(f"the {name} turns the other way than the lane: not used; check its sign or mounting")
             continue
         parts.append((np.asarray(samples.stamp_ns, np.int64), kind, *_scalar_rows(samples, default)))
     stamps = np.concatenate([part[0] for part in parts])

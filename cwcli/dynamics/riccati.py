@@ -30,17 +30,18 @@ def steady_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArr
     g = h.T @ np.linalg.solve(r, h)
     p = q.copy()
     identity = np.eye(len(phi))
-    for _ in range(MAX_DOUBLINGS):
-        w = np.linalg.inv(identity + g @ p)
-        aw = a @ w
-        step = a.T @ p @ w @ a
-        g = g + aw @ g @ a.T
-        a = aw @ a
-        p = p + 0.5 * (step + step.T)
-        if not np.all(np.isfinite(p)):
-            break
-        if np.abs(step).max() <= TOLERANCE * np.abs(p).max():
-            return np.asarray(p)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(MAX_DOUBLINGS):
+            w = np.linalg.inv(identity + g @ p)
+            aw = a @ w
+            step = a.T @ p @ w @ a
+            g = g + aw @ g @ a.T
+            a = aw @ a
+            p = p + 0.5 * (step + step.T)
+            if not np.all(np.isfinite(p)):
+                break
+            if np.abs(step).max() <= TOLERANCE * np.abs(p).max():
+                return np.asarray(p)
     raise ValueError("the filter does not settle: an unstable or undamped part of the model is not observed")
 
 

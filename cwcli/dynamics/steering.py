@@ -42,12 +42,14 @@ def robust_rate(
     max_gap_s], are left out; NaN where fewer than two frames remain.
     """
     n = len(values)
-    padded = np.concatenate([np.full(window - 1, np.nan), values])
-    rows = np.lib.stride_tricks.sliding_window_view(padded, window) if n else np.zeros((0, window))
-    time_s = (stamp_ns - stamp_ns[0]) / NS_PER_S if n else np.zeros(0)
-    times = np.lib.stride_tricks.sliding_window_view(np.concatenate([np.full(window - 1, np.nan), time_s]), window)
+    if not n:
+        return np.zeros(0)
+    before = np.full(window - 1, np.nan)
+    rows = np.lib.stride_tricks.sliding_window_view(np.concatenate([before, values]), window)
+    time_s = (stamp_ns - stamp_ns[0]) / NS_PER_S
+    times = np.lib.stride_tricks.sliding_window_view(np.concatenate([before, time_s]), window)
     first, second = np.triu_indices(window, 1)
-    dt = times[:, second] - times[:, first] if n else np.zeros((0, len(first)))
+    dt = times[:, second] - times[:, first]
     ok = np.isfinite(dt) & (dt > 0.0) & (dt <= max_gap_s * (second - first))
     slopes = np.where(ok, (rows[:, second] - rows[:, first]) / np.where(ok, dt, 1.0), np.nan)
     known = np.sort(slopes, axis=1)  # NaN last

@@ -95,13 +95,14 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
         turning = road + (yaw_rate - road[:, :1]) * forgets
         lever = steady_lateral_lever(vehicle, v)
         sideways = lateral + lever * turning - lever[:, :1] * yaw_rate
-    heading = _integral(turning, config.step_s)
+    known = np.where(np.isfinite(lateral + v[:, :1]), 0.0, np.nan)
+    heading = _integral(turning, config.step_s) + known
     cos, sin = np.cos(heading), np.sin(heading)
     forward = np.broadcast_to(v, heading.shape)
     return Paths(
         time_s=t,
-        x_m=_integral(forward * cos - sideways * sin, config.step_s),
-        y_m=_integral(forward * sin + sideways * cos, config.step_s),
+        x_m=_integral(forward * cos - sideways * sin, config.step_s) + known,
+        y_m=_integral(forward * sin + sideways * cos, config.step_s) + known,
         heading_rad=heading,
         speed_mps=np.hypot(forward, sideways),
         position_covariance_m2=_covariance(track, vehicle, t, heading, v, config),

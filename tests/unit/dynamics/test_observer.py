@@ -1,0 +1,284 @@
+"""The observers against their NumPy twins, on exact runs, and on what real logs do to them."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.dynamics import blended as paper
+from cwcli.dynamics.config import FilterNoise, ObserverConfig
+from cwcli.dynamics.filter import model_vector
+from cwcli.dynamics.observer import METHODS, observe
+from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status
+from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.kernels import observer as kernel
+from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane, true_preview
+from cwcli.simulation.lane_drive import Road, Runs, drive_lane
+from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
+from tests.unit.dynamics import naive_observer as naive
+
+CAR = load_vehicle()
+ROAD = Road(np.array([0.0, 200.0, 280.0, 500.0, 580.0]), np.array([0.0, 0.0, 0.002, 0.002, 0.0]))
+TRUTH = drive_lane(ROAD, CAR, Runs(np.array([25.0]), np.zeros(1), np.array([np.inf]), 0.0, 30.0), seed=1)
+ALL = sorted(METHODS)
+
+
+def sense(**noise: object) -> SensedDrive:
+    return sense_lane(TRUTH, 0, ROAD, CAR, noise=CameraNoise(**noise), seed=1)
+
+
+SENSED = sense()
+
+
+def true_state(sensed: SensedDrive) -> np.ndarray:
+    rows = sensed.index
+    place = true_preview(TRUTH, 0, rows, ROAD, CAR)[:, :2]
+    return np.column_stack([TRUTH.lateral_speed_mps[rows, 0], TRUTH.yaw_rate_radps[rows, 0], place])
+
+
+def rms(track: LateralTrack, sensed: SensedDrive) -> tuple[float, float]:
+    error = (track.state - true_state(sensed))[20:, :2]
+    return tuple(np.sqrt(np.nanmean(error**2, axis=0)))
+
+
+def test_blended_kernel_equals_its_twin() -> None:
+    random = np.random.default_rng(4)
+    n = 200
+    bank = paper.observer_bank(CAR, ObserverConfig(), 0.1)
+    low, weight = paper.neighbours(np.linspace(2.0, 48.0, n))
+    begin = np.zeros(n, np.int8)
+    begin[[0, 90]], begin[60] = 1, 2
+    measured = random.normal(size=(n, 2)) * [0.3, 0.02]
+    measured[30:35] = np.nan
+    inputs = random.normal(size=(n, 2)) * [0.02, 0.001]
+    periods = random.integers(1, 4, n).astype(np.int32)
+    out = np.empty((n, 4))
+    arguments = (low, weight, begin, periods, inputs, measured, bank.phi, bank.gamma, bank.gain)
+    kernel.blended(*arguments, out)
+    expected = naive.blended(*arguments)
+    assert np.isnan(expected).any()
+    np.testing.assert_allclose(out, expected, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("with_load", [False, True])
+def test_filter_kernel_equals_its_twin(with_load: bool) -> None:
+    config = ObserverConfig(estimate_load=with_load)
+    model = model_vector(CAR, config)
+    n = 100
+    frames = slice(0, 20)
+    values = np.full((n, 3), np.nan)
+    kind = np.full(n, kernel.KIND_YAW_RATE, np.int8)
+    kind[::5] = kernel.KIND_LANE
+    kind[3::10] = kernel.KIND_STEER
+    lanes = SENSED.lanes
+    values[::5] = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])[frames]
+    index = SENSED.index[0] + 2 * np.arange(n)
+    values[kind == kernel.KIND_YAW_RATE, 0] = TRUTH.yaw_rate_radps[index, 0][kind == kernel.KIND_YAW_RATE]
+    values[kind == kernel.KIND_STEER, 0] = TRUTH.steer_rad[index, 0][kind == kernel.KIND_STEER]
+    values[50:70:5] = np.nan
+    sigmas = np.tile([0.05, 0.003, 3e-4], (n, 1))
+    sigmas[kind != kernel.KIND_LANE] = 0.003
+    dt = np.full(n, 0.02)
+    dt[0] = 0.0
+    speed = 25.0 + np.sin(np.arange(n) * 0.1)
+    x, p, status = np.empty((n, 9)), np.empty((n, 9, 9)), np.zeros(n, np.int8)
+    kernel.follow(dt, speed, kind, np.zeros(n, np.int8), values, sigmas, model, x, p, status)
+    expected_x, expected_p = naive.follow(dt, speed, kind, values, sigmas, model, CAR, 33.5)
+    scale = np.sqrt(np.maximum(np.diagonal(expected_p, axis1=1, axis2=2), 1e-12))
+    np.testing.assert_allclose((x - expected_x) / scale, 0.0, atol=1e-8)
+    np.testing.assert_allclose((p - expected_p) / (scale[:, :, None] * scale[:, None, :]), 0.0, atol=1e-8)
+    assert set(status[np.isnan(values).all(axis=1)]) == {kernel.PREDICTED}
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_all_methods_find_the_steady_turn(method: str) -> None:
+    run = simulate_paper_run(PAPER_RUNS["fig 14"], CAR)
+    track = observe(run.lanes, run.speed, CAR, ObserverConfig(method))
+    np.testing.assert_allclose(track.state[-1, :2], run.state[-1, :2], rtol=0.01)
+    assert track.counts["started"] == 1
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_errors_on_a_noisy_drive(method: str) -> None:
+    lateral_mps, yaw_rate_radps = rms(observe(SENSED.lanes, SENSED.speed, CAR, ObserverConfig(method)), SENSED)
+    assert lateral_mps < 0.03
+    assert np.degrees(yaw_rate_radps) < 0.5
+
+
+def test_a_gyroscope_halves_the_yaw_rates_error_and_its_bias_is_found() -> None:
+    sensed = sense(yaw_rate_bias_radps=0.003)
+    alone = rms(observe(sensed.lanes, sensed.speed, CAR), sensed)[1]
+    fused = rms(observe(sensed.lanes, sensed.speed, CAR, yaw_rate=sensed.yaw_rate), sensed)[1]
+    assert fused < 0.6 * alone
+    assert fused < 0.003  # less than the bias
+
+
+def test_covariance_is_symmetric_positive_and_honest() -> None:
+    track = observe(SENSED.lanes, SENSED.speed, CAR)
+    covariance = track.covariance
+    np.testing.assert_allclose(covariance, np.swapaxes(covariance, 1, 2), atol=1e-15)
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
+    error = (track.state - true_state(SENSED))[20:]
+    nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance[20:]), error)
+    assert 0.3 * 4 < nees.mean() < 3.0 * 4  # a parabola fits the road's ramps with an error that no frame tells of
+
+
+def test_irregular_frames_are_used_at_their_own_times() -> None:
+    even, uneven = sense(), sense(jitter_s=0.08)
+    assert np.diff(uneven.stamp_ns).max() > 1.5 * np.diff(even.stamp_ns).max()
+    for sensed in (even, uneven):
+        lateral_mps, yaw_rate_radps = rms(observe(sensed.lanes, sensed.speed, CAR), sensed)
+        assert lateral_mps < 0.03
+        assert np.degrees(yaw_rate_radps) < 0.3
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_boundaries_missing_for_seconds(method: str) -> None:
+    sensed = sense(blind_s=((8.0, 9.0), (12.0, 17.0)))
+    track = observe(sensed.lanes, sensed.speed, CAR, ObserverConfig(method))
+    time_s = TRUTH.time_s[sensed.index]
+    short, long = (time_s >= 8.0) & (time_s < 9.0), (time_s >= 14.2) & (time_s < 17.0)
+    assert set(track.status[short]) == {Status.PREDICTED}
+    assert np.isfinite(track.state[short]).all()
+    assert set(track.status[long]) == {Status.LOST}
+    assert np.isnan(track.state[long]).all()
+    after = time_s >= 18.5
+    np.testing.assert_allclose(track.state[after, 1], true_state(sensed)[after, 1], atol=np.radians(1.5))
+
+
+def test_uncertainty_grows_without_boundaries_and_the_gyroscope_limits_it() -> None:
+    sensed = sense(blind_s=((8.0, 14.0),))
+    at = [int(np.searchsorted(TRUTH.time_s[sensed.index], t)) for t in (7.9, 8.5, 9.5)]
+    alone = observe(sensed.lanes, sensed.speed, CAR)
+    sigma = np.sqrt(alone.covariance[at, 1, 1])
+    assert sigma[0] < sigma[1] < sigma[2]
+    fused = observe(sensed.lanes, sensed.speed, CAR, yaw_rate=sensed.yaw_rate)
+    still_blind = int(np.searchsorted(TRUTH.time_s[sensed.index], 13.0))
+    assert np.isnan(alone.state[still_blind, 1])
+    assert fused.state[still_blind, 1] == pytest.approx(true_state(sensed)[still_blind, 1], abs=0.01)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_missing_speed(method: str) -> None:
+    nothing = Samples(np.zeros(0, np.int64), np.zeros(0))
+    with pytest.raises(MissingSignalError, match="no speed"):
+        observe(SENSED.lanes, nothing, CAR, ObserverConfig(method))
+    speed = SENSED.speed
+    gap = (speed.stamp_ns > 10_000_000_000) & (speed.stamp_ns < 14_000_000_000)
+    holed = Samples(speed.stamp_ns, np.where(gap, np.nan, speed.values))
+    track = observe(SENSED.lanes, holed, CAR, ObserverConfig(method))
+    inside = (SENSED.stamp_ns > 11_000_000_000) & (SENSED.stamp_ns < 13_000_000_000)
+    assert set(track.status[inside]) == {Status.NO_SPEED}
+    assert np.isnan(track.state[inside]).all()
+    assert track.status[-1] == Status.OBSERVED
+    assert track.counts["started"] == 2
+
+
+def test_standing_still() -> None:
+    n = 100
+    stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
+    random = np.random.default_rng(0)
+    noisy = [s * random.standard_normal(n) for s in (0.05, 0.003, 2e-4)]
+    lanes, speed = LaneSamples(stamp_ns, *noisy), Samples(stamp_ns, np.zeros(n))
+    ours = observe(lanes, speed, CAR)
+    np.testing.assert_allclose(ours.state[:, :2], 0.0, atol=2e-3)
+    papers = observe(lanes, speed, CAR, ObserverConfig("zhang2011"))
+    assert set(papers.status) == {Status.TOO_SLOW}
+    assert np.isnan(papers.state).all()
+
+
+def test_from_standstill_to_speed_and_in_reverse() -> None:
+    runs = Runs(np.array([0.0]), np.zeros(1), np.array([np.inf]), 2.0, 12.0)
+    truth = drive_lane(Road(), CAR, runs, seed=2)
+    sensed = sense_lane(truth, 0, Road(), CAR, seed=2)
+    track = observe(sensed.lanes, sensed.speed, CAR)
+    assert np.isfinite(track.state).all()
+    np.testing.assert_allclose(track.state[:, 1], truth.yaw_rate_radps[sensed.index, 0], atol=0.06)
+    backward = Samples(sensed.speed.stamp_ns, np.full(len(sensed.speed.values), -1.5))
+    assert np.isfinite(observe(sensed.lanes, backward, CAR).state).all()
+
+
+def test_a_gyroscope_with_the_wrong_sign_is_told_and_not_used() -> None:
+    wrong = replace(SENSED.yaw_rate, values=-SENSED.yaw_rate.values)
+    track = observe(SENSED.lanes, SENSED.speed, CAR, yaw_rate=wrong)
+    assert track.notes == ("the yaw rate turns the other way than the lane: not used; check its sign or mounting",)
+    np.testing.assert_array_equal(track.state, observe(SENSED.lanes, SENSED.speed, CAR).state)
+
+
+def test_a_lane_change_moves_the_place_and_not_the_motion() -> None:
+    lanes = SENSED.lanes
+    jumped = lanes.lateral_deviation_m.copy()
+    jumped[150:] += 3.6
+    track = observe(replace(lanes, lateral_deviation_m=jumped), SENSED.speed, CAR)
+    expected = true_state(SENSED)
+    assert track.status[150] == Status.REJECTED
+    assert track.counts["started"] == 1
+    np.testing.assert_allclose(track.state[150:170, 1], expected[150:170, 1], atol=0.02)
+    np.testing.assert_allclose(track.state[155:, 2], expected[155:, 2] + 3.6, atol=0.2)
+
+
+def test_one_wrong_frame_is_left_out() -> None:
+    heading = SENSED.lanes.heading_deviation_rad.copy()
+    heading[150] += 0.2
+    track = observe(replace(SENSED.lanes, heading_deviation_rad=heading), SENSED.speed, CAR)
+    assert track.status[150] == Status.REJECTED
+    np.testing.assert_allclose(track.state[145:160, 1], true_state(SENSED)[145:160, 1], atol=0.02)
+
+
+def test_a_pause_of_the_frames_starts_anew() -> None:
+    keep = (SENSED.stamp_ns < 8_000_000_000) | (SENSED.stamp_ns > 13_000_000_000)
+    lanes = LaneSamples(*(None if v is None else v[keep] for v in vars(SENSED.lanes).values()))
+    for method in ALL:
+        track = observe(lanes, SENSED.speed, CAR, ObserverConfig(method))
+        assert track.counts["started"] == 2
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_no_frames(method: str) -> None:
+    empty = LaneSamples(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+    assert len(observe(empty, SENSED.speed, CAR, ObserverConfig(method))) == 0
+
+
+def test_the_load_is_found_in_turns_if_asked_for() -> None:
+    run = simulate_paper_run(PAPER_RUNS["fig 16"], CAR)
+    noise = FilterNoise(camera_yaw_rad=0.0, lateral_sigma_m=0.01, heading_sigma_rad=0.001, curvature_sigma_1pm=1e-5)
+    mass_kg = observe(run.lanes, run.speed, CAR, ObserverConfig(noise=noise, estimate_load=True)).mass_kg
+    assert mass_kg[-1] == pytest.approx(1460.0, rel=0.02)
+    assert observe(run.lanes, run.speed, CAR, ObserverConfig(noise=noise)).mass_kg[-1] == 1215.0
+
+
+def test_neighbours_are_blended_linearly_and_end_at_the_ends() -> None:
+    low, weight = paper.neighbours(np.array([0.0, 10.0, 67.0, 80.0, 160.0, 200.0]) / 3.6)
+    np.testing.assert_array_equal(paper.SPEEDS_KMH[low], [10, 10, 60, 80, 150, 150])
+    np.testing.assert_allclose(weight, [0.0, 0.0, 0.7, 0.0, 1.0, 1.0], atol=1e-12)
+
+
+def test_wrong_options_are_refused() -> None:
+    with pytest.raises(UsageError, match="there is no observer 'luenberger'"):
+        observe(SENSED.lanes, SENSED.speed, CAR, ObserverConfig("luenberger"))
+    with pytest.raises(UsageError, match="there is no steering rate"):
+        observe(SENSED.lanes, SENSED.speed, CAR, ObserverConfig("zhang2011", steer_rate="none"))
+    with pytest.raises(UsageError, match=r"preview_m is -33.5; permitted: a positive number"):
+        ObserverConfig(preview_m=-33.5)
+    with pytest.raises(UsageError, match=r"noise.gate is 0.0"):
+        ObserverConfig(noise=FilterNoise(gate=0.0))
+    backwards = replace(SENSED.speed, stamp_ns=SENSED.speed.stamp_ns[::-1])
+    with pytest.raises(DataError, match="the stamps of the speed decrease"):
+        observe(SENSED.lanes, backwards, CAR)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_ten_thousand_frames_a_second(method: str) -> None:
+    n = 20_000
+    stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
+    random = np.random.default_rng(0)
+    lanes = LaneSamples(stamp_ns, *(s * random.standard_normal(n) for s in (0.05, 0.003, 2e-4)))
+    speed = Samples(stamp_ns, np.full(n, 25.0))
+    took_s = []
+    for _ in range(3):
+        begin = time.process_time()
+        observe(lanes, speed, CAR, ObserverConfig(method))
+        took_s.append(time.process_time() - begin)
+    assert n / min(took_s) > 10_000

@@ -1,0 +1,153 @@
+"""Paths from the observer: closed forms, frames of reference, and the honesty of the band on simulated drives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.dynamics.observer import observe
+from cwcli.dynamics.samples import LateralTrack
+from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.errors import UsageError
+from cwcli.prediction.lateral import LateralPathConfig, dead_reckon, lateral_paths, map_paths
+from cwcli.prediction.lateral_calibrate import calibrate_paths, record_factors
+from cwcli.simulation.lane_camera import sense_lane
+from cwcli.simulation.lane_drive import Road, Runs, drive_lane
+
+CAR = load_vehicle()
+PAPER = LateralPathConfig(model="zhang2011")
+
+
+def track_of(
+    n: int = 1, *, v: float = 20.0, lateral: float = 0.0, yaw_rate: float = 0.0, bend: float = 0.0
+) -> LateralTrack:
+    """n equal frames at 10 Hz; `bend` is the road's curvature, left positive."""
+    return LateralTrack(
+        stamp_ns=np.arange(n, dtype=np.int64) * 100_000_000,
+        state=np.tile([lateral, yaw_rate, 0.0, 0.0], (n, 1)),
+        covariance=np.tile(np.diag([1e-4, 1e-6, 0.0, 0.0]), (n, 1, 1)),
+        speed_mps=np.full(n, v),
+        steer_rad=np.zeros(n),
+        curvature_1pm=np.full(n, -bend),
+        mass_kg=np.full(n, 1215.0),
+        status=np.zeros(n, np.int8),
+    )
+
+
+def test_constant_yaw_rate_is_a_circle() -> None:
+    # Radius v / gamma = 100 m, 0.4 rad in 2 s: x = 100 sin 0.4, y = 100 (1 - cos 0.4).
+    paths = lateral_paths(track_of(yaw_rate=0.2), CAR, PAPER)
+    assert paths.time_s[-1] == pytest.approx(2.0)
+    assert paths.x_m[0, -1] == pytest.approx(100 * np.sin(0.4), abs=2e-3)
+    assert paths.y_m[0, -1] == pytest.approx(100 * (1 - np.cos(0.4)), abs=2e-3)
+    assert paths.heading_rad[0, -1] == pytest.approx(0.4)
+
+
+def test_lateral_speed_carries_the_car_sideways() -> None:
+    paths = lateral_paths(track_of(lateral=-0.3), CAR, PAPER)
+    assert paths.y_m[0, -1] == pytest.approx(-0.6)
+    assert paths.x_m[0, -1] == pytest.approx(40.0)
+
+
+def test_a_car_that_follows_the_bend_stays_on_it() -> None:
+    track = track_of(yaw_rate=20.0 * 0.004, bend=0.004)
+    ours, papers = (lateral_paths(track, CAR, LateralPathConfig(model=model)) for model in ("cwcli", "zhang2011"))
+    np.testing.assert_allclose(ours.y_m, papers.y_m, atol=1e-9)
+
+
+def test_the_yaw_rate_goes_over_to_the_roads() -> None:
+    # heading after t: road v k t, and what is left of the deviation: -v k tau (1 - exp(-t/tau)).
+    path = lateral_paths(track_of(bend=0.004), CAR, LateralPathConfig(adapt_s=0.7))
+    expected = 0.08 * (2.0 - 0.7 * (1.0 - np.exp(-2.0 / 0.7)))
+    assert path.heading_rad[0, -1] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_steady_acceleration_goes_on() -> None:
+    track = replace(track_of(30), speed_mps=20.0 + 1.0 * 0.1 * np.arange(30))
+    path = lateral_paths(track, CAR)
+    assert path.x_m[-1, -1] == pytest.approx(22.9 * 2.0 + 0.5 * 1.0 * 4.0, abs=1e-6)
+    assert lateral_paths(track, CAR, PAPER).x_m[-1, -1] == pytest.approx(22.9 * 2.0)
+
+
+def test_a_braking_car_stops_and_does_not_reverse() -> None:
+    track = replace(track_of(12), speed_mps=np.maximum(6.0 - 5.0 * 0.1 * np.arange(12), 0.0))
+    path = lateral_paths(track, CAR)
+    assert path.speed_mps[-1].min() >= 0.0
+    assert np.diff(path.x_m[-1]).min() >= 0.0
+
+
+def test_paths_in_the_map() -> None:
+    paths = lateral_paths(track_of(yaw_rate=0.2), CAR, PAPER)
+    placed = map_paths(paths, np.array([10.0]), np.array([-5.0]), np.array([np.pi / 2]))
+    np.testing.assert_allclose(placed.x_m, 10.0 - paths.y_m, atol=1e-12)
+    np.testing.assert_allclose(placed.y_m, -5.0 + paths.x_m, atol=1e-12)
+    np.testing.assert_allclose(placed.position_covariance_m2[..., 0], paths.position_covariance_m2[..., 2], atol=1e-12)
+    np.testing.assert_allclose(placed.position_covariance_m2[..., 1], -paths.position_covariance_m2[..., 1], atol=1e-12)
+
+
+def test_covariance_equals_random_draws_of_the_start() -> None:
+    # Without unrest and with the paper's model only v_y, gamma and the speed are open.
+    config = replace(PAPER, unrest_mps2=1e-9, accel_sigma_mps2=1e-9)
+    random = np.random.default_rng(5)
+    n = 4000
+    spread = random.normal(size=(n, 3)) * [0.01, 0.001, 0.1]
+    base = track_of(n)
+    drawn = replace(base, state=base.state + np.pad(spread[:, :2], ((0, 0), (0, 2))), speed_mps=20.0 + spread[:, 2])
+    ends = lateral_paths(drawn, CAR, config)
+    told = lateral_paths(track_of(), CAR, config).position_covariance_m2[0, -1]
+    assert np.var(ends.y_m[:, -1]) == pytest.approx(told[2], rel=0.1)
+    assert np.var(ends.x_m[:, -1]) == pytest.approx(told[0], rel=0.1)
+
+
+def test_no_state_no_path() -> None:
+    track = track_of(3)
+    track.state[1] = np.nan
+    paths = lateral_paths(track, CAR)
+    assert np.isnan(paths.y_m[1]).all()
+    assert np.isfinite(paths.y_m[[0, 2]]).all()
+
+
+@pytest.mark.parametrize("changes", [{"model": "spline"}, {"horizon_s": 0.0}, {"step_s": 3.0}, {"adapt_s": -1.0}])
+def test_wrong_options_are_refused(changes: dict[str, object]) -> None:
+    with pytest.raises(UsageError):
+        LateralPathConfig(**changes)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def drives():
+    road = Road(np.array([0.0, 200.0, 280.0, 500.0, 580.0, 900.0, 980.0]), np.array([0, 0, 0.002, 0.002, 0, 0, -0.003]))
+    truth = drive_lane(road, CAR, Runs(np.full(4, 25.0), np.zeros(4), np.full(4, np.inf), 0.0, 60.0), seed=3)
+    return road, truth, [sense_lane(truth, run, road, CAR, seed=3) for run in range(4)]
+
+
+@pytest.mark.parametrize(("with_gyro", "median_m"), [(False, 0.6), (True, 0.35)])
+def test_error_and_band_at_two_seconds(drives, with_gyro: bool, median_m: float) -> None:
+    _, truth, sensed = drives
+    errors, inside = [], []
+    for run, drive in enumerate(sensed):
+        track = observe(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate if with_gyro else None)
+        paths = calibrate_paths(lateral_paths(track, CAR), track)
+        rows = np.arange(20, len(track) - 21)
+        now, later = drive.index[rows], drive.index[rows] + 200
+        dx, dy = (values[later, run] - values[now, run] for values in (truth.x_m, truth.y_m))
+        cos, sin = np.cos(truth.yaw_rad[now, run]), np.sin(truth.yaw_rad[now, run])
+        ex, ey = paths.x_m[rows, -1] - (cos * dx + sin * dy), paths.y_m[rows, -1] - (cos * dy - sin * dx)
+        errors.append(np.hypot(ex, ey))
+        inside.append(np.abs(ey) < 1.645 * np.sqrt(paths.position_covariance_m2[rows, -1, 2]))
+    assert np.median(np.concatenate(errors)) < median_m
+    assert 0.85 <= np.mean(np.concatenate(inside)) <= 0.95
+
+
+def test_dead_reckoning_follows_the_true_track(drives) -> None:
+    _, truth, sensed = drives
+    drive = sensed[0]
+    track = observe(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate)
+    x, y, _ = dead_reckon(track)
+    first, last = drive.index[0], drive.index[100]
+    driven = np.hypot(truth.x_m[last, 0] - truth.x_m[first, 0], truth.y_m[last, 0] - truth.y_m[first, 0])
+    assert np.hypot(x[100], y[100]) == pytest.approx(driven, rel=2e-3)
+
+
+def test_a_short_record_keeps_the_assumed_sigmas() -> None:
+    track = track_of(3)
+    np.testing.assert_allclose(record_factors(lateral_paths(track, CAR), track), 1.0, atol=0.15)
