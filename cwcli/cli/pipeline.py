@@ -46,7 +46,8 @@ class Job:
         stages: Name -> stage, in order.
         metrics: File of a single stage's main table, or None.
         metrics_dir: Folder for every table of every stage, or None.
-        preflight: Called before the first stage; raises if a later one can't run.
+        preflight: Called before the first stage; raises if that can't run, and returns the later ones for which the log
+            has no signals, each with the reason. They are left out.
     """
 
     command: str
@@ -57,7 +58,7 @@ class Job:
     talk: TalkOptions
     metrics: str | None = None
     metrics_dir: str | None = None
-    preflight: Callable[[Log, Selection], object] | None = None
+    preflight: Callable[[Log, Selection], Mapping[str, str]] | None = None
 
 
 @dataclass
@@ -66,13 +67,15 @@ class Outcome:
 
     Attributes:
         name: Name of the input, for messages.
-        results: One per stage, in order.
+        results: One per stage that ran, in order.
+        left_out: Stage -> why it did not run.
         faults: What is wrong with the input file, as counts.
         written: Files, in the order in which they were written.
     """
 
     name: str
     results: list[StageResult] = field(default_factory=list)
+    left_out: Mapping[str, str] = field(default_factory=dict)
     faults: dict[str, int] = field(default_factory=dict)
     written: list[str] = field(default_factory=list)
 
@@ -108,9 +111,11 @@ def execute(job: Job) -> Outcome:
             outcome = Outcome(log.name)
             selection = select(job.reading, log)
             if job.preflight is not None:
-                job.preflight(log, selection)
+                outcome.left_out = job.preflight(log, selection)
             current = log
             for name, stage in job.stages.items():
+                if name in outcome.left_out:
+                    continue
                 progress.step(f"{name} {log.name}")
                 result = stage(current, selection)
                 outcome.results.append(result)
@@ -249,6 +254,7 @@ def document(job: Job, outcome: Outcome) -> dict[str, Any]:
         "output": job.writing.output,
         "written": outcome.written,
         "faults": outcome.faults,
+        "left_out": dict(outcome.left_out),
         "stages": {result.stage: result.summary.to_json() for result in outcome.results},
     }
 
@@ -257,6 +263,8 @@ def tell(job: Job, console: Console, outcome: Outcome) -> None:
     """Print the summaries, the file's faults and what was written."""
     for result in outcome.results:
         print_result(console, result.summary)
+    for stage, reason in outcome.left_out.items():
+        console.note(f"{stage} was left out: {reason}")
     for reason, count in outcome.faults.items():
         console.note(f"{outcome.name}: {reason}: {count}")
     print_written(console, outcome.written)

@@ -11,9 +11,10 @@ import numpy as np
 
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table, TableColumn
+from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
-from cwcli.prediction.rollout import Discretisation, rollout
+from cwcli.prediction.rollout import Discretisation
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
 from cwcli.signals.roles import bind
@@ -78,8 +79,10 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
         everything = read_states(columns[topics[role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
         inputs.append(InputCount(topics[role], role.value, len(everything), len(states)))
-        paths = rollout(
+        paths = predict_vehicles(
             config.model,
+            states.ids.codes,
+            states.stamp_ns,
             states.state,
             states.covariance,
             horizon_s=config.horizon_s + extra_s,

@@ -148,7 +148,6 @@ def test_metrics_file(cwcli: Run, predicted: Path, tmp_path: Path, suffix: str) 
         (["predict", "LOG", "--model", "warp", "--horizon", "2"], 4, "ego state"),
         (["predict", "LOG"], 4, "cwcli estimate"),
         (["warn", "LOG"], 4, "cwcli"),
-        (["run", "STRAIGHT"], 4, "remote"),
         (["run", "LOG", "--metrics-dir", "there.mcap"], 6, "not a folder"),
         (["simulate", "straight"], 2, "-o"),
         (["simulate", "none", "-o", "x.mcap"], 2, "none"),
@@ -158,7 +157,7 @@ def test_metrics_file(cwcli: Run, predicted: Path, tmp_path: Path, suffix: str) 
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,
 )
 def test_refusals(cwcli: Run, intersection: Path, tmp_path: Path, arguments: list[str], code: int, words: str) -> None:
-    names = {"LOG": str(intersection), "STRAIGHT": str(intersection.with_name("straight.mcap"))}
+    names = {"LOG": str(intersection)}
     before = intersection.read_bytes()
     for name in ("there.mcap", "there.csv"):
         (tmp_path / name).write_text("mine")
@@ -289,3 +288,14 @@ def test_simulate_is_reproducible(cwcli: Run, intersection: Path, tmp_path: Path
     piped = cwcli("simulate", "intersection", "-o", "-")
     assert (tmp_path / "a.mcap").read_bytes() == piped.stdout == intersection.read_bytes()
     assert b"seed 1" in piped.stderr
+
+
+def test_run_leaves_out_the_warnings_where_there_is_nobody_to_warn_of(
+    cwcli: Run, intersection: Path, tmp_path: Path
+) -> None:
+    straight = intersection.with_name("straight.mcap")
+    done = cwcli("run", str(straight), "-o", str(tmp_path / "out.mcap"), "--json")
+    assert done.returncode == 0
+    told = json.loads(done.stdout)
+    assert list(told["stages"]) == ["estimate", "predict"]
+    assert "remote vehicles" in told["left_out"]["warn"]

@@ -12,10 +12,10 @@ from cwcli.cli.commands.predict import PredictOptions
 from cwcli.cli.commands.warn import WarnOptions
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, Selection, run_job
-from cwcli.errors import MissingSignalError
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
+    from cwcli.signals.roles import Bindings
 
 EXAMPLES = (
     "cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/",
@@ -46,8 +46,8 @@ def command(
 ) -> None:
     """Estimate, predict and warn in one pass.
 
-    The same as `cwcli estimate | cwcli predict | cwcli warn`, without the copies in between. Needs the ego's position
-    and the V2X messages of at least one other vehicle.
+    The same as `cwcli estimate | cwcli predict | cwcli warn`, without the copies in between. Needs the ego's position;
+    without the V2X messages of another vehicle there is nobody to warn of, and the last stage is left out.
     """
     job = Job("run", log, {}, reading, writing, talk, metrics_dir=metrics_dir)
     run_job(with_all_stages(job, sensors, estimate, predict, warn))
@@ -56,25 +56,27 @@ def command(
 def with_all_stages(
     job: Job, sensors: SensorOptions, estimate: EstimateOptions, predict: PredictOptions, warn: WarnOptions
 ) -> Job:
-    """The job with the three stages; it fails at once if the log has nothing for a later one."""
+    """The job with the three stages; it fails at once if the log has nothing for the first."""
 
-    def preflight(log: Log, selection: Selection) -> None:
+    def preflight(log: Log, selection: Selection) -> dict[str, str]:
         from cwcli.signals.roles import Role, bind
 
-        for role in (Role.EGO_POSITION, Role.REMOTE):
-            try:
-                bind(
-                    log.channels,
-                    selection.topics,
-                    required=(role,),
-                    ego_station=sensors.ego_station,
-                    where=log.name,
-                    command="run",
-                )
-            except MissingSignalError as error:
-                if role == Role.REMOTE:
-                    error.hint += "; `cwcli estimate` and `cwcli predict` do without them"
-                raise
+        def find(role: Role, *, is_required: bool) -> Bindings:
+            return bind(
+                log.channels,
+                selection.topics,
+                required=(role,) if is_required else (),
+                optional=() if is_required else (role,),
+                ego_station=sensors.ego_station,
+                where=log.name,
+                command="run",
+            )
+
+        find(Role.EGO_POSITION, is_required=True)
+        others = find(Role.REMOTE, is_required=False)
+        if Role.REMOTE in others:
+            return {}
+        return {"warn": others.notes[0] if others.notes else "no channel holds remote vehicles (BSM or CAM messages)"}
 
     stages = {"estimate": estimate.make(sensors), "predict": predict.make(), "warn": warn.make()}
     return replace(job, stages=stages, preflight=preflight)
