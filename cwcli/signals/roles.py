@@ -66,6 +66,8 @@ ROLE_HINT: dict[Role, str] = {
 }
 TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH})
 MANY_TOPICS = frozenset({Role.REMOTE, Role.DETECTIONS})
+MAY_BE_EMPTY = frozenset({Role.TARGETS})
+"""Roles for which a channel without messages is an answer: the road was empty."""
 EVERY_CHANNEL = frozenset({Role.DETECTIONS})
 """Roles that take every candidate: each is a source of its own."""
 
@@ -211,7 +213,9 @@ def _candidates(channels: Sequence[ChannelLike], role: Role, ego_station: str | 
     ranked: dict[str, tuple[int, Binding]] = {}
     for channel in channels:
         entry = input_for(role, channel.schema_name)
-        if entry is None or entry.rank is None or getattr(channel, "message_count", None) == 0:
+        if entry is None or entry.rank is None:
+            continue
+        if getattr(channel, "message_count", None) == 0 and role not in MAY_BE_EMPTY:
             continue
         if _suits(channel, role, entry, ego_station):
             ranked.setdefault(channel.topic, (entry.rank, _binding(channel, role)))

@@ -80,6 +80,8 @@ class PredictedPaths:
 
 def vehicle_rows(ids: Strings) -> Iterator[tuple[str, npt.NDArray[np.intp]]]:
     """Each vehicle's id and the indices of its rows, in order of id first seen."""
+    if not len(ids):
+        return
     order = np.argsort(ids.codes, kind="stable")
     codes, starts = np.unique(ids.codes[order], return_index=True)
     for code, rows in zip(codes, np.split(order, starts[1:]), strict=True):

@@ -58,10 +58,11 @@ def at_rate(scans: Iterable[Sequence[Any]], *, period_ns: int = 100 * MS, frame:
     return out
 
 
-def with_detections(source: Path, target: Path, seed: int = 1) -> Path:
+def with_detections(source: Path, target: Path, seed: int = 1, *, is_empty: bool = False) -> Path:
     """A bundled drive with a lidar and a radar on its ego that see the other vehicle.
 
     The lidar stands at the origin of the car, the radar 3.6 m ahead of it. The range rate is that of the moving sensor.
+    With `is_empty` every scan is empty.
     """
     rng = np.random.default_rng(seed)
     with Log.open(source) as log:
@@ -87,6 +88,8 @@ def with_detections(source: Path, target: Path, seed: int = 1) -> Path:
         seen = exact + rng.standard_normal(3) * (0.25, 0.01, 0.12)
         names = ("range_m", "azimuth_rad", "range_rate_mps")
         radar.append((stamp_ns + DELAY_NS, scan(stamp_ns, [dict(zip(names, seen, strict=True))])))
+    if is_empty:
+        lidar, radar = ([(at, {**message, "detections": []}) for at, message in scans] for scans in (lidar, radar))
     with source.open("rb") as stream, target.open("wb") as out:
         writer = Writer(out)
         writer.start()

@@ -355,3 +355,60 @@ def add_truth(source: Path, target: Path, scene: Any) -> None:
     channel = OutputChannel("/truth/targets", "cwcli.v1.Target", stamp_ns, fields)
     with Log.open(source) as log:
         annotate(log, [channel], {}, target)
+
+
+def test_an_empty_road_gives_no_warning_and_no_error(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    with_detections(intersection, tmp_path / "d.mcap", is_empty=True)
+    for command, source, target in (("estimate", "d", "e"), ("track", "e", "t"), ("predict", "t", "p")):
+        assert cwcli(command, f"{source}.mcap", "-o", f"{target}.mcap", "--quiet").returncode == 0
+    done = cwcli("warn", "p.mcap", "--source", "targets", "--json")
+    assert done.returncode == 0, done.stderr.decode()
+    assert json.loads(done.stdout)["stages"]["warn"]["sections"]["events"] == []
+
+
+def test_a_pipe_gives_the_same_targets(cwcli: Run, tmp_path: Path) -> None:
+    write_scans(tmp_path / "a.mcap", {LIDAR: at_rate([[{"x_m": 10.0 + k, "y_m": 0.0}] for k in range(20)])})
+    assert cwcli("track", "a.mcap", "-o", "t.mcap").returncode == 0
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        done = cwcli("track", "-", "-o", "-", stdin=stream)
+    assert done.returncode == 0
+    (tmp_path / "p.mcap").write_bytes(done.stdout)
+    assert targets_of(tmp_path / "p.mcap") == targets_of(tmp_path / "t.mcap")
+    again = cwcli("track", "t.mcap", "-o", "u.mcap")
+    assert again.returncode != 0
+    assert b"--replace" in again.stderr
+    assert cwcli("track", "t.mcap", "-o", "u.mcap", "--replace").returncode == 0
+    assert targets_of(tmp_path / "u.mcap") == targets_of(tmp_path / "t.mcap")
+
+
+def test_radar_tracks_and_drawn_cubes_are_tracked(cwcli: Run, tmp_path: Path) -> None:
+    """One target ahead at 10 m, driving away at 5 m/s, as RadarTracks and as cubes, in JSON."""
+    from mcap.writer import Writer
+
+    for name, schema, message in (
+        ("tracks", "radar_msgs/msg/RadarTracks", radar_track),
+        ("cubes", "foxglove.SceneUpdate", cube),
+    ):
+        with (tmp_path / f"{name}.mcap").open("wb") as stream:
+            writer = Writer(stream)
+            writer.start()
+            channel = writer.register_channel("/sensor", "json", writer.register_schema(schema, "jsonschema", b"{}"))
+            for k in range(50):
+                at = T0_NS + 100 * MS * k
+                writer.add_message(channel, at, json.dumps(message(at, 10.0 + 0.5 * k)).encode(), at)
+            writer.finish()
+        told = summary(cwcli("track", f"{name}.mcap", "--no-tune", "--json"))
+        (row,) = told["sections"]["targets"]
+        assert (row["states"], row["max speed [m/s]"]) == (50, pytest.approx(5.0, abs=0.3))
+
+
+def radar_track(at: int, x_m: float) -> dict[str, Any]:
+    stamp = {"sec": at // 10**9, "nanosec": at % 10**9}
+    one = {"position": {"x": x_m, "y": 0.0, "z": 0.0}, "velocity": {"x": 5.0, "y": 0.0, "z": 0.0}}
+    return {"header": {"stamp": stamp, "frame_id": "radar"}, "tracks": [one]}
+
+
+def cube(at: int, x_m: float) -> dict[str, Any]:
+    stamp = {"sec": at // 10**9, "nsec": at % 10**9}
+    one = {"pose": {"position": {"x": x_m, "y": 0.0, "z": 0.0}}}
+    return {"entities": [{"timestamp": stamp, "frame_id": "lidar", "cubes": [one]}]}
