@@ -60,7 +60,8 @@ def reference() -> str:
 
 
 def _section(title: str, command: Any, name: str) -> str:
-    with command.make_context(name, [], resilient_parsing=True, terminal_width=80) as context:
+    settings = {"terminal_width": 80, "help_option_names": ["-h", "--help"]}
+    with command.make_context(name, [], resilient_parsing=True, **settings) as context:
         text = command.get_help(context)
     return f"## {title}\n\n```text\n{text.rstrip()}\n```\n"
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
     "cwcli lanes drive.mcap -o lanes.mcap --render /camera/annotated",
-    "cwcli lanes drive.mcap --method zhang2011 --seed 1 --camera-height 1.4 --camera-pitch 2",
+    "cwcli lanes drive.mcap --method zhang2011 --seed 1 --camera-height 1.4",
 )
 MOUNTING = Mounting()
 
