@@ -1,9 +1,9 @@
 """Paths from the observer: 2 s ahead from v, v_y, gamma and the road's curvature (zhang2011, section 4.2).
 
-Two models. "zhang2011" keeps v, v_y and gamma. "cwcli", the default, keeps the recent acceleration and lets the yaw rate
-go over to the one that the road's curvature asks for, since drivers follow roads; the car's place in the lane does not
-pull the path back to the middle, so a drift stays a drift. The uncertainty grows from the observer's covariance, the
-curvature's sigma and the driver's unrest.
+Two models. "zhang2011" keeps v, v_y and gamma. "cwcli", the default, keeps the recent acceleration and lets the yaw
+rate go over to the one that the road's curvature asks for, since drivers follow roads; the car's place in the lane does
+not pull the path back to the middle, so a drift stays a drift. The uncertainty grows from the observer's covariance,
+the curvature's sigma and the driver's unrest.
 """
 
 from __future__ import annotations

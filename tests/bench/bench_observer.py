@@ -1,0 +1,48 @@
+"""Speed of the observers and the paths, in frames a second of one core: `python -m tests.bench.bench_observer`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from cwcli.dynamics.config import ObserverConfig
+from cwcli.dynamics.observer import METHODS, observe
+from cwcli.dynamics.samples import LaneSamples, Samples
+from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.prediction.lateral import lateral_paths
+from cwcli.prediction.lateral_calibrate import calibrate_paths
+
+N_FRAMES = 20_000
+
+
+def report(name: str, work: Callable[[], object]) -> None:
+    """Best of three."""
+    took = []
+    for _ in range(3):
+        begin = time.process_time()
+        work()
+        took.append(time.process_time() - begin)
+    print(f"{name:32} {N_FRAMES / min(took):>12,.0f} frames/s")
+
+
+def main() -> None:
+    """Measure and print."""
+    random = np.random.default_rng(0)
+    stamp_ns = np.arange(N_FRAMES, dtype=np.int64) * 100_000_000
+    lanes = LaneSamples(stamp_ns, *(s * random.standard_normal(N_FRAMES) for s in (0.05, 0.003, 2e-4)))
+    speed, car = Samples(stamp_ns, np.full(N_FRAMES, 25.0)), load_vehicle()
+    gyro_ns = np.arange(5 * N_FRAMES, dtype=np.int64) * 20_000_000
+    gyro = Samples(gyro_ns, 0.002 * random.standard_normal(5 * N_FRAMES))
+    for method in METHODS:
+        report(method, lambda method=method: observe(lanes, speed, car, ObserverConfig(method)))  # type: ignore[misc]
+    report("cwcli with a gyroscope of 50 Hz", lambda: observe(lanes, speed, car, yaw_rate=gyro))
+    track = observe(lanes, speed, car)
+    paths = lateral_paths(track, car)
+    report("paths of 2 s", lambda: lateral_paths(track, car))
+    report("their calibration", lambda: calibrate_paths(paths, track))
+
+
+if __name__ == "__main__":
+    main()
