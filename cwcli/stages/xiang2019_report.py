@@ -62,7 +62,6 @@ SHOWN: dict[str, dict[str, str]] = {
         "gain_pct": "gain [%]",
         "gain_low_pct": "95 % from",
         "gain_high_pct": "to",
-        "better": "better",
     },
 }
 """What the terminal shows, with its headings; of the other tables all columns."""
