@@ -2,8 +2,8 @@
 
     python tests/bench/bench_start.py [LOG]
 
-The three take turns, so that a busy machine slows all of them; the best of the rounds counts. Prints a Markdown table and
-exits with 1 when a ratio is above its bound.
+The three take turns, so that a busy machine slows all of them; the best of the rounds counts. Prints a Markdown table
+and exits with 1 when a ratio is above its bound.
 """
 
 from __future__ import annotations
