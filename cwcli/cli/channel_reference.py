@@ -22,6 +22,7 @@ Beside the channels below, cwcli writes standard ones for viewers:
 | `/cwcli/tf` | `foxglove.FrameTransform` | `base_link` in `map` |
 | `/cwcli/log` | `foxglove.Log` | the warnings, in words |
 | `/cwcli/targets/scene` | `foxglove.SceneUpdate` | the targets, with velocity and id |
+| `/cwcli/control/<policy>/pose` | `foxglove.PoseInFrame` | where the ego would have been in `map`, for each policy |
 
 A metadata record `cwcli.run.<stage>` holds version, resolved configuration, the input's SHA-256 and the counts of
 messages.

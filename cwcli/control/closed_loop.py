@@ -27,6 +27,7 @@ class Motion:
     Attributes:
         time_s: Shape (k,), strictly increasing.
         x_m, y_m, heading_rad, speed_mps: Shape (k,); heading unwrapped, speed not negative.
+        accel_mps2, yaw_rate_radps: Shape (k,), where they were estimated; None: from the speed and the heading.
     """
 
     time_s: FloatArray
@@ -34,11 +35,38 @@ class Motion:
     y_m: FloatArray
     heading_rad: FloatArray
     speed_mps: FloatArray
+    accel_mps2: FloatArray | None = None
+    yaw_rate_radps: FloatArray | None = None
 
     def at(self, time_s: FloatArray) -> Motion:
         """The motion on another time grid, linear in between, held at the ends."""
-        columns = (self.x_m, self.y_m, self.heading_rad, self.speed_mps)
-        return Motion(time_s, *(np.interp(time_s, self.time_s, column) for column in columns))
+
+        def between(column: FloatArray) -> FloatArray:
+            return np.asarray(np.interp(time_s, self.time_s, column))
+
+        return Motion(
+            time_s,
+            between(self.x_m),
+            between(self.y_m),
+            between(self.heading_rad),
+            between(self.speed_mps),
+            None if self.accel_mps2 is None else between(self.accel_mps2),
+            None if self.yaw_rate_radps is None else between(self.yaw_rate_radps),
+        )
+
+    @property
+    def acceleration_mps2(self) -> FloatArray:
+        """Along the heading, shape (k,)."""
+        return _slope(self.speed_mps, self.time_s) if self.accel_mps2 is None else self.accel_mps2
+
+    @property
+    def turn_rate_radps(self) -> FloatArray:
+        """Of the heading, shape (k,)."""
+        return _slope(self.heading_rad, self.time_s) if self.yaw_rate_radps is None else self.yaw_rate_radps
+
+
+def _slope(values: FloatArray, time_s: FloatArray) -> FloatArray:
+    return np.asarray(np.gradient(values, time_s)) if len(time_s) > 1 else np.zeros(1)
 
 
 @dataclass(frozen=True)
@@ -130,7 +158,7 @@ def replay(
     time_s = start_s + step_s * np.arange(int((end_s - start_s) / step_s + 1e-9) + 1)
     recorded, obstacle = host.at(time_s), other.at(time_s)
     path, other_car = _Path(recorded), _Obstacle(obstacle)
-    recorded_accel = np.gradient(recorded.speed_mps, time_s) if len(time_s) > 1 else np.zeros(1)
+    recorded_accel = recorded.acceleration_mps2
 
     n, k = len(warning_time_s), len(time_s)
     rows = {name: np.empty((n, k)) for name in ("x", "y", "h", "v", "a", "u", "p", "d")}
@@ -227,17 +255,22 @@ class _Obstacle:
         self.motion = motion
         self.vx_mps = motion.speed_mps * np.cos(motion.heading_rad)
         self.vy_mps = motion.speed_mps * np.sin(motion.heading_rad)
-        self.ax_mps2 = np.gradient(self.vx_mps, motion.time_s) if len(motion.time_s) > 1 else np.zeros(1)
-        self.ay_mps2 = np.gradient(self.vy_mps, motion.time_s) if len(motion.time_s) > 1 else np.zeros(1)
+        along, across = motion.acceleration_mps2, motion.speed_mps * motion.turn_rate_radps
+        self.ax_mps2 = along * np.cos(motion.heading_rad) - across * np.sin(motion.heading_rad)
+        self.ay_mps2 = along * np.sin(motion.heading_rad) + across * np.cos(motion.heading_rad)
 
 
 class _Path:
-    """The recorded path by distance travelled; straight on beyond its end."""
+    """The recorded path by distance travelled; straight on beyond its end.
+
+    The distance is the integral of the speed, not the sum of the steps between positions: noise of the positions would
+    lengthen the latter, most of all where the car stands.
+    """
 
     def __init__(self, motion: Motion) -> None:
-        chords = np.hypot(np.diff(motion.x_m), np.diff(motion.y_m))
-        self.travelled_m = np.concatenate(([0.0], np.cumsum(chords)))
-        moved = np.concatenate(([True], chords > 0.0))
+        steps = 0.5 * (motion.speed_mps[1:] + motion.speed_mps[:-1]) * np.diff(motion.time_s)
+        self.travelled_m = np.concatenate(([0.0], np.cumsum(steps)))
+        moved = np.concatenate(([True], steps > 0.0))
         self._s = self.travelled_m[moved]
         self._x, self._y = motion.x_m[moved], motion.y_m[moved]
         self._heading = motion.heading_rad[moved]

@@ -86,7 +86,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
         states = everything.logged_within(config.start_ns, config.end_ns)
         predicted[path_role] = read_paths(columns[topics[path_role]])
         is_other = state_role is Role.REMOTE_STATE
-        tracks[state_role] = _tracks(states, predicted[path_role], with_onset=is_other and uses_onset)
+        tracks[state_role] = vehicle_tracks(states, predicted[path_role], with_onset=is_other and uses_onset)
         n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
         inputs.append(InputCount(topics[state_role], state_role.value, len(everything), n_used))
         inputs.append(InputCount(topics[path_role], path_role.value, len(predicted[path_role]), n_used))
@@ -97,7 +97,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
         everything = read_targets(columns[topics[Role.TARGETS]])
         states = everything.logged_within(config.start_ns, config.end_ns)
         paths = _paths_of(states, like=predicted[Role.EGO_PATH], where=topics[Role.EGO_PATH])
-        tracks[Role.REMOTE_STATE] = _tracks(states, paths, with_onset=uses_onset)
+        tracks[Role.REMOTE_STATE] = vehicle_tracks(states, paths, with_onset=uses_onset)
         inputs.append(InputCount(topics[Role.TARGETS], Role.TARGETS.value, len(everything), len(states)))
     result = evaluate(hosts[0], tracks[Role.REMOTE_STATE], config.rule)
     summary = Summary("warn", _sections(result, log.start_ns), tuple(inputs), bound.notes)
@@ -109,7 +109,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
     return StageResult("warn", channels, tables, summary, run_record("warn", log, config, summary))
 
 
-def _tracks(states: VehicleStates, predicted: PredictedPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
+def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
     """One track per vehicle: its states, in stamp order, each with the path that starts from it.
 
     Args:
