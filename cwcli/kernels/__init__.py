@@ -1,1 +1,1 @@
-"""TODO: replaced by its room."""
+"""The compiled loops: plain arrays in and out, no allocation inside. Each has a slow twin or another oracle."""

@@ -11,15 +11,16 @@ def block_responses(grey: npt.NDArray[np.uint8], nine_road: int, left: _R, right
     Args:
         grey: Shape (height, width), C order; three rows a block, from the bottom.
         nine_road: Nine times the mean road grey.
-        left, right: Shape (3, rows of blocks, width), int16, out: see `objective`; the outermost columns are left alone.
+        left, right: Shape (3, rows of blocks, width), int16, out: see `objective`; the outermost columns are left
+            alone.
     """
 
 def objective(response: _R, parabolas: _F, is_left: bool, value: _F, n_blocks: _I) -> None:
     """Value of eq. 2 or 3 of each parabola.
 
     Args:
-        response: Shape (3, rows, width), int16, C order: 1/90 grey level; by slope class (0.5 to 2, above, below), row of blocks
-            from the bottom, and column of the block's centre.
+        response: Shape (3, rows, width), int16, C order: 1/90 grey level; by slope class (0.5 to 2, above, below), row
+            of blocks from the bottom, and column of the block's centre.
         parabolas: Shape (n, 3): a, b, c.
         is_left: Else the right boundary: the sign of the slope is mirrored.
         value: Shape (n,), out: grey levels; -1e300 where no block lies on the image.

@@ -1,1 +1,1 @@
-"""TODO: replaced by its room."""
+"""Scores, confidence intervals, and the tables that stages and rules return."""

@@ -1,1 +1,1 @@
-"""TODO: replaced by its room."""
+"""What a number means: canonical columns with units and frames, role binding, V2X messages, geodesy, clocks."""

@@ -1,1 +1,1 @@
-"""TODO: replaced by its room."""
+"""Scenario -> truth -> sensors and V2X link, the same for the same seed; `stages/simulate*` writes the log."""
