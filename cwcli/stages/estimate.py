@@ -246,11 +246,19 @@ def _summary(sources: Sources, tracks: Mapping[str, TrackSummary], errors: Truth
     position = signals[0]
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
-    for station, track in tracks.items():
-        notes.extend(f"{station}: {note}" for note in track.notes if station != EGO_ID)
+    notes.extend(_remote_notes(tracks))
     if errors is not None:
         notes.extend(errors.notes)
     return Summary("estimate", sections(tracks, errors), sources.counts(), tuple(dict.fromkeys(notes)))
+
+
+def _remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:
+    """The remote vehicles' notes; one that several share is told once."""
+    stations: dict[str, list[str]] = {}
+    for station, track in tracks.items():
+        for note in track.notes if station != EGO_ID else ():
+            stations.setdefault(note, []).append(station)
+    return [f"{own[0] if len(own) == 1 else f'{len(own)} vehicles'}: {note}" for note, own in stations.items()]
 
 
 def _origin_record(local_map: LocalMap | None) -> dict[str, str]:
