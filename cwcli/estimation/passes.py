@@ -15,6 +15,7 @@ from cwcli.kernels import ekf
 from cwcli.signals.columns import FloatArray
 
 N_MOTION = 8
+START_TOLERANCE_S = 1e-9
 MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first-order expansion in the heading
 RATES = (Kind.ACCEL, Kind.YAW_RATE)
 RATE_PATIENCE = (
@@ -60,6 +61,10 @@ class Series:
         """Degrees of freedom of a row."""
         return 2 if self.kind <= Kind.VELOCITY else 1
 
+    def at(self, rows: npt.NDArray[np.bool_]) -> Series:
+        """Some of its rows."""
+        return replace(self, time_s=self.time_s[rows], values=self.values[rows], noise=self.noise[rows])
+
     def scaled(self, factor: float) -> Series:
         """The same with its noise variance multiplied by `factor`."""
         return replace(self, noise=self.noise * factor)
@@ -84,7 +89,7 @@ class PassResult:
         last_state, last_covariance: Filter state after the last event, (n,), (n, n).
         log_likelihood: Sum over used innovations.
         nis: Per series: shape (k, 3): normalised innovation squared, mean nu^2, mean h P h'.
-        status: Per series: shape (k,): 0 gated, 1 used, 2 used after a reset.
+        status: Per series: shape (k,): 0 gated, 1 used, 2 used after a reset, -1 before the start (its nis is NaN).
     """
 
     state: FloatArray
@@ -110,7 +115,7 @@ def run_pass(
     """Filter (and smooth) all series from `start` on.
 
     Args:
-        series: The measurements. Rows before `start.time_s` are taken at `start.time_s`.
+        series: The measurements. Rows before `start.time_s` are left out: at the start they would be old.
         start: Initial state; its length n decides the model (6: song2016, more: eight states and parameters).
         parameters: Motion model.
         walk: Shape (n,): random walk variance per second of the parameter states (first eight unused).
@@ -119,6 +124,8 @@ def run_pass(
         reset_after: See `EstimatorConfig`.
         q_matrix: Shape (6, 6) for song2016's model.
     """
+    in_time = [s.time_s - s.latency_s >= start.time_s - START_TOLERANCE_S for s in series]
+    series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
     time, first, out_row, order, index = _merge(series, start.time_s, output_s)
     values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
     noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
@@ -135,11 +142,21 @@ def run_pass(
     nis, status = np.empty_like(result.nis[0]), np.empty_like(result.status[0])
     nis[order], status[order] = result.nis[0], result.status[0]
     edges = np.cumsum([0] + [len(s) for s in series])
-    return replace(
-        result,
-        nis=tuple(nis[i:j] for i, j in itertools.pairwise(edges)),
-        status=tuple(status[i:j] for i, j in itertools.pairwise(edges)),
-    )
+    found_nis, found_status = [], []
+    for (i, j), rows in zip(itertools.pairwise(edges), in_time, strict=True):
+        found_nis.append(np.full((len(rows), 3), np.nan))
+        found_status.append(np.full(len(rows), -1, np.int8))
+        found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
+    return replace(result, nis=tuple(found_nis), status=tuple(found_status))
+
+
+def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
+    """Remarks on rows that came before the filter could start."""
+    return [
+        f"{s.source}: {n} {s.kind.name.lower()} rows before the first heading, left out of the filter"
+        for s, status in zip(series, result.status, strict=True)
+        if (n := int((status < 0).sum()))
+    ]
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, Events, Series, SeriesTable, Start, run_events, run_pass
+from cwcli.estimation.passes import N_MOTION, Events, Series, SeriesTable, Start, old_rows, run_events, run_pass
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
-from cwcli.estimation.start import find_start
+from cwcli.estimation.start import find_start, hold_before_start
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.signals.columns import FloatArray, Int64Array
 
@@ -96,6 +96,10 @@ def estimate_song2016(
     state[:, :6] = result.state[row]
     covariance[:, :6, :6] = result.covariance[row]
     _carry(state, np.maximum(wanted - grid[row], 0.0))
+    if config.causal:
+        hold_before_start(state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION))
+        covariance[:, 6:, 6:] = 0.0
+        notes += old_rows(series, result)
     reports = tuple(
         SourceReport(
             s.source, s.kind, n_read=p.n_read, n_used=int((status > 0).sum()), n_gated=int((status == 0).sum()),

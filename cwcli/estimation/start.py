@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.passes import N_MOTION, Series, Start
+from cwcli.estimation.passes import N_MOTION, START_TOLERANCE_S, Series, Start
 from cwcli.signals.columns import FloatArray
 
 MIN_DISPLACEMENT_M = 2.0
@@ -15,6 +15,8 @@ MIN_DISPLACEMENT_S = 0.5
 CLEAR_SIGMAS = 10.0  # a heading from a displacement is then good to about 0.15 rad, which the filter's expansion bears
 UNKNOWN_HEADING_RAD = 1.8  # one sigma of a uniform circle
 UNKNOWN_SPEED_MPS = 10.0
+UNKNOWN_SIGMA = (0.0, 0.0, UNKNOWN_SPEED_MPS, UNKNOWN_HEADING_RAD, 2.0, 0.3, 1.0, 0.2)
+"""One sigma of the eight states before a heading is known; the position's is the measurement's."""
 
 
 def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Start:
@@ -198,3 +200,38 @@ def start_with_parameters(series: Sequence[Series], prior: FloatArray, *, causal
     index = np.arange(N_MOTION, len(prior))
     start.covariance[index, index] = prior[index]
     return start
+
+
+def hold_before_start(
+    state: FloatArray,
+    covariance: FloatArray,
+    series: Sequence[Series],
+    *,
+    start_s: float,
+    output_s: FloatArray,
+    prior: FloatArray,
+) -> None:
+    """Before the filter alone knows a heading, publish the last position with all else unknown (in place).
+
+    Args:
+        state, covariance: Shapes (m, n) and (m, n, n), at `output_s`.
+        series: At least one POSITION with one row.
+        start_s: Where the filter starts.
+        output_s: Shape (m,).
+        prior: Shape (n,): variances of the parameter states; the first eight are not used.
+    """
+    early = np.flatnonzero(output_s < start_s - START_TOLERANCE_S)
+    if not len(early):
+        return
+    position = next(s for s in series if s.kind is Kind.POSITION and len(s))
+    time = position.time_s - position.latency_s
+    row = np.maximum(np.searchsorted(time, output_s[early], side="right") - 1, 0)
+    state[early] = 0.0
+    state[early, :2] = position.values[row]
+    covariance[early] = 0.0
+    index = np.arange(state.shape[1])
+    covariance[early[:, None], index, index] = np.concatenate((np.square(UNKNOWN_SIGMA), prior[N_MOTION:]))
+    # A position may be old by the time from its stamp, at an unknown speed.
+    age = np.abs(output_s[early] - time[row])
+    for axis in (0, 1):
+        covariance[early, axis, axis] = position.noise[row, 2 * axis] + (UNKNOWN_SPEED_MPS * age) ** 2

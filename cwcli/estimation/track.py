@@ -14,9 +14,9 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count, mean_bounds
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, RATES, PassResult, Start, run_pass
+from cwcli.estimation.passes import N_MOTION, RATES, PassResult, old_rows, run_pass
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
-from cwcli.estimation.start import start_with_parameters
+from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import Tuned, tune
 from cwcli.signals.columns import FloatArray, Int64Array
 
@@ -147,7 +147,10 @@ def estimate_track(
         smooth=not config.causal, reset_after=config.reset_after,
     )  # fmt: skip
     if config.causal:
-        _hold_before_start(result, tuned, start, output_s)
+        hold_before_start(
+            result.state, result.covariance, tuned.series, start_s=start.time_s, output_s=output_s, prior=tuned.prior
+        )
+        notes += old_rows(tuned.series, result)
     reports = tuple(_report(p, tuned, i, result) for i, p in enumerate(prepared))
     notes += tuned.notes
     for r in reports:
@@ -194,36 +197,13 @@ def _late_reference(tuned: Tuned) -> tuple[float, list[str]]:
     ]
 
 
-def _hold_before_start(result: PassResult, tuned: Tuned, start: Start, output_s: FloatArray) -> None:
-    """Before the filter alone knows a heading, publish the last position with all else unknown (in place)."""
-    early = np.flatnonzero(output_s < start.time_s)
-    if not len(early):
-        return
-    position = next(s for s in tuned.series if s.kind is Kind.POSITION and len(s))
-    row = np.searchsorted(position.time_s - position.latency_s, output_s[early], side="right") - 1
-    row = np.maximum(row, 0)
-    unknown = np.array([0.0, 0.0, 10.0, 1.8, 2.0, 0.3, 1.0, 0.2]) ** 2
-    n = result.state.shape[1]
-    result.state[early] = 0.0
-    result.state[early, :2] = position.values[row]
-    result.covariance[early] = 0.0
-    index = np.arange(N_MOTION)
-    result.covariance[early[:, None], index, index] = unknown
-    # A position may be old by the time from its stamp, at an unknown speed.
-    age = np.abs(output_s[early] - (position.time_s - position.latency_s)[row])
-    for axis in (0, 1):
-        result.covariance[early, axis, axis] = position.noise[row, 2 * axis] + (10.0 * age) ** 2
-    parameters = np.arange(N_MOTION, n)
-    result.covariance[early[:, None], parameters, parameters] = tuned.prior[parameters]
-
-
 def _report(p: Prepared, tuned: Tuned, i: int, result: PassResult) -> SourceReport:
     """Sum up one series."""
     s, latency = tuned.series[i], tuned.latencies[i]
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
-    if len(nis) >= MIN_NIS_ROWS:
-        kept = nis[status > 0] if (status > 0).any() else nis
+    if int((status >= 0).sum()) >= MIN_NIS_ROWS:
+        kept = nis[status > 0] if (status > 0).any() else nis[status == 0]
         mean = float(kept.mean())
         bounds = mean_bounds(s.width, effective_count(kept))
         inside = bounds[0] <= mean <= bounds[1]

@@ -103,7 +103,10 @@ class NaiveResult:
 def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, output_s: F) -> NaiveResult:
     """Filter and smooth without gate; outputs must not be before the start."""
     events = [
-        (max(s.time_s[i] - s.latency_s, start.time_s), 0, k, i) for k, s in enumerate(series) for i in range(len(s))
+        (s.time_s[i] - s.latency_s, 0, k, i)
+        for k, s in enumerate(series)
+        for i in range(len(s))
+        if s.time_s[i] - s.latency_s >= start.time_s
     ]
     events += [(float(t), 1, -1, j) for j, t in enumerate(output_s)]
     events.sort(key=lambda event: event[:2])

@@ -7,6 +7,7 @@ import pytest
 
 from cwcli.errors import DataError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track, estimate_tracks
+from cwcli.estimation.config import ModelName
 
 T0 = 1_700_000_000_000_000_000
 NO_SEARCH = EstimatorConfig(latency="none")
@@ -66,6 +67,25 @@ def test_track_bridges_an_outage_with_growing_covariance() -> None:
     causal = estimate_track([straight(seen, 10.0, 0.5, 0.3)], CAUSAL, stamps(time))
     inside = (time > 15.2) & (time < 24.8)
     assert (np.diff(np.sqrt(causal.covariance[inside, 0, 0])) > 0).all()
+
+
+@pytest.mark.parametrize("model", ["cwcli", "song2016"])
+@pytest.mark.parametrize("standing_s", [0.0, 30.0])
+def test_causal_track_from_positions_is_honest_from_its_first_state(standing_s: float, model: ModelName) -> None:
+    """Positions from before the heading shows are old when the filter starts: they must not pull it back."""
+    time = np.arange(0.0, standing_s + 20.0, 0.1)
+    way = 10.0 * np.maximum(time - standing_s, 0.0)
+    gps = straight(time, 0.0, 0.0, 1.0, seed=1)
+    gps = Measurements("gps", Kind.POSITION, gps.stamp_ns, gps.values + np.stack([way, 0.0 * way], axis=1))
+    track = estimate_track([gps], EstimatorConfig(model=model, latency="none", causal=True), stamps(time))
+    error = np.hypot(track.state[:, 0] - way, track.state[:, 1])
+    sigma = np.sqrt(track.covariance[:, 0, 0] + track.covariance[:, 1, 1])
+    assert (error < 4.0 * sigma).all()
+    late = time > standing_s + 3.0
+    assert error[late].max() < 2.5
+    np.testing.assert_allclose(track.state[late, 2], 10.0, atol=4.0)
+    assert track.sources[0].n_gated <= 2
+    assert any("before the first heading" in note for note in track.notes)
 
 
 def test_causal_track_uses_nothing_that_comes_later() -> None:
