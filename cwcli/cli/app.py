@@ -26,6 +26,7 @@ COMMANDS = {
     "track": "Track other road users from lidar and radar detections.",
     "predict": "Predict the vehicles' paths from their states.",
     "warn": "Warn of collisions from the predicted paths.",
+    "control": "Replay each warning with a braking controller at the pedals.",
     "lanes": "Find the lane boundaries in camera frames.",
     "run": "Estimate, predict and warn in one pass.",
     "simulate": "Make a log with known truth from a scenario.",

@@ -38,6 +38,7 @@ NEEDS: dict[str, Need] = {
         added={"ego_path": "ego_state", "remote_path": "remote_state"},
     ),
     "warn": Need(required=("ego_state", "ego_path", "remote_state", "remote_path")),
+    "control": Need(required=("ego_state", "remote_state")),
     "lanes": Need(required=("camera",), used=("camera_info",)),
 }
 """In the order in which the stages run."""

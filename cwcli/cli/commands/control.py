@@ -1,0 +1,165 @@
+"""`cwcli control`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import typer
+
+from cwcli.cli.commands.estimate import EstimateOptions
+from cwcli.cli.commands.run import MetricsDirOption
+from cwcli.cli.options.expand import StageOptions
+from cwcli.cli.options.shared import (
+    LogArgument,
+    MetricsOption,
+    ReadingOptions,
+    SensorOptions,
+    TalkOptions,
+    WritingOptions,
+)
+from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.prediction.models import DEFAULT_MODEL, MODELS
+from cwcli.warning.rules import DEFAULT_RULE, RULES
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+    from cwcli.stages.result import StageResult
+
+EXAMPLES = (
+    "cwcli control drive.mcap -o braked.mcap --metrics control.parquet",
+    "cwcli control drive.mcap --predictor cj-cya -o braked.mcap --metrics-dir metrics/",
+    "cwcli estimate drive.mcap --causal -o - | cwcli control - --rule ttc --json",
+)
+
+
+def _models(incomplete: str) -> list[tuple[str, str]]:
+    return [(name, model.summary) for name, model in MODELS.items() if name.startswith(incomplete)]
+
+
+def _rules(incomplete: str) -> list[tuple[str, str]]:
+    return [(name, rule.summary) for name, rule in RULES.items() if name.startswith(incomplete)]
+
+
+@dataclass(frozen=True)
+class ControlOptions(StageOptions):
+    """Options of the stage."""
+
+    stage: ClassVar[str] = "control"
+
+    predictor: Annotated[
+        str | None,
+        typer.Option(
+            "--predictor",
+            metavar="NAME",
+            show_default=DEFAULT_MODEL,
+            autocompletion=_models,
+            help=f"Motion model that finds the warnings: {', '.join(MODELS)} (see `cwcli predict --help`).",
+        ),
+    ] = None
+    rule: Annotated[
+        str | None,
+        typer.Option(
+            "--rule",
+            metavar="NAME",
+            show_default=f"song2016 with --predictor, else {DEFAULT_RULE}",
+            autocompletion=_rules,
+            help=f"Warning rule: {', '.join(RULES)} (see `cwcli warn --help`).",
+        ),
+    ] = None
+    horizon: Annotated[
+        float, typer.Option("--horizon", metavar="SECONDS", help="Warn of events at most this far ahead.")
+    ] = 2.5
+    distance: Annotated[
+        float, typer.Option("--distance", metavar="METRES", help="The rule's collision distance between centres.")
+    ] = 2.5
+    duration: Annotated[
+        float, typer.Option("--duration", metavar="SECONDS", help="Replay at most this long after a warning.")
+    ] = 15.0
+    after: Annotated[
+        float,
+        typer.Option(
+            "--after",
+            metavar="SECONDS",
+            help="Go on at most this far beyond the last state of a vehicle, at its last speed and yaw rate.",
+        ),
+    ] = 6.0
+
+    def make(self) -> Callable[[Log, Selection], StageResult]:
+        """The stage with these options."""
+        from cwcli.control.encounter import Span
+        from cwcli.stages.control import ControlConfig, control, rule_for
+        from cwcli.warning.types import WarningConfig
+
+        rule = WarningConfig(
+            rule=self.rule or rule_for(self.predictor), horizon_s=self.horizon, distance_m=self.distance
+        )
+
+        def stage(log: Log, selection: Selection) -> StageResult:
+            return control(
+                log,
+                ControlConfig(
+                    predictor=self.predictor,
+                    rule=rule,
+                    span=Span(duration_s=self.duration, after_s=self.after),
+                    topics=selection.topics,
+                    start_ns=selection.start_ns,
+                    end_ns=selection.end_ns,
+                ),
+            )
+
+        return stage
+
+
+def command(
+    log: LogArgument,
+    options: ControlOptions,
+    writing: WritingOptions,
+    reading: ReadingOptions,
+    sensors: SensorOptions,
+    talk: TalkOptions,
+    metrics: MetricsOption = None,
+    metrics_dir: MetricsDirOption = None,
+) -> None:
+    """Replay each warning with a braking controller, a driver who brakes late, and nobody.
+
+    The host's recorded motion is replayed until the warning; then the fuzzy controller of song2016 brakes it along its
+    recorded path, or a driver 1.5 s later, or nobody. The other vehicle moves as recorded. Uses the states of `cwcli
+    estimate --causal`; where the log has none, they are estimated first and written too. Paths and warnings are found
+    anew.
+    """
+    job = Job(
+        command="control",
+        source=log,
+        stages={"estimate": EstimateOptions(causal=True).make(sensors), "control": options.make()},
+        reading=reading,
+        writing=writing,
+        talk=talk,
+        metrics=metrics,
+        metrics_dir=metrics_dir,
+        preflight=lambda opened, selection: _without_estimate(opened, selection, sensors),
+    )
+    run_job(job)
+
+
+def _without_estimate(log: Log, selection: Selection, sensors: SensorOptions) -> dict[str, str]:
+    """Leaves `estimate` out if the log has the states.
+
+    Raises:
+        MissingSignalError: It has neither both states nor the sensors from which to estimate them.
+    """
+    from cwcli.signals.roles import Role, bind
+
+    states, sources = (Role.EGO_STATE, Role.REMOTE_STATE), (Role.EGO_POSITION, Role.REMOTE)
+    found = bind(log.channels, selection.topics, required=(), optional=states, where=log.name)
+    has_states = any(role in found for role in states)
+    bind(
+        log.channels,
+        selection.topics,
+        required=states if has_states else sources,
+        ego_station=sensors.ego_station,
+        where=log.name,
+        command="control",
+    )
+    return {"estimate": "the log holds the states"} if has_states else {}

@@ -1,0 +1,221 @@
+"""One warning of a recorded drive, replayed under each policy: the tracks are cut, carried on past their end, compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.control.closed_loop import (
+    COLLISION_DISTANCE_M,
+    Motion,
+    Outcome,
+    Situation,
+    driver_policy,
+    fuzzy_policy,
+    replay,
+)
+from cwcli.signals.columns import FloatArray, Int64Array
+
+BoolArray = npt.NDArray[np.bool_]
+
+POLICIES = ("no-action", "fuzzy", "driver")
+"""Rows of every array below. No action: the recorded motion itself."""
+BEFORE_S = 5.0
+MAX_GAP_S = 1.0
+EXTENSION_STEP_S = 0.05
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class RecordedTrack:
+    """One vehicle's estimated states.
+
+    Attributes:
+        stamp_ns: Shape (n,), strictly increasing.
+        state: Shape (n, 8): x_m, y_m, speed_mps, heading_rad, accel_mps2, yaw_rate_radps, jerk_mps3, yaw_accel_radps2.
+    """
+
+    stamp_ns: Int64Array
+    state: FloatArray
+
+
+@dataclass(frozen=True)
+class Span:
+    """How much of a drive is replayed.
+
+    Attributes:
+        duration_s: At most this long after the warning.
+        after_s: At most this far beyond the last state of a vehicle; it then goes on at its last speed and yaw rate.
+    """
+
+    duration_s: float = 15.0
+    after_s: float = 6.0
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """What would have happened after one warning; times are seconds after it, arrays have one row a policy.
+
+    Attributes:
+        outcome: The replay, on a grid that has the warning at 0.
+        other: The other vehicle on the same grid.
+        is_behind: The other vehicle was behind the host's reference point at the warning. It moves as recorded, so a host
+            that brakes may be hit by it.
+        recorded_until_s: From here on one of the two motions is carried on, not recorded.
+        after: Shape (k,), bool: from the warning on. What follows is taken over these steps.
+        min_distance_m, min_distance_time_s: Least distance of the reference points.
+        collided: The distance fell below `COLLISION_DISTANCE_M`.
+        collision_time_s, impact_speed_mps: When it first did, and the relative speed then; NaN if never.
+        peak_deceleration_mps2, peak_jerk_mps3: Magnitudes. Without action: of the estimated states.
+        stopped_time_s: When the host first stands; NaN if never.
+    """
+
+    outcome: Outcome
+    other: Motion
+    is_behind: bool
+    recorded_until_s: float
+    after: BoolArray
+    min_distance_m: FloatArray
+    min_distance_time_s: FloatArray
+    collided: BoolArray
+    collision_time_s: FloatArray
+    impact_speed_mps: FloatArray
+    peak_deceleration_mps2: FloatArray
+    peak_jerk_mps3: FloatArray
+    stopped_time_s: FloatArray
+
+
+def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, span: Span) -> Encounter:
+    """Replay both tracks around a warning, the host under every policy.
+
+    Only the stretches without a gap longer than `MAX_GAP_S` around the warning are used, from `BEFORE_S` before it.
+
+    Raises:
+        ValueError: A track has no state at or before the warning.
+    """
+    motions, jerks, ends_s = [], [], []
+    for track in (host, other):
+        rows = contiguous_rows(track.stamp_ns, warning_ns)
+        motion = _motion(track, rows, warning_ns)
+        motions.append(motion)
+        ends_s.append(float(motion.time_s[-1]))
+        jerks.append(track.state[rows, 6])
+    end_s = min(span.duration_s, max(min(ends_s), 0.0) + span.after_s)
+    start_s = max(-BEFORE_S, *(float(motion.time_s[0]) for motion in motions))
+    # Whole steps before the warning, so that the grid has it at 0.
+    start_s = -np.floor(-start_s / EXTENSION_STEP_S + 1e-9) * EXTENSION_STEP_S
+    host_motion, other_motion = (extended(motion, end_s) for motion in motions)
+    host_motion = cut(host_motion, start_s, end_s)
+    other_motion = cut(other_motion, start_s, end_s)
+    warnings_s = np.array([np.inf, 0.0, 0.0])
+    outcome = replay(host_motion, other_motion, warnings_s - 1e-6, _each_policy)
+    known_jerk = np.interp(outcome.time_s, motions[0].time_s, jerks[0], right=0.0)
+    return _encounter(outcome, other_motion.at(outcome.time_s), min(ends_s), known_jerk)
+
+
+def contiguous_rows(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_GAP_S) -> slice:
+    """The rows around a time without a gap longer than `max_gap_s` between them.
+
+    Raises:
+        ValueError: There is no row at or before the time.
+    """
+    here = int(np.searchsorted(stamp_ns, at_ns, side="right")) - 1
+    if here < 0:
+        raise ValueError("the track begins after the warning")
+    breaks = np.flatnonzero(np.diff(stamp_ns) > max_gap_s * NS_PER_S)
+    first = int(breaks[breaks < here][-1]) + 1 if (breaks < here).any() else 0
+    last = int(breaks[breaks >= here][0]) if (breaks >= here).any() else len(stamp_ns) - 1
+    return slice(first, last + 1)
+
+
+def extended(motion: Motion, end_s: float, step_s: float = EXTENSION_STEP_S) -> Motion:
+    """The motion up to `end_s`, beyond its own end at its last speed and yaw rate (an arc).
+
+    Args:
+        motion: At least one point.
+        end_s: On the motion's clock.
+        step_s: Between the added points.
+    """
+    last_s = float(motion.time_s[-1])
+    if end_s <= last_s:
+        return motion
+    more_s = np.append(np.arange(step_s, end_s - last_s - 1e-9, step_s), end_s - last_s)
+    speed, heading = float(motion.speed_mps[-1]), float(motion.heading_rad[-1])
+    turn_rate = float(motion.turn_rate_radps[-1])
+    half_turn = 0.5 * turn_rate * more_s
+    chord = speed * more_s * np.sinc(half_turn / np.pi)  # of the arc: 2 r sin(angle / 2)
+    return Motion(
+        np.append(motion.time_s, last_s + more_s),
+        np.append(motion.x_m, motion.x_m[-1] + chord * np.cos(heading + half_turn)),
+        np.append(motion.y_m, motion.y_m[-1] + chord * np.sin(heading + half_turn)),
+        np.append(motion.heading_rad, heading + 2.0 * half_turn),
+        np.append(motion.speed_mps, np.full(len(more_s), speed)),
+        np.append(motion.acceleration_mps2, np.zeros(len(more_s))),
+        np.append(motion.turn_rate_radps, np.full(len(more_s), turn_rate)),
+    )
+
+
+def cut(motion: Motion, start_s: float, end_s: float) -> Motion:
+    """The motion from `start_s` to `end_s`, with points at both."""
+    inside = (motion.time_s > start_s) & (motion.time_s < end_s)
+    return motion.at(np.concatenate(([start_s], motion.time_s[inside], [end_s])))
+
+
+def _motion(track: RecordedTrack, rows: slice, warning_ns: int) -> Motion:
+    state = track.state[rows]
+    return Motion(
+        (track.stamp_ns[rows] - warning_ns) / NS_PER_S,
+        state[:, 0],
+        state[:, 1],
+        np.unwrap(state[:, 3]),
+        np.maximum(state[:, 2], 0.0),
+        state[:, 4],
+        state[:, 5],
+    )
+
+
+def _each_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
+    """Row by row the pedals of `POLICIES`."""
+    throttle, pressure = np.zeros(len(POLICIES)), np.zeros(len(POLICIES))
+    for row, policy in ((1, fuzzy_policy), (2, driver_policy)):
+        opening, brake = policy(situation)
+        throttle[row], pressure[row] = opening[row], brake[row]
+    return throttle, pressure
+
+
+def _encounter(outcome: Outcome, other: Motion, recorded_until_s: float, known_jerk_mps3: FloatArray) -> Encounter:
+    after = outcome.time_s >= -1e-6
+    distance = np.where(after, outcome.distance_m, np.inf)
+    nearest = distance.argmin(axis=1)
+    rows = np.arange(len(POLICIES))
+    hit = distance < COLLISION_DISTANCE_M
+    first_hit = hit.argmax(axis=1)
+    collided = np.asarray(hit.any(axis=1))
+    relative = np.hypot(
+        other.speed_mps * np.cos(other.heading_rad) - outcome.speed_mps * np.cos(outcome.heading_rad),
+        other.speed_mps * np.sin(other.heading_rad) - outcome.speed_mps * np.sin(outcome.heading_rad),
+    )
+    standing = (outcome.speed_mps < 0.01) & after
+    deceleration, jerk = outcome.peak_deceleration_mps2.copy(), outcome.peak_jerk_mps3.copy()
+    deceleration[0] = max(float(np.max(-outcome.accel_mps2[0, after])), 0.0)
+    jerk[0] = float(np.abs(known_jerk_mps3[after]).max())
+    here = int(after.argmax())
+    ahead = (other.x_m[here] - outcome.x_m[0, here]) * np.cos(outcome.heading_rad[0, here])
+    ahead += (other.y_m[here] - outcome.y_m[0, here]) * np.sin(outcome.heading_rad[0, here])
+    return Encounter(
+        outcome=outcome,
+        other=other,
+        is_behind=bool(ahead < 0.0),
+        recorded_until_s=recorded_until_s,
+        after=after,
+        min_distance_m=distance.min(axis=1),
+        min_distance_time_s=outcome.time_s[nearest],
+        collided=collided,
+        collision_time_s=np.where(collided, outcome.time_s[first_hit], np.nan),
+        impact_speed_mps=np.where(collided, relative[rows, first_hit], np.nan),
+        peak_deceleration_mps2=deceleration,
+        peak_jerk_mps3=jerk,
+        stopped_time_s=np.where(standing.any(axis=1), outcome.time_s[standing.argmax(axis=1)], np.nan),
+    )
