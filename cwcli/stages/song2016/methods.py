@@ -11,6 +11,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.song2016 import filter_vectors
 from cwcli.estimation.track import Track, estimate_track
+from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
@@ -105,16 +106,21 @@ class Known:
     length_m: float
     width_m: float
 
-    def predicted(self, model: str) -> VehicleTrack:
-        """With a path from every state, by a key of `prediction.MODELS`, and the onset hypothesis beside it."""
-        track = self.track
-        paths, onset = (
-            rollout(name, track.state, track.covariance, horizon_s=self.horizon_s, step_s=STEP_S)
-            for name in (model, ONSET)
-        )
+    def predicted(self, model: str, *, with_onset: bool = False) -> VehicleTrack:
+        """With a path from every state by a key of `prediction.MODELS`, and the onset hypothesis if asked for."""
         return VehicleTrack(
-            self.name, track.stamp_ns, self.log_time_ns, track.state, paths, self.length_m, self.width_m, onset
+            self.name,
+            self.track.stamp_ns,
+            self.log_time_ns,
+            self.track.state,
+            self._paths(model),
+            self.length_m,
+            self.width_m,
+            self._paths(ONSET) if with_onset else None,
         )
+
+    def _paths(self, model: str) -> Paths:
+        return rollout(model, self.track.state, self.track.covariance, horizon_s=self.horizon_s, step_s=STEP_S)
 
 
 def known_exactly(run: Run, name: str) -> Known:

@@ -34,6 +34,7 @@ from cwcli.stages.song2016.methods import (
     sense,
 )
 from cwcli.warning.evaluate import evaluate
+from cwcli.warning.rules import RULES
 from cwcli.warning.types import WarningConfig
 
 COLLISION_M = 2.5
@@ -215,5 +216,7 @@ def _first_default_warning_s(host: Known, others: Sequence[Known], start_ns: int
 
 def _warnings_ns(host: Known, others: Sequence[Known], model: str, config: WarningConfig) -> list[int]:
     """When the rule raises a warning on what the host knows on line, in order."""
-    result = evaluate(host.predicted(model), [other.predicted(model) for other in others], config)
+    with_onset = RULES[config.rule].uses_onset
+    partners = [other.predicted(model, with_onset=with_onset) for other in others]
+    result = evaluate(host.predicted(model), partners, config)
     return [int(event["raised_stamp_ns"]) for event in result.events.records()]
