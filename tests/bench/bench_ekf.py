@@ -21,7 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track, estimate_tracks
 from cwcli.estimation.song2016 import filter_vectors, process_noise
-from cwcli.estimation.table1 import SIGMA, measure, truth
+from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.stages.song2016.methods import sense
 from tests.studies import city_drive
 
 LIMIT = 20.0
@@ -29,13 +30,13 @@ STEP_S = 0.05
 REPEATS = 5
 
 
-def filterpy_filter(z: np.ndarray) -> np.ndarray:
+def filterpy_filter(z: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     """Eq. 8 with filterpy, as its documentation asks for: F and the predicted state set by the user, then `update`."""
     ekf = ExtendedKalmanFilter(dim_x=6, dim_z=6)
     ekf.x, ekf.P, ekf.R, ekf.Q = (
         z[0].copy(),
-        np.diag(np.square(SIGMA)),
-        np.diag(np.square(SIGMA)),
+        np.diag(np.square(sigma)),
+        np.diag(np.square(sigma)),
         process_noise(STEP_S),
     )
     identity, dt = np.eye(6), STEP_S
@@ -103,12 +104,13 @@ def fleet() -> list[tuple[list[Measurements], np.ndarray]]:
 
 def main() -> int:
     """Print the table; return the exit code."""
-    z = np.concatenate([measure(truth("curve"), seed) for seed in range(1)])
-    ours, theirs = filter_vectors(z, SIGMA)[0], filterpy_filter(z)
+    run = sense(load_scenario("curve"), HOST, seed=0)
+    z, sigma = run.vectors, run.sigma
+    ours, theirs = filter_vectors(z, tuple(sigma))[0], filterpy_filter(z, sigma)
     difference = float(np.abs(ours - theirs).max())
     many = np.concatenate([z] * 20)
-    fast = best(lambda: filter_vectors(many, SIGMA)) / len(many)
-    slow = best(lambda: filterpy_filter(z), 2) / len(z)
+    fast = best(lambda: filter_vectors(many, tuple(sigma))) / len(many)
+    slow = best(lambda: filterpy_filter(z, sigma), 2) / len(z)
     ratio = slow / fast
     print("| six-state filter | us per step | ratio |")
     print("|---|---|---|")

@@ -1,11 +1,13 @@
-"""A small version of `cwcli reproduce song2016`: the paper's numbers on a few seeds; the command is the full one."""
+"""A small version of `cwcli reproduce song2016`: the paper's numbers on a few seeds; the command is the full one.
+
+Table 1 is in `test_song2016_table1.py`.
+"""
 
 import numpy as np
 import pytest
 
 from cwcli.stages.findings import Finding, ordered, within
 from cwcli.stages.song2016.control import control_part
-from cwcli.stages.song2016.estimation import table1_part
 from cwcli.stages.song2016.methods import STEP_S, trailing_slope
 from cwcli.stages.song2016.prediction import prediction_errors, prediction_part
 from cwcli.stages.song2016.warning import (
@@ -57,12 +59,6 @@ def test_order_of_the_families_in_figures_3_and_5(name: str) -> None:
     findings = required(prediction_part(name, prediction_errors(name, SEEDS, nothing)).findings)
     assert len(findings) == 2  # mean and maximum
     assert not [f"{f.what}: {f.ours}" for f in findings if f.has_failed]
-
-
-def test_table_1_of_our_smoother_on_the_straight() -> None:
-    findings = required(table1_part("straight", SEEDS, nothing).findings)
-    assert len(findings) == 5
-    assert not [f"{f.what}: {f.ours:.1f} against {f.paper:g}" for f in findings if f.has_failed]
 
 
 @pytest.mark.parametrize("name", TRAPS)
