@@ -1,4 +1,4 @@
-"""One warning of a recorded drive, replayed under each policy: the tracks are cut, carried on past their end, compared."""
+"""One warning of a recorded drive, replayed under each policy: the tracks are cut, carried on past their end, run."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ POLICIES = ("no-action", "fuzzy", "driver")
 BEFORE_S = 5.0
 MAX_GAP_S = 1.0
 EXTENSION_STEP_S = 0.05
+MIN_HEADING_SPEED_MPS = 1.0
+MIN_HEADING_WAY_M = 3.0
 NS_PER_S = 1_000_000_000
 
 
@@ -61,8 +63,7 @@ class Encounter:
     Attributes:
         outcome: The replay, on a grid that has the warning at 0.
         other: The other vehicle on the same grid.
-        is_behind: The other vehicle was behind the host's reference point at the warning. It moves as recorded, so a host
-            that brakes may be hit by it.
+        is_behind: The other vehicle was behind the host at the warning. It moves as recorded and may run into it.
         recorded_until_s: From here on one of the two motions is carried on, not recorded.
         after: Shape (k,), bool: from the warning on. What follows is taken over these steps.
         min_distance_m, min_distance_time_s: Least distance of the reference points.
@@ -201,13 +202,10 @@ def _encounter(outcome: Outcome, other: Motion, recorded_until_s: float, known_j
     deceleration, jerk = outcome.peak_deceleration_mps2.copy(), outcome.peak_jerk_mps3.copy()
     deceleration[0] = max(float(np.max(-outcome.accel_mps2[0, after])), 0.0)
     jerk[0] = float(np.abs(known_jerk_mps3[after]).max())
-    here = int(after.argmax())
-    ahead = (other.x_m[here] - outcome.x_m[0, here]) * np.cos(outcome.heading_rad[0, here])
-    ahead += (other.y_m[here] - outcome.y_m[0, here]) * np.sin(outcome.heading_rad[0, here])
     return Encounter(
         outcome=outcome,
         other=other,
-        is_behind=bool(ahead < 0.0),
+        is_behind=_is_behind(outcome, other, int(after.argmax())),
         recorded_until_s=recorded_until_s,
         after=after,
         min_distance_m=distance.min(axis=1),
@@ -219,3 +217,16 @@ def _encounter(outcome: Outcome, other: Motion, recorded_until_s: float, known_j
         peak_jerk_mps3=jerk,
         stopped_time_s=np.where(standing.any(axis=1), outcome.time_s[standing.argmax(axis=1)], np.nan),
     )
+
+
+def _is_behind(outcome: Outcome, other: Motion, here: int) -> bool:
+    """Whether the other is behind the host. A standing car has no reliable heading: there its way ahead counts."""
+    x, y = outcome.x_m[0, here], outcome.y_m[0, here]
+    heading = float(outcome.heading_rad[0, here])
+    if outcome.speed_mps[0, here] < MIN_HEADING_SPEED_MPS:
+        moved = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_HEADING_WAY_M
+        if not moved.any():
+            return False
+        there = here + int(moved.argmax())
+        heading = float(np.arctan2(outcome.y_m[0, there] - y, outcome.x_m[0, there] - x))
+    return bool((other.x_m[here] - x) * np.cos(heading) + (other.y_m[here] - y) * np.sin(heading) < 0.0)
