@@ -1,31 +1,14 @@
-"""Is the estimate as good as it says? NIS against its bounds, NEES, and errors in the form of song2016's table 1."""
+"""Is the estimate as good as it says? Independent NIS values, NEES, and errors in the form of song2016's table 1."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
-
-
-def chi_square_quantile(probability: float, dof: float) -> float:
-    """Return the chi-square quantile: exact for one and two degrees of freedom, else Wilson and Hilferty's (1931).
-
-    Args:
-        probability: In (0, 1).
-        dof: Degrees of freedom, > 0.
-    """
-    if dof == 1:
-        return NormalDist().inv_cdf(0.5 + 0.5 * probability) ** 2
-    if dof == 2:
-        return float(-2.0 * np.log1p(-probability))
-    z = NormalDist().inv_cdf(probability)
-    c = 2.0 / (9.0 * dof)
-    return float(dof * (1.0 - c + z * np.sqrt(c)) ** 3)
 
 
 def effective_count(values: FloatArray, max_lag: int = 200) -> float:
@@ -48,13 +31,6 @@ def effective_count(values: FloatArray, max_lag: int = 200) -> float:
             break
         total += rho
     return n / (1.0 + 2.0 * total)
-
-
-def mean_bounds(dof: int, count: float, probability: float = 0.95) -> tuple[float, float]:
-    """Return the two-sided chi-square bounds of the mean of `count` independent values with `dof` degrees each."""
-    total = dof * count
-    tail = 0.5 * (1.0 - probability)
-    return chi_square_quantile(tail, total) / count, chi_square_quantile(1.0 - tail, total) / count
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -19,13 +19,13 @@ import numpy as np
 
 from cwcli.estimation.coarse_latency import coarse_latency
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.consistency import chi_square_quantile
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE, noise_factor
 from cwcli.estimation.passes import Series, run_pass
 from cwcli.estimation.prepare import thinned
 from cwcli.estimation.start import start_with_parameters
+from cwcli.metrics.chi_square import chi_square_quantile
 from cwcli.signals.columns import FloatArray
 
 PRIOR_S = 0.2  # one sigma about the coarse guess

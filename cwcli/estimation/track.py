@@ -11,13 +11,14 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.consistency import effective_count, mean_bounds
+from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import N_MOTION, RATES, PassResult, old_rows, run_pass
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
 from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import Tuned, tune
+from cwcli.metrics.chi_square import mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
 
 STATE_NAMES = (

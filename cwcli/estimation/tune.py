@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.consistency import chi_square_quantile
 from cwcli.estimation.latency import Latency, find_latencies, latency_roles
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import settle_noise
 from cwcli.estimation.passes import N_MOTION, Series
 from cwcli.estimation.prepare import Prepared
+from cwcli.metrics.chi_square import chi_square_quantile
 from cwcli.signals.columns import FloatArray
 
 ACCEL_BIAS_PRIOR = 3.0  # m/s^2: gravity through 18 degrees of pitch

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.metrics.chi_square import chi_square_quantile
 from cwcli.signals.columns import FloatArray
-from cwcli.tracking.chi2 import chi2_quantile
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class FilterConfig:
         """NIS limits by number of measured values, (4,); 0 = no gate."""
         if self.gate_probability >= 1.0:
             return np.zeros(4)
-        return np.array([0.0, *(chi2_quantile(self.gate_probability, dof) for dof in (1, 2, 3))])
+        return np.array([0.0, *(chi_square_quantile(self.gate_probability, dof) for dof in (1, 2, 3))])
 
 
 @dataclass(frozen=True)

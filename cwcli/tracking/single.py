@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import track as kernel
+from cwcli.metrics.chi_square import mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.tracking.chi2 import mean_bounds
 from cwcli.tracking.config import FILTERS, FilterConfig
 from cwcli.tracking.prepare import Rows
 
@@ -125,7 +125,7 @@ def consistency(
         mine = (source == k) & np.isfinite(nis)
         n = int(mine.sum())
         dof = float(n_values[mine].mean()) if n else np.nan
-        low, high = mean_bounds(n, dof)
+        low, high = mean_bounds(dof, n)
         out[name] = Consistency(
             n_used=int((mine & (status == USED)).sum()),
             n_gated=int((mine & (status != USED)).sum()),

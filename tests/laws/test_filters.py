@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, estimate_track
-from cwcli.estimation.consistency import mean_bounds, nees
+from cwcli.estimation.consistency import nees
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import Series, Start, run_pass
+from cwcli.metrics.chi_square import mean_bounds
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
 from tests.unit.estimation import naive_ekf
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cwcli.kernels import track as kernel
+from cwcli.metrics.chi_square import mean_bounds
 from cwcli.simulation.dual_sensor import SEGMENTS, SensorNoise, segment
-from cwcli.tracking.chi2 import mean_bounds
 from cwcli.tracking.config import FILTERS, MODELS, FilterConfig
 from cwcli.tracking.detections import Detections, Kind, SensorModel
 from cwcli.tracking.prepare import Rows, prepare
@@ -210,10 +210,10 @@ def test_nees_and_nis_lie_inside_their_bounds(name):
         for source, check in consistency(rows.sources, rows.source, out.nis, out.n_values, out.status).items():
             nis[source].append(check.nis_mean)
     for store in nees.values():
-        low, high = mean_bounds(n_runs, 4, 0.99)
+        low, high = mean_bounds(4, n_runs, 0.99)
         assert low < np.mean(store) < high
     for source, dof in (("lidar", 2), ("radar", 3)):
-        low, high = mean_bounds(n_runs * (49 if source == "lidar" else 50), dof, 0.99)
+        low, high = mean_bounds(dof, n_runs * (49 if source == "lidar" else 50), 0.99)
         assert low < np.mean(nis[source]) < high
 
 

@@ -1,25 +1,12 @@
-"""Chi-square tools and error rows, against scipy and hand calculation."""
+"""Independent values, NEES and error rows, against closed forms and hand calculation."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import chi2
 
-from cwcli.estimation.consistency import chi_square_quantile, effective_count, error_rows, mean_bounds, nees
-
-
-@pytest.mark.parametrize(("dof", "rtol"), [(1, 1e-9), (2, 1e-9), (5, 0.05), (50, 1e-3), (6000, 1e-4)])
-@pytest.mark.parametrize("probability", [0.025, 0.5, 0.975, 0.999])
-def test_quantile_equals_scipy(dof: int, rtol: float, probability: float) -> None:
-    assert chi_square_quantile(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=rtol, abs=0.02)
-
-
-def test_mean_bounds_hold_95_percent_of_the_means() -> None:
-    low, high = mean_bounds(2, 100)
-    means = np.random.default_rng(0).chisquare(2, (4000, 100)).mean(axis=1)
-    assert ((means > low) & (means < high)).mean() == pytest.approx(0.95, abs=0.015)
+from cwcli.estimation.consistency import effective_count, error_rows, nees
 
 
 def test_effective_count_of_a_correlated_series() -> None:

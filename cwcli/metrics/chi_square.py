@@ -6,7 +6,7 @@ import math
 from functools import lru_cache
 
 
-def chi2_cdf(x: float, dof: float) -> float:
+def chi_square_cdf(x: float, dof: float) -> float:
     """Probability that a chi-square variable with `dof` degrees of freedom is at most x.
 
     Regularised incomplete gamma function: its series below the mean, its continued fraction above (Abramowitz and
@@ -40,16 +40,20 @@ def chi2_cdf(x: float, dof: float) -> float:
 
 
 @lru_cache(maxsize=256)
-def chi2_quantile(probability: float, dof: float) -> float:
-    """Value that a chi-square variable exceeds with 1 - probability. Bisection on the distribution function."""
+def chi_square_quantile(probability: float, dof: float) -> float:
+    """Value that a chi-square variable exceeds with 1 - probability. Bisection on the distribution function.
+
+    Raises:
+        ValueError: A probability outside (0, 1).
+    """
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability {probability} is not between 0 and 1")
     low, high = 0.0, dof + 10.0
-    while chi2_cdf(high, dof) < probability:
+    while chi_square_cdf(high, dof) < probability:
         high *= 2.0
     for _ in range(200):
         middle = 0.5 * (low + high)
-        if chi2_cdf(middle, dof) < probability:
+        if chi_square_cdf(middle, dof) < probability:
             low = middle
         else:
             high = middle
@@ -58,9 +62,16 @@ def chi2_quantile(probability: float, dof: float) -> float:
     return 0.5 * (low + high)
 
 
-def mean_bounds(n: int, dof: float, confidence: float = 0.95) -> tuple[float, float]:
-    """Two-sided bounds of the mean of n independent chi-square variables of `dof` degrees of freedom."""
-    if n == 0:
+def mean_bounds(dof: float, count: float, level: float = 0.95) -> tuple[float, float]:
+    """Two-sided bounds of the mean of chi-square variables; NaN without any.
+
+    Args:
+        dof: Degrees of freedom of each.
+        count: Independent ones; for a correlated series their equivalent, which need not be whole.
+        level: Share of the means that lie between the bounds.
+    """
+    if count <= 0:
         return math.nan, math.nan
-    tail = 0.5 * (1.0 - confidence)
-    return chi2_quantile(tail, n * dof) / n, chi2_quantile(1.0 - tail, n * dof) / n
+    tail = 0.5 * (1.0 - level)
+    total = dof * count
+    return chi_square_quantile(tail, total) / count, chi_square_quantile(1.0 - tail, total) / count

@@ -2,29 +2,35 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cwcli.tracking.chi2 import chi2_cdf, chi2_quantile, mean_bounds
+from cwcli.metrics.chi_square import chi_square_cdf, chi_square_quantile, mean_bounds
 
 
 @pytest.mark.parametrize("dof", [1, 2, 3, 10, 747.5, 40_000])
 @pytest.mark.parametrize("probability", [1e-6, 0.025, 0.5, 0.975, 0.9999])
 def test_quantile_and_distribution_equal_scipy(dof, probability):
     expected = stats.chi2.ppf(probability, dof)
-    assert chi2_quantile(probability, dof) == pytest.approx(expected, rel=1e-8)
-    assert chi2_cdf(expected, dof) == pytest.approx(probability, rel=1e-7)
+    assert chi_square_quantile(probability, dof) == pytest.approx(expected, rel=1e-8)
+    assert chi_square_cdf(expected, dof) == pytest.approx(probability, rel=1e-7)
 
 
 def test_two_degrees_of_freedom_by_hand():
-    assert chi2_quantile(0.95, 2) == pytest.approx(-2.0 * np.log(0.05))
+    assert chi_square_quantile(0.95, 2) == pytest.approx(-2.0 * np.log(0.05))
 
 
 def test_bounds_of_a_mean():
     # Bar-Shalom et al., section 5.4.2, example: 50 runs of 2 degrees of freedom: [1.48, 2.59] (chi-square of 100 / 50)
-    low, high = mean_bounds(50, 2)
+    low, high = mean_bounds(2, 50)
     assert (round(low, 2), round(high, 2)) == (1.48, 2.59)
-    assert np.isnan(mean_bounds(0, 2)).all()
+    assert np.isnan(mean_bounds(2, 0)).all()
+
+
+def test_mean_bounds_hold_95_percent_of_the_means():
+    low, high = mean_bounds(2, 100)
+    means = np.random.default_rng(0).chisquare(2, (4000, 100)).mean(axis=1)
+    assert ((means > low) & (means < high)).mean() == pytest.approx(0.95, abs=0.015)
 
 
 @pytest.mark.parametrize("probability", [0.0, 1.0, -1.0])
 def test_a_probability_outside_0_and_1_is_refused(probability):
     with pytest.raises(ValueError, match="not between"):
-        chi2_quantile(probability, 2)
+        chi_square_quantile(probability, 2)
