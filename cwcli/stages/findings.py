@@ -49,11 +49,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a plot: shape (k,) each."""
+    """One line of a plot: shape (k,) each; a dot at `dot_x` if there is one (a warning)."""
 
     label: str
     x: FloatArray
     y: FloatArray
+    dot_x: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ class Plot:
         curves: What is drawn.
         marks: Label -> x of a vertical line (an ideal moment).
         level: Label and y of a horizontal line (a threshold), or None.
+        x_range, y_range: What is shown; None: everything.
     """
 
     figure: str
@@ -75,6 +77,8 @@ class Plot:
     curves: Sequence[Curve]
     marks: Mapping[str, float] = field(default_factory=dict)
     level: tuple[str, float] | None = None
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cwcli.control.closed_loop import Motion, Outcome, driver_policy, fuzzy_policy, replay
+from cwcli.control.closed_loop import COLLISION_DISTANCE_M, Motion, Outcome, driver_policy, fuzzy_policy, replay
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST, Scenario
 from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
@@ -39,7 +39,7 @@ def control_part(name: str, moments: Moments) -> Part:
         _reported(figure, f"{name}: driver brakes 1.5 s after the jerk model's warning", driver.min_distance_m),
         _reported(figure, f"{name}: our default", outcomes[OURS].min_distance_m),
     ]
-    return Part(tuple(findings), _plots(name, outcomes))
+    return Part(tuple(findings), _plots(name, outcomes, moments))
 
 
 def true_motion(scenario: Scenario, vehicle: str) -> Motion:
@@ -90,7 +90,20 @@ def _rear_end(outcomes: dict[str, Outcome]) -> list[Finding]:
 
 def _intersection(outcomes: dict[str, Outcome]) -> list[Finding]:
     """The yaw-acceleration model keeps the largest minimum distance."""
-    findings = [_reported("fig 14", f"intersection: constant {f}", outcomes[f].min_distance_m) for f in FAMILIES]
+    findings = [
+        Finding(
+            "fig 14",
+            f"intersection: runs that collide, constant {family}",
+            "%",
+            NOT_PRINTED,
+            100.0 * float(outcomes[family].collided.mean()),
+            math.nan,
+            math.nan,
+            "reported",
+        )
+        for family in FAMILIES
+    ]
+    findings += [_reported("fig 14", f"intersection: constant {f}", outcomes[f].min_distance_m) for f in FAMILIES]
     medians = {family: float(np.median(outcomes[family].min_distance_m)) for family in FAMILIES}
     largest = medians["jerk"] > max(medians["acceleration"], medians["speed"])
     findings.append(_holds("fig 14", "intersection: the yaw-acceleration model keeps the largest distance", largest))
@@ -107,23 +120,43 @@ def _reported(figure: str, what: str, values_m: FloatArray) -> Finding:
     return Finding(figure, f"{what}, least distance, median", "m", NOT_PRINTED, median, low, high, "reported")
 
 
-def _plots(name: str, outcomes: dict[str, Outcome]) -> tuple[Plot, ...]:
+def _plots(name: str, outcomes: dict[str, Outcome], moments: Moments) -> tuple[Plot, ...]:
+    """Distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
     distance, speed = FIGURES[name]
+    when = np.column_stack([moments.by_method[method] for method in outcomes])
+    seed = _typical(when)
+    shown = (moments.ideal_s - 1.0, moments.ideal_s + 6.0)
+    first = next(iter(outcomes.values()))
+    rows = (first.time_s >= shown[0]) & (first.time_s <= shown[1])
+    farthest = max(float(outcome.distance_m[seed, rows].max()) for outcome in outcomes.values())
+    dots = dict(zip(outcomes, when[seed].tolist(), strict=True))
     return (
         Plot(
             distance,
-            f"{name}: distance under control (first seed)",
+            f"{name}: distance under control, warnings as dots (seed {seed})",
             "time [s]",
             "distance [m]",
-            [Curve(LABELS[m], o.time_s, o.distance_m[0]) for m, o in outcomes.items()],
+            [Curve(LABELS[m], o.time_s, o.distance_m[seed], dots[m]) for m, o in outcomes.items()],
             {},
-            ("collision", 2.5),
+            ("collision", COLLISION_DISTANCE_M),
+            shown,
+            (0.0, 1.05 * farthest),
         ),
         Plot(
             speed,
-            f"{name}: speed of the host under control (first seed)",
+            f"{name}: speed of the host under control, warnings as dots (seed {seed})",
             "time [s]",
             "speed [m/s]",
-            [Curve(LABELS[m], o.time_s, o.speed_mps[0]) for m, o in outcomes.items()],
+            [Curve(LABELS[m], o.time_s, o.speed_mps[seed], dots[m]) for m, o in outcomes.items()],
+            x_range=shown,
         ),
     )
+
+
+def _typical(when_s: FloatArray) -> int:
+    """The seed (row) in which every method (column) warns and the moments are nearest to their medians; else 0."""
+    everywhere = np.isfinite(when_s).all(axis=1)
+    if not everywhere.any():
+        return 0
+    away_s = np.abs(when_s - np.nanmedian(when_s, axis=0)).sum(axis=1)
+    return int(np.where(everywhere, away_s, np.inf).argmin())

@@ -132,6 +132,9 @@ def figure_part(name: str, moments: Moments) -> Part:
         verdict = within(median, paper[family], TOLERANCE_S)
         what = f"{name}: warning, constant {family}, median"
         findings.append(Finding(figure, what, "s", paper[family], median, low, high, verdict, is_required=True))
+        silent = 100.0 * float(np.isnan(moments.by_method[family]).mean())
+        what = f"{name}: runs without a warning, constant {family}"
+        findings.append(Finding(figure, what, "%", NOT_PRINTED, silent, math.nan, math.nan, "reported"))
     in_order = ordered([medians[family] for family in ("jerk", "acceleration", "speed")])
     findings.append(
         Finding(
@@ -169,9 +172,14 @@ def figure_part(name: str, moments: Moments) -> Part:
         f"{name}: distance predicted {HORIZON_S:g} s ahead (first seed)",
         "time [s]",
         "predicted distance [m]",
-        [Curve(f"constant {family}", moments.time_s, values) for family, values in moments.example.items()],
-        {"ideal": moments.ideal_s},
+        [
+            Curve(f"constant {family}", moments.time_s, values, float(moments.by_method[family][0]))
+            for family, values in moments.example.items()
+        ],
+        {"ideal moment": moments.ideal_s},
         ("collision", COLLISION_M),
+        x_range=(moments.ideal_s - 2.5, moments.ideal_s + 2.5),
+        y_range=(0.0, 30.0),
     )
     return Part(tuple(findings), (plot,))
 
