@@ -17,6 +17,7 @@ from cwcli.signals.columns import FloatArray
 N_MOTION = 8
 START_TOLERANCE_S = 1e-9
 MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first-order expansion in the heading
+MAX_PIECES = 600  # of one gap: a longer one counts as a minute, or the covariance of a pause of hours would overflow
 RATES = (Kind.ACCEL, Kind.YAW_RATE)
 RATE_PATIENCE = (
     2  # a spike of an inertial sensor lasts a sample or two; what lasts longer is a manoeuvre, and is believed
@@ -253,14 +254,22 @@ def _merge(
     # First step of each time takes the updates.
     holder = np.searchsorted(time, update_s, side="left")
     first = np.searchsorted(holder, np.arange(len(time) + 1), side="left").astype(np.int32)
-    return np.ascontiguousarray(time), first, out_row, order, np.ascontiguousarray(which[order])
+    return _without_pauses(time), first, out_row, order, np.ascontiguousarray(which[order])
+
+
+def _without_pauses(time_s: FloatArray) -> FloatArray:
+    """The step times with each gap of more than MAX_PIECES steps shortened to that: the filter sees only differences."""
+    step_s = np.diff(time_s)
+    if not (step_s > MAX_STEP_S + START_TOLERANCE_S).any():
+        return np.ascontiguousarray(time_s)
+    return np.asarray(np.concatenate((time_s[:1], time_s[0] + np.cumsum(np.minimum(step_s, MAX_STEP_S)))))
 
 
 def _with_fillers(steps: FloatArray, is_output: npt.NDArray[np.bool_]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Add prediction-only steps so that none is longer than MAX_STEP_S."""
+    """Add prediction-only steps so that none is longer than MAX_STEP_S; at most MAX_PIECES for a gap."""
     times = np.unique(steps)
     gap = np.diff(times)
-    pieces = np.ceil(gap / MAX_STEP_S - 1e-9).astype(np.int64)
+    pieces = np.minimum(np.ceil(gap / MAX_STEP_S - 1e-9), MAX_PIECES).astype(np.int64)
     wide = np.flatnonzero(pieces > 1)
     if not len(wide):
         return steps, is_output

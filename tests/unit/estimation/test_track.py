@@ -178,6 +178,18 @@ def test_reversing_car_has_negative_speed_where_the_speed_sensor_says_so() -> No
     np.testing.assert_allclose(np.cos(track.state[:, 3]), 1.0, atol=0.05)
 
 
+@pytest.mark.parametrize("pause_s", [300.0, 5 * 3600.0, 46 * 365.25 * 86400.0], ids=["5 min", "5 h", "46 years"])
+@pytest.mark.parametrize("config", [NO_SEARCH, CAUSAL], ids=["smoothed", "causal"])
+def test_pause_of_any_length_costs_nothing_and_harms_neither_side(pause_s: float, config: EstimatorConfig) -> None:
+    time = np.arange(0.0, 20.0, 0.1)
+    m = straight(time, 10.0, 0.4, 0.1)
+    later = np.where(time < 10.0, time, time + pause_s)
+    track = estimate_track([Measurements("gps", Kind.POSITION, stamps(later), m.values)], config, stamps(later))
+    np.testing.assert_allclose(track.state[150:, 2], 10.0, atol=1.5)
+    np.testing.assert_allclose(track.state[:, :2], m.values, atol=3.0)
+    assert np.isfinite(track.covariance).all()
+
+
 def test_messages_in_a_burst_are_left_out_and_counted() -> None:
     """A link stalls for 2 s and then delivers 20 messages within 0.1 s: the car does not race."""
     time = np.arange(0.0, 60.0, 0.1)
