@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-
-STANDARD_GRAVITY_MPS2 = 9.80665
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from cwcli.control.closed_loop import (
     replay,
 )
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -27,7 +28,6 @@ MAX_GAP_S = 1.0
 EXTENSION_STEP_S = 0.05
 MIN_HEADING_SPEED_MPS = 1.0
 MIN_HEADING_WAY_M = 3.0
-NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True)

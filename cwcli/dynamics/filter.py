@@ -21,10 +21,10 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
 
 N_STATES = 9
 STEER, CURVATURE, LOAD, GYRO_BIAS, CAMERA_YAW = 4, 5, 6, 7, 8
-NS_PER_S = 1e9
 MAX_STEP_S = 0.1
 LOAD_RANGE = (0.5, 2.0)
 STILL_MPS = 0.1

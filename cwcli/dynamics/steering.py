@@ -7,8 +7,8 @@ import numpy as np
 from cwcli.dynamics.single_track import understeer_gradient
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
-NS_PER_S = 1e9
 MIN_SPEED_MPS = 1.0
 """Eq. 10 divides by the speed: below this there is no steering angle from vision."""
 WINDOW = 5

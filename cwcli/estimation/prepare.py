@@ -12,6 +12,7 @@ from cwcli.estimation.imu import level_imu
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import Series
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
 DEFAULT_SIGMA: dict[Kind, float] = {
     Kind.POSITION: 1.0,
@@ -66,7 +67,7 @@ def epoch_ns(measurements: Sequence[Measurements]) -> int:
 
 def seconds(stamp_ns: Int64Array, epoch: int) -> FloatArray:
     """Return stamps in seconds since the epoch: subtracted first, then scaled."""
-    return (stamp_ns - epoch) / 1e9
+    return (stamp_ns - epoch) / NS_PER_S
 
 
 def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prepared], list[str]]:

@@ -21,6 +21,7 @@ from cwcli.estimation.prepare import epoch_ns, prepare, seconds
 from cwcli.estimation.start import find_start, hold_before_start
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
 JERK_SIGMA = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz."""
@@ -82,7 +83,7 @@ def estimate_song2016(
     begin = round(start.time_s / step) * step
     end = max(float(s.time_s[-1]) for s in series if len(s))
     if output_stamp_ns is None:
-        output_stamp_ns = np.arange(epoch, epoch + round(end * 1e9) + 1, round(step * 1e9), dtype=np.int64)
+        output_stamp_ns = np.arange(epoch, epoch + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64)
     grid: FloatArray = begin + step * np.arange(round((end - begin) / step) + 1, dtype=np.float64)
     result = run_pass(
         series, replace(start, time_s=begin), ModelParameters(), np.zeros(6), grid,

@@ -20,6 +20,7 @@ from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import Tuned, tune
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
 STATE_NAMES = (
     "x_m",
@@ -171,7 +172,7 @@ def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
     """Return stamps at `rate_hz` over the span of the measurements."""
     first = epoch_ns(measurements)
     last = max(int(m.stamp_ns.max()) for m in measurements if len(m))
-    step = round(1e9 / rate_hz)
+    step = round(NS_PER_S / rate_hz)
     return np.arange(first, last + 1, step, dtype=np.int64)
 
 

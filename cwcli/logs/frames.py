@@ -19,6 +19,7 @@ from cwcli.logs.faults import Faults
 from cwcli.logs.load import decoder_for, single_schema
 from cwcli.logs.message_reader import Batch, MessageReader
 from cwcli.signals.columns import Field, Strings
+from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.logs.channel import ChannelInfo
@@ -46,7 +47,6 @@ SCHEMAS = frozenset(
     }
 )
 BAD_BASE64 = "the image is not valid base64"
-NS_PER_S = 1_000_000_000
 MAX_FRAMES_AT_ONCE = 64
 
 

@@ -18,12 +18,12 @@ import numpy.typing as npt
 from cwcli.logs.byte_rows import ByteRows, join_rows, varint, varints
 from cwcli.logs.pieces import Fixed, Piece, Varying, assemble, constant, length_pieces, varint_piece
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
+from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
 
 WIRE_VARINT, WIRE_64_BIT, WIRE_LENGTH, WIRE_32_BIT = 0, 1, 2, 5
-NANOSECONDS = 1_000_000_000
 
 # Field types by their number in google.protobuf.FieldDescriptorProto.Type.
 FIXED_DTYPES = {1: "<f8", 2: "<f4", 6: "<u8", 7: "<u4", 15: "<i4", 16: "<i8"}
@@ -143,7 +143,7 @@ def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree,
         "google.protobuf.Timestamp",
         "google.protobuf.Duration",
     ):
-        seconds, nanos = np.divmod(column, NANOSECONDS)
+        seconds, nanos = np.divmod(column, NS_PER_S)
         column = {"seconds": seconds, "nanos": nanos}
     if not isinstance(column, Mapping):
         raise ColumnError("it is a message: name the fields inside")

@@ -20,10 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.outcome import ELLIPSE_90, NS_PER_S, horizon_errors
+from cwcli.prediction.outcome import ELLIPSE_90, horizon_errors
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import Discretisation, rollout
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
 MISS_SHARE = 0.1
 

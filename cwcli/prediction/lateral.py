@@ -20,8 +20,8 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import UsageError
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import NS_PER_S
 
-NS_PER_S = 1e9
 LATERAL_MODELS = ("cwcli", "zhang2011")
 Z_90 = 1.6448536269514722
 ACCEL_FRAMES = 11

@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
-from cwcli.prediction.lateral import NS_PER_S, Z_90, dead_reckon
+from cwcli.prediction.lateral import Z_90, dead_reckon
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
 
 PRIOR_HORIZONS = 1.0
 """The assumed sigmas count as much as this many horizons of record."""

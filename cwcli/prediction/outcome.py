@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
 ELLIPSE_50 = 2.0 * np.log(2.0)  # chi-square quantiles with two degrees of freedom: -2 ln(1 - level)
 ELLIPSE_90 = 2.0 * np.log(10.0)
-NS_PER_S = 1_000_000_000
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -2,6 +2,7 @@
 
 The rules, in order, for the rows of one sender (docs/signals.md has the table):
 
+0. A row whose log time is no time (an unsigned number that was meant to be negative) is rejected.
 1. A row without a stamp (zero, not a number, before 1970 or after 2261) takes its log time, less the channel's usual
    delay where other rows have one.
 2. A stamp that jumps by more than `MAX_CLOCK_STEP_S` against the log time while the log time runs on has left its
@@ -24,16 +25,17 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.quality import S_PER_NS, BoolArray, Gap, Quality, RowLedger
+from cwcli.signals.units import NS_PER_S
 
 Clock = Literal["stamp", "log"]
 
-NS_PER_S = 1_000_000_000
 MAX_CLOCK_STEP_S = 30.0
 """A larger change of (stamp - log time) between neighbours is a clock fault, not a delay. Recorders are known to stall
 for seconds, receivers to switch from GPS time to UTC by 18 s; both stay below."""
 MIN_STAMP_NS = 1
 MAX_STAMP_NS = 9_200_000_000 * NS_PER_S
 
+LOG_TIME_OUT = "log time before 1970 or after 2261"
 NO_STAMP = "no stamp, log time used"
 CLOCK_JUMP = "stamp jumps, moved back by log time"
 REPEATED_SPACED = "repeated stamp, spaced by log time"
@@ -80,6 +82,7 @@ def settle(
         The rows that remain, sorted by time (by time, then file order, over all senders).
     """
     log_ns = ledger.columns.log_time_ns
+    ledger.reject((log_ns < 0) | (log_ns > MAX_STAMP_NS), LOG_TIME_OUT)
     time_ns = log_ns.copy() if clock == "log" else np.where(has_stamp, stamp_ns, 0).astype(np.int64)
     has_time = np.ones(len(log_ns), dtype=np.bool_) if clock == "log" else has_stamp
     table = _value_table(values, len(log_ns))

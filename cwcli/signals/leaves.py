@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, NS_PER_S
+from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
 from cwcli.signals.quality import BoolArray
+from cwcli.signals.units import NS_PER_S
 
 _SECONDS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec")
 _NANOSECONDS = (

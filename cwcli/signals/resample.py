@@ -9,10 +9,9 @@ import numpy.typing as npt
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 
 Method = Literal["linear", "previous", "nearest"]
-
-NS_PER_S = 1_000_000_000
 
 
 def resample(

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.clocks import NS_PER_S
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
-NS_PER_MS = 1_000_000
 ITS_EPOCH_UNIX_S = 1_072_915_200
 """2004-01-01T00:00:00 UTC."""
 LEAP_SECONDS_SINCE_2004_UNIX_S = (1_136_073_600, 1_230_768_000, 1_341_100_800, 1_435_708_800, 1_483_228_800)

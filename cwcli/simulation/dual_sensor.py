@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.signals.units import NS_PER_S
+
 FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 
@@ -77,7 +79,7 @@ def radar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) ->
 
 def watch(time_s: FloatArray, state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> DualSensorScene:
     """One target seen at every time: the lidar at the even samples, the radar at the odd ones."""
-    stamp = np.round(time_s * 1e9).astype(np.int64)
+    stamp = np.round(time_s * NS_PER_S).astype(np.int64)
     lidar, radar = slice(0, None, 2), slice(1, None, 2)
     return DualSensorScene(
         stamp, np.ones(len(stamp), np.int64), state,
@@ -157,7 +159,7 @@ def crossing_targets(
     """
     noise = noise or SensorNoise(lidar_m=0.3, range_m=0.3, azimuth_rad=0.01, rate_mps=0.2)
     t = period_s * np.arange(n_scans)
-    stamp = np.round(t * 1e9).astype(np.int64)
+    stamp = np.round(t * NS_PER_S).astype(np.int64)
     direction = 2.0 * np.pi * np.arange(n_targets) / n_targets + rng.uniform(-0.2, 0.2, n_targets)
     velocity = speed_mps * np.stack([np.cos(direction), np.sin(direction)], axis=1)
     middle = rng.uniform(-3.0, 3.0, (n_targets, 2))

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.streams import schedule, stream
-from cwcli.simulation.truth import STANDARD_GRAVITY_MPS2, Motion
+from cwcli.simulation.truth import Motion
 
 
 @dataclass(frozen=True)

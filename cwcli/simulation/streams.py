@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
-
-NANOSECONDS = 1_000_000_000
+from cwcli.signals.units import NS_PER_S
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
@@ -45,7 +44,7 @@ class Schedule:
 
 def to_ns(time_s: FloatArray) -> Int64Array:
     """Seconds as whole nanoseconds."""
-    return np.round(np.asarray(time_s) * NANOSECONDS).astype(np.int64)
+    return np.round(np.asarray(time_s) * NS_PER_S).astype(np.int64)
 
 
 def schedule(settings: Mapping[str, Any], *, end_s: float, seed: int, names: tuple[str, ...]) -> Schedule:

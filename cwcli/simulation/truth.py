@@ -14,10 +14,10 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.profile import Profile
 from cwcli.simulation.spec import bad_value
 
-STANDARD_GRAVITY_MPS2 = 9.80665
 STEP_S = 0.001
 """Grid on which the truth is handed out."""
 CELL_S = 0.01

@@ -13,11 +13,11 @@ from cwcli.control.controller import speed_difference
 from cwcli.control.encounter import POLICIES, Encounter
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 from cwcli.stages.result import Cell, Section
 from cwcli.warning.outlines import outline_distance
 from cwcli.warning.types import VehicleTrack
 
-NS_PER_S = 1_000_000_000
 UNKNOWN_NS = -1
 PUBLISH_STEP_S = 0.05
 SINGULAR = 1e-9

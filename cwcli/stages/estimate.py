@@ -16,6 +16,7 @@ from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import (
     EGO_ID,
     EGO_STATE_TOPIC,
@@ -34,7 +35,6 @@ from cwcli.stages.truth import TruthErrors, against_truth
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_STATES = 20_000_000
-NS_PER_S = 1_000_000_000
 STATIONS_AT_ONCE = 4
 
 

@@ -13,6 +13,7 @@ from cwcli.estimation.track import SourceReport, Track
 from cwcli.metrics.table import Table
 from cwcli.signals.canonical import TimedSignal
 from cwcli.signals.clocks import find_gaps
+from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_ID
 from cwcli.stages.result import Cell, Section
 from cwcli.stages.truth import TruthErrors
@@ -28,7 +29,6 @@ UNITS = {
 }
 NIS_WORDS = {None: "", True: "in", False: "OUT"}
 MAX_GAP_NOTES = 5
-NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.roles import bind
+from cwcli.signals.units import NS_PER_S
 from cwcli.stages.result import InputCount
 from cwcli.stages.sources import SourceConfig, read_sources
 from cwcli.stages.states import read_states
 
 MAX_AGE_S = 0.5
-NS_PER_S = 1e9
 UP = 2
 
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_S
 from cwcli.simulation.sensors import SensorData
 
 BODY_FRAME = "base_link"
-NANOSECONDS = 1_000_000_000
 CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 _HEADER = """
@@ -186,7 +186,7 @@ def _records(schema_name: str, stamp_ns: Int64Array) -> np.ndarray[Any, np.dtype
     )
     records = np.zeros(len(stamp_ns), layout)
     records["cdr"] = np.void(CDR_LITTLE_ENDIAN)
-    records["sec"], records["nanosec"] = np.divmod(stamp_ns, NANOSECONDS)
+    records["sec"], records["nanosec"] = np.divmod(stamp_ns, NS_PER_S)
     records["frame_length"] = len(frame)
     records["frame"] = np.void(frame)
     return records

@@ -15,6 +15,7 @@ from cwcli import __version__
 from cwcli.errors import UsageError
 from cwcli.logs.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Ragged, StreamedChannel, Strings
+from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 from cwcli.simulation.road.camera import CAMERAS, PAPER_PREVIEW_M
 from cwcli.simulation.road.car import BEARING, LATERAL_SPEED, STEER, YAW_RATE, X, Y
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
@@ -44,7 +45,6 @@ SPEED_HZ, IMU_HZ = 50.0, 100.0
 SPEED_SIGMA_MPS = 0.05
 IMU_SIGMA = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
 """m/s^2 and rad/s."""
-GRAVITY_MPS2 = 9.80665
 JPEG_QUALITY = 95
 GROUND_M = (5.0, 10.0, 20.0, 30.0)
 
@@ -299,7 +299,7 @@ def lanes_message(truth: LaneTruth, stamp_ns: int, index: int) -> bytes:
     height = truth.camera.height_px
     h_samples = np.arange(height // 3, height, max(2, round(height / 72)))
     x_m = np.array(GROUND_M)
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     document = {
         "timestamp": {"sec": seconds, "nsec": nanoseconds},
         "h_samples": h_samples.tolist(),
@@ -377,5 +377,5 @@ def _imu(drive: RoadDrive) -> SensorData:
     v_y, yaw_rate = states[:, LATERAL_SPEED], states[:, YAW_RATE]
     dv_y = np.interp(time_s, drive.fine_time_s, np.gradient(drive.fine_states[:, LATERAL_SPEED], drive.fine_time_s))
     zero = np.zeros(len(time_s))
-    accel = [drive.config.accel_mps2 - v_y * yaw_rate, dv_y + along * yaw_rate, zero + GRAVITY_MPS2]
+    accel = [drive.config.accel_mps2 - v_y * yaw_rate, dv_y + along * yaw_rate, zero + STANDARD_GRAVITY_MPS2]
     return _sensor("imu", time_s, np.column_stack([*accel, zero, zero, yaw_rate]), IMU_SIGMA, drive.config.seed)

@@ -15,9 +15,8 @@ import numpy as np
 from cwcli.signals.angles import compass_deg_from_heading
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_MS
 from cwcli.simulation.v2x_link import ReceivedMessages
-
-NANOSECONDS_PER_MS = 1_000_000
 
 BSM_SCHEMA: dict[str, Any] = {
     "title": "BasicSafetyMessage",
@@ -99,7 +98,7 @@ def _core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, An
     accuracy = int(np.clip(np.round(data.sigma[0] / 0.05), 0, 254))
     columns = {
         "msgCnt": data.count % 128,
-        "secMark": data.stamp_ns // NANOSECONDS_PER_MS % 60_000,
+        "secMark": data.stamp_ns // NS_PER_MS % 60_000,
         "lat": _steps(lat_deg, 1e-7, -900_000_000, 900_000_000),
         "long": _steps(lon_deg, 1e-7, -1_799_999_999, 1_800_000_000),
         "elev": _steps(alt_m, 0.1, -4095, 61439),
@@ -181,7 +180,7 @@ def _steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
 
 
 def _iso_time(time_ns: int) -> str:
-    instant = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=time_ns // NANOSECONDS_PER_MS)
+    instant = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=time_ns // NS_PER_MS)
     return instant.strftime("%Y-%m-%dT%H:%M:%S.") + f"{instant.microsecond // 1000:03d}Z"
 
 

@@ -17,6 +17,7 @@ from cwcli.prediction.rollout import rollout
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, OutputChannel, Strings
 from cwcli.signals.roles import bind
+from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
@@ -33,7 +34,6 @@ ONSET = "onset"
 """The motion model that says where a manoeuvre leads that has just begun."""
 OF_EGO = (Role.EGO_STATE, Role.EGO_PATH)
 OF_OTHERS = (Role.REMOTE_STATE, Role.REMOTE_PATH)
-NS_PER_S = 1_000_000_000
 
 Source = Literal["v2x", "targets"]
 

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 from cwcli.warning.outlines import Size, outline_distance, overlap_margin, time_to_contact
 from cwcli.warning.types import ActualTrack
 
-NS_PER_S = 1_000_000_000
 PET_LIMIT_S = 5.0
 PET_STEP_S = 0.1
 OUTLINE_RANGE_M = 100.0  # outlines are compared within this centre distance

@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import NS_PER_S
 from cwcli.warning.types import PathArrays, Use, VehicleTrack
-
-NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
 from cwcli.warning.actual import Motion
 from cwcli.warning.types import WarningConfig
 
-NS_PER_S = 1_000_000_000
 TRUE, FALSE, LATE, UNDECIDED = "true", "false", "late", "undecided"
 MISSED = "missed"
 

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import Int64Array
+from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
-NS_PER_S = 1_000_000_000
 TOLERANCE_NS = 1_000_000  # a stamp that is a rounding error short of the persistence time counts
 
 

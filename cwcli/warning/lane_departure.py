@@ -29,7 +29,8 @@ import numpy.typing as npt
 from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import Field, FloatArray, Int64Array, Strings
-from cwcli.warning.events import NS_PER_S, Span, find_events
+from cwcli.signals.units import NS_PER_S
+from cwcli.warning.events import Span, find_events
 from cwcli.warning.output import CLEARED, HELD, RAISED, UNKNOWN_NS, strings
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
 

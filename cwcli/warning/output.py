@@ -9,11 +9,11 @@ import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import Field, Int64Array, Strings
+from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import FALSE, LATE, MISSED, TRUE, UNDECIDED
 from cwcli.warning.pair import PairEvaluation, ScoredPair
 
 RAISED, HELD, CLEARED = 1, 2, 3
-NS_PER_S = 1_000_000_000
 UNKNOWN_NS = -1
 
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
-from cwcli.cli.options.values import NS_PER_S, utc
+from cwcli.cli.options.values import utc
 from cwcli.cli.tables import Cell, table
 from cwcli.cli.text import count, duration, join_names, paragraph, printable, size
+from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log

@@ -1,0 +1,5 @@
+"""Constants between units."""
+
+NS_PER_S = 1_000_000_000
+NS_PER_MS = 1_000_000
+STANDARD_GRAVITY_MPS2 = 9.80665
