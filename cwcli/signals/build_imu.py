@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.build_motion import NOT_FINITE
 from cwcli.signals.canonical import ImuSignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import given_variances
 from cwcli.signals.leaves import matrix, stamps, vector
+from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_unusable
 from cwcli.signals.quality import Quality, RowLedger
 
 
@@ -21,8 +21,8 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     is exactly zero in every message.
     """
     ledger = RowLedger(columns, reading.role)
-    accel_mps2, accel_variance = _measured(columns, ledger, "linear_acceleration")
-    gyro_radps, gyro_variance = _measured(columns, ledger, "angular_velocity")
+    accel_mps2, accel_variance = _measured(columns, ledger, "linear_acceleration", MAX_ACCEL_MPS2)
+    gyro_radps, gyro_variance = _measured(columns, ledger, "angular_velocity", MAX_TURN_RATE_RADPS)
     timeline = settle(ledger, *stamps(columns), reading.clock, [accel_mps2, gyro_radps])
     rows = timeline.rows
     signal = ImuSignal(
@@ -37,7 +37,7 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     return signal, ledger.quality
 
 
-def _measured(columns: Columns, ledger: RowLedger, name: str) -> tuple[FloatArray, FloatArray]:
+def _measured(columns: Columns, ledger: RowLedger, name: str, limit: float) -> tuple[FloatArray, FloatArray]:
     """A vector of the message and its variances, both of shape (n, 3)."""
     values = vector(columns, name)
     covariance = matrix(columns, f"{name}_covariance", 9)
@@ -45,6 +45,6 @@ def _measured(columns: Columns, ledger: RowLedger, name: str) -> tuple[FloatArra
     if len(values) > 1 and not np.any(values):
         ledger.note(f"{name} is exactly 0 in every message, taken as not measured")
         is_absent = np.ones(len(values), dtype=np.bool_)
-    ledger.reject(~is_absent & ~np.isfinite(values).all(axis=1), NOT_FINITE)
+    reject_unusable(ledger, values, limit, unless=is_absent)
     variance = given_variances(ledger, covariance[:, [0, 4, 8]])
     return np.where(is_absent[:, None], np.nan, values), np.where(is_absent[:, None], np.nan, variance)

@@ -14,11 +14,12 @@ from cwcli.signals.codec import Reading, Role
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import given_plane_covariance, given_variances
 from cwcli.signals.leaves import frame_id, matrix, numbers, stamps
+from cwcli.signals.limits import MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
 from cwcli.signals.quality import Quality, RowLedger
 
 MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"})
 BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
-NOT_FINITE = "value not a number"
+MAX_QUATERNION = 1e3
 NO_ORIENTATION = "orientation not given"
 
 
@@ -74,8 +75,10 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
 
 
 def yaw_of(columns: Columns, base: str) -> FloatArray:
-    """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one of zero length."""
-    x, y, z, w = (numbers(columns, f"{base}.{name}") for name in "xyzw")
+    """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one that is far from unit length."""
+    quaternion = np.stack([numbers(columns, f"{base}.{name}") for name in "xyzw"])
+    is_given = (np.abs(quaternion) < MAX_QUATERNION).all(axis=0)
+    x, y, z, w = np.where(is_given, quaternion, 0.0)
     norm2 = x * x + y * y + z * z + w * w
     yaw_rad = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return np.where(norm2 > 1e-6, yaw_rad, np.nan)
@@ -97,7 +100,7 @@ def _velocity(
     north_mps: FloatArray,
     covariance: FloatArray,
 ) -> tuple[VelocitySignal, Quality]:
-    ledger.reject(~(np.isfinite(east_mps) & np.isfinite(north_mps)), NOT_FINITE)
+    reject_unusable(ledger, np.stack([east_mps, north_mps], axis=1), MAX_SPEED_MPS)
     plane = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
     timeline = settle(ledger, *stamps(columns), reading.clock, [east_mps, north_mps])
     rows = timeline.rows
@@ -121,7 +124,8 @@ def _speed(
     speed_variance: FloatArray,
     yaw_rate_variance: FloatArray,
 ) -> tuple[SpeedSignal, Quality]:
-    ledger.reject(~np.isfinite(speed_mps), NOT_FINITE)
+    reject_unusable(ledger, speed_mps, MAX_SPEED_MPS)
+    yaw_rate_radps = within(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     variances = given_variances(ledger, np.stack([speed_variance, yaw_rate_variance], axis=1))
     timeline = settle(ledger, *stamps(columns), reading.clock, [speed_mps, yaw_rate_radps])
     rows = timeline.rows

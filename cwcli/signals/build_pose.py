@@ -6,13 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.build_motion import NOT_FINITE, build_twist, filled, yaw_of
+from cwcli.signals.build_motion import build_twist, filled, yaw_of
 from cwcli.signals.canonical import PoseSignal, SpeedSignal, VelocitySignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.codec import Reading, Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import given_plane_covariance
 from cwcli.signals.leaves import find, frame_id, matrix, numbers, stamps, vector, whole_numbers
+from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -32,7 +33,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
     position_m = vector(columns, f"{base}.position")
     yaw_rad = _given_yaw(columns, ledger, f"{base}.orientation")
     speed_mps, yaw_rate = _motion(columns, ledger, position_m, yaw_rad)
-    ledger.reject(~(np.isfinite(position_m[:, 0]) & np.isfinite(position_m[:, 1])), NOT_FINITE)
+    reject_unusable(ledger, position_m[:, :2], MAX_POSITION_M)
     covariance = matrix(columns, "pose.covariance", 36)
     plane_m2 = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
     return _pose(columns, reading, ledger, position_m, yaw_rad, speed_mps, yaw_rate, plane_m2, *stamps(columns))
@@ -42,7 +43,7 @@ def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal,
     """Build poses from `cwcli.v1.VehicleState` (the truth channel of a simulated log)."""
     ledger = RowLedger(columns, reading.role)
     position_m = np.stack([numbers(columns, "x_m"), numbers(columns, "y_m"), np.zeros(len(columns))], axis=1)
-    ledger.reject(~(np.isfinite(position_m[:, 0]) & np.isfinite(position_m[:, 1])), NOT_FINITE)
+    reject_unusable(ledger, position_m[:, :2], MAX_POSITION_M)
     stamp_ns, has_stamp = whole_numbers(columns, "stamp_ns")
     nothing = np.full((len(columns), 3), np.nan)
     heading_rad = wrap_angle(numbers(columns, "heading_rad"))
@@ -73,6 +74,8 @@ def _pose(
     has_stamp: BoolArray,
     **more: FloatArray,
 ) -> tuple[PoseSignal, Quality]:
+    speed_mps = within(ledger, speed_mps, MAX_SPEED_MPS, "speed")
+    yaw_rate_radps = within(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, [position_m, yaw_rad])
     rows = timeline.rows
     signal = PoseSignal(

@@ -10,6 +10,7 @@ from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.covariances import given_plane_covariance
 from cwcli.signals.leaves import find, is_one_of, matrix, numbers, stamps
+from cwcli.signals.limits import MAX_ALTITUDE_M, within
 from cwcli.signals.quality import Quality, RowLedger
 
 NO_FIX = "no fix"
@@ -33,8 +34,7 @@ def build_fix(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quali
     """
     ledger = RowLedger(columns, reading.role)
     latitude_deg, longitude_deg = numbers(columns, "latitude"), numbers(columns, "longitude")
-    altitude_m = numbers(columns, "altitude")
-    altitude_m = np.where(np.isfinite(altitude_m), altitude_m, np.nan)
+    altitude_m = within(ledger, numbers(columns, "altitude"), MAX_ALTITUDE_M, "altitude")
     ledger.reject(numbers(columns, "status.status") < 0, NO_FIX)
     reject_bad_positions(ledger, latitude_deg, longitude_deg)
 

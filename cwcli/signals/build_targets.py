@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.build_motion import NOT_FINITE
 from cwcli.signals.build_pose import build_pose
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.leaves import find, frame_id, numbers, texts, whole_numbers
+from cwcli.signals.limits import MAX_POSITION_M, reject_unusable
 from cwcli.signals.quality import Quality, RowLedger
 
 ONLY_TARGET = "1"
@@ -52,7 +52,7 @@ def _states(
 ) -> tuple[TargetTruthSignal, Quality]:
     ledger = RowLedger(columns, reading.role)
     x_m, y_m = numbers(columns, "x_m"), numbers(columns, "y_m")
-    ledger.reject(~(np.isfinite(x_m) & np.isfinite(y_m)), NOT_FINITE)
+    reject_unusable(ledger, np.stack([x_m, y_m], axis=1), MAX_POSITION_M)
     ids = texts(columns, "id") or Strings(np.zeros(len(columns), np.int32), (ONLY_TARGET,))
     stamp_ns, has_stamp = whole_numbers(columns, "stamp_ns")
     has_stamp &= stamp_ns > 0

@@ -19,9 +19,11 @@ from cwcli.signals.canonical import (
     SpeedSignal,
     VelocitySignal,
 )
+from cwcli.signals.clocks import LOG_TIME_OUT
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, Ragged
 from cwcli.signals.covariances import UNUSABLE_COVARIANCE
+from cwcli.signals.limits import OUT_OF_RANGE as OUT_OF_LIMIT
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
 NAN, INF = float("nan"), float("inf")
@@ -405,3 +407,54 @@ def test_fields_for_names_the_leaves_of_each_encoding() -> None:
 def test_build_refuses_a_role_that_the_schema_can_not_fill() -> None:
     with pytest.raises(ValueError, match="no builder"):
         build(Role.IMU, fix_columns([51.0], [13.0]))
+
+
+@pytest.mark.parametrize("value", [1e4, -3e38, 1e300])
+def test_speed_that_no_car_drives_is_rejected(value: float) -> None:
+    fields = stamp_fields(STEADY_NS[:3]) | {
+        "longitudinal_velocity": [1.0, value, 2.0],
+        "heading_rate": [0.1, 0.1, value],
+    }
+    signal, quality = build(Role.EGO_SPEED, columns_of("autoware_vehicle_msgs/msg/VelocityReport", fields))
+    assert isinstance(signal, SpeedSignal)
+    np.testing.assert_array_equal(signal.speed_mps, [1.0, 2.0])
+    assert quality.rejected == {OUT_OF_LIMIT: 1}
+    if abs(value) > 1e4:
+        assert quality.repaired == {"yaw rate out of range, left out": 1}
+        assert np.isnan(signal.yaw_rate_radps[1])
+
+
+@pytest.mark.parametrize("value", [1e30, -1e308])
+def test_inertial_value_out_of_range_is_rejected_without_a_word_of_numpy(value: float) -> None:
+    fields = stamp_fields(STEADY_NS[:3]) | {
+        f"{name}.{axis}": [0.5, value if (name, axis) == ("linear_acceleration", "x") and k else 0.5, 0.5]
+        for name in ("linear_acceleration", "angular_velocity")
+        for k, axis in enumerate("zyx")
+    }
+    signal, quality = build(Role.IMU, columns_of("sensor_msgs/msg/Imu", fields))
+    assert isinstance(signal, ImuSignal)
+    assert (quality.used, quality.rejected) == (2, {OUT_OF_LIMIT: 1})
+
+
+@pytest.mark.filterwarnings("error")
+def test_quaternion_that_overflows_is_no_orientation() -> None:
+    fields = stamp_fields(STEADY_NS[:2]) | {f"quaternion.{axis}": [1e308, 0.5] for axis in "xyzw"}
+    signal, quality = build(Role.EGO_HEADING, columns_of("geometry_msgs/msg/QuaternionStamped", fields))
+    assert isinstance(signal, HeadingSignal)
+    assert (quality.used, quality.rejected) == (1, {"orientation not given": 1})
+
+
+def test_altitude_out_of_range_is_left_out() -> None:
+    signal, quality = build(
+        Role.EGO_POSITION, fix_columns([51.0, 51.1], [13.0, 13.1], altitude=np.array([100.0, 1e300]))
+    )
+    assert isinstance(signal, PositionSignal)
+    np.testing.assert_array_equal(signal.altitude_m, [100.0, NAN])
+    assert quality.repaired == {"altitude out of range, left out": 1}
+
+
+def test_log_time_beyond_int64_is_rejected() -> None:
+    columns = fix_columns([51.0, 51.1, 51.2], [13.0, 13.1, 13.2])
+    columns.log_time_ns[1] = -(1 << 63) + 5
+    _, quality = build(Role.EGO_POSITION, columns)
+    assert (quality.used, quality.rejected) == (2, {LOG_TIME_OUT: 1})

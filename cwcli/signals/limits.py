@@ -1,0 +1,43 @@
+"""What no road vehicle's sensor can have measured.
+
+Far beyond anything real, so that no sound value is lost; within them every square and sum stays finite.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.quality import BoolArray, RowLedger
+
+MAX_SPEED_MPS = 1e3
+MAX_ACCEL_MPS2 = 1e4
+MAX_TURN_RATE_RADPS = 1e3
+MAX_ALTITUDE_M = 1e6
+MAX_POSITION_M = 1e8
+
+NOT_FINITE = "value not a number"
+OUT_OF_RANGE = "value out of range"
+
+
+def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unless: BoolArray | None = None) -> None:
+    """Reject the rows with a value that is not finite or beyond the limit.
+
+    Args:
+        ledger: The channel's ledger.
+        values: Shape (n,) or (n, k).
+        limit: Largest magnitude.
+        unless: Shape (n,): rows whose values mean nothing anyway.
+    """
+    table = values.reshape(len(values), -1)
+    is_asked = True if unless is None else ~unless
+    ledger.reject(~np.isfinite(table).all(axis=1) & is_asked, NOT_FINITE)
+    ledger.reject((np.abs(table) > limit).any(axis=1) & is_asked, OUT_OF_RANGE)
+
+
+def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> FloatArray:
+    """The values, NaN where they are not finite or beyond the limit; those beyond it are counted as left out."""
+    with np.errstate(invalid="ignore"):
+        is_beyond = np.isfinite(values) & (np.abs(values) > limit)
+    ledger.repair(is_beyond, f"{name} out of range, left out")
+    return np.where(np.isfinite(values) & ~is_beyond, values, np.nan)
