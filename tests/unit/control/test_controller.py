@@ -49,3 +49,21 @@ def test_speed_difference_is_equation_11() -> None:
     # cos(60 deg) = 0.5: 9 - 10 * 0.5 = 4.
     dv = speed_difference(np.array([9.0]), np.array([10.0]), np.array([np.pi / 3.0]))
     np.testing.assert_allclose(dv, [4.0])
+
+
+@pytest.mark.parametrize(
+    ("ttc_s", "dv_mps", "pressure_mpa"),
+    [
+        (0.5, 10.0, 9.7333),
+        (1.5, 2.0, 8.0794),
+        (2.5, 5.0, 7.9074),
+        (2.5, -1.0, 5.6506),
+        (3.5, 1.0, 5.7773),
+        (3.7, 6.0, 6.5644),
+        (5.5, -4.0, 0.1333),
+        (6.0, 0.0, 5.0),
+    ],
+)
+def test_pressure_is_that_of_scikit_fuzzy(ttc_s: float, dv_mps: float, pressure_mpa: float) -> None:
+    """Made with scikit-fuzzy 0.5.0 on the same sets and rules; it integrates between the points, we sum over them."""
+    assert at(ttc_s, dv_mps)[1] == pytest.approx(pressure_mpa, abs=0.03)
