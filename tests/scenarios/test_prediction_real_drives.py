@@ -1,0 +1,76 @@
+"""The default predictor on the development logs in ../shared/logs, by the stages, from causal states.
+
+The command of docs/prediction.md: `cwcli estimate --causal LOG -o - | cwcli predict -`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cwcli.estimation.config import EstimatorConfig
+from cwcli.logs.log import Log
+from cwcli.prediction.models import DEFAULT_MODEL
+from cwcli.stages.channels import EGO_ID
+from cwcli.stages.estimate import EstimateConfig, estimate
+from cwcli.stages.predict import PredictConfig, predict
+
+LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
+BASELINE = "cv"
+HORIZON_S = 2.5
+Row = dict[str, object]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        "balzer-dresden-2014-03-26.ros2",
+        "psu-follow-2obu",
+        "openacc-dynamic-part22.ros2",
+        "openacc-dynamic-part23.ros2",
+    ],
+    ids=["dresden", "two-cars", "platoon-22", "platoon-23"],
+)
+def records(request: pytest.FixtureRequest) -> list[Row]:
+    """Errors 2.5 s ahead, one record per vehicle and model."""
+    path = LOGS / f"{request.param}.mcap"
+    if not path.exists():
+        pytest.skip("the development logs in ../shared/logs are not here")
+    with Log.open(path) as log:
+        states = estimate(log, EstimateConfig(estimator=EstimatorConfig(causal=True)))
+        result = predict(log.with_channels(states.channels), PredictConfig())
+    return [row for row in result.tables["prediction"].records() if row["horizon_s"] == HORIZON_S]
+
+
+def groups(records: list[Row], model: str) -> dict[str, list[Row]]:
+    """The ego's record, and those of all remote vehicles together, with at least one known outcome."""
+    own = [row for row in records if row["model"] == model and int(row["n"]) > 0]
+    found = {
+        "ego": [row for row in own if row["vehicle"] == EGO_ID],
+        "remote": [row for row in own if row["vehicle"] != EGO_ID],
+    }
+    return {name: rows for name, rows in found.items() if rows}
+
+
+def pooled(rows: list[Row], name: str) -> float:
+    n = sum(int(row["n"]) for row in rows)
+    return sum(float(row[name]) * int(row["n"]) for row in rows) / n
+
+
+def test_default_is_not_worse_than_constant_velocity(records: list[Row]) -> None:
+    ours, baseline = groups(records, DEFAULT_MODEL), groups(records, BASELINE)
+    assert set(ours) == set(baseline) >= {"ego"}
+    for name, rows in ours.items():
+        assert pooled(rows, "mean_m") <= pooled(baseline[name], "mean_m"), name
+
+
+def test_ninety_per_cent_ellipse_holds_ninety_per_cent(records: list[Row]) -> None:
+    for name, rows in groups(records, DEFAULT_MODEL).items():
+        assert 0.85 <= pooled(rows, "inside_90") <= 0.95, name
+
+
+def test_most_starts_have_an_outcome(records: list[Row]) -> None:
+    """What the shares are made of: no group of a handful."""
+    for rows in groups(records, DEFAULT_MODEL).values():
+        assert sum(int(row["n"]) for row in rows) > 300
