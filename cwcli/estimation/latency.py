@@ -36,6 +36,7 @@ THINNED_HZ = 25.0
 WINDOW_S = 300.0
 GATE = 1.0 - 1e-5
 MAX_PASSES = 6
+LEAD_IN_S = 2.5  # the reference before the target: the longest latency of the coarse search, and a little
 FAR_M = 100.0
 LOOSE_JERK_MPS3 = 20.0
 LOOSE_YAW_ACCEL_RADPS2 = 4.0
@@ -119,7 +120,9 @@ def find_latencies(
     for s, role in zip(series, roles, strict=True):
         if role.status == "estimated":
             target = _cut(_thin(s), begin, end)
-            found.append(_find(target, reference, parameters, walk, prior))
+            # What the reference says long before the target's first row only adds a start that is badly known.
+            first = float(target.time_s[0]) - LEAD_IN_S if len(target) else begin
+            found.append(_find(target, [_cut(r, first, end) for r in reference], parameters, walk, prior))
         else:
             found.append(role)
     return found

@@ -25,6 +25,7 @@ LIVELINESS: dict[str, tuple[float, float]] = {
 }
 """What is fitted, and how far from its first value it may go: what a car and its driver can do."""
 ROUNDS = 2
+LEAD_IN_S = 2.5
 
 
 def noise_factor(s: Series, nis: FloatArray) -> float:
@@ -74,7 +75,7 @@ def settle_noise(
     Returns:
         The series with settled noise; the motion model.
     """
-    window = [replace(s, gate=0.0) for s in _window(series)]
+    window = [replace(s, gate=0.0) for s in _window(_from_first_position(series))]
     if sum(len(s) for s in window) < 2 * MIN_ROWS_FOR_NOISE or not any(
         len(s) and s.kind is Kind.POSITION for s in window
     ):
@@ -100,9 +101,10 @@ def settle_noise(
         len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_ROWS))
         for s, w in zip(series, window, strict=True)
     )
-    again = _run(settled, parameters, walk, prior) if whole else None
+    late = _from_first_position(settled)
+    again = _run(late, parameters, walk, prior) if whole else None
     for i, s in enumerate(settled):
-        factor = noise_factor(s, again.nis[i]) if again is not None else 1.0
+        factor = noise_factor(late[i], again.nis[i]) if again is not None else 1.0
         origin = s.noise_origin
         if factor * factors[i] != 1.0:
             origin = "message, scaled" if origin == "message" else "log"
@@ -145,6 +147,13 @@ def _livelier(
     return replace(best[1], **{name: first * float(np.exp(limited))}), best[0]
 
 
+def _from_first_position(series: Sequence[Series]) -> list[Series]:
+    """Leave out what lies long before the first position: a start that is badly known looks like noise."""
+    firsts = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
+    first = min(firsts, default=-np.inf)
+    return [s.at(s.time_s - s.latency_s >= first - LEAD_IN_S) for s in series]
+
+
 def _window(series: Sequence[Series]) -> list[Series]:
     """Cut the series to a window of about MAX_UPDATES updates, from where the vehicle has begun to move."""
     total = sum(len(s) for s in series)
@@ -161,8 +170,7 @@ def _window(series: Sequence[Series]) -> list[Series]:
     cut = []
     for s in series:
         time = s.time_s - s.latency_s
-        inside = (time >= left) & (time <= left + span)
-        cut.append(replace(s, time_s=s.time_s[inside], values=s.values[inside], noise=s.noise[inside]))
+        cut.append(s.at((time >= left) & (time <= left + span)))
     return cut
 
 

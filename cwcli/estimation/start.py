@@ -14,6 +14,9 @@ MIN_DISPLACEMENT_M = 2.0
 MIN_DISPLACEMENT_S = 0.5
 CLEAR_SIGMAS = 10.0  # a heading from a displacement is then good to about 0.15 rad, which the filter's expansion bears
 UNKNOWN_HEADING_RAD = 1.8  # one sigma of a uniform circle
+UNKNOWN_TURN_RADPS = 0.1  # how far a car turns, per second, while nothing measures it
+GYRO_BIAS_RADPS = 0.01
+MAX_GYRO_GAP_S = 0.5
 UNKNOWN_SPEED_MPS = 10.0
 UNKNOWN_SIGMA = (0.0, 0.0, UNKNOWN_SPEED_MPS, UNKNOWN_HEADING_RAD, 2.0, 0.3, 1.0, 0.2)
 """One sigma of the eight states before a heading is known; the position's is the measurement's."""
@@ -40,9 +43,9 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
     if causal:
         begin = max(begin, heading_s)
     elif heading_s > begin:
-        turned, known = _turned(series, begin, heading_s)
+        turned, turned_sigma = _turned(series, begin, heading_s)
         heading -= turned
-        heading_sigma = min(np.hypot(heading_sigma, 0.02 if known else 0.3), UNKNOWN_HEADING_RAD)
+        heading_sigma = min(np.hypot(heading_sigma, turned_sigma), UNKNOWN_HEADING_RAD)
         speed, speed_sigma = _speed_at(series, begin)
     x, y, position_sigma = _position_at(series, begin, speed if np.isfinite(heading) else 0.0)
     state, sigma = np.zeros(n_states), np.zeros(n_states)
@@ -144,7 +147,9 @@ def _speed_at(series: Sequence[Series], when: float) -> tuple[float, float]:
             if j > i and time[j] > time[i]:
                 span = float(time[j] - time[i])
                 speed = float(np.hypot(*(s.values[j] - s.values[i]))) / span
-                return speed, min(float(np.sqrt(2.0 * s.noise[i, 0])) / span + 2.0, UNKNOWN_SPEED_MPS)
+                late = abs(float(time[i]) - when)
+                sigma = float(np.sqrt(2.0 * s.noise[i, 0])) / span + 2.0 + 2.0 * late
+                return speed, min(sigma, UNKNOWN_SPEED_MPS)
     return 0.0, UNKNOWN_SPEED_MPS
 
 
@@ -173,16 +178,20 @@ def _position_at(series: Sequence[Series], when: float, speed: float) -> tuple[f
     return best[1:]
 
 
-def _turned(series: Sequence[Series], begin: float, end: float) -> tuple[float, bool]:
-    """Return the angle turned between two times by the gyroscope, and whether there is one."""
+def _turned(series: Sequence[Series], begin: float, end: float) -> tuple[float, float]:
+    """Return the angle turned between two times by the gyroscope, and its sigma; (0, something large) without one."""
+    span = end - begin
     for s in series:
         if s.kind is Kind.YAW_RATE and len(s) > 1:
             time = s.time_s - s.latency_s
             inside = (time >= begin) & (time <= end)
-            if inside.sum() > 1 and float(np.diff(time[inside]).max()) < 1.0:
-                t, w = time[inside], s.values[inside, 0]
-                return _trapezoid(w, t), True
-    return 0.0, False
+            t, w = time[inside], s.values[inside, 0]
+            gap = np.diff(np.concatenate(([begin], t, [end])))
+            missing = float(gap[gap > MAX_GYRO_GAP_S].sum())
+            if len(t) > 1 and missing < 0.5 * span:
+                sigma = np.hypot(UNKNOWN_TURN_RADPS * missing, GYRO_BIAS_RADPS * span)
+                return _trapezoid(w, t), float(np.hypot(0.02, sigma))
+    return 0.0, max(0.3, UNKNOWN_TURN_RADPS * span)
 
 
 def _trapezoid(values: FloatArray, time: FloatArray) -> float:

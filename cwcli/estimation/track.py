@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, RATES, PassResult, old_rows, run_pass
+from cwcli.estimation.passes import N_MOTION, RATES, PassResult, Start, old_rows, run_pass
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
 from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import Tuned, tune
@@ -34,6 +34,9 @@ STATE_NAMES = (
 )
 MIN_NIS_ROWS = 20
 AHEAD_SIGMAS = 3.0
+LONG_LEAD_IN_S = 3.0  # without a position
+MOST_STARTS = 6
+STARTS_AGREE_M = 0.5
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,8 @@ def estimate_track(
         output_stamp_ns = _grid(measurements, config.rate_hz)
     tuned = tune(prepared, config, ModelParameters())
     start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
+    if not config.causal:
+        start = _start_again(tuned, start, config.reset_after)
     late_s, remark = _late_reference(tuned)
     notes += remark
     output_s = seconds(output_stamp_ns, epoch) + late_s
@@ -166,6 +171,28 @@ def estimate_track(
         result.log_likelihood,
         tuple(notes),
     )
+
+
+def _start_again(tuned: Tuned, start: Start, reset_after: int) -> Start:
+    """Where no position comes for long after the start, begin about what the smoother finds there.
+
+    Until the first position the state hardly has a place, a speed or a heading, and the filter's expansion about a
+    guess that is far off makes it sure of what is wrong. The covariance stays that of the guess.
+    """
+    first_s = min(float(s.time_s[0] - s.latency_s) for s in tuned.series if s.kind is Kind.POSITION and len(s))
+    if first_s - start.time_s < LONG_LEAD_IN_S:
+        return start
+    here = np.array([start.time_s])
+    for _ in range(MOST_STARTS):
+        found = run_pass(tuned.series, start, tuned.parameters, tuned.walk, here, smooth=True, reset_after=reset_after)
+        state = found.state[0]
+        if not np.isfinite(state).all():
+            break
+        moved_m = float(np.hypot(*(state[:2] - start.state[:2])))
+        start = replace(start, state=state)
+        if moved_m < STARTS_AGREE_M:
+            break
+    return start
 
 
 def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:

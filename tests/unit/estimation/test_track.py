@@ -88,6 +88,34 @@ def test_causal_track_from_positions_is_honest_from_its_first_state(standing_s: 
     assert any("before the first heading" in note for note in track.notes)
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_imu_alone_before_the_first_position_leaves_the_latency_right_and_the_covariance_honest(seed: int) -> None:
+    """A log that begins in a tunnel: 15 s with a turn, an IMU with a hole, and then a fix a second."""
+    rng = np.random.default_rng(seed)
+    fine = np.arange(0.0, 90.0, 0.01)
+    yaw_rate = 0.25 * np.sin(0.3 * fine)
+    accel = 0.8 * np.sin(0.5 * fine)
+    speed = 9.0 + np.cumsum(accel) * 0.01
+    heading = 1.1 + np.cumsum(yaw_rate) * 0.01
+    xy = np.cumsum(speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1), axis=0) * 0.01
+    imu = np.zeros((len(fine), 6))
+    imu[:, 0], imu[:, 2], imu[:, 5] = accel + 0.1, 9.81, yaw_rate + 1e-3
+    imu += rng.standard_normal(imu.shape) * np.array([0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3])
+    there = (fine < 0.2) | (fine > 2.0)
+    rows = np.arange(1500, len(fine), 100)
+    measurements = [
+        Measurements("gps", Kind.POSITION, stamps(fine[rows]), xy[rows] + 0.1 * rng.standard_normal((len(rows), 2))),
+        Measurements("imu", Kind.IMU, stamps(fine[there]), imu[there]),
+    ]
+    track = estimate_track(measurements, EstimatorConfig(), stamps(fine[::10]))
+    error = track.state[:, :2] - xy[::10]
+    nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(track.covariance[:, :2, :2]), error)
+    assert nees[:150].max() < 16.0  # two degrees of freedom, one path: 99.97 %
+    position = next(s for s in track.sources if s.kind is Kind.POSITION)
+    assert abs(position.latency_s) < 0.05
+    assert np.hypot(*error[170:].T).max() < 0.5
+
+
 def test_causal_track_uses_nothing_that_comes_later() -> None:
     """With the noise stated, cutting the log's second half off leaves the first half as it was."""
     time = np.arange(0.0, 20.0, 0.1)
