@@ -6,14 +6,15 @@ import mmap
 
 import numpy as np
 import numpy.typing as npt
-from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, MetadataIndex
 
 from cwcli.errors import InputError
-from cwcli.logs.chunks import ChunkDamageError, chunk_records, index_entries, open_chunk, stored_bytes, without_channels
-from cwcli.logs.layout import Item, Layout, LooseMessages, LooseRecord, SalvagedRecords
+from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, stored_bytes, without_channels
+from cwcli.logs.layout import RECOVER_HINT, Item, Layout, LooseMessages, LooseRecord, SalvagedRecords, damage_at
 from cwcli.logs.message_merge import ChunkPayload
+from cwcli.logs.payload import ChunkError
 from cwcli.logs.record_writer import CopiedChunk, RecordWriter
+from cwcli.logs.records import CHANNEL, SCHEMA, RecordError
 
 MAX_TIME_NS = (1 << 63) - 1
 
@@ -102,12 +103,12 @@ class SourceCopy:
             if filtered:
                 records = without_channels(records, self._replaced_ids)
             entries = index_entries(records)
-        except ChunkDamageError as error:
-            raise InputError(f"a chunk is damaged: {error}", where=self._name) from error
+        except (ChunkError, RecordError) as error:
+            raise InputError(damage_at(chunk.start, error), where=self._name, hint=RECOVER_HINT) from error
         if not entries:
-            for opcode, start, end, data in chunk_records(records):
-                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    writer.record(data[start:end])
+            for opcode, start, end in chunk_records(records):
+                if opcode in (SCHEMA, CHANNEL):
+                    writer.record(records[start:end])
             return None
         payload = _payload(records, entries)
         if filtered:

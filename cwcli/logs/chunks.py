@@ -1,32 +1,33 @@
-"""The inside of an MCAP chunk."""
+"""The records inside an MCAP chunk, for a copy: where they are, and without those of some channels."""
 
 from __future__ import annotations
 
 import mmap
 import struct
-import zlib
 from collections.abc import Iterator
 from contextlib import suppress
-from io import BytesIO
 
+import mcap.records
 import numpy as np
 import numpy.typing as npt
-from mcap.opcode import Opcode
-from mcap.records import ChunkIndex
 
 from cwcli.logs.message_merge import INDEX_ENTRY
+from cwcli.logs.payload import ChunkError, chunk_payload, partial_payload
+from cwcli.logs.records import (
+    CHANNEL,
+    MESSAGE,
+    MESSAGE_HEADER_BYTES,
+    PREFIX,
+    ChunkIndex,
+    RecordError,
+    read_chunk_head,
+    read_prefix,
+)
 
-RECORD_PREFIX = struct.Struct("<BQ")
-READ_BYTES = 1 << 16
-MESSAGE_FIELDS = struct.Struct("<BQHIQQ")
-CRC_AT = 9 + 24  # opcode and length, start time, end time, uncompressed size
+_MESSAGE = struct.Struct("<HIQ")
 
 
-class ChunkDamageError(Exception):
-    """A chunk, or a record in it, can't be what was written."""
-
-
-def open_chunk(data: mmap.mmap, index: ChunkIndex) -> memoryview:
+def open_chunk(data: mmap.mmap, index: mcap.records.ChunkIndex) -> memoryview:
     """The uncompressed records of a chunk.
 
     Args:
@@ -34,18 +35,20 @@ def open_chunk(data: mmap.mmap, index: ChunkIndex) -> memoryview:
         index: Where the chunk is.
 
     Raises:
-        ChunkDamageError: It can't be decompressed, has another size than it says, or its CRC does not fit.
+        ChunkError: As `chunk_payload`.
     """
-    try:
-        records = _decompressed(stored_bytes(data, index), index.compression, index.uncompressed_size)
-    except (RuntimeError, ValueError, OverflowError, MemoryError, EOFError) as error:
-        raise ChunkDamageError(f"it can't be decompressed ({error})") from error
-    if len(records) != index.uncompressed_size:
-        raise ChunkDamageError("its size is not the one that it names")
-    (crc,) = struct.unpack_from("<I", data, index.chunk_start_offset + CRC_AT)
-    if crc and crc != zlib.crc32(records):
-        raise ChunkDamageError("its CRC does not fit")
-    return records
+    place = ChunkIndex(
+        index.message_start_time,
+        index.message_end_time,
+        index.chunk_start_offset,
+        index.chunk_length,
+        index.message_index_offsets,
+        index.message_index_length,
+        index.compression,
+        index.compressed_size,
+        index.uncompressed_size,
+    )
+    return chunk_payload(memoryview(data), place, verify=True)
 
 
 def open_cut_chunk(data: mmap.mmap, start: int) -> memoryview:
@@ -55,43 +58,40 @@ def open_cut_chunk(data: mmap.mmap, start: int) -> memoryview:
         data: The whole file.
         start: Offset of the chunk record.
     """
-    at = start + CRC_AT + 4
+    view = memoryview(data)
     try:
-        (name_length,) = struct.unpack_from("<I", data, at)
-        compression = data[at + 4 : at + 4 + name_length].decode()
-        at += 4 + name_length
-        (stored,) = struct.unpack_from("<Q", data, at)
-        records = memoryview(_decompressed_start(memoryview(data)[at + 8 : at + 8 + stored], compression))
-    except (struct.error, RuntimeError, ValueError, EOFError):
+        head = read_chunk_head(view, start + PREFIX.size, len(view))
+        n_stored = min(head.data_length, len(view) - head.data_start)
+        length = head.data_start + n_stored - start
+        place = ChunkIndex(
+            head.start_ns, head.end_ns, start, length, {}, 0, head.compression, n_stored, head.uncompressed_size
+        )
+        records = partial_payload(view, place)
+    except (RecordError, ChunkError):
         return memoryview(b"")
     whole = 0
-    with suppress(ChunkDamageError):
-        for _, _, end, _ in chunk_records(records):
+    with suppress(RecordError):
+        for _, _, end in chunk_records(records):
             whole = end
     return records[:whole]
 
 
-def stored_bytes(data: mmap.mmap, index: ChunkIndex) -> memoryview:
+def stored_bytes(data: mmap.mmap, index: mcap.records.ChunkIndex) -> memoryview:
     """The records of a chunk as they are stored, compressed or not."""
     end = index.chunk_start_offset + index.chunk_length
     return memoryview(data)[end - index.compressed_size : end]
 
 
-def chunk_records(records: memoryview) -> Iterator[tuple[int, int, int, memoryview]]:
-    """Opcode, start and end (within the chunk) of each record, and the chunk's bytes.
+def chunk_records(records: memoryview) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end (within the chunk) of each record, prefix included.
 
     Raises:
-        ChunkDamageError: A record reaches beyond the chunk.
+        RecordError: A record reaches beyond the chunk.
     """
     at = 0
     while at < len(records):
-        if at + RECORD_PREFIX.size > len(records):
-            raise ChunkDamageError("a record is cut short")
-        opcode, length = RECORD_PREFIX.unpack_from(records, at)
-        end = at + RECORD_PREFIX.size + length
-        if end > len(records):
-            raise ChunkDamageError("a record is cut short")
-        yield opcode, at, end, records
+        opcode, _, end = read_prefix(records, at, len(records))
+        yield opcode, at, end
         at = end
 
 
@@ -99,15 +99,15 @@ def index_entries(records: memoryview) -> dict[int, npt.NDArray[np.void]]:
     """Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY`.
 
     Raises:
-        ChunkDamageError: A record reaches beyond the given bytes.
+        RecordError: A record reaches beyond the given bytes.
     """
     found: dict[int, list[tuple[int, int]]] = {}
-    for opcode, start, end, _ in chunk_records(records):
-        if opcode == Opcode.MESSAGE:
-            if end - start < MESSAGE_FIELDS.size:
-                raise ChunkDamageError("a message is shorter than its header")
-            _, _, channel_id, _, log_time, _ = MESSAGE_FIELDS.unpack_from(records, start)
-            found.setdefault(channel_id, []).append((log_time, start))
+    for opcode, start, end in chunk_records(records):
+        if opcode == MESSAGE:
+            if end - start < PREFIX.size + MESSAGE_HEADER_BYTES:
+                raise RecordError("a message is shorter than its header")
+            channel_id, _, log_time_ns = _MESSAGE.unpack_from(records, start + PREFIX.size)
+            found.setdefault(channel_id, []).append((log_time_ns, start))
     return {channel_id: np.array(entries, INDEX_ENTRY) for channel_id, entries in found.items()}
 
 
@@ -115,55 +115,14 @@ def without_channels(records: memoryview, channel_ids: frozenset[int]) -> memory
     """The records without the messages and the definitions of some channels.
 
     Raises:
-        ChunkDamageError: A record reaches beyond the given bytes.
+        RecordError: A record reaches beyond the given bytes, or is too short for a channel id.
     """
     kept = bytearray()
-    for opcode, start, end, _ in chunk_records(records):
-        if opcode in (Opcode.MESSAGE, Opcode.CHANNEL):
-            (channel_id,) = struct.unpack_from("<H", records, start + RECORD_PREFIX.size)
-            if channel_id in channel_ids:
+    for opcode, start, end in chunk_records(records):
+        if opcode in (MESSAGE, CHANNEL):
+            if end - start < PREFIX.size + 2:
+                raise RecordError("a record ends before its fields do")
+            if int.from_bytes(records[start + PREFIX.size : start + PREFIX.size + 2], "little") in channel_ids:
                 continue
         kept += records[start:end]
     return memoryview(kept)
-
-
-def _decompressed_start(stored: memoryview, compression: str) -> bytes | memoryview:
-    """What the first part of the stored bytes holds."""
-    if compression == "zstd":
-        import zstandard
-
-        reader = zstandard.ZstdDecompressor().stream_reader(stored)
-    elif compression == "lz4":
-        import lz4.frame
-
-        reader = lz4.frame.LZ4FrameFile(BytesIO(stored))
-    else:
-        return stored if compression == "" else b""
-    found = bytearray()
-    with suppress(RuntimeError, EOFError, ValueError, OSError, _zstd_error()):
-        while block := reader.read(READ_BYTES):
-            found += block
-    return bytes(found)
-
-
-def _zstd_error() -> type[Exception]:
-    import zstandard
-
-    return zstandard.ZstdError
-
-
-def _decompressed(stored: memoryview, compression: str, size: int) -> memoryview:
-    if compression == "":
-        return stored
-    if compression == "zstd":
-        import zstandard
-
-        try:
-            return memoryview(zstandard.ZstdDecompressor().decompress(stored, size))
-        except zstandard.ZstdError as error:
-            raise ValueError(error) from error
-    if compression == "lz4":
-        import lz4.frame
-
-        return memoryview(lz4.frame.decompress(stored))
-    raise ChunkDamageError(f"its compression {compression!r} is unknown")

@@ -23,16 +23,23 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
 
 from cwcli.errors import InputError
-from cwcli.logs.chunks import ChunkDamageError, chunk_records, index_entries, open_chunk, open_cut_chunk
+from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, open_cut_chunk
 from cwcli.logs.message_merge import INDEX_ENTRY
-from cwcli.logs.record_writer import MAGIC, CopiedChunk
+from cwcli.logs.payload import ChunkError
+from cwcli.logs.record_writer import CopiedChunk
+from cwcli.logs.records import (
+    INDEX_ENTRY_BYTES,
+    MAGIC,
+    PREFIX,
+    RecordError,
+    read_chunk,
+    read_message_index,
+    read_prefix,
+)
 
-PREFIX = struct.Struct("<BQ")
 FOOTER = struct.Struct("<BQQQI")
-CHUNK_FIELDS = struct.Struct("<QQQI")
-MESSAGE_INDEX_FIELDS = struct.Struct("<BQHI")
-INDEX_ENTRY_BYTES = 16
 MAX_LOOSE_BYTES = 1 << 20
+RECOVER_HINT = "--recover reads what is intact"
 
 Buffer = mmap.mmap | memoryview
 Record = TypeVar("Record")
@@ -114,6 +121,7 @@ def read_layout(data: mmap.mmap, name: str, *, recover: bool = False) -> Layout:
 class _Walk:
     def __init__(self, data: mmap.mmap, name: str, recover: bool) -> None:
         self._data = data
+        self._view = memoryview(data)
         self._name = name
         self._recover = recover
         self._layout = Layout()
@@ -154,11 +162,11 @@ class _Walk:
 
     def _record(self, at: int) -> tuple[int, int] | None:
         """Kind and end of the record at an offset, or None if there is no whole one."""
-        if at + PREFIX.size > len(self._data):
+        try:
+            opcode, _, end = read_prefix(self._view, at, len(self._view))
+        except RecordError:
             return None
-        opcode, length = PREFIX.unpack_from(self._data, at)
-        end = at + PREFIX.size + length
-        return None if opcode == 0 or end > len(self._data) else (opcode, end)
+        return opcode, end
 
     def _take(self, opcode: int, at: int, end: int) -> int:
         """Note the record, and those that belong to it; returns where the next one begins."""
@@ -185,45 +193,45 @@ class _Walk:
                 layout.items.append(MetadataIndex(at, end - at, metadata.name))
             elif opcode != Opcode.MESSAGE_INDEX:  # without its chunk it serves nobody
                 layout.items.append(LooseRecord(at, end - at))
-        except (ValueError, struct.error, EOFError, ChunkDamageError) as error:
+        except (
+            ValueError,
+            struct.error,
+            EOFError,
+        ) as error:  # what the official parsers raise; RecordError is a ValueError
             self._lose(end - at, str(error), at)
         return end
 
     def _take_chunk(self, at: int, end: int) -> int:
-        start_ns, end_ns, size, _ = CHUNK_FIELDS.unpack_from(self._data, at + PREFIX.size)
-        cursor = at + PREFIX.size + CHUNK_FIELDS.size
-        (name_length,) = struct.unpack_from("<I", self._data, cursor)
-        compression = self._data[cursor + 4 : cursor + 4 + name_length].decode()
-        cursor += 4 + name_length
-        (stored,) = struct.unpack_from("<Q", self._data, cursor)
-        if cursor + 8 + stored != end:
-            raise ChunkDamageError("the sizes in a chunk disagree")
+        found = read_chunk(self._view, at + PREFIX.size, end)
+        if found.data_start + found.data_length != end:
+            raise RecordError("a chunk's sizes disagree")
         index = ChunkIndex(
             chunk_length=end - at,
             chunk_start_offset=at,
-            compression=compression,
-            compressed_size=stored,
-            message_end_time=end_ns,
+            compression=found.compression,
+            compressed_size=found.data_length,
+            message_end_time=found.end_ns,
             message_index_length=0,
             message_index_offsets={},
-            message_start_time=start_ns,
-            uncompressed_size=size,
+            message_start_time=found.start_ns,
+            uncompressed_size=found.uncompressed_size,
         )
         counts: dict[int, int] = {}
         cursor = end
         while (record := self._record(cursor)) and record[0] == Opcode.MESSAGE_INDEX:
-            _, length, channel_id, entry_bytes = MESSAGE_INDEX_FIELDS.unpack_from(self._data, cursor)
-            if entry_bytes + 6 != length or entry_bytes % INDEX_ENTRY_BYTES:
+            try:
+                channel_id, first, last = read_message_index(self._view, cursor + PREFIX.size, record[1])
+            except RecordError:
                 break
             index.message_index_offsets[channel_id] = cursor
-            counts[channel_id] = entry_bytes // INDEX_ENTRY_BYTES
+            counts[channel_id] = (last - first) // INDEX_ENTRY_BYTES
             cursor = record[1]
         index.message_index_length = cursor - end
         chunk = CopiedChunk(at, cursor - at, index, counts)
         if self._recover or not counts:
             try:
                 chunk = self._inspected(chunk)
-            except ChunkDamageError as error:
+            except (ChunkError, RecordError) as error:
                 self._layout.n_chunks_lost += 1
                 self._lose(cursor - at, str(error), at)
                 return cursor
@@ -244,9 +252,9 @@ class _Walk:
 
     def _index_fits(self, offset: int, entries: npt.NDArray[np.void]) -> bool:
         """Whether a message index record holds these entries, in any order."""
-        _, _, _, n_bytes = MESSAGE_INDEX_FIELDS.unpack_from(self._data, offset)
-        start = offset + MESSAGE_INDEX_FIELDS.size
-        listed = np.frombuffer(self._data[start : start + n_bytes], INDEX_ENTRY)
+        _, start, end = read_prefix(self._view, offset, len(self._view))
+        _, first, last = read_message_index(self._view, start, end)
+        listed = np.frombuffer(self._view[first:last], INDEX_ENTRY)
         return np.array_equal(np.sort(listed, order="offset"), entries)
 
     def _take_messages(self, at: int) -> int:
@@ -263,7 +271,7 @@ class _Walk:
         if self._recover:
             (crc,) = struct.unpack_from("<I", self._data, end - 4)
             if crc and crc != zlib.crc32(memoryview(self._data)[at + PREFIX.size : end - 4]):
-                raise ChunkDamageError("the CRC of an attachment does not fit")
+                raise RecordError("the CRC of an attachment does not fit")
         self._layout.items.append(
             AttachmentIndex(
                 offset=at,
@@ -319,23 +327,28 @@ class _Walk:
             if isinstance(item, CopiedChunk):
                 try:
                     self._define(open_chunk(self._data, item.index))
-                except ChunkDamageError as error:
-                    raise InputError(f"a chunk is damaged: {error}", where=self._name) from error
+                except (ChunkError, RecordError) as error:
+                    raise InputError(damage_at(item.start, error), where=self._name, hint=RECOVER_HINT) from error
 
     def _define(self, records: memoryview) -> None:
         """Take over the schemas and channels that a chunk holds."""
-        for opcode, start, end, data in chunk_records(records):
+        for opcode, start, end in chunk_records(records):
             if opcode == Opcode.SCHEMA:
-                schema = _parsed(data, start, end, Schema.read)
+                schema = _parsed(records, start, end, Schema.read)
                 self._layout.schemas.setdefault(schema.id, schema)
             elif opcode == Opcode.CHANNEL:
-                channel = _parsed(data, start, end, Channel.read)
+                channel = _parsed(records, start, end, Channel.read)
                 self._layout.channels.setdefault(channel.id, channel)
 
     def _lose(self, n_bytes: int, why: str, at: int) -> None:
         if not self._recover:
-            raise InputError(f"damaged at byte {at}: {why}", where=self._name, hint="--recover reads what is intact")
+            raise InputError(damage_at(at, why), where=self._name, hint=RECOVER_HINT)
         self._layout.n_bytes_lost += n_bytes
+
+
+def damage_at(at: int, why: object) -> str:
+    """The message of an `InputError`."""
+    return f"damaged at byte {at}: {why}"
 
 
 def _channel_ids(item: Item) -> Iterator[int]:

@@ -16,7 +16,9 @@ from cwcli.logs.records import PREFIX, ChunkIndex, RecordError, read_chunk, read
 MAX_CHUNK_BYTES = 4 << 30
 """The official reader's limit for one record."""
 MAX_TRUSTED_BYTES = 64 << 20
-BLOCK_BYTES = 1 << 20
+MAX_LZ4_RATIO = 256
+"""One byte of an lz4 block extends a match by at most 255 bytes."""
+BLOCK_BYTES = 1 << 16  # what an error costs, and how far a bomb gets before it is seen
 CRC_AT = PREFIX.size + 24
 _U32 = struct.Struct("<I")
 
@@ -61,7 +63,7 @@ def chunk_payload(data: memoryview, chunk: ChunkIndex, *, verify: bool) -> memor
 
 
 def partial_payload(data: memoryview, chunk: ChunkIndex) -> memoryview:
-    """What comes out of a chunk whose end is cut off; there is no CRC for it.
+    """What comes out of a chunk that is cut off, up to the first error; its CRC can't be checked.
 
     Raises:
         ChunkError: Its compression is unknown.
@@ -72,15 +74,15 @@ def partial_payload(data: memoryview, chunk: ChunkIndex) -> memoryview:
     _decompressor(chunk.compression)
     start, errors = _streams()[chunk.compression]
     stream = start()
-    parts: list[bytes] = []
+    found = bytearray()
     for at in range(0, len(stored), BLOCK_BYTES):
         try:
-            parts.append(stream.decompress(stored[at : at + BLOCK_BYTES]))
+            found += stream.decompress(stored[at : at + BLOCK_BYTES])
         except errors:
             break
-        if sum(map(len, parts)) > MAX_CHUNK_BYTES:
+        if len(found) > MAX_CHUNK_BYTES:
             break
-    return memoryview(b"".join(parts))
+    return memoryview(found)
 
 
 def _check_header(data: memoryview, chunk: ChunkIndex) -> None:
@@ -133,6 +135,8 @@ def _unzstd(stored: memoryview, size: int) -> memoryview:
 def _unlz4(stored: memoryview, size: int) -> memoryview:
     import lz4.frame
 
+    if size > max(MAX_TRUSTED_BYTES, MAX_LZ4_RATIO * len(stored)):  # it would be allocated at once
+        raise ChunkError(f"a chunk's lz4 frame can't hold the declared {size} bytes")
     try:
         stream = lz4.frame.LZ4FrameDecompressor()
         payload = stream.decompress(stored, max_length=size + 1)
@@ -144,14 +148,12 @@ def _unlz4(stored: memoryview, size: int) -> memoryview:
 
 
 def _grown(stream: Any, stored: memoryview, size: int) -> memoryview:
-    parts: list[bytes] = []
-    total = 0
-    for at in range(0, len(stored), BLOCK_BYTES // 16):
-        parts.append(stream.decompress(stored[at : at + BLOCK_BYTES // 16]))
-        total += len(parts[-1])
-        if total > size:
+    found = bytearray()
+    for at in range(0, len(stored), BLOCK_BYTES):
+        found += stream.decompress(stored[at : at + BLOCK_BYTES])
+        if len(found) > size:
             break
-    return memoryview(b"".join(parts))
+    return memoryview(found)
 
 
 def _streams() -> dict[str, tuple[Callable[[], Any], tuple[type[Exception], ...]]]:

@@ -30,12 +30,12 @@ from mcap.records import (
 )
 
 from cwcli.logs.message_merge import ChunkPayload
+from cwcli.logs.records import MAGIC
 from cwcli.output import Output
 
 if TYPE_CHECKING:
     import zstandard
 
-MAGIC = b"\x89MCAP0\r\n"
 ZSTD_LEVEL = 1
 
 

@@ -252,12 +252,18 @@ def read_channel(data: memoryview, start: int, end: int) -> Channel:
 
 
 def read_chunk(data: memoryview, start: int, end: int) -> Chunk:
+    chunk = read_chunk_head(data, start, end)
+    if chunk.data_length > end - chunk.data_start:
+        raise RecordError("a chunk's records are longer than the chunk")
+    return chunk
+
+
+def read_chunk_head(data: memoryview, start: int, end: int) -> Chunk:
+    """As `read_chunk`, of a chunk that may be cut: the records that it declares may end behind `end`."""
     fields = Fields(data, start, end)
     start_ns, end_ns, size, crc = fields.numbers(_CHUNK)
     compression = fields.text()
     (stored,) = fields.numbers(_U64)
-    if stored > end - fields.at:
-        raise RecordError("a chunk's records are longer than the chunk")
     head = start - PREFIX.size
     return Chunk(head, end - head, start_ns, end_ns, size, crc, compression, fields.at, stored)
 

@@ -20,13 +20,13 @@ from cwcli.logs.records import (
     PREFIX,
     SCHEMA,
     ChunkIndex,
-    Fields,
     MetadataIndex,
     RecordError,
     Statistics,
     read_attachment,
     read_channel,
     read_chunk,
+    read_chunk_head,
     read_message_index,
     read_metadata,
     read_prefix,
@@ -35,8 +35,6 @@ from cwcli.logs.records import (
 from cwcli.logs.structure import Structure
 
 _MESSAGE = struct.Struct("<HIQ")
-_CHUNK_HEAD = struct.Struct("<QQQI")
-_U64 = struct.Struct("<Q")
 
 
 class DamageError(Exception):
@@ -180,18 +178,24 @@ class _Scan:
         start = at + PREFIX.size
         if opcode != CHUNK or length <= len(data) - start:
             return False
-        fields = Fields(data, start, len(data))
         try:
-            start_ns, end_ns, size, _ = fields.numbers(_CHUNK_HEAD)
-            compression = fields.text()
-            (stored,) = fields.numbers(_U64)
+            chunk = read_chunk_head(data, start, len(data))
         except RecordError:
             return False
-        if compression not in DECOMPRESSORS or fields.at - start + stored != length:
+        if chunk.compression not in DECOMPRESSORS or chunk.data_start - start + chunk.data_length != length:
             return False
-        left = len(data) - fields.at
         self._structure.chunks.append(
-            ChunkIndex(start_ns, end_ns, at, len(data) - at, {}, 0, compression, left, min(size, 1 << 62))
+            ChunkIndex(
+                chunk.start_ns,
+                chunk.end_ns,
+                at,
+                chunk.length,
+                {},
+                0,
+                chunk.compression,
+                len(data) - chunk.data_start,
+                min(chunk.uncompressed_size, 1 << 62),
+            )
         )
         self._structure.partial_chunk = at
         return True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, Writer
 
 from cwcli.errors import InputError
 from cwcli.logs.annotate import annotate
@@ -113,6 +114,47 @@ def test_damaged_length_of_a_chunk(tmp_path: Path, compression: CompressionType)
         annotate(SourceStub(source), [], {}, tmp_path / "out.mcap")
     annotate(SourceStub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
     assert read_content(tmp_path / "out.mcap").without(STATE) == whole.messages
+
+
+def declare_size(path: Path, chunk: ChunkIndex, n_bytes: int) -> None:
+    """Make a chunk's header say that so many bytes come out of it."""
+    data = bytearray(path.read_bytes())
+    at = chunk.chunk_start_offset + 9 + 16
+    data[at : at + 8] = n_bytes.to_bytes(8, "little")
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+@pytest.mark.parametrize("n_bytes", [1 << 63, (4 << 30) + 1, 1 << 32, 0])
+def test_declared_size_of_a_chunk_is_not_believed(tmp_path: Path, compression: CompressionType, n_bytes: int) -> None:
+    source = write_log(tmp_path / "in.mcap", compression=compression)
+    whole = read_content(source)
+    declare_size(source, chunk_indexes(source)[2], n_bytes)
+    tracemalloc.start()
+    report = annotate(SourceStub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak_bytes < 10_000_000
+    assert report.n_chunks_lost == 1
+    assert is_part(read_content(tmp_path / "out.mcap").without(STATE), whole.messages)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+def test_a_chunk_that_holds_more_than_it_declares_is_not_unpacked(tmp_path: Path, compression: CompressionType) -> None:
+    source = tmp_path / "in.mcap"
+    with source.open("wb") as stream:
+        writer = Writer(stream, compression=compression)
+        writer.start()
+        channel = writer.register_channel("/zeros", "json", 0)
+        writer.add_message(channel, 1, bytes(64 << 20), 1)
+        writer.finish()
+    declare_size(source, chunk_indexes(source)[0], 1000)
+    tracemalloc.start()
+    report = annotate(SourceStub(source, recover=True), [], {}, tmp_path / "out.mcap")
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert report.n_chunks_lost == 1
+    assert peak_bytes < 8 << 20
 
 
 def test_damaged_message_index_is_written_anew(tmp_path: Path) -> None:
