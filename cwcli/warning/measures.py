@@ -176,9 +176,13 @@ def _probabilities(
     sigma_u = np.sqrt(np.maximum(xx * ux**2 + 2.0 * xy * ux * uy + yy * uy**2, tiny))
     sigma_w = np.sqrt(np.maximum(xx * uy**2 - 2.0 * xy * ux * uy + yy * ux**2, tiny))
     passes = normal_cdf((radius_m - miss) / sigma_w) - normal_cdf((-radius_m - miss) / sigma_w)
-    left_s = horizon_s - (segments.time_s[nearest] + share * step)
-    spare = np.sqrt(np.maximum(radius_m**2 - miss**2, 0.0)) + np.where(moving, speed * left_s, 0.0) - to_go
-    return passes, np.asarray(passes * normal_cdf(spare / sigma_u))
+    nearest_s = segments.time_s[nearest] + share * step
+    half_chord = np.sqrt(np.maximum(radius_m**2 - miss**2, 0.0))
+    # in time: entered by the horizon, and not left already at the start
+    speed = np.where(moving, speed, 0.0)
+    entered = normal_cdf((half_chord + speed * (horizon_s - nearest_s) - to_go) / sigma_u)
+    gone = normal_cdf((-half_chord - speed * nearest_s - to_go) / sigma_u)
+    return passes, np.asarray(passes * np.maximum(entered - gone, 0.0))
 
 
 def _first_overlap(

@@ -135,3 +135,20 @@ def test_probability_against_sampled_pairs() -> None:
 def test_normal_cdf_against_scipy() -> None:
     z = np.linspace(-9.0, 9.0, 1801)
     np.testing.assert_allclose(normal_cdf(z), stats.norm.cdf(z), rtol=3e-7)
+
+
+def test_probability_of_a_pair_that_has_passed_is_small() -> None:
+    """The lead pulls away: on the line of a collision, but behind it in time."""
+    found = between(at(speed_mps=10.0, sigma_m=0.5), at(x_m=10.0, speed_mps=14.0, sigma_m=0.5))
+    assert found.entry_s[0] == math.inf
+    assert found.probability[0] < 1e-3
+
+
+@pytest.mark.parametrize("speed_mps", [2.0, 4.0, 5.5, -3.0])
+def test_probability_within_the_horizon_against_sampled_pairs(speed_mps: float) -> None:
+    sigma_m = 1.0
+    found = between(at(x_m=0.0, speed_mps=10.0, sigma_m=sigma_m), at(x_m=14.0, speed_mps=10.0 - speed_mps, sigma_m=sigma_m))
+    start = np.random.default_rng(0).normal([14.0, 0.0], math.sqrt(2.0) * sigma_m, (20_000, 2))
+    ahead = start[:, :1] - speed_mps * TIME_S[None, :]
+    within = np.hypot(ahead, start[:, 1:]).min(axis=1) < 2.5
+    assert found.probability[0] == pytest.approx(np.mean(within), abs=0.06)  # u and w are taken one by one
