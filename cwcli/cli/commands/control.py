@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "cwcli control drive.mcap -o braked.mcap --metrics control.parquet",
-    "cwcli control drive.mcap --predictor cj-cya -o braked.mcap --metrics-dir metrics/",
+    "cwcli control drive.mcap --predictor cj-cya -o braked.mcap --metrics-dir m/",
     "cwcli estimate drive.mcap --causal -o - | cwcli control - --rule ttc --json",
 )
 
