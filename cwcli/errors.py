@@ -66,9 +66,3 @@ class OutputError(CwcliError):
     """The output can't be written."""
 
     exit_code = EXIT_OUTPUT
-
-
-class GateFailedError(CwcliError):
-    """The work is done, and a requested gate failed."""
-
-    exit_code = EXIT_GATE_FAILED

@@ -7,7 +7,7 @@ chunks of their own, right after the source's chunk whose time they belong to. T
 from __future__ import annotations
 
 import mmap
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,15 +115,6 @@ def annotate(
         n_chunks_lost=layout.n_chunks_lost,
         n_bytes_lost=layout.n_bytes_lost,
     )
-
-
-def refuse_clashes(source: Log, topics: Collection[str], *, replace: bool) -> None:
-    """Refuse topics that the source holds already, before any work is done.
-
-    Raises:
-        OutputError: It holds one of them and `replace` is off.
-    """
-    _refuse(sorted({channel.topic for channel in source.channels} & set(topics)), "channel", source.name, replace)
 
 
 def _write(

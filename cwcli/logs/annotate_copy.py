@@ -10,7 +10,8 @@ from mcap.records import AttachmentIndex, MetadataIndex
 
 from cwcli.errors import InputError
 from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, stored_bytes, without_channels
-from cwcli.logs.layout import RECOVER_HINT, Item, Layout, LooseMessages, LooseRecord, SalvagedRecords, damage_at
+from cwcli.logs.faults import RECOVER_HINT
+from cwcli.logs.layout import Item, Layout, LooseMessages, LooseRecord, SalvagedRecords, damage_at
 from cwcli.logs.message_merge import ChunkPayload
 from cwcli.logs.payload import ChunkError
 from cwcli.logs.record_writer import CopiedChunk, RecordWriter

@@ -11,7 +11,6 @@ from cwcli.signals.columns import Int64Array
 
 ByteArray = npt.NDArray[np.uint8]
 
-MAX_VARINT_BYTES = 10
 MIN_ROWS_PER_LENGTH = 8  # below it, a copy per row is cheaper than a vectorised copy per distinct length
 
 

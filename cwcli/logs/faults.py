@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+RECOVER_HINT = "--recover reads what is intact"
+
 
 @dataclass
 class Faults:

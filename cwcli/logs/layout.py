@@ -24,6 +24,7 @@ from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metad
 
 from cwcli.errors import InputError
 from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, open_cut_chunk
+from cwcli.logs.faults import RECOVER_HINT
 from cwcli.logs.message_merge import INDEX_ENTRY
 from cwcli.logs.payload import ChunkError
 from cwcli.logs.record_writer import CopiedChunk
@@ -39,7 +40,6 @@ from cwcli.logs.records import (
 
 FOOTER = struct.Struct("<BQQQI")
 MAX_LOOSE_BYTES = 1 << 20
-RECOVER_HINT = "--recover reads what is intact"
 
 Buffer = mmap.mmap | memoryview
 Record = TypeVar("Record")

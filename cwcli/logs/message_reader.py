@@ -14,7 +14,7 @@ import numpy.typing as npt
 from cwcli.errors import InputError
 from cwcli.kernels.message_scan import DAMAGED, FULL, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
-from cwcli.logs.faults import Faults
+from cwcli.logs.faults import RECOVER_HINT, Faults
 from cwcli.logs.payload import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
 from cwcli.logs.records import (
     INDEX_ENTRY_BYTES,
@@ -34,7 +34,6 @@ MAX_BATCH_MESSAGES = 1 << 16
 N_AHEAD = 2
 CRC_BLOCK_BYTES = 1 << 24
 MIN_BYTES_FOR_THREADS = 4 << 20
-RECOVER_HINT = "--recover reads what is intact"
 
 
 @dataclass(frozen=True)

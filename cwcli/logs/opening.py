@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from cwcli.errors import InputError
-from cwcli.logs.faults import Faults
+from cwcli.logs.faults import RECOVER_HINT, Faults
 from cwcli.logs.records import HEADER, MAGIC, RecordError, read_header, read_prefix
 from cwcli.logs.scan import DamageError, scan
 from cwcli.logs.structure import Structure
 from cwcli.logs.summary import find_footer, is_complete, read_summary
-
-HINT = "--recover reads what is intact"
 
 
 def open_structure(data: memoryview, name: str, faults: Faults, *, recover: bool, verify: bool) -> Structure:
@@ -43,7 +41,7 @@ def _structure(
     if found is None:
         if not recover:
             what = f"the file is cut short: it ends at byte {len(data)} without a footer"
-            raise InputError(what, where=name, hint=HINT)
+            raise InputError(what, where=name, hint=RECOVER_HINT)
         faults.truncated = True
     else:
         try:
@@ -51,18 +49,18 @@ def _structure(
         except RecordError as error:
             if not recover:
                 what = f"{error} (summary at byte {found[0].summary_start})"
-                raise InputError(what, where=name, hint=HINT) from error
+                raise InputError(what, where=name, hint=RECOVER_HINT) from error
             faults.summary_damaged = True
     if summary is not None and is_complete(summary):
         return summary
     try:
         structure = scan(data, data_start, faults, recover=recover)
     except DamageError as error:
-        raise InputError(f"{error} (at byte {error.at})", where=name, hint=HINT) from error
+        raise InputError(f"{error} (at byte {error.at})", where=name, hint=RECOVER_HINT) from error
     if summary is not None and summary.statistics is not None and structure.statistics is not None:
         n_missing = summary.statistics.n_messages - structure.statistics.n_messages
         if n_missing > 0 and not recover:
-            raise InputError(f"{n_missing} messages of its summary are not in it", where=name, hint=HINT)
+            raise InputError(f"{n_missing} messages of its summary are not in it", where=name, hint=RECOVER_HINT)
         faults.messages_lost += max(n_missing, 0)
     return structure
 
@@ -77,7 +75,7 @@ def _header(data: memoryview, name: str, faults: Faults, *, recover: bool) -> tu
         profile, library = read_header(data, start, end)
     except RecordError as error:
         if not recover:
-            raise InputError(f"the header is damaged: {error} (at byte {at})", where=name, hint=HINT) from error
+            raise InputError(f"the header is damaged: {error} (at byte {at})", where=name, hint=RECOVER_HINT) from error
         from cwcli.logs.resync import next_record
 
         following = next_record(data, at + 1, range(1 << 16))

@@ -31,9 +31,6 @@ VARINT_TYPES = frozenset({3, 4, 5, 8, 13, 14})
 ZIGZAG_TYPES = frozenset({17, 18})
 TYPE_STRING, TYPE_MESSAGE, TYPE_BYTES, TYPE_ENUM = 9, 11, 12, 14
 
-
-TIME_MESSAGES = ("google.protobuf.Timestamp", "google.protobuf.Duration")
-
 _Tree = Mapping[str, "OutputField | _Tree"]
 
 

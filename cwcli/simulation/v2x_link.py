@@ -17,8 +17,6 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.streams import schedule, stream
 from cwcli.simulation.truth import Motion
 
-SENT_STATES = ("x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
-
 
 @dataclass(frozen=True)
 class ReceivedMessages:

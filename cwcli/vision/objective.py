@@ -20,10 +20,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
 WIDTH_PX, HEIGHT_PX = 320, 240
-ROWS_PX = 150
 N_BLOCKS = 50
-BLOCK_PX = 3
-UNITS_PER_GREY = 90
 ROAD_ROWS = 60
 """Rows of the road patch, from the bottom."""
 ROAD_COLUMNS = (100, 220)

@@ -53,7 +53,6 @@ def test_error_escapes_control_characters() -> None:
 @pytest.mark.parametrize(
     ("raised", "code"),
     [
-        (errors.GateFailedError("gate"), 1),
         (errors.UsageError("usage"), 2),
         (errors.InputError("input"), 3),
         (errors.MissingSignalError("missing"), 4),

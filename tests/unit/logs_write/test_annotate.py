@@ -14,8 +14,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType
 
 from cwcli.errors import EXIT_OUTPUT, OutputError
-from cwcli.logs.annotate import annotate, refuse_clashes
-from cwcli.logs.log import ChannelInfo
+from cwcli.logs.annotate import annotate
 from cwcli.logs.writer import LogWriter
 from cwcli.signals.columns import OutputChannel
 from tests.unit.logs_write.builders import SourceStub, read_content, state_channel, write_log
@@ -183,17 +182,6 @@ def test_what_is_there_already_is_refused(
     assert caught.value.exit_code == EXIT_OUTPUT
     assert "--replace" in caught.value.hint
     assert not (tmp_path / "2.mcap").exists()
-
-
-def test_refuse_clashes_before_the_work() -> None:
-    class Held:
-        name = "drive.mcap"
-        channels = (ChannelInfo(1, STATE, "cwcli.v1.VehicleState", "protobuf", "protobuf", 3),)
-
-    with pytest.raises(OutputError, match=STATE):
-        refuse_clashes(Held(), [STATE, "/b"], replace=False)  # type: ignore[arg-type]
-    refuse_clashes(Held(), [STATE], replace=True)  # type: ignore[arg-type]
-    refuse_clashes(Held(), ["/b"], replace=False)  # type: ignore[arg-type]
 
 
 def test_replace_leaves_the_old_channel_out(tmp_path: Path) -> None:
