@@ -54,8 +54,13 @@ def build(
     return entry.build(columns, Reading(role, clock, ego_station, is_override))
 
 
-def require_rows(quality: Quality, *, where: str = "") -> None:
+def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> None:
     """Raise when a channel that the command needs has no row left.
+
+    Args:
+        quality: Of the channel in its role.
+        where: Log name for the message.
+        is_cut: The user asked for a part of the log only.
 
     Raises:
         DataError: Its messages were all rejected; the reasons are named.
@@ -67,5 +72,6 @@ def require_rows(quality: Quality, *, where: str = "") -> None:
     if quality.rejected:
         reasons = ", ".join(f"{count} {reason}" for reason, count in quality.rejected.items())
         raise DataError(f"none of its {quality.read} messages can be used as {quality.role} ({reasons})", where=prefix)
-    reasons = ", ".join(f"{count} {reason}" for reason, count in quality.set_aside.items()) or "the channel is empty"
+    nothing = "there is none between --start and --end" if is_cut else "the channel is empty"
+    reasons = ", ".join(f"{count} {reason}" for reason, count in quality.set_aside.items()) or nothing
     raise MissingSignalError(f"no message of it is {quality.role} ({reasons})", where=prefix)

@@ -30,9 +30,9 @@ def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unle
         unless: Shape (n,): rows whose values mean nothing anyway.
     """
     table = values.reshape(len(values), -1)
-    is_asked = True if unless is None else ~unless
-    ledger.reject(~np.isfinite(table).all(axis=1) & is_asked, NOT_FINITE)
-    ledger.reject((np.abs(table) > limit).any(axis=1) & is_asked, OUT_OF_RANGE)
+    is_asked: BoolArray = np.ones(len(values), dtype=np.bool_) if unless is None else ~unless
+    ledger.reject(is_asked & ~np.isfinite(table).all(axis=1), NOT_FINITE)
+    ledger.reject(is_asked & (np.abs(table) > limit).any(axis=1), OUT_OF_RANGE)
 
 
 def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> FloatArray:

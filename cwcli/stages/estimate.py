@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cwcli.errors import DataError
+from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.track import Track, estimate_track, estimate_tracks
@@ -35,6 +35,7 @@ from cwcli.stages.truth import TruthErrors, against_truth
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_STATES = 20_000_000
+MAX_BRIDGE_S = 60
 STATIONS_AT_ONCE = 4
 
 
@@ -84,6 +85,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         required=(Role.EGO_POSITION,),
         optional=(*EGO_ROLES[1:], Role.REMOTE, Role.TRUTH),
     )
+    _check_latencies(config.estimator, log)
     local_map = _local_map(sources)
     measurements = _ego_measurements(sources, local_map)
     grid_ns = _output_grid(measurements, config.rate_hz)
@@ -124,8 +126,24 @@ def _ego_measurements(sources: Sources, local_map: LocalMap | None) -> list[Meas
     return found
 
 
+def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
+    """Refuse a latency of a topic that the log does not have: it would be ignored.
+
+    Raises:
+        UsageError: As it says.
+    """
+    if isinstance(estimator.latency, str):
+        return
+    known = [channel.topic for channel in log.channels]
+    for name in estimator.latency:
+        if name not in known:
+            raise UsageError(f"--latency {name}: the log has no topic {name}", where=log.name)
+
+
 def _output_grid(measurements: list[Measurements], rate_hz: float) -> Int64Array:
     """Stamps of the ego's states: from its first position to its last measurement, at the given rate.
+
+    Where nothing is measured for longer than MAX_BRIDGE_S the recorder stood still: there are no states in between.
 
     Raises:
         DataError: The span is so long that a stamp must be wrong.
@@ -140,7 +158,11 @@ def _output_grid(measurements: list[Measurements], rate_hz: float) -> Int64Array
             where=measurements[0].source,
             hint="check the stamps with `cwcli info`, use --clock log, or cut with --start and --end",
         )
-    return np.asarray(first_ns + step_ns * np.arange(n), dtype=np.int64)
+    grid_ns = np.asarray(first_ns + step_ns * np.arange(n), dtype=np.int64)
+    measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
+    for k in np.flatnonzero(np.diff(measured_ns) > MAX_BRIDGE_S * NS_PER_S):
+        grid_ns = grid_ns[(grid_ns <= measured_ns[k]) | (grid_ns >= measured_ns[k + 1])]
+    return grid_ns
 
 
 def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates | None:

@@ -78,7 +78,11 @@ def read_sources(
         where=log.name,
         command=command,
     )
-    loaded = log.load(bound.wanted())
+    wanted = bound.wanted()
+    for bindings in bound.by_role.values():
+        for binding in bindings:
+            wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
+    loaded = log.load(wanted)
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
     for role, bindings in bound.by_role.items():
@@ -95,7 +99,8 @@ def read_sources(
             by_role[role] = tuple(signals)
         elif role in required:
             for quality in qualities[-len(bindings) :]:
-                require_rows(quality, where=log.name)
+                is_cut = config.start_ns is not None or config.end_ns is not None
+                require_rows(quality, where=log.name, is_cut=is_cut)
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
     return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)))
 

@@ -31,6 +31,7 @@ EXAMPLES = (
     "cwcli estimate drive.mcap --latency /gps/vel=300 --causal -o estimated.mcap",
 )
 MS_PER_S = 1000.0
+MAX_LATENCY_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def parse_latency(entries: list[str]) -> LatencyOption:
             latency_s = float(text.removesuffix("ms")) / MS_PER_S
         except ValueError:
             latency_s = math.nan
-        if not name or not math.isfinite(latency_s):
+        if not name or not abs(latency_s) <= MAX_LATENCY_S:
             raise UsageError(
                 f"--latency {entry!r} is not auto, none or NAME=MS", hint="for example --latency /gps/fix=80"
             )

@@ -58,6 +58,9 @@ class MessageField(NamedTuple):
     length: int | None
 
 
+MAX_ARRAY = 1 << 24
+"""Elements of a fixed array."""
+
 Definitions = dict[str, tuple[MessageField, ...]]
 
 
@@ -121,6 +124,8 @@ def _fields(package: str, body: str) -> tuple[MessageField, ...]:
         length = int(size) if is_array and size and not is_bounded else None
         if length == 0:
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
+        if length is not None and length > MAX_ARRAY:
+            raise SchemaError(f"an array of the schema is too long: {line[:60]!r}")
         fields.append(MessageField(name, _resolved(base, package), is_array and length is None, length))
     return tuple(fields)
 
