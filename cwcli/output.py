@@ -207,7 +207,7 @@ def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> N
     for each in inputs:
         if path.exists() and each.exists() and path.samefile(each):
             raise OutputError("the output is the input itself", where=name, hint="name another file with -o")
-    if path.is_dir():
+    if path.is_dir() or name.endswith(os.sep):
         raise OutputError("the output is a directory", where=name, hint="name a file with -o")
     if _is_special(path):
         return

@@ -62,7 +62,7 @@ def stdout_or_file(target: str | None) -> str | None:
         return target
     try:
         there, here = os.stat(target), os.fstat(1)  # noqa: PTH116 - compared with an open file
-    except OSError:
+    except (OSError, ValueError):  # a zero byte in the name is told by whoever opens it
         return target
     is_same = not stat.S_ISREG(there.st_mode) and os.path.samestat(there, here)
     return "-" if is_same else target

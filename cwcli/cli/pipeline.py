@@ -167,12 +167,27 @@ def _check_targets(job: Job) -> None:
         if job.writing.output is not None and os.path.realpath(job.metrics) == os.path.realpath(job.writing.output):
             raise UsageError("--metrics and -o name the same file", where=job.metrics)
     if job.metrics_dir is not None:
-        _check_folder(Path(job.metrics_dir))
+        check_folder(job.metrics_dir, "--metrics-dir")
+        if job.writing.output is not None and os.path.realpath(job.metrics_dir) == os.path.realpath(job.writing.output):
+            raise UsageError("--metrics-dir and -o have the same name", where=job.metrics_dir)
 
 
-def _check_folder(path: Path) -> None:
+def check_folder(name: str, option: str) -> None:
+    """Refuse a folder that is something else, or that can't be made.
+
+    Raises:
+        OutputError: As it says.
+    """
+    path = Path(name)
+    try:
+        path.stat()
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"the folder can't be made: {reason}", where=str(path)) from error
     if path.exists() and not path.is_dir():
-        raise OutputError("--metrics-dir is not a folder", where=str(path))
+        raise OutputError(f"{option} is not a folder", where=str(path))
     if not path.absolute().parent.is_dir():
         raise OutputError(f"the folder {path.parent} does not exist", where=str(path), hint="create it first")
 
@@ -185,8 +200,9 @@ def make_folder(path: str) -> None:
     """
     try:
         Path(path).mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"the folder can't be made: {error.strerror}", where=path) from error
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"the folder can't be made: {reason}", where=path) from error
 
 
 def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:

@@ -92,7 +92,7 @@ def predicted_paths(
         "y_m": paths.y_m,
         "heading_rad": paths.heading_rad,
         "speed_mps": paths.speed_mps,
-        "position_covariance": paths.position_covariance_m2.reshape(n, -1),
+        "position_covariance": paths.position_covariance_m2.reshape(n, 3 * len(paths.time_s)),
     }
     return _sorted(OutputChannel(topic, "cwcli.v1.PredictedPath", log_time_ns, fields))
 

@@ -21,7 +21,7 @@ from cwcli.signals.roles import bind
 from cwcli.stages.channels import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, predicted_paths
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
-from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
+from cwcli.stages.states import VehicleStates, read_states, require_ego, vehicle_rows
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 MAX_MESSAGE_AGE_S = 1.0
@@ -78,6 +78,8 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
             continue
         everything = read_states(columns[topics[role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
+        if role is Role.EGO_STATE:
+            require_ego(states, log_name=log.name, topic=topics[role])
         inputs.append(InputCount(topics[role], role.value, len(everything), len(states)))
         paths = predict_vehicles(
             config.model,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import DataError
+from cwcli.errors import DataError, MissingSignalError
 from cwcli.estimation.track import STATE_NAMES
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strings
@@ -62,6 +62,18 @@ class VehicleStates:
         if end_ns is not None:
             keep &= self.log_time_ns < end_ns
         return self.rows(np.flatnonzero(keep))
+
+
+def require_ego(states: VehicleStates, *, log_name: str, topic: str) -> None:
+    """Check that there is a state of the ego in the part of the log that was asked for.
+
+    Raises:
+        MissingSignalError: There is none.
+    """
+    if not len(states):
+        raise MissingSignalError(
+            "no state of the ego is in the log, or none between --start and --end", where=f"{log_name}: {topic}"
+        )
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from cwcli.stages.channels import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
-from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
+from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, require_ego, vehicle_rows
 from cwcli.stages.track_channels import read_targets
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import RULES
@@ -84,6 +84,8 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
             continue
         everything = read_states(columns[topics[state_role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
+        if state_role is Role.EGO_STATE:
+            require_ego(states, log_name=log.name, topic=topics[state_role])
         predicted[path_role] = read_paths(columns[topics[path_role]])
         is_other = state_role is Role.REMOTE_STATE
         tracks[state_role] = vehicle_tracks(states, predicted[path_role], with_onset=is_other and uses_onset)

@@ -26,6 +26,8 @@ from cwcli.warning.rules.base import Rule
 from cwcli.warning.types import ActualTrack, VehicleTrack, WarningConfig, WarningResult
 
 NS_PER_H = 3_600_000_000_000
+MAX_DISTANCE_M = 1e4
+MAX_PERSISTENCE_S = 60.0
 
 
 def evaluate(
@@ -89,11 +91,23 @@ def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
     for name, value in positive.items():
         if not (np.isfinite(value) and value > 0.0):
             raise UsageError(f"a {name} of {value:g} is not positive")
+    if config.distance_m > MAX_DISTANCE_M:
+        raise UsageError(f"a distance of {config.distance_m:g} m is above {MAX_DISTANCE_M:g} m")
     if not 0.0 <= config.probability <= 1.0:
         raise UsageError(f"a probability of {config.probability:g} is not between 0 and 1")
     for name, value in {"hold-off": config.hold_off_s, "persistence": config.persistence_s or 0.0}.items():
         if not (np.isfinite(value) and value >= 0.0):
             raise UsageError(f"a {name} of {value:g} s is negative")
+    if (config.persistence_s or 0.0) > MAX_PERSISTENCE_S:
+        raise UsageError(f"a persistence of {config.persistence_s:g} s is above {MAX_PERSISTENCE_S:g} s")
+    scoring = {
+        "conflict TTC": config.conflict_ttc_s,
+        "conflict DRAC": config.conflict_drac_mps2,
+        "max lead": config.max_lead_s,
+    }
+    for name, value in scoring.items():
+        if not (np.isfinite(value) and value >= 0.0):
+            raise UsageError(f"a {name} of {value:g} is negative")
     reach = float(host.paths.time_s[-1])
     if reach < config.horizon_s - 1e-9:
         raise UsageError(

@@ -115,6 +115,7 @@ def test_run_prefixes_the_options_of_a_stage(
         ("clock = ['log']\n", "clock must not be a list"),
         ("clock = true\n", "clock must not be true or false"),
         ("strict = \n", "not TOML"),
+        ("topic = " + "[" * 5000 + "]" * 5000 + "\n", "not TOML"),
     ],
 )
 def test_wrong_configuration_is_a_usage_error(config_file: Callable[[str], str], text: str, what: str) -> None:

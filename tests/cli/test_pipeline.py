@@ -145,10 +145,18 @@ def test_metrics_file(cwcli: Run, predicted: Path, tmp_path: Path, suffix: str) 
         (["estimate", "LOG", "--topic", "imu=/none"], 2, "/none"),
         (["estimate", "LOG", "--latency", "fast"], 2, "--latency"),
         (["estimate", "LOG", "--rate", "0"], 2, "--rate"),
+        (["estimate", "LOG", "--latency", "/gps/fix=1e300"], 2, "--latency"),
+        (["estimate", "LOG", "--latency", "/none=5"], 2, "no topic /none"),
+        (["estimate", "LOG", "--start", "99"], 4, "between --start and --end"),
+        (["estimate", "LOG", "-o", "new/"], 6, "directory"),
         (["predict", "LOG", "--model", "warp", "--horizon", "2"], 4, "ego state"),
         (["predict", "LOG"], 4, "cwcli estimate"),
         (["warn", "LOG"], 4, "cwcli"),
         (["run", "LOG", "--metrics-dir", "there.mcap"], 6, "not a folder"),
+        (["run", "LOG", "--metrics-dir", "x" * 300], 6, "too long"),
+        (["run", "LOG", "--metrics-dir", "x", "-o", "x"], 2, "same name"),
+        (["reproduce", "song2016", "--plots", "none/plots"], 6, "does not exist"),
+        (["reproduce", "song2016", "--plots", "plots", "--plot-format", "exe"], 2, "exe"),
         (["simulate", "straight"], 2, "-o"),
         (["simulate", "none", "-o", "x.mcap"], 2, "none"),
         (["simulate", "straight", "-o", "there.mcap"], 6, "exists"),
@@ -171,6 +179,34 @@ def test_refusals(cwcli: Run, intersection: Path, tmp_path: Path, arguments: lis
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there.csv", "there.mcap"]
     assert (tmp_path / "there.mcap").read_text() == (tmp_path / "there.csv").read_text() == "mine"
     assert intersection.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["predict", "LOG", "--replace", "--start", "99"], 4, "between --start and --end"),
+        (["warn", "LOG", "--start", "99"], 4, "between --start and --end"),
+        (["warn", "LOG", "--distance", "1e300"], 2, "distance"),
+        (["warn", "LOG", "--persistence", "1e9"], 2, "persistence"),
+        (["warn", "LOG", "--conflict-ttc", "-1"], 2, "conflict TTC"),
+        (["warn", "LOG", "--conflict-drac", "-1"], 2, "conflict DRAC"),
+        (["warn", "LOG", "--max-lead", "-1"], 2, "max lead"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_refusals_of_later_stages(cwcli: Run, predicted: Path, arguments: list[str], code: int, words: str) -> None:
+    done = cwcli(*(str(predicted) if argument == "LOG" else argument for argument in arguments))
+    shown = done.stderr.decode()
+    assert (done.returncode, done.stdout) == (code, b""), shown
+    assert words in shown
+    assert "Traceback" not in shown
+
+
+def test_zero_byte_in_a_name_of_the_configuration(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text('output = "x\\u0000y"\n')
+    done = cwcli("estimate", intersection, "--config", "c.toml")
+    assert done.returncode == 6, done.stderr.decode()
+    assert b"null byte" in done.stderr
 
 
 def test_force_overwrites(cwcli: Run, intersection: Path, tmp_path: Path) -> None:

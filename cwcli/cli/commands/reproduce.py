@@ -131,6 +131,12 @@ def command(
 
     if metrics is not None:
         check_table_target(metrics, force=force)
+    if plots is not None:
+        from cwcli.cli.pipeline import check_folder
+        from cwcli.stages.song2016.plots import check_format
+
+        check_folder(plots, "--plots")
+        check_format(plot_format)
     written: list[str] = []
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reproducing {paper}")

@@ -13,6 +13,16 @@ from cwcli.stages.findings import Plot
 FORMATS = ("png", "svg")
 
 
+def check_format(file_format: str) -> None:
+    """Refuse a format that there is not.
+
+    Raises:
+        UsageError: As it says.
+    """
+    if file_format not in FORMATS:
+        raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(FORMATS)}")
+
+
 def write_plots(plots: Sequence[Plot], folder: str, *, file_format: str, force: bool = False) -> list[str]:
     """Draw each plot into `<folder>/<figure>.<format>`; the folder must exist.
 
@@ -23,8 +33,7 @@ def write_plots(plots: Sequence[Plot], folder: str, *, file_format: str, force: 
         UsageError: matplotlib is not installed, or an unknown format.
         OutputError: A file can't be written.
     """
-    if file_format not in FORMATS:
-        raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(FORMATS)}")
+    check_format(file_format)
     try:
         import matplotlib as mpl
     except ImportError as error:
