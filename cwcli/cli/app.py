@@ -31,7 +31,7 @@ COMMANDS = {
     "run": "Estimate, predict and warn in one pass.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",
-    "demo": "Run everything on a bundled log.",
+    "demo": "Estimate, predict and warn on two bundled logs.",
 }
 """Name -> one line of help, in the order of `cwcli --help`. The code is in `cwcli/cli/commands/<name>.py`."""
 

@@ -29,7 +29,7 @@ def command(
         str, typer.Option("--directory", "-d", metavar="DIR", help="Write the files into this folder.")
     ] = "cwcli-demo",
 ) -> None:
-    """Run everything on the bundled logs: estimate, predict, warn.
+    """Estimate, predict and warn on two bundled logs.
 
     Files of an earlier demo in the folder are overwritten.
     """
