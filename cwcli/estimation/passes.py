@@ -258,7 +258,7 @@ def _merge(
 
 
 def _without_pauses(time_s: FloatArray) -> FloatArray:
-    """The step times with each gap of more than MAX_PIECES steps shortened to that: the filter sees only differences."""
+    """The step times, each gap of more than MAX_PIECES steps shortened to that: the filter sees only differences."""
     step_s = np.diff(time_s)
     if not (step_s > MAX_STEP_S + START_TOLERANCE_S).any():
         return np.ascontiguousarray(time_s)
