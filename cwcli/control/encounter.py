@@ -94,7 +94,7 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
     Only the stretches without a gap longer than `MAX_GAP_S` around the warning are used, from `BEFORE_S` before it.
 
     Raises:
-        ValueError: A track has no state at or before the warning.
+        ValueError: A track begins more than `MAX_GAP_S` after the warning.
     """
     motions, jerks, ends_s = [], [], []
     for track in (host, other):
@@ -105,8 +105,8 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
         jerks.append(track.state[rows, 6])
     end_s = min(span.duration_s, max(min(ends_s), 0.0) + span.after_s)
     start_s = max(-BEFORE_S, *(float(motion.time_s[0]) for motion in motions))
-    # Whole steps before the warning, so that the grid has it at 0.
-    start_s = -np.floor(-start_s / EXTENSION_STEP_S + 1e-9) * EXTENSION_STEP_S
+    # Whole steps before the warning, at least one: the grid has the warning at 0, and a recorded state before it.
+    start_s = -max(float(np.floor(-start_s / EXTENSION_STEP_S + 1e-9)), 1.0) * EXTENSION_STEP_S
     host_motion, other_motion = (extended(motion, end_s) for motion in motions)
     host_motion = cut(host_motion, start_s, end_s)
     other_motion = cut(other_motion, start_s, end_s)
@@ -120,10 +120,11 @@ def contiguous_rows(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_GAP
     """The rows around a time without a gap longer than `max_gap_s` between them.
 
     Raises:
-        ValueError: There is no row at or before the time.
+        ValueError: The first row is more than `max_gap_s` after the time.
     """
-    here = int(np.searchsorted(stamp_ns, at_ns, side="right")) - 1
-    if here < 0:
+    # A sender whose clock is ahead may be known before its stamp.
+    here = max(int(np.searchsorted(stamp_ns, at_ns, side="right")) - 1, 0)
+    if stamp_ns[here] - at_ns > max_gap_s * NS_PER_S:
         raise ValueError("the track begins after the warning")
     breaks = np.flatnonzero(np.diff(stamp_ns) > max_gap_s * NS_PER_S)
     first = int(breaks[breaks < here][-1]) + 1 if (breaks < here).any() else 0

@@ -21,7 +21,7 @@ from cwcli.stages.control_summary import Replayed, control_table, sections, seri
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
-from cwcli.stages.states import PredictedPaths, VehicleStates, read_states
+from cwcli.stages.states import PredictedPaths, VehicleStates, read_states, require_ego
 from cwcli.stages.warn import vehicle_tracks
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import DEFAULT_RULE, RULES
@@ -85,6 +85,8 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         everything = read_states(columns[topics[role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
         inputs.append(InputCount(topics[role], role.value, len(everything), len(states)))
+        if role is Role.EGO_STATE:
+            require_ego(states, log_name=log.name, topic=topics[role])
         is_other = role is Role.REMOTE_STATE
         uses_onset = is_other and RULES[config.rule.rule].uses_onset
         paths = _predicted(model, states, config.rule.horizon_s + (MAX_MESSAGE_AGE_S if is_other else 0.0))

@@ -87,8 +87,9 @@ def test_rows_end_at_a_gap() -> None:
     assert contiguous_rows(stamp_ns, 6_500_000_000) == slice(3, 6)
     assert contiguous_rows(stamp_ns, 0) == slice(0, 3)
     assert contiguous_rows(stamp_ns, 30_000_000_000) == slice(6, 7)
+    assert contiguous_rows(stamp_ns, -500_000_000) == slice(0, 3)  # a sender whose clock is ahead
     with pytest.raises(ValueError, match="after the warning"):
-        contiguous_rows(stamp_ns, -1)
+        contiguous_rows(stamp_ns, -1_500_000_000)
 
 
 def test_extension_is_an_arc() -> None:
@@ -101,3 +102,13 @@ def test_extension_is_an_arc() -> None:
     assert (longer.x_m[-1], longer.y_m[-1]) == pytest.approx((4.0, 4.0))
     assert longer.heading_rad[-1] == pytest.approx(np.pi / 2.0)
     assert extended(motion, 1.0) is motion
+
+
+@pytest.mark.parametrize("first_s", [0.0, 0.3], ids=["first state", "sender's clock ahead"])
+def test_warning_at_the_first_state(first_s: float) -> None:
+    """The host has its speed from the start, although nothing is recorded before the warning."""
+    found = replay_warning(track(0.0, 20.0, 8.0), track(100.0, 0.0, 8.0 - first_s, first_s=first_s), T0_NS, Span())
+    assert found.outcome.time_s[0] == pytest.approx(-0.05)
+    here = int(found.after.argmax())
+    np.testing.assert_allclose(found.outcome.speed_mps[:, here], 20.0, atol=0.05)
+    assert found.collided.tolist() == [True, False, False]

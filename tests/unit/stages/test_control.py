@@ -129,6 +129,12 @@ def test_states_are_needed() -> None:
     assert "cwcli estimate" in caught.value.hint
 
 
+def test_no_state_of_the_ego_in_the_span(rear_end: tuple[Log, StageResult]) -> None:
+    log, _ = rear_end
+    with pytest.raises(MissingSignalError, match="no state of the ego"):
+        control(log, ControlConfig(start_ns=log.end_ns + NS))
+
+
 @pytest.mark.parametrize(
     "config",
     [
