@@ -29,6 +29,9 @@ REASONS = {
     kernel.STATUS_SHORT: "the message ends before its fields do",
     kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
 }
+LARGE_ROW_BYTES = 1 << 16
+MAX_ROOM_BYTES = 1 << 28
+"""Of room that is made before a message is seen. A schema can ask for any number of bytes a row, whatever comes."""
 
 
 class CdrDecoder:
@@ -74,7 +77,8 @@ class CdrDecoder:
         """Forget all messages."""
         self._slots: list[FixedSlot | StringSlot] = [_slot(leaf) for leaf in self._program.slots]
         self._ragged = [RaggedSlot(leaf.dtype) for leaf in self._program.ragged]
-        self._capacity = n_expected
+        self._row_bytes = sum(slot.array.itemsize * (leaf.count or 1) for leaf, slot in self._fixed())
+        self._capacity = min(n_expected, MAX_ROOM_BYTES // max(self._row_bytes, 1))
         self._status: list[BoolArray] = []
         self._reasons: dict[str, int] = {}
         self._n = 0
@@ -85,6 +89,12 @@ class CdrDecoder:
         """Decode a batch."""
         n, first = len(payloads), self._n
         if not n:
+            return
+        if self._row_bytes > LARGE_ROW_BYTES and int((payloads.ends - payloads.starts).max()) < self._row_bytes:
+            self._status.append(np.zeros(n, np.bool_))
+            reason = REASONS[kernel.STATUS_SHORT]
+            self._reasons[reason] = self._reasons.get(reason, 0) + n
+            self._n += n
             return
         self._grow(first + n)
         buffers, cursor_columns = ragged_addresses(self._ragged, n, payloads.n_bytes)
@@ -144,6 +154,10 @@ class CdrDecoder:
     def _second(self, program: Program) -> npt.NDArray[np.int32]:
         # XCDR2 puts a length before collections of strings and messages, which no ROS 2 recorder writes: not decoded.
         return np.zeros((0, 6), np.int32) if program.has_loops else program.operations
+
+    def _fixed(self) -> list[tuple[Leaf, FixedSlot]]:
+        pairs = zip(self._program.slots, self._slots, strict=True)
+        return [(leaf, slot) for leaf, slot in pairs if isinstance(slot, FixedSlot)]
 
     def _grow(self, needed: int) -> None:
         capacity = grown_capacity(self._capacity, needed)

@@ -276,3 +276,20 @@ def test_definitions_with_constants_defaults_bounds_and_comments() -> None:
         ("header", "std_msgs/Header", False, None),
         ("d", "msg/Deep", False, None),
     ]
+
+
+def test_array_longer_than_the_messages_is_not_allocated() -> None:
+    """16 million numbers a row, a million rows promised, messages of 100 bytes."""
+    schema = b"float64[16000000] latitude\n"
+    decoder = CdrDecoder("test_msgs/msg/Huge", schema, None, n_expected=1_000_000)
+    starts = 100 * np.arange(500)
+    decoder.add(Payloads(np.zeros(50_000, np.uint8), starts, starts + 100))
+    outcome = decoder.outcome()
+    assert not outcome.is_ok.any()
+    assert outcome.reasons == {"the message ends before its fields do": 500}
+    assert decoder.finish(np.zeros(0, np.int64))["latitude"].shape == (0, 16_000_000)
+
+
+def test_array_of_four_thousand_million_elements_is_an_error() -> None:
+    with pytest.raises(SchemaError, match="too long"):
+        parse_definitions("test_msgs/msg/Huge", "float64[4000000000] latitude\n")
