@@ -2,10 +2,9 @@
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.track import STATE_NAMES, SourceReport, Track, estimate_track, estimate_tracks
+from cwcli.estimation.track import SourceReport, Track, estimate_track, estimate_tracks
 
 __all__ = [
-    "STATE_NAMES",
     "EstimatorConfig",
     "Kind",
     "Measurements",

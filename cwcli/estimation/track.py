@@ -22,16 +22,6 @@ from cwcli.metrics.chi_square import mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-STATE_NAMES = (
-    "x_m",
-    "y_m",
-    "speed_mps",
-    "heading_rad",
-    "accel_mps2",
-    "yaw_rate_radps",
-    "jerk_mps3",
-    "yaw_accel_radps2",
-)
 MIN_NIS_ROWS = 20
 AHEAD_SIGMAS = 3.0
 LONG_LEAD_IN_S = 3.0  # without a position
@@ -98,7 +88,7 @@ class Track:
     Attributes:
         stamp_ns: Shape (m,), int64: the output stamps asked for, on the reference source's clock (on the
             position's where that one leads the reference: see `notes`).
-        state: Shape (m, 8), order `STATE_NAMES`; the heading is unwrapped (continuous).
+        state: Shape (m, 8), order `vehicle_state.STATE_NAMES`; the heading is unwrapped (continuous).
         covariance: Shape (m, 8, 8), symmetric, positive semi-definite; grows where nothing is measured.
         sources: One report per source and kind.
         log_likelihood: Of the innovations of the forward pass.

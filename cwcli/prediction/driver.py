@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.prediction.state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 
 
 @dataclass(frozen=True)

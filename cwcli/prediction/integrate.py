@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.prediction.state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 
 GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0

@@ -13,8 +13,8 @@ from cwcli.prediction.integrate import Integral, integrate
 from cwcli.prediction.models import HYPOTHESES, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.state import ACCEL, DERIVATIVES, SPEED, YAW_RATE
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, DERIVATIVES, SPEED, YAW_RATE
 
 Discretisation = Literal["exact", "paper"]
 

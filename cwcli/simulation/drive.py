@@ -40,7 +40,7 @@ class SimulatedDrive:
 
     @cached_property
     def truth(self) -> Mapping[str, FloatArray]:
-        """Vehicle name -> shape (m, 8), columns as in `truth.STATE_NAMES`, `map` frame, heading not wrapped."""
+        """Vehicle name -> shape (m, 8), columns as in `vehicle_state.STATE_NAMES`, `map` frame, heading not wrapped."""
         vehicles = self.scenario.vehicles.items()
         return MappingProxyType({name: vehicle.motion.at(self._grid_s) for name, vehicle in vehicles})
 

@@ -26,16 +26,6 @@ BEFORE_S = 6.0
 AFTER_S = 10.0
 """The truth goes on before and after the run, for sensors that lag: constant speed, constant curvature or yaw rate."""
 
-STATE_NAMES = (
-    "x_m",
-    "y_m",
-    "speed_mps",
-    "heading_rad",
-    "accel_mps2",
-    "yaw_rate_radps",
-    "jerk_mps3",
-    "yaw_accel_radps2",
-)
 
 _HALF_NODE = np.sqrt(0.6)
 _GAUSS_NODES = 0.5 * np.array([1 - _HALF_NODE, 1.0, 1 + _HALF_NODE])

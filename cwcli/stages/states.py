@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.estimation.track import STATE_NAMES
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strings
+from cwcli.signals.vehicle_state import STATE_NAMES
 
 N_STATES = len(STATE_NAMES)
 MAX_SPREAD_S = 1e-6  # step and horizon of one channel's paths may differ by rounding only

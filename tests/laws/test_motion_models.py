@@ -7,7 +7,7 @@ import pytest
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.rollout import path_jacobian, rollout
-from cwcli.prediction.state import DERIVATIVES
+from cwcli.signals.vehicle_state import DERIVATIVES
 
 FloatArray = npt.NDArray[np.float64]
 ATOL_M = 1e-9

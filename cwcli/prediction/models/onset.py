@@ -18,8 +18,8 @@ import numpy as np
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.prediction.state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 
 ACCEL_LIMIT_MPS2 = 5.0  # where UN Regulation 157 lets emergency braking begin; a dry road carries 8
 LATERAL_LIMIT_MPS2 = 4.0  # of a brisk turn; normal drivers stay below it

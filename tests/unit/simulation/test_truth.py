@@ -10,7 +10,7 @@ from scipy.special import fresnel
 from cwcli.errors import UsageError
 from cwcli.simulation.profile import read_profile
 from cwcli.simulation.scenario import load_scenario
-from cwcli.simulation.truth import STATE_NAMES, Motion, check_possible, closest_approach, first_time_below
+from cwcli.simulation.truth import Motion, check_possible, closest_approach, first_time_below
 
 ATOL_M = 1e-6
 ATOL_RAD = 1e-9
@@ -31,12 +31,6 @@ def motion(
 
 def at(made: Motion, *time_s: float) -> np.ndarray:
     return made.at(np.array(time_s))
-
-
-def test_state_names_are_those_of_the_estimator() -> None:
-    from cwcli.estimation.track import STATE_NAMES as ESTIMATED
-
-    assert STATE_NAMES == ESTIMATED
 
 
 def test_constant_speed_north() -> None:

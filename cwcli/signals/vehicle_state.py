@@ -1,0 +1,14 @@
+"""Columns of a vehicle's state (n, 8), in the order of `cwcli.v1.VehicleState`."""
+
+STATE_NAMES = (
+    "x_m",
+    "y_m",
+    "speed_mps",
+    "heading_rad",
+    "accel_mps2",
+    "yaw_rate_radps",
+    "jerk_mps3",
+    "yaw_accel_radps2",
+)
+X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
+DERIVATIVES = (ACCEL, JERK, YAW_RATE, YAW_ACCEL)  # in the order of a motion model's responses
