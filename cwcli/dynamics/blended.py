@@ -28,11 +28,10 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
-from cwcli.signals.units import NS_PER_S
+from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 
 STEP_KMH = 10.0
 SPEEDS_KMH = np.arange(10.0, 161.0, STEP_KMH)
-MPS_PER_KMH = 1.0 / 3.6
 DEFAULT_PERIOD_S = 0.1
 OUTPUT = np.eye(4)[2:]
 """C of eq. 21: y_L and e_L are measured."""

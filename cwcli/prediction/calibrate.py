@@ -145,18 +145,7 @@ def predict_vehicles(
         rows = np.flatnonzero(vehicle == one)
         kept, back = np.unique(stamp_ns[rows], return_index=True)
         own = rows[back]
-        scale = variance_scale(_rows(paths, own), kept, state[own, :2], settings)
+        scale = variance_scale(paths.take(own), kept, state[own, :2], settings)
         each = scale[np.searchsorted(kept, stamp_ns[rows])]
         paths.position_covariance_m2[rows] *= (each[:, None] ** power)[..., None]
     return paths
-
-
-def _rows(paths: Paths, rows: npt.NDArray[np.intp]) -> Paths:
-    return Paths(
-        paths.time_s,
-        paths.x_m[rows],
-        paths.y_m[rows],
-        paths.heading_rad[rows],
-        paths.speed_mps[rows],
-        paths.position_covariance_m2[rows],
-    )

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from cwcli.signals.columns import FloatArray
 
 
@@ -27,3 +30,14 @@ class Paths:
 
     def __len__(self) -> int:
         return len(self.x_m)
+
+    def take(self, rows: npt.NDArray[np.intp]) -> Paths:
+        """The paths of some starts."""
+        return Paths(
+            self.time_s,
+            self.x_m[rows],
+            self.y_m[rows],
+            self.heading_rad[rows],
+            self.speed_mps[rows],
+            self.position_covariance_m2[rows],
+        )

@@ -17,9 +17,8 @@ from cwcli.dynamics.samples import PREVIEW_M, LaneSamples, Samples
 from cwcli.dynamics.single_track import preview_matrices, steady_state
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.streams import to_ns
-
-KMH = 1.0 / 3.6
 
 
 @dataclass(frozen=True)
@@ -97,10 +96,12 @@ def simulate_paper_run(
     car = vehicle.loaded(run.load)
     per_frame = round(run.frame_s / run.step_s)
     n = int(run.duration_s / run.frame_s + 1e-9) + 1
-    speeds = np.minimum(run.start_kmh * KMH + run.accel_mps2 * run.step_s * np.arange(n * per_frame), run.end_kmh * KMH)
+    speeds = np.minimum(
+        run.start_kmh * MPS_PER_KMH + run.accel_mps2 * run.step_s * np.arange(n * per_frame), run.end_kmh * MPS_PER_KMH
+    )
     state = np.zeros((n, 4))
     if start == "turning":
-        state[0, :2] = steady_state(car, run.start_kmh * KMH, run.steer_rad)
+        state[0, :2] = steady_state(car, run.start_kmh * MPS_PER_KMH, run.steer_rad)
     x = state[0].copy()
     inputs = np.array([run.steer_rad, run.curvature_1pm])
     phi = gamma = np.zeros(0)

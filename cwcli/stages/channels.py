@@ -17,7 +17,6 @@ EGO_FIX_TOPIC = "/cwcli/ego/fix"
 EGO_POSE_TOPIC = "/cwcli/ego/pose"
 TRANSFORMS_TOPIC = "/cwcli/tf"
 LOG_TOPIC = "/cwcli/log"
-SCENE_TOPIC = "/cwcli/scene"
 
 MAP_FRAME = "map"
 BODY_FRAME = "base_link"
@@ -128,17 +127,6 @@ def viewer_channels(
         "position_covariance": position_covariance,
         "position_covariance_type": np.full(n, COVARIANCE_TYPE_KNOWN, np.int32),
     }
-    pose: dict[str, Field] = {
-        "timestamp": stamp_ns,
-        "frame_id": constant_strings(MAP_FRAME, n),
-        "pose.position.x": state[:, 0],
-        "pose.position.y": state[:, 1],
-        "pose.position.z": zeros,
-        "pose.orientation.x": zeros,
-        "pose.orientation.y": zeros,
-        "pose.orientation.z": np.sin(half),
-        "pose.orientation.w": np.cos(half),
-    }
     transform: dict[str, Field] = {
         "timestamp": stamp_ns,
         "parent_frame_id": constant_strings(MAP_FRAME, n),
@@ -153,9 +141,27 @@ def viewer_channels(
     }
     return (
         OutputChannel(EGO_FIX_TOPIC, "foxglove.LocationFix", stamp_ns, fix),
-        OutputChannel(EGO_POSE_TOPIC, "foxglove.PoseInFrame", stamp_ns, pose),
+        pose_channel(EGO_POSE_TOPIC, stamp_ns, state),
         OutputChannel(TRANSFORMS_TOPIC, "foxglove.FrameTransform", stamp_ns, transform),
     )
+
+
+def pose_channel(topic: str, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
+    """States (n, 8) as `foxglove.PoseInFrame` in the map frame."""
+    n = len(stamp_ns)
+    zeros, half = np.zeros(n), 0.5 * state[:, 3]
+    fields: dict[str, Field] = {
+        "timestamp": stamp_ns,
+        "frame_id": constant_strings(MAP_FRAME, n),
+        "pose.position.x": state[:, 0],
+        "pose.position.y": state[:, 1],
+        "pose.position.z": zeros,
+        "pose.orientation.x": zeros,
+        "pose.orientation.y": zeros,
+        "pose.orientation.z": np.sin(half),
+        "pose.orientation.w": np.cos(half),
+    }
+    return OutputChannel(topic, "foxglove.PoseInFrame", stamp_ns, fields)
 
 
 def _sorted(channel: OutputChannel) -> OutputChannel:

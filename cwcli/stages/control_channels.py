@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.control.encounter import POLICIES
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.channels import EGO_ID, MAP_FRAME, constant_strings, vehicle_states
+from cwcli.stages.channels import EGO_ID, constant_strings, pose_channel, vehicle_states
 from cwcli.stages.control_summary import Replayed
 from cwcli.stages.states import N_STATES
 from cwcli.warning.types import VehicleTrack
@@ -39,7 +39,7 @@ def control_channels(
         channels += [
             _states(name, stamp_ns, state, host, local_map),
             _steps(policy, stamp_ns, replayed, rows_of),
-            _poses(name, stamp_ns, state),
+            pose_channel(f"/cwcli/control/{name}/pose", stamp_ns, state),
         ]
     return tuple(channels)
 
@@ -105,20 +105,3 @@ def _steps(
     )
     fields |= {name: np.concatenate([part[name] for part in parts]) for name in names}
     return OutputChannel(f"/cwcli/control/{POLICIES[policy]}/step", "cwcli.v1.ControlStep", stamp_ns, fields)
-
-
-def _poses(policy: str, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
-    n = len(stamp_ns)
-    zeros, half = np.zeros(n), 0.5 * state[:, 3]
-    fields: dict[str, OutputField] = {
-        "timestamp": stamp_ns,
-        "frame_id": constant_strings(MAP_FRAME, n),
-        "pose.position.x": state[:, 0],
-        "pose.position.y": state[:, 1],
-        "pose.position.z": zeros,
-        "pose.orientation.x": zeros,
-        "pose.orientation.y": zeros,
-        "pose.orientation.z": np.sin(half),
-        "pose.orientation.w": np.cos(half),
-    }
-    return OutputChannel(f"/cwcli/control/{policy}/pose", "foxglove.PoseInFrame", stamp_ns, fields)

@@ -25,11 +25,11 @@ from cwcli.stages.run_record import run_record
 from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, require_ego, vehicle_rows
 from cwcli.stages.track_channels import read_targets
 from cwcli.warning.evaluate import evaluate
+from cwcli.warning.output import HELD, RAISED
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
-RAISED = 1
 ONSET = "onset"
 """The motion model that says where a manoeuvre leads that has just begun."""
 OF_EGO = (Role.EGO_STATE, Role.EGO_PATH)
@@ -137,7 +137,7 @@ def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_ons
                 stamp_ns=states.stamp_ns[rows],
                 log_time_ns=states.log_time_ns[rows],
                 state=states.state[rows],
-                paths=_rows(predicted.paths, candidates),
+                paths=predicted.paths.take(candidates),
                 length_m=_outline(states.length_m[rows]),
                 width_m=_outline(states.width_m[rows]),
                 onset_paths=_onset(states, rows, predicted.paths.time_s) if with_onset else None,
@@ -173,17 +173,6 @@ def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray
     return rollout(ONSET, states.state[rows], states.covariance[rows], horizon_s=float(time_s[-1]), step_s=step_s)
 
 
-def _rows(paths: Paths, rows: npt.NDArray[np.intp]) -> Paths:
-    return Paths(
-        paths.time_s,
-        paths.x_m[rows],
-        paths.y_m[rows],
-        paths.heading_rad[rows],
-        paths.speed_mps[rows],
-        paths.position_covariance_m2[rows],
-    )
-
-
 def _outline(values_m: FloatArray) -> float | None:
     """The median of what the vehicle said of its size, or None."""
     given = values_m[np.isfinite(values_m)]
@@ -195,7 +184,7 @@ def _log_channel(result: WarningResult) -> OutputChannel:
     state = np.asarray(result.channel["state"])
     messages = result.channel["message"]
     assert isinstance(messages, Strings)
-    rows = np.flatnonzero(state != 2)  # a held warning says nothing new
+    rows = np.flatnonzero(state != HELD)  # a held warning says nothing new
     return OutputChannel(
         LOG_TOPIC,
         "foxglove.Log",

@@ -19,9 +19,9 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.lane_camera import SensedDrive, sense_lane
 from cwcli.simulation.lane_drive import STEP_S, Road, Runs, Truth, drive_lane
-from cwcli.simulation.single_track import KMH
 from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
 
 HORIZON_S = 2.0
@@ -82,7 +82,7 @@ def drive_part(figure: str, n_seeds: int, tick: Callable[[], None] = lambda: Non
     """One figure over seeds 0, 1, 2, ...: medians over the seeds."""
     drive, half = DRIVES[figure], load_vehicle()
     n = max(1, min(n_seeds, MAX_SEEDS))
-    start = np.full(n, drive.start_kmh * KMH)
+    start = np.full(n, drive.start_kmh * MPS_PER_KMH)
     runs = Runs(start, np.zeros(n), np.full(n, np.inf), drive.accel_mps2, drive.duration_s)
     truth = drive_lane(ROAD, half.loaded(drive.load), runs, seed=0)
     values: dict[str, dict[str, list[float]]] = {name: {} for name in methods()}

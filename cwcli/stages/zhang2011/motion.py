@@ -15,7 +15,8 @@ from cwcli.dynamics.single_track import steady_state, understeer_gradient
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.single_track import KMH, PAPER_RUNS, LinearRun, PaperRun, simulate_paper_run
+from cwcli.signals.units import MPS_PER_KMH
+from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_paper_run
 from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, within
 
 PAPER_BOUND_PERCENT = 10.0
@@ -56,7 +57,7 @@ def example_part(vehicle: Vehicle | None = None) -> Part:
     findings = [_compared("eq 13", "f(v) - 1 over v^2, half load", "s^2/m^2", 0.000843, slope, 1e-6)]
     found: dict[float, dict[str, float]] = {}
     for kmh in (*SPEEDS_KMH, 88.0):
-        found[kmh] = dict(zip(UNITS, steady_state(car, kmh * KMH, EXAMPLE_STEER_RAD), strict=True))
+        found[kmh] = dict(zip(UNITS, steady_state(car, kmh * MPS_PER_KMH, EXAMPLE_STEER_RAD), strict=True))
     for kmh, printed in PAPER_OBSERVERS.items():
         for name, unit in UNITS.items():
             what = f"{name} of the {kmh:.0f} km/h observer (labels exchanged)"

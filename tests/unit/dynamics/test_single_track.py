@@ -18,9 +18,9 @@ from cwcli.dynamics.single_track import (
     understeer_gradient,
 )
 from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.signals.units import MPS_PER_KMH
 
 CAR = load_vehicle()
-KMH = 1.0 / 3.6
 H = np.eye(4)[2:]
 
 
@@ -33,7 +33,7 @@ H = np.eye(4)[2:]
     ],
 )
 def test_steady_states_of_the_worked_example(speed_kmh: float, lateral_mps: float, yaw_rate_radps: float) -> None:
-    assert steady_state(CAR, speed_kmh * KMH, 0.05) == pytest.approx((lateral_mps, yaw_rate_radps), abs=1e-3)
+    assert steady_state(CAR, speed_kmh * MPS_PER_KMH, 0.05) == pytest.approx((lateral_mps, yaw_rate_radps), abs=1e-3)
 
 
 def test_steady_state_is_where_equation_11_rests() -> None:
@@ -59,7 +59,7 @@ def test_equation_12_gives_the_same_radius_with_and_without_slip() -> None:
 
 @pytest.mark.parametrize("speed_kmh", [10, 60, 88, 160])
 def test_discretisation_equals_a_fine_integration(speed_kmh: float) -> None:
-    a, b = preview_matrices(CAR, speed_kmh * KMH, 33.5)
+    a, b = preview_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
     phi, gamma = discretise(a, b, 0.1)
     x, u = np.array([0.3, -0.1, 0.5, 0.02]), np.array([0.03, 0.001])
     fine, n = x.copy(), 4000
@@ -123,7 +123,7 @@ def test_lateral_speed_changes_sign_where_the_rear_axle_slips_as_much_as_it_lead
 
 @pytest.mark.parametrize("speed_kmh", range(10, 161, 10))
 def test_gains_equal_scipys_riccati_solution(speed_kmh: int) -> None:
-    a, b = preview_matrices(CAR, speed_kmh * KMH, 33.5)
+    a, b = preview_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
     phi, _ = discretise(a, b, 0.1)
     noise, r = discretise_noise(a, 0.01 * np.eye(4), 0.1), 0.01 * np.eye(2)
     expected = solve_discrete_are(phi.T, H.T, noise, r)
