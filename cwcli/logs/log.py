@@ -161,10 +161,11 @@ class Log:
         loaded: dict[str, Columns] = {}
         from_file = {topic: fields for topic, fields in wanted.items() if topic not in in_memory}
         if from_file:
-            from cwcli.logs.load import load_columns
+            from cwcli.logs.load import give_back_memory, load_columns
 
             channels = {topic: self._file_channels(topic) for topic in from_file}
             loaded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name)
+            give_back_memory()
         for topic, fields in wanted.items():
             if topic in in_memory:
                 from cwcli.logs.memory import memory_columns
