@@ -48,6 +48,7 @@ class Job:
         metrics_dir: Folder for every table of every stage, or None.
         preflight: Called before the first stage; raises if that can't run, and returns the later ones for which the log
             has no signals, each with the reason. They are left out.
+        follow_up: Called with the result of each stage; returns the later ones for which it left no signals, likewise.
     """
 
     command: str
@@ -59,6 +60,7 @@ class Job:
     metrics: str | None = None
     metrics_dir: str | None = None
     preflight: Callable[[Log, Selection], Mapping[str, str]] | None = None
+    follow_up: Callable[[StageResult], Mapping[str, str]] | None = None
 
 
 @dataclass
@@ -119,6 +121,8 @@ def execute(job: Job) -> Outcome:
                 progress.step(f"{name} {log.name}")
                 result = stage(current, selection)
                 outcome.results.append(result)
+                if job.follow_up is not None:
+                    outcome.left_out = {**job.follow_up(result), **outcome.left_out}
                 current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
             outcome.faults = log.faults.counts()
             if job.reading.strict:

@@ -123,3 +123,14 @@ def test_pause_of_five_hours_has_no_states(cwcli: Run, messages: list[Logged], t
     inputs = json.loads(done.stdout)["stages"]["predict"]["inputs"]
     ego = next(entry for entry in inputs if entry["topic"] == "/cwcli/ego/state")
     assert 190 <= ego["read"] <= 202
+
+
+def test_run_without_a_usable_message_of_another_vehicle_leaves_out_the_warnings(
+    cwcli: Run, messages: list[Logged], tmp_path: Path
+) -> None:
+    write(tmp_path / "in.mcap", map(of("/v2x/bsm", lambda each: replace(each, data=b"{")), messages))
+    done = cwcli("run", "in.mcap", "-o", "out.mcap", "--json")
+    assert done.returncode == 0, done.stderr.decode()
+    document = json.loads(done.stdout)
+    assert document["left_out"] == {"warn": "no message of another vehicle could be used"}
+    assert list(document["stages"]) == ["estimate", "predict"]

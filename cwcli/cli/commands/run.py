@@ -16,6 +16,7 @@ from cwcli.cli.pipeline import Job, Selection, run_job
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
     from cwcli.signals.roles import Bindings
+    from cwcli.stages.result import StageResult
 
 EXAMPLES = (
     "cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/",
@@ -78,5 +79,11 @@ def with_all_stages(
             return {}
         return {"warn": others.notes[0] if others.notes else "no channel holds remote vehicles (BSM or CAM messages)"}
 
+    def follow_up(result: StageResult) -> dict[str, str]:
+        from cwcli.stages.channels import REMOTE_STATE_TOPIC
+
+        is_alone = result.stage == "estimate" and REMOTE_STATE_TOPIC not in {each.topic for each in result.channels}
+        return {"warn": "no message of another vehicle could be used"} if is_alone else {}
+
     stages = {"estimate": estimate.make(sensors), "predict": predict.make(), "warn": warn.make()}
-    return replace(job, stages=stages, preflight=preflight)
+    return replace(job, stages=stages, preflight=preflight, follow_up=follow_up)
