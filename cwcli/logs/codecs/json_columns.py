@@ -82,7 +82,8 @@ class JsonSlot:
         if used or instead:
             self._keep_elements(used, instead)
         else:
-            self._counts.append(self.cursors)
+            # One zero seen n times: most names that a role may have are in no message of the file.
+            self._counts.append(np.broadcast_to(np.int64(0), len(self.cursors)))
         n = len(payloads)
         if int(self.tags.array[first_row : first_row + n].max(initial=0)) >= STRING:
             self._code_strings(payloads, first_row)
