@@ -19,7 +19,7 @@ import numpy as np
 
 from cwcli.estimation.coarse_latency import coarse_latency
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.measurements import Kind
+from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE, noise_factor
 from cwcli.estimation.passes import Series, run_pass
@@ -41,7 +41,6 @@ FAR_M = 100.0
 LOOSE_JERK_MPS3 = 20.0
 LOOSE_YAW_ACCEL_RADPS2 = 4.0
 SIDE_SLIP_M = 0.03  # less than the filter's own: a latency needs the position's long memory
-RATES = (Kind.ACCEL, Kind.YAW_RATE)
 
 
 @dataclass(frozen=True)

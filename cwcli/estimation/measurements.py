@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -11,7 +12,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 
 
 class Kind(IntEnum):
-    """What a measurement measures. Every kind has a fixed width (`WIDTH`).
+    """What a measurement measures. `QUANTITIES` says more of each.
 
     Attributes:
         POSITION: x, y in the map frame, metres.
@@ -33,15 +34,34 @@ class Kind(IntEnum):
     IMU = 6
 
 
-WIDTH: dict[Kind, int] = {
-    Kind.POSITION: 2,
-    Kind.VELOCITY: 2,
-    Kind.SPEED: 1,
-    Kind.HEADING: 1,
-    Kind.ACCEL: 1,
-    Kind.YAW_RATE: 1,
-    Kind.IMU: 6,
+@dataclass(frozen=True)
+class Quantity:
+    """What is known of a kind beforehand.
+
+    Attributes:
+        width: Values in a row.
+        unit: Of each; "" where they differ.
+        default_sigma: One sigma where the message says nothing and the log is too short to tell.
+        floor_sigma: Sigma below which noise found from the log is not believed (resolution of the usual messages).
+    """
+
+    width: int
+    unit: str
+    default_sigma: float
+    floor_sigma: float
+
+
+QUANTITIES: dict[Kind, Quantity] = {
+    Kind.POSITION: Quantity(2, "m", 1.0, 0.05),
+    Kind.VELOCITY: Quantity(2, "m/s", 0.3, 0.05),
+    Kind.SPEED: Quantity(1, "m/s", 0.3, 0.05),
+    Kind.HEADING: Quantity(1, "rad", 0.035, 5e-3),
+    Kind.ACCEL: Quantity(1, "m/s^2", 0.2, 5e-3),
+    Kind.YAW_RATE: Quantity(1, "rad/s", 0.01, 1e-4),
+    Kind.IMU: Quantity(6, "", math.nan, math.nan),  # its ACCEL and YAW_RATE count
 }
+RATES = (Kind.ACCEL, Kind.YAW_RATE)
+"""The kinds that an IMU measures, too: they may come a hundred times a second, and with a bias."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +74,7 @@ class Measurements:
         source: Name for messages, usually the topic. Several kinds may share one source.
         kind: What is measured.
         stamp_ns: Shape (n,), int64.
-        values: Shape (n, d) with d = WIDTH[kind]; (n,) is accepted where d is 1.
+        values: Shape (n, d) with d = QUANTITIES[kind].width; (n,) is accepted where d is 1.
         covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not
             positive, means that the message does not say.
     """
@@ -71,7 +91,7 @@ class Measurements:
         Raises:
             ValueError: If an array has a shape other than the documented ones.
         """
-        n, d = len(self.stamp_ns), WIDTH[self.kind]
+        n, d = len(self.stamp_ns), QUANTITIES[self.kind].width
         values = np.asarray(self.values, dtype=np.float64)
         if values.ndim == 1 and d == 1:
             values = values[:, None]

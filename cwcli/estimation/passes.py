@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.measurements import Kind
+from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.kernels import ekf
 from cwcli.signals.columns import FloatArray
@@ -18,7 +18,6 @@ N_MOTION = 8
 START_TOLERANCE_S = 1e-9
 MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first-order expansion in the heading
 MAX_PIECES = 600  # of one gap: a longer one counts as a minute, or the covariance of a pause of hours would overflow
-RATES = (Kind.ACCEL, Kind.YAW_RATE)
 RATE_PATIENCE = (
     2  # a spike of an inertial sensor lasts a sample or two; what lasts longer is a manoeuvre, and is believed
 )
@@ -60,7 +59,7 @@ class Series:
     @property
     def width(self) -> int:
         """Degrees of freedom of a row."""
-        return 2 if self.kind <= Kind.VELOCITY else 1
+        return QUANTITIES[self.kind].width
 
     def at(self, rows: npt.NDArray[np.bool_]) -> Series:
         """Some of its rows."""

@@ -9,30 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.imu import level_imu
-from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.measurements import QUANTITIES, RATES, Kind, Measurements
 from cwcli.estimation.passes import Series
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
-
-DEFAULT_SIGMA: dict[Kind, float] = {
-    Kind.POSITION: 1.0,
-    Kind.VELOCITY: 0.3,
-    Kind.SPEED: 0.3,
-    Kind.HEADING: 0.035,
-    Kind.ACCEL: 0.2,
-    Kind.YAW_RATE: 0.01,
-}
-"""One sigma per kind where the message says nothing and the log is too short to tell; SI units."""
-
-NOISE_FLOOR: dict[Kind, float] = {
-    Kind.POSITION: 0.05,
-    Kind.VELOCITY: 0.05,
-    Kind.SPEED: 0.05,
-    Kind.HEADING: 5e-3,
-    Kind.ACCEL: 5e-3,
-    Kind.YAW_RATE: 1e-4,
-}
-"""Sigma below which noise found from the log is not believed (resolution of the usual messages); SI units."""
 
 CONSTANT_MIN_ROWS = 50
 BURST_ROWS, BURST_PART = 4, 0.5
@@ -139,7 +119,7 @@ def held_back(time_s: FloatArray) -> npt.NDArray[np.bool_]:
 
 def _is_constant(kind: Kind, values: FloatArray) -> bool:
     """A yaw rate or acceleration of exactly one value for a whole log is a field that nobody fills."""
-    if kind not in (Kind.ACCEL, Kind.YAW_RATE) or len(values) < CONSTANT_MIN_ROWS:
+    if kind not in RATES or len(values) < CONSTANT_MIN_ROWS:
         return False
     return bool((values == values[0]).all())
 
@@ -165,16 +145,16 @@ def _with_noise(source: str, kind: Kind, time: FloatArray, values: FloatArray, c
     origin = "message" if n and said.mean() > 0.5 else "default"
     padded = np.zeros((n, 2))
     padded[:, :width] = values
-    floor = NOISE_FLOOR[kind]
-    if kind in (Kind.ACCEL, Kind.YAW_RATE):
+    floor = QUANTITIES[kind].floor_sigma
+    if kind in RATES:
         floor = max(floor, ROUGHNESS_PART * guess**0.5)
     return Series(source, kind, time, padded, noise, noise_origin=origin, floor=floor)
 
 
 def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:
     """Return a starting sigma: an IMU's from its second differences, which the motion hardly touches at its rate."""
-    default = DEFAULT_SIGMA[kind]
-    if kind not in (Kind.ACCEL, Kind.YAW_RATE) or len(time) < 200:
+    default = QUANTITIES[kind].default_sigma
+    if kind not in RATES or len(time) < 200:
         return default
     second = values[2:, 0] - 2.0 * values[1:-1, 0] + values[:-2, 0]
     rough = float(np.median(np.abs(second))) / 0.6745 / np.sqrt(6.0)

@@ -12,9 +12,9 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
-from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, RATES, PassResult, Start, old_rows, run_pass
+from cwcli.estimation.passes import N_MOTION, PassResult, Start, old_rows, run_pass
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
 from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import Tuned, tune

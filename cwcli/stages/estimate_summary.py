@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.estimation.measurements import Kind
+from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.metrics.table import Table
 from cwcli.signals.canonical import TimedSignal
@@ -18,15 +18,6 @@ from cwcli.stages.channels import EGO_ID
 from cwcli.stages.result import Cell, Section
 from cwcli.stages.truth import TruthErrors
 
-UNITS = {
-    Kind.POSITION: "m",
-    Kind.VELOCITY: "m/s",
-    Kind.SPEED: "m/s",
-    Kind.HEADING: "rad",
-    Kind.ACCEL: "m/s^2",
-    Kind.YAW_RATE: "rad/s",
-    Kind.IMU: "",
-}
 NIS_WORDS = {None: "", True: "in", False: "OUT"}
 MAX_GAP_NOTES = 5
 
@@ -153,7 +144,7 @@ def _noise_section(ego: TrackSummary) -> Section:
         (
             report.source,
             _quantity(report),
-            f"{report.sigma:.3g} {UNITS[report.kind]}",
+            f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
             report.noise_origin,
             report.nis_mean / report.nis_dof,
             _bounds_text(report),
@@ -192,7 +183,7 @@ def _errors_section(errors: TruthErrors) -> Section:
 
 
 def _report_rows(vehicle: str, report: SourceReport) -> list[tuple[str, str, str, str, float, str]]:
-    unit = UNITS[report.kind]
+    unit = QUANTITIES[report.kind].unit
     values = (
         ("read_count", float(report.n_read), ""),
         ("used_count", float(report.n_used), ""),
@@ -225,7 +216,7 @@ def _latency_text(report: SourceReport) -> str:
 def _bias_text(report: SourceReport) -> str:
     if math.isnan(report.bias):
         return ""
-    return f"{report.bias:.3g} {UNITS[report.kind]}"
+    return f"{report.bias:.3g} {QUANTITIES[report.kind].unit}"
 
 
 def _bounds_text(report: SourceReport) -> str:

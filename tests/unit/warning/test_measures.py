@@ -147,7 +147,8 @@ def test_probability_of_a_pair_that_has_passed_is_small() -> None:
 @pytest.mark.parametrize("speed_mps", [2.0, 4.0, 5.5, -3.0])
 def test_probability_within_the_horizon_against_sampled_pairs(speed_mps: float) -> None:
     sigma_m = 1.0
-    found = between(at(x_m=0.0, speed_mps=10.0, sigma_m=sigma_m), at(x_m=14.0, speed_mps=10.0 - speed_mps, sigma_m=sigma_m))
+    ahead_of_it = at(x_m=14.0, speed_mps=10.0 - speed_mps, sigma_m=sigma_m)
+    found = between(at(x_m=0.0, speed_mps=10.0, sigma_m=sigma_m), ahead_of_it)
     start = np.random.default_rng(0).normal([14.0, 0.0], math.sqrt(2.0) * sigma_m, (20_000, 2))
     ahead = start[:, :1] - speed_mps * TIME_S[None, :]
     within = np.hypot(ahead, start[:, 1:]).min(axis=1) < 2.5
