@@ -16,6 +16,7 @@ from cwcli.cli.options.values import time_ns
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
 from cwcli.errors import DataError, OutputError, UsageError
+from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
@@ -126,7 +127,7 @@ def execute(job: Job) -> Outcome:
                 current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
             outcome.faults = log.faults.counts()
             if job.reading.strict:
-                _refuse_faults(outcome)
+                _refuse_faults(outcome, log.start_ns)
             _write(job, log, outcome, progress)
     return outcome
 
@@ -249,13 +250,16 @@ def _table_files(job: Job, results: Sequence[StageResult]) -> dict[Path, Table]:
     return files
 
 
-def _refuse_faults(outcome: Outcome) -> None:
-    """`--strict`: whatever was rejected, repaired or lost is an error."""
+def _refuse_faults(outcome: Outcome, start_ns: int) -> None:
+    """`--strict`: whatever was rejected, repaired or lost is an error; its time counts from the log's start."""
     found = [f"{reason}: {count}" for reason, count in outcome.faults.items()]
     for result in outcome.results:
         for entry in result.summary.inputs:
             for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):
-                found += [f"{entry.topic} {kind}: {count} {reason}" for reason, count in counts.items() if count]
+                for reason, count in counts.items():
+                    first_ns = entry.first_fault_ns.get(reason)
+                    at = "" if first_ns is None else f", the first at {(first_ns - start_ns) / NS_PER_S:.3f} s"
+                    found += [f"{entry.topic} {kind}: {count} {reason}{at}"] if count else []
     if found:
         raise DataError(
             "the data has faults, and --strict allows none",

@@ -37,7 +37,11 @@ def input_table(inputs: Sequence[InputCount]) -> str:
     ]
     lines = [table(("topic", "role", "read", "used", "rejected", "repaired"), rows)]
     for entry in inputs:
-        for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):
+        for kind, counts in (
+            ("rejected", entry.rejected),
+            ("repaired", entry.repaired),
+            ("set aside", entry.set_aside),
+        ):
             if any(counts.values()):
                 text = f"{printable(entry.topic)} {kind}: {reasons(counts)}"
                 lines.append(paragraph(text, first="  ", rest="    "))

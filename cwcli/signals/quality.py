@@ -5,13 +5,11 @@ Nothing is dropped uncounted: `read == used + rejected + set aside` holds for ev
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import DataError
 from cwcli.signals.columns import Columns
 
 BoolArray = npt.NDArray[np.bool_]
@@ -120,36 +118,3 @@ class RowLedger:
         counts[reason] = counts.get(reason, 0) + len(rows)
         first_ns = int(self.columns.log_time_ns[rows.min()])
         self.quality.first_fault_ns[reason] = min(first_ns, self.quality.first_fault_ns.get(reason, first_ns))
-
-
-def require_clean(qualities: Sequence[Quality], *, log_name: str = "", log_start_ns: int = 0) -> None:
-    """Turn counted faults into an error (`--strict`).
-
-    Args:
-        qualities: One per channel and role.
-        log_name: File name for the message.
-        log_start_ns: Times in the message are seconds after this.
-
-    Raises:
-        DataError: When any message was rejected or repaired. It names the topic, the time of the first fault and its
-            count, and lists every other fault.
-    """
-    faults: list[tuple[int, str, str]] = []
-    for quality in qualities:
-        for verb, counts in (("rejected", quality.rejected), ("repaired", quality.repaired)):
-            for reason, count in counts.items():
-                first_ns = quality.first_fault_ns.get(reason, log_start_ns)
-                messages = "message" if count == 1 else "messages"
-                faults.append((first_ns, quality.source, f"{count} {messages} {verb} ({reason})"))
-    if not faults:
-        return
-    faults.sort()
-    first_ns, source, what = faults[0]
-    at_s = (first_ns - log_start_ns) * S_PER_NS
-    prefix = f"{log_name}: " if log_name else ""
-    raise DataError(
-        what,
-        where=f"{prefix}{source} at {at_s:.3f} s",
-        found=tuple(f"{topic}: {text}" for _, topic, text in faults),
-        hint="leave out --strict to go on with these counted instead",
-    )

@@ -39,6 +39,8 @@ class InputCount:
         role: What it was used as.
         read, used: Numbers of messages.
         rejected, repaired: Reason -> number of messages.
+        set_aside: The same for messages that are in order and about something else; no fault.
+        first_fault_ns: Reason -> log time of the first message rejected or repaired for it, where it is known.
     """
 
     topic: str
@@ -47,6 +49,8 @@ class InputCount:
     used: int
     rejected: Mapping[str, int] = field(default_factory=dict)
     repaired: Mapping[str, int] = field(default_factory=dict)
+    set_aside: Mapping[str, int] = field(default_factory=dict)
+    first_fault_ns: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,7 @@ class Summary:
                     "used": count.used,
                     "rejected": dict(count.rejected),
                     "repaired": dict(count.repaired),
+                    "set_aside": dict(count.set_aside),
                 }
                 for count in self.inputs
             ],

@@ -53,7 +53,7 @@ class Sources:
     def counts(self) -> tuple[InputCount, ...]:
         """The qualities as lines of the summary."""
         return tuple(
-            InputCount(q.source, q.role, q.read, q.used, {**q.rejected, **q.set_aside}, dict(q.repaired))
+            InputCount(q.source, q.role, q.read, q.used, q.rejected, q.repaired, q.set_aside, q.first_fault_ns)
             for q in self.qualities
         )
 

@@ -121,4 +121,5 @@ def test_real_video_is_searched_in_full(cwcli: Run) -> None:
         "used": 221,
         "rejected": {},
         "repaired": {},
+        "set_aside": {},
     }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.errors import DataError
 from cwcli.signals.clocks import (
     CLOCK_JUMP,
     DUPLICATE,
@@ -20,7 +19,7 @@ from cwcli.signals.clocks import (
     settle,
 )
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.quality import Quality, RowLedger, require_clean
+from cwcli.signals.quality import Quality, RowLedger
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 
 MS = 1_000_000
@@ -245,20 +244,3 @@ def test_disagreeing_clocks_names_the_one_that_counts_from_boot() -> None:
     lines = disagreeing_clocks([*qualities, Quality("/imu", "imu", delay_s=1.5e9)])
     assert len(lines) == 1
     assert lines[0].startswith("/imu: stamps are -1499999999.")
-
-
-def test_require_clean_names_topic_time_count_and_reason() -> None:
-    stamps = steady(20)
-    stamps[7:10] += HOUR_NS
-    _, quality = settled(stamps)
-    with pytest.raises(DataError) as raised:
-        require_clean([Quality("/ok", "imu"), quality], log_name="drive.mcap", log_start_ns=T0_NS)
-    assert str(raised.value) == "drive.mcap: /t at 0.780 s: 3 messages repaired (stamp jumps, moved back by log time)"
-    assert raised.value.exit_code == 5
-
-
-def test_require_clean_is_silent_when_nothing_happened() -> None:
-    _, quality = settled(steady(5))
-    quality.set_aside["sent by the ego station"] = 3
-    require_clean([quality])
-    assert quality.n_faults == 0
