@@ -1,7 +1,8 @@
 """The sets of independent frames: `good` and `complex`, as zhang2011 divides its tests (conclusion 1).
 
 The paper shows no frame and gives no numbers of either set; `SETS` is the one place that defines them here
-(docs/road-renderer.md explains each value). They were fixed before any method was run on them.
+(docs/road-renderer.md explains each value). The camera, and the curvature and crests of `good`, were set after a first
+look at what zhang2011's method makes of them; the rest of `complex` was not.
 """
 
 from __future__ import annotations
