@@ -34,7 +34,7 @@ class VideoDecoder:
                 hint="pip install 'cwcli[video]'",
             ) from error
         self._av = av
-        self._codec = av.CodecContext.create(VIDEO_FORMATS[video_format], "r")
+        self._codec: Any = av.CodecContext.create(VIDEO_FORMATS[video_format], "r")
         self._codec.thread_type = "NONE"  # a picture comes out for the message that holds it
 
     def decode(self, data: bytes | memoryview) -> Any:
