@@ -243,6 +243,7 @@ class _Run:
         fits = self._recorder.columns()
         image_size, search_size = numbers[:, 4:6], numbers[:, 6:8]
         horizon_px = np.full(len(fits), np.nan)
+        turned_rad = np.full((len(fits), 2), np.nan)
         parts: list[tuple[Rows, LaneGeometry]] = []
         sizes = numbers[:, 4:8]
         for size in np.unique(sizes, axis=0):
@@ -255,6 +256,9 @@ class _Run:
             if is_known:
                 pitch_rad = np.where(np.isnan(pitch_rad), camera.mounting.pitch_rad, pitch_rad)
             horizon_px[rows] = camera.horizon_v_px(pitch_rad)
+            for k, own_rad in enumerate((fits.pitch_rad, fits.yaw_rad)):
+                assumed_rad = (camera.mounting.pitch_rad, camera.mounting.yaw_rad)[k]
+                turned_rad[rows, k] = np.where(np.isnan(own_rad[rows]), assumed_rad, own_rad[rows])
         geometry = parts[0][1] if len(parts) == 1 else _merged(parts, len(fits))
         return LaneFrames(
             index=numbers[:, 0],
@@ -263,6 +267,8 @@ class _Run:
             image_size=image_size,
             search_size=search_size,
             horizon_px=horizon_px,
+            camera_pitch_rad=turned_rad[:, 0],
+            camera_yaw_rad=turned_rad[:, 1],
             fits=fits,
             geometry=geometry,
             preview_m=config.preview_m,

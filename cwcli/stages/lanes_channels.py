@@ -42,6 +42,7 @@ class LaneFrames:
         image_size: Shape (n, 2): width and height of the camera's image, pixels.
         search_size: Shape (n, 2): of the image that was searched.
         horizon_px: Shape (n,): row in the search image, NaN where not known.
+        camera_pitch_rad, camera_yaw_rad: Shape (n,): as used; nose down and counter-clockwise positive.
         fits: n rows.
         geometry: n rows.
         preview_m: Distance of the preview point.
@@ -53,6 +54,8 @@ class LaneFrames:
     image_size: Int64Array
     search_size: Int64Array
     horizon_px: FloatArray
+    camera_pitch_rad: FloatArray
+    camera_yaw_rad: FloatArray
     fits: FitColumns
     geometry: LaneGeometry
     preview_m: float
@@ -84,6 +87,8 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
         "search_width_px": frames.search_size[:, 0],
         "search_height_px": frames.search_size[:, 1],
         "lane_width_m": geometry.lane_width_m,
+        "camera_pitch_rad": frames.camera_pitch_rad,
+        "camera_yaw_rad": frames.camera_yaw_rad,
     }
     return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", frames.log_time_ns, fields)
 

@@ -60,6 +60,7 @@ def test_boundaries_are_published_frame_by_frame(tmp_path: Path) -> None:
         assert np.mean(np.abs(found - np.polyval(truth, y_px)) < 6.0) > 0.85
     assert (last.search_width_px, last.search_height_px) == (320, 240)
     assert last.preview_distance_m == 33.5
+    assert (last.camera_pitch_rad, last.camera_yaw_rad) == (0.0, 0.0)  # as assumed where nothing is known
 
 
 def test_annotations_lie_on_the_image_of_the_camera(tmp_path: Path) -> None:
