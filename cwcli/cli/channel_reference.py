@@ -17,12 +17,7 @@ Beside the channels below, cwcli writes standard ones for viewers:
 
 | topic | schema | what |
 |---|---|---|
-| `/cwcli/ego/fix` | `foxglove.LocationFix` | the ego on the globe |
-| `/cwcli/ego/pose` | `foxglove.PoseInFrame` | the ego in `map` |
-| `/cwcli/tf` | `foxglove.FrameTransform` | `base_link` in `map` |
-| `/cwcli/log` | `foxglove.Log` | the warnings, in words |
-| `/cwcli/targets/scene` | `foxglove.SceneUpdate` | the targets, with velocity and id |
-| `/cwcli/control/<policy>/pose` | `foxglove.PoseInFrame` | where the ego would have been in `map`, for each policy |
+{viewer_rows}
 
 A metadata record `cwcli.run.<stage>` holds version, resolved configuration, the input's SHA-256 and the counts of
 messages.
@@ -91,7 +86,17 @@ def channel_reference() -> str:
     folder = schema_folder() / "cwcli" / "v1"
     sources = sorted((entry for entry in folder.iterdir() if entry.name.endswith(".proto")), key=lambda e: e.name)
     blocks = [block for entry in sources for block in parse(entry.read_text(encoding="utf-8"))]
-    return "\n".join([HEADER, *(_section(block) for block in blocks)])
+    return "\n".join([_header(), *(_section(block) for block in blocks)])
+
+
+def _header() -> str:
+    """The text above the messages, with the viewers' channels."""
+    from cwcli.stages.published import PUBLISHED
+
+    viewers = [entry for entry in PUBLISHED if entry.schema.startswith("foxglove.")]
+    return HEADER.format(
+        viewer_rows="\n".join(f"| `{entry.topic}` | `{entry.schema}` | {entry.what} |" for entry in viewers)
+    )
 
 
 def _section(block: ProtoMessage) -> str:
