@@ -1,0 +1,69 @@
+"""Words for people, safe wherever they are printed: terminals, pages, tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+
+def printable(text: str) -> str:
+    """`text` with every character escaped that could move the cursor, reorder or forge a line.
+
+    Topic and file names come from others: control characters, bidirectional marks, line separators and bytes that
+    are not UTF-8 become `\\x1b`, `\\u202e`, ... Plain spaces stay.
+    """
+    return "".join(char if char.isprintable() or char == " " else _escape(char) for char in text)
+
+
+def _escape(char: str) -> str:
+    code = ord(char)
+    if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8, as Python keeps it in a file name
+        return f"\\x{code - 0xDC00:02x}"
+    return char.encode("unicode_escape", "surrogatepass").decode("ascii")
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number with `digits` significant digits and no exponent between 1e-4 and 1e7; "-" where it is not finite."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    magnitude = abs(value)
+    if magnitude < 1e-4 or magnitude >= 1e7:
+        return f"{value:.{digits - 1}e}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(magnitude)))
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text and decimals > digits else text
+
+
+def duration(seconds: float) -> str:
+    """`12.3 s`, `4 min 5 s` or `1 h 2 min 3 s`."""
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min {rest} s"
+
+
+def size(n_bytes: int) -> str:
+    """`512 B`, `81.3 kB` or `1.2 GB`, in powers of 1000."""
+    value = float(n_bytes)
+    for unit in ("B", "kB", "MB", "GB"):
+        if value < 1000 or unit == "GB":
+            return f"{n_bytes} B" if unit == "B" else f"{value:.1f} {unit}"
+        value /= 1000
+    raise AssertionError("unreachable")
+
+
+def count(n: int, noun: str) -> str:
+    """`1 chunk`, `2 chunks`."""
+    return f"{n} {noun}{'' if n == 1 else 's'}"
+
+
+def join_names(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"
