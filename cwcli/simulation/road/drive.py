@@ -16,7 +16,7 @@ from cwcli.simulation.road.conditions import CONDITIONS, shadow_band
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
 from cwcli.simulation.road.scene import RoadScene, Shadow, Vehicle
-from cwcli.simulation.road.sets import SET_SIZE, SETS, draw_scene
+from cwcli.simulation.road.sets import SET_SIZE, SETS, SetSpec, draw_scene
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.streams import stream
 
@@ -149,7 +149,7 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     curvature = np.clip(
         rng.normal(0.0, 1.3 * spec.curvature_1pm[0], len(knots_m)), -spec.curvature_1pm[1], spec.curvature_1pm[1]
     )
-    vertical = np.clip(rng.normal(0.0, spec.vertical_1pm[0], len(knots_m)), -spec.vertical_1pm[1], spec.vertical_1pm[1])
+    vertical = draw_vertical(spec, len(knots_m), rng)
     phases = rng.uniform(0.0, 2 * math.pi, 5)
     driver = Driver(wander_rad=(float(phases[0]), float(phases[1])))
     fine_time_s, states = drive_along(
@@ -158,16 +158,25 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
         driver,
         config.duration_s,
     )
-    scene = _along(draw_scene(spec, config.weather, rng), config, length_m, rng)
+    scene = place_along(draw_scene(spec, config.weather, rng), config, length_m, rng)
+    pitch_rad = sway_rad(spec, config, time_s, phases[2:])
+    return RoadDrive(config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, pitch_rad)
+
+
+def draw_vertical(spec: SetSpec, n: int, rng: np.random.Generator) -> FloatArray:
+    """Crests and sags at n stations."""
+    sigma, limit = spec.vertical_1pm
+    return np.clip(rng.normal(0.0, sigma, n), -limit, limit)
+
+
+def sway_rad(spec: SetSpec, config: RoadDriveConfig, time_s: FloatArray, phases: FloatArray) -> FloatArray:
+    """Pitch of the body on its springs, nose down positive, shape as `time_s`; phases of shape (3,)."""
     sway = (
-        np.sin(2 * math.pi * 1.4 * time_s + phases[2])
-        + 0.6 * np.sin(2 * math.pi * 2.3 * time_s + phases[3])
-        + 0.8 * np.sin(2 * math.pi * 0.23 * time_s + phases[4])
+        np.sin(2 * math.pi * 1.4 * time_s + phases[0])
+        + 0.6 * np.sin(2 * math.pi * 2.3 * time_s + phases[1])
+        + 0.8 * np.sin(2 * math.pi * 0.23 * time_s + phases[2])
     )
-    pitch_rad = 0.5 * spec.pitch_rad[0] * sway - 0.004 * config.accel_mps2
-    return RoadDrive(
-        config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, np.asarray(pitch_rad)
-    )
+    return np.asarray(0.5 * spec.pitch_rad[0] * sway - 0.004 * config.accel_mps2)
 
 
 def set_drives(
@@ -202,7 +211,7 @@ def set_drives(
         yield plan_drive(config, camera or paper_camera())
 
 
-def _along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
+def place_along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
     """Spread patches and shadows along the whole drive, and let each dash begin where it fell."""
     patches = []
     for patch in scene.patches:

@@ -1,0 +1,69 @@
+"""Frames of a run of `lane_drive`: the same car and truth, seen by the rendered camera instead of simulated points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.simulation.lane_drive import Road, Truth
+from cwcli.simulation.road.camera import RoadCamera, paper_camera
+from cwcli.simulation.road.drive import KNOT_M, RoadDrive, RoadDriveConfig, draw_vertical, place_along, sway_rad
+from cwcli.simulation.road.geometry import GRID_M
+from cwcli.simulation.road.sets import SETS, draw_scene
+from cwcli.simulation.streams import stream
+
+KEPT_STATION_M = 1e-6
+
+
+def drive_of_run(
+    truth: Truth,
+    run: int,
+    road: Road,
+    *,
+    look: str = "good",
+    weather: str = "clear",
+    seed: int = 0,
+    rate_hz: float = 20.0,
+    camera: RoadCamera | None = None,
+) -> RoadDrive:
+    """One run as a drive whose frames can be rendered.
+
+    Args:
+        truth: From `drive_lane`.
+        run: Which column of it.
+        road: As given to `drive_lane`: its curvature and the lane's width are kept.
+        look: A key of `SETS`: surface, markings, traffic, crests and the body's motion on its springs.
+        weather: A name of `CONDITIONS`.
+        seed: Of the look and of the frames' noise.
+        rate_hz: Of the camera.
+        camera: zhang2011's where not given.
+    """
+    duration_s = float(truth.time_s[-1])
+    speed_mps = float(truth.speed_mps[0, run])
+    accel_mps2 = (float(truth.speed_mps[-1, run]) - speed_mps) / duration_s
+    config = RoadDriveConfig(weather, look, seed, duration_s, rate_hz, speed_mps, accel_mps2)
+    spec = replace(SETS[look], lane_width_m=(road.lane_width_m, road.lane_width_m))
+    rng = stream(seed, "road-run", str(run))
+    length_m = float(truth.station_m[:, run].max()) + float(GRID_M[-1]) + KNOT_M
+    grid_m = np.arange(-KNOT_M, length_m + KNOT_M, KNOT_M)
+    vertical = draw_vertical(spec, len(grid_m), rng)
+    knots_m = np.union1d(grid_m, road.station_m)
+    knots_m = knots_m[np.concatenate([[True], np.diff(knots_m) > KEPT_STATION_M])]
+    time_s = np.arange(int(duration_s * rate_hz + 1e-9) + 1) / rate_hz
+    columns = (
+        *(truth.lateral_speed_mps, truth.yaw_rate_radps, truth.station_m, truth.offset_m, truth.heading_rad),
+        *(truth.x_m, truth.y_m, truth.yaw_rad, truth.steer_rad),
+    )
+    return RoadDrive(
+        config=config,
+        camera=camera or paper_camera(),
+        scene=place_along(draw_scene(spec, weather, rng), config, length_m, rng),
+        time_s=time_s,
+        fine_time_s=truth.time_s,
+        fine_states=np.column_stack([column[:, run] for column in columns]),
+        knots_m=knots_m,
+        curvature_1pm=road.curvature(knots_m),
+        vertical_1pm=np.interp(knots_m, grid_m, vertical),
+        pitch_rad=sway_rad(spec, config, time_s, rng.uniform(0.0, 2 * np.pi, 3)),
+    )

@@ -1,0 +1,170 @@
+"""Drives seen through rendered frames: the chain from the picture to the lane, without a log between.
+
+`sense_rendered` gives what `sense_lane` gives, but its boundaries are found by a lane method in rendered frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.dynamics.samples import PREVIEW_M, LaneSamples
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane
+from cwcli.simulation.lane_drive import STEP_S, Road, Truth
+from cwcli.simulation.road.camera import RoadCamera
+from cwcli.simulation.road.drive import RoadDrive
+from cwcli.simulation.road.lane_frames import drive_of_run
+from cwcli.simulation.streams import to_ns
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.fit_columns import FitColumns, FitRecorder
+from cwcli.vision.ground import LaneGeometry, lane_geometry
+from cwcli.vision.method import GreyImage, LaneFrame
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the frames look like.
+
+    Attributes:
+        road: A key of `simulation.road.sets.SETS`.
+        weather: A key of `simulation.road.conditions.CONDITIONS`.
+        rate_hz: Of the camera.
+        camera: None: zhang2011's.
+        pitch_error_rad: How much too steep the mounting that the lane method is told of is.
+    """
+
+    road: str = "good"
+    weather: str = "clear"
+    rate_hz: float = 20.0
+    camera: RoadCamera | None = None
+    pitch_error_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class RenderedDrive:
+    """One run as its rendered camera and its other sensors saw it.
+
+    Attributes:
+        sensed: As from `sense_lane`.
+        drive: Renders the frames.
+        camera: As the lane method was told, in the pixels of the frames.
+        fits: n rows, in the pixels of the search image.
+        geometry: n rows.
+    """
+
+    sensed: SensedDrive
+    drive: RoadDrive
+    camera: Camera
+    fits: FitColumns
+    geometry: LaneGeometry
+
+
+def sense_rendered(
+    truth: Truth,
+    run: int,
+    road: Road,
+    vehicle: Vehicle,
+    *,
+    look: Look | None = None,
+    method: str = DEFAULT_METHOD,
+    noise: CameraNoise | None = None,
+    seed: int = 0,
+) -> RenderedDrive:
+    """Render one run, find its lanes, and sense speed and yaw rate.
+
+    Args:
+        truth: From `drive_lane`.
+        run: Which column of it.
+        road, vehicle: As given to `drive_lane`.
+        look: None: the defaults.
+        method: A key of `vision.methods.METHODS`. It is told the speed, not the yaw rate.
+        noise: Of speed and gyroscope; None: the defaults.
+        seed: Of everything.
+    """
+    look = look or Look()
+    drive = drive_of_run(
+        truth,
+        run,
+        road,
+        look=look.road,
+        weather=look.weather,
+        seed=seed,
+        rate_hz=look.rate_hz,
+        camera=look.camera,
+    )
+    others = sense_lane(truth, run, road, vehicle, noise=noise, seed=seed)
+    speed_mps = np.interp(to_ns(drive.time_s), others.speed.stamp_ns, others.speed.values)
+    camera = told_camera(drive.camera, look.pitch_error_rad)
+    fits = find_lanes(drive, camera, method, speed_mps, seed)
+    search = camera.resized(*METHODS[method].search_size(camera.width_px, camera.height_px))
+    geometry = lane_geometry(fits, search, preview_m=PREVIEW_M)
+    sensed = replace(
+        others,
+        index=np.rint(drive.time_s / STEP_S).astype(np.intp),
+        left_body=geometry.left_body,
+        right_body=geometry.right_body,
+        lanes=lane_samples(drive.time_s, geometry),
+    )
+    return RenderedDrive(sensed, drive, camera, fits, geometry)
+
+
+def told_camera(camera: RoadCamera, pitch_error_rad: float = 0.0) -> Camera:
+    """The renderer's camera at rest, as a user would describe it."""
+    return Camera(
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        mounting=Mounting(height_m=camera.height_m, pitch_rad=camera.pitch_rad + pitch_error_rad),
+    )
+
+
+def find_lanes(drive: RoadDrive, camera: Camera, method: str, speed_mps: FloatArray, seed: int = 0) -> FitColumns:
+    """The boundaries in every frame of a drive.
+
+    Args:
+        drive: Renders the frames.
+        camera: As the method is told, in the pixels of the frames.
+        method: A key of `METHODS`.
+        speed_mps: Shape (n,), at the frames.
+        seed: Of a random search.
+    """
+    chosen = METHODS[method]
+    size = chosen.search_size(camera.width_px, camera.height_px)
+    search, seen_by = chosen.make(seed), camera.resized(*size)
+    recorder = FitRecorder()
+    for number, stamp_ns in enumerate(to_ns(drive.time_s).tolist()):
+        grey = _resized(drive.frame(number).grey, size)
+        prepared = None if chosen.prepare is None else chosen.prepare(grey)
+        frame = LaneFrame(grey, seen_by, stamp_ns, number, speed_mps=float(speed_mps[number]), prepared=prepared)
+        recorder.append(search.step(frame))
+    return recorder.columns()
+
+
+def lane_samples(time_s: FloatArray, geometry: LaneGeometry) -> LaneSamples:
+    """What the observer is given of the lanes, at the stamps of the frames."""
+    return LaneSamples(
+        stamp_ns=to_ns(time_s),
+        lateral_deviation_m=geometry.lateral_deviation_m,
+        heading_deviation_rad=geometry.heading_deviation_rad,
+        curvature_1pm=geometry.curvature_1pm,
+        lateral_sigma_m=geometry.lateral_deviation_sigma_m,
+        heading_sigma_rad=geometry.heading_deviation_sigma_rad,
+        curvature_sigma_1pm=geometry.curvature_sigma_1pm,
+    )
+
+
+def _resized(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
+    """The picture in the size of the search, as `vision.frames` makes it."""
+    if grey.shape[1::-1] == size:
+        return grey
+    import cv2
+
+    shrinks = grey.shape[1] >= size[0] and grey.shape[0] >= size[1]
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR), np.uint8)
