@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,20 +13,17 @@ from cwcli.signals.columns import (
     Int64Array,
     OutputChannel,
     OutputField,
-    Ragged,
     Repeated,
     StreamedChannel,
-    Strings,
 )
+from cwcli.stages.painted_frames import StartImages, painted_channel
 from cwcli.vision.fit_columns import FitColumns
-from cwcli.vision.frames import DecodedFrame
 from cwcli.vision.ground import LaneGeometry
-from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, encode_jpeg, line_points
+from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
+from cwcli.vision.raw_images import Image
 
 LANES_TOPIC = "/cwcli/lanes"
 ANNOTATIONS_TOPIC = "/cwcli/lanes/annotations"
-StartImages = Callable[[Callable[[DecodedFrame], object]], Iterator[DecodedFrame]]
-ByteArray = npt.NDArray[np.uint8]
 
 LINE_STRIP = 3  # foxglove.PointsAnnotation.Type
 PIXELS_PER_THICKNESS = 320.0
@@ -89,6 +86,8 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
         "lane_width_m": geometry.lane_width_m,
         "camera_pitch_rad": frames.camera_pitch_rad,
         "camera_yaw_rad": frames.camera_yaw_rad,
+        "image_width_px": frames.image_size[:, 0],
+        "image_height_px": frames.image_size[:, 1],
     }
     return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", frames.log_time_ns, fields)
 
@@ -132,61 +131,21 @@ def rendered_channel(frames: LaneFrames, topic: str, *, frame_id: str, images: S
         frame_id: Of the camera.
         images: Starts the camera's frames anew, in colour; calls what it is given with each of them, in its thread.
     """
-    rendering = _Rendering(frames, images)
+    row_of = {index: row for row, index in enumerate(frames.index.tolist())}
 
-    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
-        made = rendering.rows(start, stop)
-        n = stop - start
-        offsets = np.concatenate([[0], np.cumsum([len(each) for each in made])]).astype(np.int64)
-        return {
-            "timestamp": frames.stamp_ns[start:stop],
-            "frame_id": Strings(np.zeros(n, np.int32), (frame_id,)),
-            "data": Ragged(np.concatenate(made) if made else np.zeros(0, np.uint8), offsets),
-            "format": Strings(np.zeros(n, np.int32), ("jpeg",)),
-        }
+    def paint(row: int, image: Image) -> Image:
+        points, is_in = _points(frames, slice(row, row + 1))
+        return burn_in(image, [points[0, side][is_in[0, side]] for side in range(2)])
 
-    return StreamedChannel(topic, "foxglove.CompressedImage", frames.log_time_ns, rows=rows)
-
-
-class _Rendering:
-    """Reads the camera's frames along as rows are asked for.
-
-    The rows that were asked for last are kept, because the next span may begin among them; a span that begins earlier
-    starts the frames again.
-    """
-
-    def __init__(self, frames: LaneFrames, images: StartImages) -> None:
-        self._frames = frames
-        self._start_images = images
-        self._images: Iterator[DecodedFrame] = iter(())
-        self._row_of = {index: row for row, index in enumerate(frames.index.tolist())}
-        self._kept: list[ByteArray] = []
-        self._kept_from = 0
-        self._is_started = False
-
-    def rows(self, start: int, stop: int) -> list[ByteArray]:
-        """The JPEG files of rows `start` to `stop`."""
-        end = self._kept_from + len(self._kept)
-        if not self._is_started or not self._kept_from <= start <= end:
-            self._images, self._is_started = self._start_images(self._render), True
-            self._kept, self._kept_from, end = [], start, start
-        self._kept, self._kept_from = self._kept[start - self._kept_from :], start
-        for decoded in self._images if end < stop else ():
-            row = self._row_of.get(decoded.index, -1)
-            if row >= end and isinstance(decoded.prepared, np.ndarray):
-                self._kept.append(decoded.prepared)
-            if row == stop - 1:
-                break
-        if len(self._kept) < stop - start:
-            raise RuntimeError(f"{len(self._kept)} of {stop - start} frames could be decoded again")
-        return self._kept[: stop - start]
-
-    def _render(self, decoded: DecodedFrame) -> ByteArray | None:
-        row = self._row_of.get(decoded.index)
-        if row is None or decoded.image is None:
-            return None
-        points, is_in = _points(self._frames, slice(row, row + 1))
-        return encode_jpeg(burn_in(decoded.image, [points[0, side][is_in[0, side]] for side in range(2)]))
+    return painted_channel(
+        topic,
+        stamp_ns=frames.stamp_ns,
+        log_time_ns=frames.log_time_ns,
+        frame_id=frame_id,
+        images=images,
+        row_of=lambda decoded: row_of.get(decoded.index, -1),
+        paint=paint,
+    )
 
 
 def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:

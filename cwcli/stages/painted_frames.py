@@ -1,0 +1,92 @@
+"""The camera's frames once more, with something drawn on each: a channel that is made while it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChannel, Strings
+from cwcli.vision.frames import DecodedFrame
+from cwcli.vision.overlay import encode_jpeg
+from cwcli.vision.raw_images import Image
+
+StartImages = Callable[[Callable[[DecodedFrame], object]], Iterator[DecodedFrame]]
+ByteArray = npt.NDArray[np.uint8]
+
+
+def painted_channel(
+    topic: str,
+    *,
+    stamp_ns: Int64Array,
+    log_time_ns: Int64Array,
+    frame_id: str,
+    images: StartImages,
+    row_of: Callable[[DecodedFrame], int],
+    paint: Callable[[int, Image], Image],
+) -> StreamedChannel:
+    """JPEG `foxglove.CompressedImage`, one for each of n rows.
+
+    Args:
+        topic: Where to publish.
+        stamp_ns, log_time_ns: Shape (n,).
+        frame_id: Of the camera.
+        images: Starts the camera's frames anew, in colour; calls what it is given with each of them, in its thread.
+        row_of: Which row a frame is, rising from frame to frame; -1: none.
+        paint: Row and colour image (height, width, 3) -> the image to publish. Called in several threads.
+    """
+    painting = _Painting(images, row_of, paint)
+
+    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+        made = painting.rows(start, stop)
+        n = stop - start
+        offsets = np.concatenate([[0], np.cumsum([len(each) for each in made])]).astype(np.int64)
+        return {
+            "timestamp": stamp_ns[start:stop],
+            "frame_id": Strings(np.zeros(n, np.int32), (frame_id,)),
+            "data": Ragged(np.concatenate(made) if made else np.zeros(0, np.uint8), offsets),
+            "format": Strings(np.zeros(n, np.int32), ("jpeg",)),
+        }
+
+    return StreamedChannel(topic, "foxglove.CompressedImage", log_time_ns, rows=rows)
+
+
+class _Painting:
+    """Reads the camera's frames along as rows are asked for.
+
+    The rows that were asked for last are kept, because the next span may begin among them; a span that begins earlier
+    starts the frames again.
+    """
+
+    def __init__(
+        self, images: StartImages, row_of: Callable[[DecodedFrame], int], paint: Callable[[int, Image], Image]
+    ) -> None:
+        self._start_images = images
+        self._row_of = row_of
+        self._paint = paint
+        self._images: Iterator[DecodedFrame] = iter(())
+        self._kept: list[ByteArray] = []
+        self._kept_from = 0
+        self._is_started = False
+
+    def rows(self, start: int, stop: int) -> list[ByteArray]:
+        """The JPEG files of rows `start` to `stop`."""
+        end = self._kept_from + len(self._kept)
+        if not self._is_started or not self._kept_from <= start <= end:
+            self._images, self._is_started = self._start_images(self._painted), True
+            self._kept, self._kept_from, end = [], start, start
+        self._kept, self._kept_from = self._kept[start - self._kept_from :], start
+        for decoded in self._images if end < stop else ():
+            row = self._row_of(decoded)
+            if row >= end and isinstance(decoded.prepared, np.ndarray):
+                self._kept.append(decoded.prepared)
+            if row == stop - 1:
+                break
+        if len(self._kept) < stop - start:
+            raise RuntimeError(f"{len(self._kept)} of {stop - start} frames could be decoded again")
+        return self._kept[: stop - start]
+
+    def _painted(self, decoded: DecodedFrame) -> ByteArray | None:
+        row = self._row_of(decoded)
+        return None if row < 0 or decoded.image is None else encode_jpeg(self._paint(row, decoded.image))
