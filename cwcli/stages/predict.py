@@ -19,6 +19,7 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
 from cwcli.signals.roles import bind
 from cwcli.stages.channels import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, predicted_paths
+from cwcli.stages.path_scene import path_scene
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.states import VehicleStates, read_states, require_ego, vehicle_rows
@@ -102,6 +103,7 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
             )
         )
         errors.extend(_errors(states, config))
+    channels.append(path_scene(channels))
     table = _table(errors)
     summary = Summary(
         title="predict",

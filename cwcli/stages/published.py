@@ -39,6 +39,7 @@ PUBLISHED = (
     Published("/cwcli/targets/scene", "foxglove.SceneUpdate", "track", "the targets, with velocity and id"),
     Published("/cwcli/ego/path", "cwcli.v1.PredictedPath", "predict"),
     Published("/cwcli/remote/path", "cwcli.v1.PredictedPath", "predict"),
+    Published("/cwcli/paths/scene", "foxglove.SceneUpdate", "predict", "the predicted paths as lines in `map`"),
     Published("/cwcli/warnings", "cwcli.v1.Warning", "warn"),
     Published("/cwcli/log", "foxglove.Log", "warn", "the warnings, in words"),
     Published("/cwcli/control/<policy>/state", "cwcli.v1.VehicleState", "control"),

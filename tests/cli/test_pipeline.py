@@ -20,7 +20,7 @@ from mcap.writer import Writer
 from tests.cli.conftest import ROOT, Run
 
 STATE_TOPICS = {"/cwcli/ego/state", "/cwcli/remote/state"}
-PATH_TOPICS = {"/cwcli/ego/path", "/cwcli/remote/path"}
+PATH_TOPICS = {"/cwcli/ego/path", "/cwcli/remote/path", "/cwcli/paths/scene"}
 WARNING_TOPICS = {"/cwcli/warnings", "/cwcli/log"}
 
 

@@ -1,0 +1,71 @@
+"""The predicted paths as viewers draw them, decoded by the official library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+from cwcli.logs.writer import LogWriter
+from cwcli.signals.columns import OutputChannel, Strings
+from cwcli.stages.path_scene import LIFETIME_NS, N_POINTS, PATH_SCENE_TOPIC, path_scene
+
+MS = 1_000_000
+K = 51
+
+
+def paths(topic: str, ids: list[str], times_ms: list[int]) -> OutputChannel:
+    """Paths that run east from (row, 0) to (row + 50, 0) in metres, one metre a point."""
+    n = len(times_ms)
+    names = tuple(dict.fromkeys(ids))
+    log_time_ns = np.array(times_ms, np.int64) * MS
+    return OutputChannel(
+        topic,
+        "cwcli.v1.PredictedPath",
+        log_time_ns,
+        {
+            "stamp_ns": log_time_ns - 5 * MS,
+            "id": Strings(np.array([names.index(each) for each in ids], np.int32), names),
+            "x_m": np.arange(n, dtype=np.float64)[:, None] + np.arange(K),
+            "y_m": np.zeros((n, K)),
+        },
+    )
+
+
+def scenes(channel: OutputChannel, folder: Path) -> list[tuple[int, Any]]:
+    with LogWriter(folder / "scene.mcap") as log:
+        log.write_columns(channel)
+    with (folder / "scene.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return [(row.message.log_time, row.decoded_message) for row in reader.iter_decoded_messages(PATH_SCENE_TOPIC)]
+
+
+def test_a_path_is_a_line_with_its_first_and_last_point(tmp_path: Path) -> None:
+    [(log_time_ns, scene)] = scenes(path_scene([paths("/cwcli/ego/path", ["ego"], [1000])]), tmp_path)
+    [entity] = scene.entities
+    [line] = entity.lines
+    assert log_time_ns == 1000 * MS
+    assert (entity.id, entity.frame_id, entity.timestamp.ToNanoseconds()) == ("ego", "map", 995 * MS)
+    assert entity.lifetime.ToNanoseconds() == LIFETIME_NS
+    assert [point.x for point in line.points] == [5.0 * k for k in range(N_POINTS)]
+    assert line.pose.orientation.w == 1.0 and line.thickness > 0 and line.color.a > 0
+
+
+def test_each_vehicle_is_thinned_for_itself_and_all_stand_in_log_time_order(tmp_path: Path) -> None:
+    times = list(range(0, 1000, 50))  # 20 Hz
+    ego = paths("/cwcli/ego/path", ["ego"] * 20, times)
+    others = paths("/cwcli/remote/path", ["a", "b"] * 20, [t + 3 for t in times for _ in range(2)])
+    drawn = scenes(path_scene([ego, others]), tmp_path)
+    names = [scene.entities[0].id for _, scene in drawn]
+    assert [time for time, _ in drawn] == sorted(time for time, _ in drawn)
+    assert {name: names.count(name) for name in names} == {"ego": 11, "a": 11, "b": 11}  # 950 ms in periods of 95
+    colors = {scene.entities[0].id: scene.entities[0].lines[0].color.r for _, scene in drawn}
+    assert colors["a"] == colors["b"] != colors["ego"]
+
+
+def test_ten_a_second_are_all_drawn_and_no_path_makes_an_empty_channel(tmp_path: Path) -> None:
+    assert len(scenes(path_scene([paths("/p", ["ego"] * 30, list(range(0, 3000, 100)))]), tmp_path)) == 30
+    assert len(path_scene([]).log_time_ns) == 0
