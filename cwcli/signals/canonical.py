@@ -144,6 +144,22 @@ class ImuSignal:
 
 
 @dataclass(frozen=True)
+class SteerSignal:
+    """Steering angle of the front wheels.
+
+    Attributes:
+        source: Topic.
+        stamp_ns, log_time_ns: Shape (n,).
+        steer_rad: Shape (n,), left positive.
+    """
+
+    source: str
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    steer_rad: FloatArray
+
+
+@dataclass(frozen=True)
 class RemoteSignal:
     """What other vehicles say of themselves over V2X (BSM, CAM), one row a message.
 
@@ -276,6 +292,7 @@ TimedSignal = (
     | SpeedSignal
     | HeadingSignal
     | ImuSignal
+    | SteerSignal
     | RemoteSignal
     | DetectionSignal
     | TargetTruthSignal

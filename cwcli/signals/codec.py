@@ -22,6 +22,7 @@ class Role(StrEnum):
     EGO_SPEED = "ego_speed"
     EGO_HEADING = "ego_heading"
     IMU = "imu"
+    EGO_STEER = "ego_steer"
     REMOTE = "remote"
     CAMERA = "camera"
     CAMERA_INFO = "camera_info"
@@ -33,6 +34,10 @@ class Role(StrEnum):
     EGO_PATH = "ego_path"
     REMOTE_PATH = "remote_path"
     TARGETS = "targets"
+    LANES = "lanes"
+    OBSERVER = "observer"
+    OBSERVER_PATH = "observer_path"
+    LATERAL_TRUTH = "lateral_truth"
 
 
 @dataclass(frozen=True)

@@ -131,6 +131,7 @@ _build_imu = _builder("build_imu.build_imu")
 _build_quaternion_heading = _builder("build_motion.build_quaternion_heading")
 _build_twist = _builder("build_motion.build_twist")
 _build_velocity_report = _builder("build_motion.build_velocity_report")
+_build_steering_report = _builder("build_steer.build_steering_report")
 _build_odometry_speed = _builder("build_pose.build_odometry_speed")
 _build_pose = _builder("build_pose.build_pose")
 _build_vehicle_state = _builder("build_pose.build_vehicle_state")
@@ -160,6 +161,8 @@ _ODOMETRY = _ros(
 _POSE_STAMPED = _ros(*_xyz("pose.position"), *_quaternion("pose.orientation"))
 _POSE_IN_FRAME = _foxglove(*_xyz("pose.position"), *_quaternion("pose.orientation"))
 _VELOCITY_REPORT = _ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
+_STEERING_REPORT: Fields = {name: ("stamp.sec", "stamp.nanosec", "steering_tire_angle") for name in ("cdr", "json")}
+_ACKERMANN = _ros("drive.steering_angle")
 _CAMERA_INFO = _ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
 _CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P")
 _STATE: Fields = {
@@ -312,6 +315,10 @@ INPUTS: dict[str, tuple[Input, ...]] = {
     "foxglove_msgs/PoseInFrame": _pose(_POSE_IN_FRAME),
     "autoware_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, _build_velocity_report),),
     "autoware_auto_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, _build_velocity_report),),
+    "autoware_vehicle_msgs/SteeringReport": (Input(Role.EGO_STEER, _STEERING_REPORT, _build_steering_report),),
+    "autoware_auto_vehicle_msgs/SteeringReport": (Input(Role.EGO_STEER, _STEERING_REPORT, _build_steering_report),),
+    # often what was commanded, not what was measured
+    "ackermann_msgs/AckermannDriveStamped": (Input(Role.EGO_STEER, _ACKERMANN, _build_steering_report, rank=None),),
     "sensor_msgs/CompressedImage": _CAMERA,
     "sensor_msgs/Image": _CAMERA,
     "foxglove.CompressedImage": _CAMERA,
@@ -348,7 +355,13 @@ INPUTS: dict[str, tuple[Input, ...]] = {
         Input(Role.EGO_STATE, _STATE, None),
         Input(Role.REMOTE_STATE, _STATE, None),
     ),
-    "cwcli.v1.PredictedPath": (Input(Role.EGO_PATH, {}, None), Input(Role.REMOTE_PATH, {}, None)),
+    "cwcli.v1.PredictedPath": (
+        Input(Role.EGO_PATH, {}, None),
+        Input(Role.REMOTE_PATH, {}, None),
+        Input(Role.OBSERVER_PATH, {}, None),
+    ),
+    "cwcli.v1.Lanes": (Input(Role.LANES, {}, None),),
+    "cwcli.v1.LateralState": (Input(Role.OBSERVER, {}, None), Input(Role.LATERAL_TRUTH, {}, None)),
 }
 
 

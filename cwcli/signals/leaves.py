@@ -9,7 +9,7 @@ from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-_SECONDS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec")
+_SECONDS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec", "stamp.sec")
 _NANOSECONDS = (
     "header.stamp.nanosec",
     "header.stamp.nsecs",
@@ -17,6 +17,7 @@ _NANOSECONDS = (
     "timestamp.nanos",
     "timestamp.nsec",
     "timestamp.nanosec",
+    "stamp.nanosec",
 )
 
 

@@ -31,6 +31,9 @@ OWN_TOPICS: dict[Role, str] = {
     Role.EGO_PATH: "/cwcli/ego/path",
     Role.REMOTE_PATH: "/cwcli/remote/path",
     Role.TARGETS: "/cwcli/targets",
+    Role.LANES: "/cwcli/lanes",
+    Role.OBSERVER: "/cwcli/observer",
+    Role.OBSERVER_PATH: "/cwcli/observer/path",
 }
 ROLE_TEXT: dict[Role, str] = {
     Role.EGO_POSITION: "the ego position",
@@ -38,6 +41,7 @@ ROLE_TEXT: dict[Role, str] = {
     Role.EGO_SPEED: "the ego speed",
     Role.EGO_HEADING: "the ego heading",
     Role.IMU: "the inertial measurements",
+    Role.EGO_STEER: "the ego steering angle",
     Role.REMOTE: "the remote vehicles",
     Role.CAMERA: "the camera",
     Role.CAMERA_INFO: "the camera's calibration",
@@ -49,12 +53,17 @@ ROLE_TEXT: dict[Role, str] = {
     Role.EGO_PATH: "the ego path",
     Role.REMOTE_PATH: "the remote vehicles' paths",
     Role.TARGETS: "the tracked targets",
+    Role.LANES: "the lane boundaries",
+    Role.OBSERVER: "the observed lateral motion",
+    Role.OBSERVER_PATH: "the path from the observer",
+    Role.LATERAL_TRUTH: "the truth of the lateral motion",
 }
 _ESTIMATE_FIRST = "run `cwcli estimate LOG -o estimated.mcap` first"
 _PREDICT_FIRST = "run `cwcli predict LOG -o predicted.mcap` first"
 ROLE_HINT: dict[Role, str] = {
     Role.EGO_POSITION: "a position is a NavSatFix, a LocationFix, an Odometry, or the ego's own V2X messages "
     "(--ego-station ID)",
+    Role.EGO_SPEED: "a speed is a TwistStamped, a VelocityReport or the twist of an Odometry",
     Role.REMOTE: "remote vehicles are read from BSM and CAM messages",
     Role.DETECTIONS: "detections are a RadarScan, RadarTracks, a Detection3DArray, a SceneUpdate with cubes, or JSON "
     "(docs/detections.md)",
@@ -63,8 +72,11 @@ ROLE_HINT: dict[Role, str] = {
     Role.EGO_PATH: _PREDICT_FIRST,
     Role.REMOTE_PATH: _PREDICT_FIRST,
     Role.TARGETS: "run `cwcli track LOG -o tracked.mcap` first, after `cwcli estimate`",
+    Role.LANES: "run `cwcli lanes LOG -o lanes.mcap` first",
+    Role.OBSERVER: "run `cwcli observe LOG -o observed.mcap` first, after `cwcli lanes`",
+    Role.OBSERVER_PATH: "run `cwcli predict LOG --from observer -o predicted.mcap` first, after `cwcli observe`",
 }
-TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH})
+TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH, Role.LATERAL_TRUTH})
 MANY_TOPICS = frozenset({Role.REMOTE, Role.DETECTIONS})
 MAY_BE_EMPTY = frozenset({Role.TARGETS})
 """Roles for which a channel without messages is an answer: the road was empty."""

@@ -1,0 +1,27 @@
+"""Steering angle: Autoware's `SteeringReport`, `AckermannDriveStamped`."""
+
+from __future__ import annotations
+
+from cwcli.signals.canonical import SteerSignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.codec import Reading
+from cwcli.signals.columns import Columns
+from cwcli.signals.leaves import numbers, stamps
+from cwcli.signals.limits import MAX_STEER_RAD, reject_unusable
+from cwcli.signals.quality import Quality, RowLedger
+
+
+def build_steering_report(columns: Columns, reading: Reading) -> tuple[SteerSignal, Quality]:
+    """Build a steering angle of the front wheels; both message types count it in radians, left positive."""
+    ledger = RowLedger(columns, reading.role)
+    steer_rad = numbers(columns, "steering_tire_angle", "drive.steering_angle")
+    reject_unusable(ledger, steer_rad, MAX_STEER_RAD)
+    timeline = settle(ledger, *stamps(columns), reading.clock, [steer_rad])
+    rows = timeline.rows
+    signal = SteerSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        steer_rad=steer_rad[rows],
+    )
+    return signal, ledger.quality
