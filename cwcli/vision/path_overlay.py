@@ -1,0 +1,168 @@
+"""A path on the road drawn into the camera's image: its middle, the car's width along it, and how uncertain it is.
+
+Paths are in the body frame (x forward, y left of the car's centre line), from the centre of gravity. The road is taken
+to be flat. A line is sampled so that its points are about evenly spaced in the image, from the image's lowest row on to
+the end of the path; what lies outside the image is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import Camera
+from cwcli.vision.raw_images import Image
+
+BoolArray = npt.NDArray[np.bool_]
+
+N_POINTS = 32
+LINES = ("centre", "left", "right", "band_left", "band_right")
+MIN_NEAR_M = 1.0
+DEFAULT_NEAR_M = 3.0
+"""Where the lowest row looks above the horizon."""
+Z_90 = 1.6448536269514722
+
+PATH_RGB = (0.1, 0.75, 1.0)
+FILL_ALPHA = 0.35
+SHIFT = 4
+"""Fraction bits of what is drawn."""
+FARTHEST_PX = 20_000.0
+MIN_STEP_M = 1e-3
+
+
+@dataclass(frozen=True)
+class BodyPath:
+    """One path in the body frame.
+
+    Attributes:
+        x_m, y_m, heading_rad: Shape (k,), from the centre of gravity; x forward, y left.
+        position_covariance_m2: Shape (k, 3): xx, xy, yy.
+    """
+
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    position_covariance_m2: FloatArray
+
+
+@dataclass(frozen=True)
+class PathLines:
+    """The path in the pixels of the camera's image: (0, 0) is the centre of the top left pixel.
+
+    Attributes:
+        points: Shape (5, `N_POINTS`, 2): u and v of each of `LINES`, from near to far; NaN where a point is behind the
+            camera.
+        is_in: Shape (5, `N_POINTS`): the point lies in the image.
+    """
+
+    points: FloatArray
+    is_in: BoolArray
+
+    def line(self, name: str) -> FloatArray:
+        """The points of one of `LINES` that lie in the image, shape (m, 2)."""
+        at = LINES.index(name)
+        kept: FloatArray = self.points[at][self.is_in[at]]
+        return kept
+
+    def band(self) -> FloatArray:
+        """The 90 % band as one polygon in the image, shape (m, 2): up its left side, down its right one."""
+        left, right = LINES.index("band_left"), LINES.index("band_right")
+        both = self.is_in[left] & self.is_in[right]
+        return np.concatenate([self.points[left][both], self.points[right][both][::-1]])
+
+
+NOTHING = PathLines(np.full((len(LINES), N_POINTS, 2), np.nan), np.zeros((len(LINES), N_POINTS), np.bool_))
+
+
+def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward_m: float = 0.0) -> PathLines:
+    """Project a path into the image.
+
+    The corridor is the car's width along the path. The band holds the path's place across it with 90 %; it is empty
+    where the covariance is not known.
+
+    Args:
+        path: The path.
+        camera: In the pixels of the image, with the pitch and yaw of this frame.
+        width_m: Of the car.
+        camera_forward_m: Of the camera ahead of the centre of gravity.
+    """
+    x_m, y_m, heading_rad, across_m = _sampled(path, camera, camera_forward_m)
+    if not len(x_m):
+        return NOTHING
+    offsets = np.stack(
+        [np.zeros_like(x_m), *(np.full_like(x_m, sign * width_m / 2) for sign in (1, -1)), across_m, -across_m]
+    )
+    forward = x_m - offsets * np.sin(heading_rad) - camera_forward_m
+    left = y_m + offsets * np.cos(heading_rad)
+    u, v = camera.image_from_ground(forward.ravel(), left.ravel())
+    points = np.stack([u, v], axis=-1).reshape(len(LINES), N_POINTS, 2)
+    with np.errstate(invalid="ignore"):
+        size = np.array([camera.width_px, camera.height_px])
+        is_in = np.asarray(((points >= -0.5) & (points <= size - 0.5)).all(axis=-1), np.bool_)
+    return PathLines(points, is_in)
+
+
+def ground_near_m(camera: Camera) -> float:
+    """How far ahead of the camera the middle of the image's lowest row shows the road."""
+    x_m, _ = camera.ground_from_image(np.array([(camera.width_px - 1) / 2]), np.array([camera.height_px - 0.5]))
+    near_m = float(x_m[0])
+    return max(near_m, MIN_NEAR_M) if math.isfinite(near_m) else DEFAULT_NEAR_M
+
+
+def _sampled(
+    path: BodyPath, camera: Camera, camera_forward_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """x, y, heading and 90 % half width of the band at `N_POINTS` places along the path; empty if it is too short."""
+    nothing = np.zeros(0)
+    known = np.isfinite(path.x_m + path.y_m + path.heading_rad)
+    if not known.all():
+        return nothing, nothing, nothing, nothing
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(path.x_m), np.diff(path.y_m)))])
+    near_m = ground_near_m(camera)
+    start, end = near_m + camera_forward_m, float(driven[-1])
+    if end <= start + MIN_STEP_M:
+        return nothing, nothing, nothing, nothing
+    # A step in 1 / distance is a step in image rows.
+    at = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_POINTS) + camera_forward_m
+    moving = np.concatenate([[True], np.diff(driven) > 0.0])
+    cos, sin = np.cos(path.heading_rad), np.sin(path.heading_rad)
+    xx, xy, yy = path.position_covariance_m2.T
+    across = Z_90 * np.sqrt(np.maximum(sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy, 0.0))
+    x_m, y_m, heading_rad, across_m = (
+        np.interp(at, driven[moving], values[moving]) for values in (path.x_m, path.y_m, path.heading_rad, across)
+    )
+    return x_m, y_m, heading_rad, across_m
+
+
+def paint_path(image: Image, lines: PathLines) -> Image:
+    """The image with the path on it: the car's corridor as thin lines, the band filled lightly, the middle as a line.
+
+    Args:
+        image: Shape (height, width, 3), blue, green, red.
+        lines: In its pixels.
+    """
+    import cv2
+
+    drawn = image.copy()
+    colour = tuple(round(255 * part) for part in reversed(PATH_RGB))
+    thin = max(1, round(image.shape[1] / 640))
+    band = lines.band()
+    if len(band) > 2:
+        filled = drawn.copy()
+        cv2.fillPoly(filled, [_fixed(band)], colour, cv2.LINE_AA, SHIFT)
+        drawn = np.asarray(cv2.addWeighted(filled, FILL_ALPHA, drawn, 1.0 - FILL_ALPHA, 0.0), np.uint8)
+    for name, width in (("left", thin), ("right", thin), ("centre", 2 * thin)):
+        points = lines.points[LINES.index(name)]
+        there = points[np.isfinite(points).all(axis=1)]
+        if len(there) > 1:
+            cv2.polylines(drawn, [_fixed(there)], False, colour, width, cv2.LINE_AA, SHIFT)
+    return drawn
+
+
+def _fixed(points: FloatArray) -> npt.NDArray[np.int32]:
+    near = np.clip(points, -FARTHEST_PX, FARTHEST_PX)
+    return np.round(near * (1 << SHIFT)).astype(np.int32).reshape(-1, 1, 2)
