@@ -28,9 +28,11 @@ COMMANDS = {
     "warn": "Warn of collisions from the predicted paths.",
     "control": "Replay each warning with a braking controller at the pedals.",
     "lanes": "Find the lane boundaries in camera frames.",
+    "observe": "Observe lateral speed and yaw rate from the lane.",
     "run": "Estimate, predict and warn in one pass.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",
+    "layout": "Make a viewer layout that shows every channel of cwcli.",
     "demo": "Estimate, predict and warn on two bundled logs.",
 }
 """Name -> one line of help, in the order of `cwcli --help`. The code is in `cwcli/cli/commands/<name>.py`."""

@@ -126,6 +126,7 @@ def observe_blended(
         steer_rad=np.where(np.isfinite(state[:, 0]), inputs[:, 0], np.nan),
         curvature_1pm=np.asarray(lanes.curvature_1pm, dtype=np.float64),
         mass_kg=np.full(n, vehicle.mass_kg),
+        mass_sigma_kg=np.full(n, np.nan),
         status=status,
         counts=count_statuses(status),
         notes=() if yaw_rate is None else ("the measured yaw rate is not used by zhang2011's observers",),

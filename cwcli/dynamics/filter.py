@@ -163,10 +163,18 @@ def observe_filter(
         steer_rad=x[:, STEER],
         curvature_1pm=x[:, CURVATURE],
         mass_kg=vehicle.mass_kg / x[:, LOAD] if n else np.zeros(0),
+        mass_sigma_kg=_mass_sigma(x, p, vehicle, config),
         status=status,
         counts=count_statuses(status),
         notes=tuple(notes),
     )
+
+
+def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
+    """First order: the mass is the nominal one over the state. NaN where it is not estimated."""
+    if not config.estimate_load:
+        return np.full(len(x), np.nan)
+    return np.asarray(vehicle.mass_kg / x[:, LOAD] ** 2 * np.sqrt(p[:, LOAD, LOAD]))
 
 
 def _lane_rows(lanes: LaneSamples, noise: FilterNoise) -> tuple[FloatArray, FloatArray]:

@@ -89,6 +89,7 @@ class LateralTrack:
         steer_rad: Shape (n,), left positive.
         curvature_1pm: Shape (n,): of the road at the preview point, right bend positive.
         mass_kg: Shape (n,): the load as estimated, or as assumed.
+        mass_sigma_kg: Shape (n,): of the estimate; NaN where it is assumed.
         status: Shape (n,), values of `Status`.
         counts: Name of a status -> frames.
         notes: One line each, for people.
@@ -101,6 +102,7 @@ class LateralTrack:
     steer_rad: FloatArray
     curvature_1pm: FloatArray
     mass_kg: FloatArray
+    mass_sigma_kg: FloatArray
     status: npt.NDArray[np.int8]
     counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()

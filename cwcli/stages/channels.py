@@ -72,7 +72,7 @@ def vehicle_states(
         "length_m": length_m,
         "width_m": width_m,
     }
-    return _sorted(OutputChannel(topic, "cwcli.v1.VehicleState", log_time_ns, fields))
+    return in_log_order(OutputChannel(topic, "cwcli.v1.VehicleState", log_time_ns, fields))
 
 
 def predicted_paths(
@@ -93,7 +93,7 @@ def predicted_paths(
         "speed_mps": paths.speed_mps,
         "position_covariance": paths.position_covariance_m2.reshape(n, 3 * len(paths.time_s)),
     }
-    return _sorted(OutputChannel(topic, "cwcli.v1.PredictedPath", log_time_ns, fields))
+    return in_log_order(OutputChannel(topic, "cwcli.v1.PredictedPath", log_time_ns, fields))
 
 
 def viewer_channels(
@@ -164,7 +164,7 @@ def pose_channel(topic: str, stamp_ns: Int64Array, state: FloatArray) -> OutputC
     return OutputChannel(topic, "foxglove.PoseInFrame", stamp_ns, fields)
 
 
-def _sorted(channel: OutputChannel) -> OutputChannel:
+def in_log_order(channel: OutputChannel) -> OutputChannel:
     """The channel with its rows in log-time order (stable)."""
     order = np.argsort(channel.log_time_ns, kind="stable")
     if np.array_equal(order, np.arange(len(order))):

@@ -39,7 +39,8 @@ NEEDS: dict[str, Need] = {
     ),
     "warn": Need(required=("ego_state", "ego_path", "remote_state", "remote_path")),
     "control": Need(required=("ego_state", "remote_state")),
-    "lanes": Need(required=("camera",), used=("camera_info",)),
+    "lanes": Need(required=("camera",), used=("camera_info",), added={"lanes": "camera"}),
+    "observe": Need(required=("lanes", "ego_speed"), used=("imu", "ego_steer", "lateral_truth")),
 }
 """In the order in which the stages run."""
 

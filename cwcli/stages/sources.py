@@ -44,11 +44,13 @@ class Sources:
         by_role: Role -> its signals, one per bound channel that has a usable row.
         qualities: What happened to each channel's messages.
         notes: For the user.
+        columns: Topic -> columns of the channels that were asked for beside the roles', of the chosen span.
     """
 
     by_role: Mapping[Role, tuple[Signal, ...]]
     qualities: tuple[Quality, ...]
     notes: tuple[str, ...]
+    columns: Mapping[str, Columns] = field(default_factory=dict)
 
     def counts(self) -> tuple[InputCount, ...]:
         """The qualities as lines of the summary."""
@@ -59,9 +61,22 @@ class Sources:
 
 
 def read_sources(
-    log: Log, config: SourceConfig, *, command: str, required: Collection[Role], optional: Collection[Role]
+    log: Log,
+    config: SourceConfig,
+    *,
+    command: str,
+    required: Collection[Role],
+    optional: Collection[Role],
+    also: Collection[str] = (),
 ) -> Sources:
     """Read the signals that a stage needs.
+
+    Args:
+        log: The log.
+        config: Which channels, and how.
+        command: For messages.
+        required, optional: Roles.
+        also: Further topics, read whole in the same pass; the stage makes of their columns what it likes.
 
     Raises:
         MissingSignalError: A required role has no channel, or more than one, or no message of the ego.
@@ -82,7 +97,7 @@ def read_sources(
     for bindings in bound.by_role.values():
         for binding in bindings:
             wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
-    loaded = log.load(wanted)
+    loaded = log.load({**wanted, **dict.fromkeys(also)})
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
     for role, bindings in bound.by_role.items():
@@ -102,7 +117,8 @@ def read_sources(
                 is_cut = config.start_ns is not None or config.end_ns is not None
                 require_rows(quality, where=log.name, is_cut=is_cut)
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
-    return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)))
+    columns = {topic: logged_within(loaded[topic], config.start_ns, config.end_ns) for topic in also}
+    return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), columns)
 
 
 def logged_within(columns: Columns, start_ns: int | None, end_ns: int | None) -> Columns:

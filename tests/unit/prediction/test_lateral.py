@@ -30,6 +30,7 @@ def track_of(
         steer_rad=np.zeros(n),
         curvature_1pm=np.full(n, -bend),
         mass_kg=np.full(n, 1215.0),
+        mass_sigma_kg=np.full(n, np.nan),
         status=np.zeros(n, np.int8),
     )
 

@@ -1,0 +1,203 @@
+"""Stage `observe`: lane boundaries and the ego's speed in, lateral speed and yaw rate out (zhang2011, section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.dynamics.config import ObserverConfig
+from cwcli.dynamics.observer import observe as observe_lateral
+from cwcli.dynamics.samples import PREVIEW_M, LaneSamples, LateralTrack, Status
+from cwcli.dynamics.single_track import critical_speed_mps
+from cwcli.dynamics.vehicle import Vehicle, load_vehicle
+from cwcli.errors import DataError, MissingSignalError
+from cwcli.logs.log import Log
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import Columns, Int64Array
+from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.roles import Bindings, bind
+from cwcli.stages.observe_inputs import Inputs, inputs_of
+from cwcli.stages.observe_summary import observer_section, observer_table, truth_errors, truth_section
+from cwcli.stages.observer_channel import VEHICLE_ENTRY, observer_channel, vehicle_entry
+from cwcli.stages.result import InputCount, StageResult, Summary
+from cwcli.stages.run_record import run_record
+from cwcli.stages.sources import SourceConfig, read_sources
+
+LANE_VALUES = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
+LANE_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
+SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
+REPEATED = "stamp repeated"
+OUT_OF_ORDER = "stamp out of order, sorted"
+NO_VALUE = "no boundary found"
+
+
+@dataclass(frozen=True)
+class ObserveConfig:
+    """Settings of the stage.
+
+    Attributes:
+        vehicle: The car; None: the shipped example, which is noted.
+        observer: Method and its options; the preview distance is that of the lanes.
+        use_gyro: Fuse a measured yaw rate, if the log has one.
+        use_steer: Use a measured steering angle, if the log has one.
+        topics: Role -> topic, the user's choices.
+        start_ns, end_ns: Only messages logged in this span are used.
+    """
+
+    vehicle: Vehicle | None = None
+    observer: ObserverConfig = field(default_factory=ObserverConfig)
+    use_gyro: bool = True
+    use_steer: bool = True
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+
+def observe(log: Log, config: ObserveConfig) -> StageResult:
+    """Observe the lateral motion at every frame of the lanes.
+
+    Raises:
+        MissingSignalError: The log has no lanes, or nothing tells the ego's speed.
+        UsageError: An unknown method, or a setting out of its range.
+        DataError: The lanes are of another version, or the speed covers none of the frames.
+    """
+    own = bind(
+        log.channels,
+        config.topics,
+        required=(Role.LANES,),
+        optional=(Role.EGO_STATE, Role.LATERAL_TRUTH),
+        where=log.name,
+        command="observe",
+    )
+    sources = read_sources(
+        log,
+        SourceConfig(topics=config.topics, start_ns=config.start_ns, end_ns=config.end_ns),
+        command="observe",
+        required=(),
+        optional=SENSORS,
+        also=[bindings[0].topic for bindings in own.by_role.values()],
+    )
+    lanes_topic = own.by_role[Role.LANES][0].topic
+    lanes, log_time_ns, preview_m, lanes_count = read_lanes(sources.columns[lanes_topic], where=log.name)
+    state_topic = own.topic(Role.EGO_STATE)
+    inputs = inputs_of(
+        sources,
+        None if state_topic is None else sources.columns[state_topic],
+        use_gyro=config.use_gyro,
+        use_steer=config.use_steer,
+    )
+    if inputs.speed is None:
+        raise _no_speed(log, config)
+    vehicle = config.vehicle or load_vehicle()
+    track = observe_lateral(
+        lanes,
+        inputs.speed,
+        vehicle,
+        replace(config.observer, preview_m=preview_m),
+        yaw_rate=inputs.yaw_rate,
+        steer=inputs.steer,
+    )
+    if (track.status == Status.NO_SPEED).all():
+        raise DataError(
+            "the speed covers none of the frames",
+            where=f"{log.name}: {inputs.speed_source}",
+            hint="compare the two channels' times; their clocks may differ",
+        )
+    table = observer_table(track)
+    tables = {table.name: table}
+    sections = [observer_section(track, inputs)]
+    truth_topic = own.topic(Role.LATERAL_TRUTH)
+    if truth_topic is not None and len(sources.columns[truth_topic]):
+        errors = truth_errors(track, sources.columns[truth_topic])
+        tables[errors.name] = errors
+        sections.append(truth_section(errors, truth_topic))
+    summary = Summary(
+        title=f"observe ({config.observer.method})",
+        sections=tuple(sections),
+        inputs=(lanes_count, *inputs.counts),
+        notes=_notes(own, inputs, track, vehicle, config),
+    )
+    record = run_record("observe", log, config, summary, **{VEHICLE_ENTRY: vehicle_entry(vehicle)})
+    return StageResult("observe", (observer_channel(track, log_time_ns, preview_m),), tables, summary, record)
+
+
+def read_lanes(columns: Columns, *, where: str) -> tuple[LaneSamples, Int64Array, float, InputCount]:
+    """The lanes at the preview point, in the order of their stamps; log times, preview distance, and what became of them.
+
+    Raises:
+        DataError: A field is missing, or the preview distance changes.
+        MissingSignalError: There is no message.
+    """
+    if not len(columns):
+        raise MissingSignalError("no frame is in the log, or none between --start and --end", where=_at(where, columns))
+    missing = [name for name in ("stamp_ns", *LANE_VALUES, "preview_distance_m") if name not in columns.fields]
+    if missing:
+        raise DataError(
+            f"the channel has no field `{missing[0]}`",
+            where=_at(where, columns),
+            hint="write it again with this version of cwcli (`--replace`)",
+        )
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
+    rows, repaired = _in_order(stamp_ns)
+    previews = np.unique(numbers(columns, "preview_distance_m")[rows])
+    if len(previews) > 1:
+        raise DataError(
+            f"the preview distance changes within the channel: {previews[0]:g} and {previews[1]:g} m",
+            where=_at(where, columns),
+        )
+    values = [numbers(columns, name)[rows] for name in LANE_VALUES]
+    sigmas = [numbers(columns, name)[rows] for name in LANE_SIGMAS]
+    lanes = LaneSamples(stamp_ns[rows], *values, *sigmas)
+    n_empty = int(np.count_nonzero(~np.isfinite(values).any(axis=0)))
+    count = InputCount(
+        columns.topic,
+        Role.LANES.value,
+        len(columns),
+        len(rows) - n_empty,
+        rejected={REPEATED: len(columns) - len(rows)} if len(rows) < len(columns) else {},
+        repaired={OUT_OF_ORDER: repaired} if repaired else {},
+        set_aside={NO_VALUE: n_empty} if n_empty else {},
+    )
+    preview_m = float(previews[0])
+    return lanes, columns.log_time_ns[rows], preview_m if preview_m > 0.0 else PREVIEW_M, count
+
+
+def _at(where: str, columns: Columns) -> str:
+    return f"{where}: {columns.topic}" if where else columns.topic
+
+
+def _in_order(stamp_ns: Int64Array) -> tuple[npt.NDArray[np.intp], int]:
+    """Rows by stamp, the first of each stamp; and how many were not in their place."""
+    order = np.argsort(stamp_ns, kind="stable")
+    n_moved = int(np.count_nonzero(np.diff(stamp_ns) < 0))
+    return order[np.concatenate([[True], np.diff(stamp_ns[order]) > 0])], n_moved
+
+
+def _no_speed(log: Log, config: ObserveConfig) -> MissingSignalError:
+    """Why there is no speed: none of the channels, several of them, or none with a usable message."""
+    try:
+        bind(log.channels, config.topics, required=(Role.EGO_SPEED,), where=log.name, command="observe")
+    except MissingSignalError as error:
+        return error
+    return MissingSignalError(
+        "no message tells the ego speed (needed by `cwcli observe`)",
+        where=log.name,
+        hint="see which messages were rejected with `cwcli estimate`, or choose another channel with --topic ego_speed",
+    )
+
+
+def _notes(
+    own: Bindings, inputs: Inputs, track: LateralTrack, vehicle: Vehicle, config: ObserveConfig
+) -> tuple[str, ...]:
+    notes = [*own.notes, *inputs.notes, *track.notes]
+    if config.vehicle is None:
+        notes.append(f"no car was named: the shipped example {vehicle.name} is assumed (--vehicle)")
+    critical_mps = critical_speed_mps(vehicle)
+    if np.nanmax(track.speed_mps) > critical_mps:
+        notes.append(f"{vehicle.name} oversteers and is unstable above {critical_mps:.1f} m/s")
+    if not np.isfinite(track.state[:, 0]).any():
+        notes.append("no frame has a state")
+    return tuple(notes)
