@@ -1,0 +1,70 @@
+"""`cwcli layout`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.shared import ForceOption, TalkOptions
+from cwcli.cli.report import print_written
+from cwcli.errors import UsageError
+
+EXAMPLES = ("cwcli layout -o cwcli.foxglove.json", "cwcli layout drive.mcap -o drive.foxglove.json")
+
+
+def command(
+    talk: TalkOptions,
+    log: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="LOG",
+            show_default=False,
+            help="MCAP file whose own fixes, cameras and truth are shown too; - is standard input.",
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            show_default="-",
+            help="Write the layout here; - is standard output.",
+        ),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Make a viewer layout that shows every channel of cwcli.
+
+    The file is JSON, as Foxglove exports it: import it there, or in Lichtblick, with "Import from file".
+    """
+    output = stdout_or_file(output) or "-"
+    if output == "-" and talk.json:
+        raise UsageError("--json and -o - both want standard output", hint="write the layout to a file")
+    from cwcli.output import check_target, write_file
+    from cwcli.stages.layout import LogTopics, layout, log_topics
+
+    inputs = [Path(log)] if log not in (None, "-") and Path(str(log)).is_file() else []
+    if output != "-":
+        check_target(output, force=force, inputs=inputs)
+    topics = LogTopics()
+    if log is not None:
+        from cwcli.logs.log import Log
+
+        with Log.open(log) as opened:
+            topics = log_topics(opened)
+    document = layout(topics)
+    text = json.dumps(document, indent=2, allow_nan=False)
+    console = Console(quiet=talk.quiet)
+    if output == "-":
+        console.data(text)
+        return
+    write_file(output, f"{text}\n".encode(), force=force, inputs=inputs)
+    if talk.json:
+        console.data(json.dumps({"command": "layout", "output": output, "panels": len(document["configById"])}))
+    else:
+        print_written(console, [output])

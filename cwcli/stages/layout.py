@@ -1,0 +1,291 @@
+"""A viewer layout that shows every channel of `published.PUBLISHED`, and the log's own fixes, cameras and truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from cwcli.control.encounter import POLICIES
+from cwcli.logs.log import Log
+from cwcli.signals.codec import Role
+from cwcli.signals.inputs import input_for
+from cwcli.signals.roles import OWN_TOPIC_PREFIX, ChannelLike, bind
+from cwcli.stages.channels import BODY_FRAME, MAP_FRAME
+from cwcli.stages.layout_panels import Mosaic, Panels, Series, Settings, column, path, row, split
+from cwcli.stages.published import topics
+
+FIX_SCHEMAS = frozenset(
+    {"sensor_msgs/NavSatFix", "sensor_msgs/msg/NavSatFix", "foxglove.LocationFix", "foxglove.LocationFixes"}
+)
+"""What the viewer's map draws."""
+DRAWN_SCHEMAS = frozenset(
+    {
+        "foxglove.SceneUpdate",
+        "foxglove.PoseInFrame",
+        "foxglove.PosesInFrame",
+        "foxglove.PointCloud",
+        "foxglove.LaserScan",
+        "sensor_msgs/msg/PointCloud2",
+        "sensor_msgs/msg/LaserScan",
+        "visualization_msgs/msg/MarkerArray",
+    }
+)
+"""What its 3D panel draws, of what drives hold."""
+STATE_SCHEMA = "cwcli.v1.VehicleState"
+MEASURED_SPEED = ("longitudinal_velocity", "twist.twist.linear.x", "twist.linear.x", "data")
+MEASURED_YAW_RATE = ("angular_velocity.z",)
+MAX_CAMERAS = 4
+
+RAW_COLOR, ESTIMATED_COLOR = "#ff8c00", "#2680ff"
+VIEW_HEIGHT_M = 120.0
+GRID_M = 1000.0
+STAGE_TABS = ("Drive", "Signals", "Warnings", "Lanes", "Targets", "Control", "Messages")
+
+
+@dataclass(frozen=True)
+class CameraTopics:
+    """A camera of a log: its images, and its calibration or None."""
+
+    images: str
+    calibration: str | None
+
+
+@dataclass(frozen=True)
+class LogTopics:
+    """A log's own topics that the layout shows beside cwcli's; without a log there are none.
+
+    Attributes:
+        fixes: Positions on the globe.
+        cameras: Cameras, the first is in front.
+        drawn: For the 3D panel.
+        truth: Reference states (`cwcli.v1.VehicleState`).
+        speed, yaw_rate: Message paths of what the car measured.
+    """
+
+    fixes: tuple[str, ...] = ()
+    cameras: tuple[CameraTopics, ...] = ()
+    drawn: tuple[str, ...] = ()
+    truth: tuple[str, ...] = ()
+    speed: tuple[str, ...] = ()
+    yaw_rate: tuple[str, ...] = ()
+
+
+def log_topics(log: Log) -> LogTopics:
+    """Which of a log's channels the layout shows; the channels that cwcli itself publishes are not repeated."""
+    published = topics()
+    others = [channel for channel in log.channels if channel.topic not in published]
+    infos = _named(others, lambda channel: input_for(Role.CAMERA_INFO, channel.schema_name) is not None)
+    images = _named(others, lambda channel: input_for(Role.CAMERA, channel.schema_name) is not None)
+    own = [channel for channel in others if not channel.topic.startswith(OWN_TOPIC_PREFIX)]
+    return LogTopics(
+        fixes=_named(own, lambda channel: channel.schema_name in FIX_SCHEMAS),
+        cameras=tuple(CameraTopics(topic, _calibration(topic, infos)) for topic in images[:MAX_CAMERAS]),
+        drawn=_named(own, lambda channel: channel.schema_name in DRAWN_SCHEMAS),
+        truth=_named(own, lambda channel: channel.schema_name == STATE_SCHEMA),
+        speed=_measured(own, Role.EGO_SPEED, MEASURED_SPEED),
+        yaw_rate=_measured(own, Role.IMU, MEASURED_YAW_RATE),
+    )
+
+
+def layout(log: LogTopics | None = None) -> Settings:
+    """The layout as a JSON-ready document in the form that Foxglove exports.
+
+    Args:
+        log: The topics of the log that it is for; None: of any log.
+    """
+    builder = _Layout(log or LogTopics())
+    tabs = (
+        builder.drive(),
+        builder.signals(),
+        builder.warnings(),
+        builder.lanes(),
+        builder.targets(),
+        builder.control(),
+        builder.messages(),
+    )
+    return builder.panels.layout(builder.panels.tabs("cwcli", dict(zip(STAGE_TABS, tabs, strict=True))))
+
+
+@dataclass
+class _Layout:
+    """One method a tab."""
+
+    log: LogTopics
+    panels: Panels = field(default_factory=Panels)
+
+    def drive(self) -> Mosaic:
+        """Where everybody is: from above, on the globe, in the camera; and what was warned of."""
+        below = row(
+            self.panels.log("log", "Warnings", "/cwcli/log"),
+            self.panels.states("drive", "Warnings", [("/cwcli/warnings.state", "state")]),
+        )
+        beside = column(self._map(), self._image("front", self.log.cameras[:1]))
+        return split("column", split("row", self._scene(), beside, 55.0), below, 75.0)
+
+    def signals(self) -> Mosaic:
+        """The states over time, estimated, true and measured."""
+        speed = [*self._of_states("speed_mps"), *((measured, "measured") for measured in self.log.speed)]
+        yaw_rate = [*self._of_states("yaw_rate_radps"), *((measured, "measured") for measured in self.log.yaw_rate)]
+        return column(
+            self.panels.plot("speed", "Speed [m/s]", speed),
+            self.panels.plot("accel", "Acceleration [m/s^2]", self._of_states("accel_mps2")),
+            self.panels.plot("heading", "Heading [rad, counter-clockwise from east]", self._of_states("heading_rad")),
+            self.panels.plot("yaw-rate", "Yaw rate [rad/s]", yaw_rate),
+        )
+
+    def warnings(self) -> Mosaic:
+        """Each event, its numbers, and the paths that it was computed from."""
+        return row(
+            column(
+                self.panels.states(
+                    "warnings", "Events", [("/cwcli/warnings.state", "state"), ("/cwcli/warnings.event_id", "event")]
+                ),
+                self.panels.plot(
+                    "distance", "Predicted distance [m]", [_of("/cwcli/warnings", "predicted_distance_m")]
+                ),
+                self.panels.plot("ttc", "Time [s]", _each("/cwcli/warnings", "ttc_s", "time_to_event_s")),
+                self.panels.plot("probability", "Probability", [_of("/cwcli/warnings", "probability")]),
+            ),
+            column(
+                self._path("ego-path", "Path of the ego [m]", "/cwcli/ego/path"),
+                self._path("remote-path", "Latest path of another vehicle [m]", "/cwcli/remote/path"),
+                self.panels.raw("warnings", "/cwcli/warnings"),
+            ),
+        )
+
+    def lanes(self) -> Mosaic:
+        """The camera with the boundaries, and what they and the observer say."""
+        n = max(len(self.log.cameras), 1)
+        images = [self._image(f"lanes-{k}", self.log.cameras[k : k + 1]) for k in range(n)]
+        found = ("left.probability", "right.probability")
+        return row(
+            column(*images),
+            column(
+                self.panels.plot(
+                    "lane-width", "Lane [m]", _each("/cwcli/lanes", "lateral_deviation_m", "lane_width_m")
+                ),
+                self.panels.plot(
+                    "lane-heading",
+                    "Heading from the lane [rad]",
+                    [
+                        *_each("/cwcli/lanes", "heading_deviation_rad"),
+                        *_each("/cwcli/observer", "heading_deviation_rad"),
+                    ],
+                ),
+                self.panels.plot(
+                    "lane-curvature", "Curvature of the lane [1/m]", _each("/cwcli/lanes", "curvature_1pm")
+                ),
+                self.panels.plot("lane-found", "Probability of the boundaries", _each("/cwcli/lanes", *found)),
+                self.panels.plot(
+                    "observer",
+                    "Observer [m/s, rad/s]",
+                    _each("/cwcli/observer", "lateral_speed_mps", "yaw_rate_radps"),
+                ),
+            ),
+        )
+
+    def targets(self) -> Mosaic:
+        """The tracked targets; they are in the 3D panel of the first tab too."""
+        return row(
+            column(
+                self.panels.plot("target-position", "Position [m]", _each("/cwcli/targets", "x_m", "y_m"), points=True),
+                self.panels.plot(
+                    "target-velocity", "Velocity [m/s]", _each("/cwcli/targets", "vx_mps", "vy_mps"), points=True
+                ),
+            ),
+            self.panels.raw("targets", "/cwcli/targets"),
+        )
+
+    def control(self) -> Mosaic:
+        """What each policy would have made of a warning."""
+
+        def of_policies(kind: str, *names: str) -> list[Series]:
+            return [
+                (path(f"/cwcli/control/{policy}/{kind}", name), f"{policy} {name}" if names[1:] else policy)
+                for policy in POLICIES
+                for name in names
+            ]
+
+        return column(
+            self.panels.plot("control-speed", "Speed [m/s]", of_policies("state", "speed_mps")),
+            self.panels.plot("control-gap", "Gap between the outlines [m]", of_policies("step", "gap_m")),
+            self.panels.plot("control-pedals", "Pedals", of_policies("step", "throttle", "brake_pressure_mpa")),
+        )
+
+    def messages(self) -> Mosaic:
+        """What is in the file, and the messages as they are."""
+        return row(
+            self.panels.add("SourceInfo", "source", "Channels"),
+            column(self.panels.raw("ego", "/cwcli/ego/state"), self.panels.raw("tf", "/cwcli/tf")),
+        )
+
+    def _scene(self) -> str:
+        shown = [topic for topic, schema in topics().items() if schema in DRAWN_SCHEMAS]
+        return self.panels.add(
+            "3D",
+            "scene",
+            "From above",
+            followTf=BODY_FRAME,
+            followMode="follow-position",
+            fixedFrame=MAP_FRAME,
+            cameraState={"perspective": False, "distance": VIEW_HEIGHT_M, "phi": 0, "thetaOffset": 0},
+            scene={"transforms": {"enablePreloading": True}},
+            transforms={f"frame:{BODY_FRAME}": {"visible": True}},
+            topics={topic: {"visible": True} for topic in (*shown, *self.log.drawn)},
+            layers={"grid": {"layerId": "foxglove.Grid", "visible": True, "frameId": MAP_FRAME, "size": GRID_M}},
+        )
+
+    def _map(self) -> str:
+        colors = {"/cwcli/ego/fix": ESTIMATED_COLOR, **dict.fromkeys(self.log.fixes, RAW_COLOR)}
+        return self.panels.add(
+            "map",
+            "map",
+            "Fixes: measured and estimated",
+            topicColors=colors,
+            followTopic="/cwcli/ego/fix",
+            disabledTopics=[],
+            layer="map",
+            zoomLevel=17,
+        )
+
+    def _image(self, name: str, cameras: Sequence[CameraTopics]) -> str:
+        annotations = {topic: {"visible": True} for topic, schema in topics().items() if schema.endswith("Annotations")}
+        mode: Settings = {"annotations": annotations}
+        title = "Camera with lanes"
+        for camera in cameras:
+            title = camera.images
+            mode["imageTopic"] = camera.images
+            if camera.calibration is not None:
+                mode["calibrationTopic"] = camera.calibration
+        return self.panels.add("Image", name, title, imageMode=mode)
+
+    def _path(self, name: str, title: str, topic: str) -> str:
+        return self.panels.map_plot(name, title, path(topic, "x_m[:]"), (path(topic, "y_m[:]"), "path"))
+
+    def _of_states(self, name: str) -> list[Series]:
+        sources = [("/cwcli/ego/state", "ego"), ("/cwcli/remote/state", "others")]
+        sources += [(topic, topic) for topic in self.log.truth]
+        return [(path(topic, name), label) for topic, label in sources]
+
+
+def _of(topic: str, name: str) -> Series:
+    return path(topic, name), name
+
+
+def _each(topic: str, *names: str) -> list[Series]:
+    return [_of(topic, name) for name in names]
+
+
+def _named(channels: Sequence[ChannelLike], is_one: Callable[[ChannelLike], bool]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(channel.topic for channel in channels if is_one(channel)))
+
+
+def _calibration(topic: str, infos: Sequence[str]) -> str | None:
+    """The calibration in the camera's namespace, else the only one."""
+    beside = [info for info in infos if info.rpartition("/")[0] == topic.rpartition("/")[0]]
+    return beside[0] if beside else infos[0] if len(infos) == 1 else None
+
+
+def _measured(channels: Sequence[ChannelLike], role: Role, names: Sequence[str]) -> tuple[str, ...]:
+    bound = bind(channels, {}, required=(), optional=(role,)).of(role)
+    return tuple(path(one.topic, name) for one in bound for name in names if name in one.fields)[:1]

@@ -1,0 +1,136 @@
+"""Panels of a viewer layout in the JSON that Foxglove exports and imports; Lichtblick reads the same.
+
+`configById` holds the settings of each panel under `<type>!<name>`, `layout` says how the panels divide the window: a
+panel's name, or two parts beside or above one another. A panel of type `Tab` holds such layouts in turn.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+PANEL_TYPES = ("3D", "Image", "map", "Plot", "RawMessages", "RosOut", "SourceInfo", "StateTransitions", "Tab")
+"""Types of panels that are used here, as the viewer names them; `RosOut` is the Log panel."""
+
+Mosaic = str | dict[str, Any]
+Settings = dict[str, Any]
+Series = tuple[str, str]
+"""A message path and its label."""
+
+_PLAIN_TOPIC = re.compile(r"[A-Za-z0-9_/-]+")
+LOG_LEVEL_INFO = 2
+
+
+@dataclass
+class Panels:
+    """Collects the settings of panels. Each method adds one and returns its name for the mosaic."""
+
+    settings: dict[str, Settings] = field(default_factory=dict)
+
+    def add(self, kind: str, name: str, title: str, **settings: Any) -> str:
+        """Add a panel of a kind.
+
+        Raises:
+            ValueError: The name is taken, or the viewer has no such kind.
+        """
+        panel = f"{kind}!{name}"
+        if kind not in PANEL_TYPES or panel in self.settings:
+            raise ValueError(f"can't add the panel {panel}")
+        self.settings[panel] = {"foxglovePanelTitle": title, **settings}
+        return panel
+
+    def plot(self, name: str, title: str, series: Sequence[Series], *, points: bool = False) -> str:
+        """Values over time, as lines or as points."""
+        return self.add("Plot", name, title, paths=_paths(series, points=points), xAxisVal="timestamp", **_PLOT)
+
+    def map_plot(self, name: str, title: str, x_path: str, y_path: Series) -> str:
+        """The y of the latest message over its x, arrays both, on equal scales."""
+        return self.add(
+            "Plot",
+            name,
+            title,
+            paths=_paths([y_path]),
+            xAxisVal="currentCustom",
+            xAxisPath={"value": x_path, "enabled": True},
+            axisScalesMode="lockedScales",
+            **_PLOT | {"isSynced": False},
+        )
+
+    def states(self, name: str, title: str, series: Sequence[Series]) -> str:
+        """When values changed."""
+        return self.add("StateTransitions", name, title, paths=_paths(series), isSynced=True)
+
+    def raw(self, name: str, topic: str) -> str:
+        """A topic's messages as they are."""
+        return self.add("RawMessages", name, topic, topicPath=quoted(topic), diffEnabled=False)
+
+    def log(self, name: str, title: str, topic: str) -> str:
+        """Lines of a log, from level INFO on."""
+        return self.add("RosOut", name, title, topicToRender=topic, minLogLevel=LOG_LEVEL_INFO, searchTerms=[])
+
+    def tabs(self, name: str, tabs: Mapping[str, Mosaic]) -> str:
+        """Layouts behind tabs, the first one on top."""
+        entries = [{"title": title, "layout": layout} for title, layout in tabs.items()]
+        return self.add("Tab", name, "cwcli", activeTabIdx=0, tabs=entries)
+
+    def layout(self, mosaic: Mosaic) -> Settings:
+        """The whole document."""
+        return {
+            "configById": self.settings,
+            "globalVariables": {},
+            "userNodes": {},
+            "playbackConfig": {"speed": 1},
+            "layout": mosaic,
+        }
+
+
+_PLOT: Settings = {
+    "isSynced": True,
+    "showXAxisLabels": True,
+    "showYAxisLabels": True,
+    "showLegend": True,
+    "legendDisplay": "floating",
+    "showPlotValuesInLegend": True,
+    "sidebarDimension": 240,
+}
+
+
+def _paths(series: Sequence[Series], *, points: bool = False) -> list[Settings]:
+    more = {"showLine": False} if points else {}
+    return [
+        {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime", **more}
+        for path, label in series
+    ]
+
+
+def row(*parts: Mosaic) -> Mosaic:
+    """Parts beside one another, equally wide."""
+    return _split("row", parts)
+
+
+def column(*parts: Mosaic) -> Mosaic:
+    """Parts above one another, equally high."""
+    return _split("column", parts)
+
+
+def split(direction: str, first: Mosaic, second: Mosaic, percent: float) -> Mosaic:
+    """Two parts; the first takes `percent` of the room."""
+    return {"direction": direction, "first": first, "second": second, "splitPercentage": percent}
+
+
+def _split(direction: str, parts: Sequence[Mosaic]) -> Mosaic:
+    first, *rest = parts
+    return split(direction, first, _split(direction, rest), 100.0 / len(parts)) if rest else first
+
+
+def path(topic: str, field_path: str) -> str:
+    """A message path: the topic, quoted if it has characters of the path syntax, and the field."""
+    return f"{quoted(topic)}.{field_path}"
+
+
+def quoted(topic: str) -> str:
+    """A topic as message paths name it."""
+    return topic if _PLAIN_TOPIC.fullmatch(topic) else json.dumps(topic, ensure_ascii=False)
