@@ -25,7 +25,14 @@ from cwcli.stages.channels import (
     vehicle_states,
     viewer_channels,
 )
-from cwcli.stages.estimate_summary import TrackSummary, estimate_tables, gap_notes, sections, summarise
+from cwcli.stages.estimate_summary import (
+    TrackSummary,
+    estimate_tables,
+    gap_notes,
+    sections,
+    source_record,
+    summarise,
+)
 from cwcli.stages.measurements import EgoSignal, ego_measurements, remote_measurements
 from cwcli.stages.result import StageResult, Summary
 from cwcli.stages.run_record import run_record
@@ -100,7 +107,9 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         channels=tuple(channels),
         tables=estimate_tables(tracks, errors),
         summary=summary,
-        metadata=run_record("estimate", log, config, summary, **_origin_record(local_map)),
+        metadata=run_record(
+            "estimate", log, config, summary, sources=source_record(tracks), **_origin_record(local_map)
+        ),
     )
 
 

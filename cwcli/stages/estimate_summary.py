@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -97,6 +98,32 @@ def estimate_tables(tracks: Mapping[str, TrackSummary], errors: TruthErrors | No
             },
         )
     }
+
+
+def source_record(tracks: Mapping[str, TrackSummary]) -> str:
+    """Every source's diagnostics as JSON, for the metadata record: what can't be told from the channels later."""
+    return json.dumps(
+        [
+            {
+                "vehicle": vehicle,
+                "source": report.source,
+                "quantity": report.kind.name.lower(),
+                "read": report.n_read,
+                "used": report.n_used,
+                "gated": report.n_gated,
+                "nis_per_dof": finite(report.nis_mean / report.nis_dof),
+                "nis_inside": report.nis_inside,
+                "latency_s": finite(report.latency_s),
+            }
+            for vehicle, track in tracks.items()
+            for report in track.sources
+        ]
+    )
+
+
+def finite(value: float) -> float | None:
+    """The number for JSON: None where it is not finite."""
+    return value if math.isfinite(value) else None
 
 
 def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:

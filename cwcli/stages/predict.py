@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -114,6 +114,11 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     return StageResult(
         "predict", tuple(channels), {"prediction": table}, summary, run_record("predict", log, config, summary)
     )
+
+
+def prediction_table(states: Sequence[VehicleStates], config: PredictConfig) -> Table:
+    """The table `prediction`: a row per vehicle, motion model and horizon, of the vehicles of every channel."""
+    return _table([record for each in states for record in _errors(each, config)])
 
 
 def _errors(states: VehicleStates, config: PredictConfig) -> list[dict[str, Any]]:

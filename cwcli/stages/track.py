@@ -13,6 +13,7 @@ from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.roles import bind
+from cwcli.stages.evaluate_tracking import score_record
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.sources import SourceConfig, read_sources
@@ -95,7 +96,15 @@ def track(log: Log, config: TrackConfig) -> StageResult:
         channels=target_channels(result, in_map=in_map, known_ns=known_ns),
         tables=track_tables(result, config.tracker.single, kinds, errors),
         summary=summary,
-        metadata=run_record("track", log, config, summary, targets=how, frame="map" if in_map else "base_link"),
+        metadata=run_record(
+            "track",
+            log,
+            config,
+            summary,
+            targets=how,
+            frame="map" if in_map else "base_link",
+            scores=score_record(result, errors),
+        ),
     )
 
 

@@ -55,7 +55,7 @@ def against_truth(
         return None
     fixes = next(m for m in measurements if m.kind is Kind.POSITION)
     measured_xy = _at(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
-    xy, notes = _truth_xy(signal, inside, local_map, origin, measured_xy)
+    xy, notes = truth_xy(signal, inside, local_map, origin, measured_xy)
     truth: dict[str, FloatArray] = {"position": xy}
     estimated_xy = _at(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_GAP_S)
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
@@ -93,14 +93,25 @@ def _raw(measurements: Sequence[Measurements], kind: Kind) -> tuple[Int64Array, 
     return None if imu is None or axis is None else (imu.stamp_ns, imu.values[:, axis])
 
 
-def _truth_xy(
+def truth_xy(
     signal: PoseSignal | PositionSignal,
     inside: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
     local_map: LocalMap | None,
     origin: tuple[float, float, float] | None,
     measured_xy: FloatArray,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """The truth's positions in the map frame, shape (n, 2), and how they got there."""
+    """The truth's positions in the map frame, and how they got there.
+
+    Args:
+        signal: The truth.
+        inside: Shape (all,): its n rows that are wanted.
+        local_map: The map's place on the earth, or None where it has none.
+        origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth's origin, or None.
+        measured_xy: Shape (n, 2): measured positions at the same rows, for a truth whose origin is not known.
+
+    Returns:
+        Shape (n, 2), and notes.
+    """
     if isinstance(signal, PositionSignal):
         assert local_map is not None
         x_m, y_m, _ = local_map.map_from_wgs84(

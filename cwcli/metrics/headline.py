@@ -1,0 +1,293 @@
+"""The headline metrics of a log: which there are, how they are measured, and how they are pooled over logs.
+
+A metric's value is a function of two sums, so that logs can be pooled without their samples:
+
+| pool | value of one log | of several logs |
+|---|---|---|
+| `rms` | sqrt(total / weight): total is a sum of squares, weight the number of samples | the same, of the sums |
+| `mean` | total / weight: a mean, a share, or a rate (weight in hours) | the same, of the sums |
+| `sum` | total | the sum of the totals |
+| `max`, `min` | total | the extreme of the totals |
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.metrics.intervals import NOT_KNOWN, poisson_interval, proportion_interval
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.signals.columns import FloatArray
+
+Pool = Literal["rms", "mean", "sum", "max", "min"]
+Better = Literal["lower", "higher", "near", ""]
+Interval = Literal["", "share", "rate"]
+
+TABLE_NAME = "metrics"
+COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight")
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One headline metric.
+
+    Attributes:
+        name: Dotted, the unit at its end; `<model>`, `<horizon>` and `<quantity>` stand for what is filled in.
+        stage: Whose work it judges.
+        unit: Of the value, "" for shares and counts.
+        pool: See the module.
+        better: Which way is better; `near`: near `target`; "": neither.
+        doc: One line.
+        target: See `better`.
+        interval: `share`: Wilson's of total out of weight; `rate`: the exact Poisson one of a count per weight. Only
+            where the samples are independent of each other.
+        is_compared: `cwcli compare` gives a verdict on it.
+    """
+
+    name: str
+    stage: str
+    unit: str
+    pool: Pool
+    better: Better
+    doc: str
+    target: float = math.nan
+    interval: Interval = ""
+    is_compared: bool = False
+
+
+PLACEHOLDERS = {
+    "<quantity>": "position|velocity|speed|heading|accel|yaw_rate",
+    "<model>": "[a-z0-9][a-z0-9-]*",
+    "<horizon>": r"\d+\.\d",
+}
+
+
+def _of(who: str, whom: str) -> tuple[Metric, ...]:
+    """Prediction metrics of the ego or of the remote vehicles."""
+    own = f"prediction.{who}"
+    first = who == "ego"
+    return (
+        Metric(f"{own}.fde_<horizon>s_m", "predict", "m", "mean", "lower",
+               f"mean distance between {whom} predicted point and its own later estimate, at the horizon",
+               is_compared=True),
+        Metric(f"{own}.ade_<horizon>s_m", "predict", "m", "mean", "lower",
+               "the same, averaged over the steps up to the horizon"),
+        Metric(f"{own}.inside_90_<horizon>s_share", "predict", "", "mean", "near",
+               "share of the outcomes inside the predicted 90 % ellipse", 0.9),
+        Metric(f"{own}.<model>.fde_<horizon>s_m", "predict", "m", "mean", "lower",
+               "as fde, of each motion model from the same starts"),
+        Metric(f"{own}.<model>.inside_90_<horizon>s_share", "predict", "", "mean", "near",
+               "as inside_90, of each motion model", 0.9),
+        *((Metric(f"{own}.truth_fde_<horizon>s_m", "predict", "m", "mean", "lower",
+                  "mean distance between the predicted point and the truth, at the horizon", is_compared=True),
+           Metric(f"{own}.truth_inside_90_<horizon>s_share", "predict", "", "mean", "near",
+                  "share of the truth inside the predicted 90 % ellipse", 0.9)) if first else ()),
+    )  # fmt: skip
+
+
+METRICS: tuple[Metric, ...] = (
+    Metric("ego.position_rmse_m", "estimate", "m", "rms", "lower",
+           "horizontal distance from the truth (two axes together)", is_compared=True),
+    Metric("ego.along_rmse_m", "estimate", "m", "rms", "lower", "its part along the true heading"),
+    Metric("ego.cross_rmse_m", "estimate", "m", "rms", "lower", "its part across the true heading"),
+    Metric("ego.position_max_m", "estimate", "m", "max", "lower", "greatest distance from the truth"),
+    Metric("ego.speed_rmse_mps", "estimate", "m/s", "rms", "lower", "speed minus the truth's", is_compared=True),
+    Metric("ego.heading_rmse_deg", "estimate", "deg", "rms", "lower", "heading minus the truth's", is_compared=True),
+    Metric("ego.yaw_rate_rmse_degps", "estimate", "deg/s", "rms", "lower", "yaw rate minus the truth's",
+           is_compared=True),
+    Metric("ego.accel_rmse_mps2", "estimate", "m/s^2", "rms", "lower", "longitudinal acceleration minus the truth's",
+           is_compared=True),
+    Metric("ego.position_nees", "estimate", "", "mean", "near",
+           "normalised error squared of the position: 2 if the covariance is right", 2.0, is_compared=True),
+    Metric("ego.position_nees_inside", "estimate", "", "mean", "higher",
+           "1 where its mean lies within its 95 % bounds, else 0; pooled: the share of the logs"),
+    Metric("ego.position_inside_95_share", "estimate", "", "mean", "near",
+           "share of the truth inside the estimated 95 % ellipse", 0.95),
+    Metric("ego.fix_residual_rmse_m", "estimate", "m", "rms", "",
+           "position fixes minus the estimate; says nothing of who is right"),
+    Metric("ego.sigma_median_m", "estimate", "m", "mean", "", "median of the position's one sigma per axis"),
+    Metric("ego.<quantity>_nis", "estimate", "", "mean", "near",
+           "normalised innovation squared per degree of freedom: 1 if the noise is right", 1.0),
+    Metric("ego.<quantity>_nis_inside", "estimate", "", "mean", "higher",
+           "1 where it lies within its 95 % bounds, else 0; several sources of a quantity: their share"),
+    Metric("ego.nis_inside_share", "estimate", "", "mean", "higher",
+           "share of the ego's sources whose innovations lie within their 95 % bounds", is_compared=True),
+    Metric("ego.gated_share", "estimate", "", "mean", "lower", "share of the ego's measurements that the gate rejected",
+           is_compared=True),
+    Metric("remote.nis_inside_share", "estimate", "", "mean", "higher",
+           "as ego.nis_inside_share, over all remote vehicles", is_compared=True),
+    Metric("remote.gated_share", "estimate", "", "mean", "lower", "as ego.gated_share, over all remote vehicles",
+           is_compared=True),
+    Metric("remote.vehicles_count", "estimate", "", "sum", "", "remote vehicles"),
+    *_of("ego", "the ego's"),
+    *_of("remote", "a remote vehicle's"),
+    Metric("warnings.count", "warn", "", "sum", "", "warnings raised"),
+    Metric("warnings.conflicts_count", "warn", "", "sum", "", "real conflicts, by the definition of `cwcli warn`"),
+    Metric("warnings.missed_count", "warn", "", "sum", "lower", "real conflicts without a warning"),
+    Metric("warnings.false_count", "warn", "", "sum", "lower", "warnings that no conflict followed"),
+    Metric("warnings.undecided_count", "warn", "", "sum", "",
+           "warnings after which the tracks end too early to tell"),
+    Metric("warnings.precision", "warn", "", "mean", "higher",
+           "share of the decided warnings that a conflict followed", interval="share", is_compared=True),
+    Metric("warnings.recall", "warn", "", "mean", "higher", "share of the real conflicts that were warned of",
+           interval="share", is_compared=True),
+    Metric("warnings.timeliness", "warn", "", "mean", "higher",
+           "of the conflicts warned of, the share whose warning came before they began", interval="share",
+           is_compared=True),
+    Metric("warnings.lead_time_mean_s", "warn", "s", "mean", "higher",
+           "from the first warning of a conflict to its beginning; negative: late", is_compared=True),
+    Metric("warnings.lead_time_min_s", "warn", "s", "min", "higher", "the shortest of them"),
+    Metric("warnings.false_alarms_per_hour", "warn", "1/h", "mean", "lower",
+           "false warnings per hour of the host's track, with the exact Poisson interval", interval="rate",
+           is_compared=True),
+    Metric("lanes.found_share", "lanes", "", "mean", "higher", "share of the frames with both boundaries",
+           is_compared=True),
+    Metric("lanes.left_found_share", "lanes", "", "mean", "higher", "share of the frames with a left boundary"),
+    Metric("lanes.right_found_share", "lanes", "", "mean", "higher", "share of the frames with a right boundary"),
+    Metric("lanes.width_std_m", "lanes", "m", "rms", "lower", "standard deviation of the lane's width 10 m ahead",
+           is_compared=True),
+    Metric("lanes.width_near_share", "lanes", "", "mean", "higher",
+           "share of the frames whose width is within 5 % of the median"),
+    Metric("lanes.width_max_jump_m", "lanes", "m", "max", "lower", "greatest change of the width between two frames"),
+    Metric("lanes.truth_accuracy", "lanes", "", "mean", "higher",
+           "TuSimple's accuracy against the two labelled lines beside the camera", is_compared=True),
+    Metric("lanes.truth_false_share", "lanes", "", "mean", "lower", "TuSimple's false positives, likewise",
+           is_compared=True),
+    Metric("lanes.truth_missed_share", "lanes", "", "mean", "lower", "TuSimple's false negatives, likewise",
+           is_compared=True),
+    Metric("lanes.lateral_deviation_rmse_m", "lanes", "m", "rms", "lower",
+           "lateral deviation at the preview point minus the truth's", is_compared=True),
+    Metric("tracking.gospa_m", "track", "m", "mean", "lower",
+           "GOSPA (cutoff 5 m, order 2), averaged over the moments of the truth", is_compared=True),
+    Metric("tracking.position_rmse_m", "track", "m", "rms", "lower", "of the targets that are tracked",
+           is_compared=True),
+    Metric("tracking.velocity_rmse_mps", "track", "m/s", "rms", "lower", "of the targets that are tracked",
+           is_compared=True),
+    Metric("tracking.tracked_share", "track", "", "mean", "higher",
+           "share of the targets' moments at which they are tracked",
+           is_compared=True),
+    Metric("tracking.switch_count", "track", "", "sum", "lower", "changes of a target's track id"),
+    Metric("tracking.nis_inside_share", "track", "", "mean", "higher",
+           "share of the sensors whose innovations lie within their 95 % bounds", is_compared=True),
+    Metric("tracking.targets_count", "track", "", "sum", "", "tracks"),
+    Metric("data.duration_s", "data", "s", "sum", "", "from the first to the last message"),
+    Metric("data.read_count", "data", "", "sum", "", "messages read, once for each role"),
+    Metric("data.used_count", "data", "", "sum", "", "messages used"),
+    Metric("data.rejected_count", "data", "", "sum", "lower", "messages rejected"),
+    Metric("data.repaired_count", "data", "", "sum", "lower", "messages repaired"),
+    Metric("data.rejected_share", "data", "", "mean", "lower", "rejected out of read", is_compared=True),
+    Metric("data.faults_count", "data", "", "sum", "lower",
+           "kinds of fault in the file: bad CRCs, lost bytes, undecodable messages of a topic"),
+)  # fmt: skip
+
+
+@cache
+def _patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
+    found = []
+    for metric in METRICS:
+        pattern = re.escape(metric.name)
+        for placeholder, inner in PLACEHOLDERS.items():
+            pattern = pattern.replace(re.escape(placeholder), f"(?:{inner})")
+        found.append((re.compile(pattern), metric))
+    return tuple(found)
+
+
+@cache
+def metric_of(name: str) -> Metric | None:
+    """The metric that a name belongs to, placeholders filled in; None if there is none."""
+    return next((metric for pattern, metric in _patterns() if pattern.fullmatch(name)), None)
+
+
+def value_of(pool: str, total: float, weight: float) -> float:
+    """A metric's value from its sums; NaN without any weight. See the module."""
+    if not weight > 0.0 or math.isnan(total):
+        return math.nan
+    if pool == "rms":
+        return math.sqrt(max(total, 0.0) / weight)
+    return total / weight if pool == "mean" else total
+
+
+def interval_of(kind: Interval, total: float, weight: float) -> tuple[float, float]:
+    """95 % interval of a share or of a rate; NaN where the metric has none."""
+    if kind == "share" and weight > 0.0:
+        return proportion_interval(round(total), round(weight))
+    if kind == "rate" and weight > 0.0:
+        low, high = poisson_interval(round(total))
+        return low / weight, high / weight
+    return NOT_KNOWN
+
+
+@dataclass
+class Headline:
+    """Collects the rows of one log."""
+
+    rows: list[tuple[str, str, float, str, int, float, float, str, float, float]] = field(default_factory=list)
+
+    def add(self, name: str, total: float, weight: float, *, n: int | None = None) -> None:
+        """A row from its two sums.
+
+        Args:
+            name: A metric of `METRICS`, placeholders filled in.
+            total, weight: See the module.
+            n: Samples behind it; None: the weight.
+
+        Raises:
+            ValueError: There is no such metric.
+        """
+        metric = metric_of(name)
+        if metric is None:
+            raise ValueError(f"no metric is called {name}")
+        value = value_of(metric.pool, total, weight)
+        low, high = interval_of(metric.interval, total, weight)
+        count = round(weight) if n is None else n
+        self.rows.append((metric.stage, name, value, metric.unit, count, low, high, metric.pool, total, weight))
+
+    def errors(self, name: str, errors: FloatArray) -> None:
+        """Errors (n,), NaN left out: an `rms`, `mean`, `max` or `min` by the metric's own pool. Nothing without any."""
+        known = errors[np.isfinite(errors)]
+        metric = metric_of(name)
+        if not len(known) or metric is None:
+            return
+        if metric.pool == "rms":
+            self.add(name, float(known @ known), len(known))
+        elif metric.pool == "mean":
+            self.add(name, float(known.sum()), len(known))
+        else:
+            extreme = known.max() if metric.pool == "max" else known.min()
+            self.add(name, float(extreme), 1.0, n=len(known))
+
+    def share(self, name: str, which: npt.NDArray[np.bool_] | Sequence[bool]) -> None:
+        """Share of the true ones; nothing without any."""
+        if len(which):
+            self.add(name, float(np.count_nonzero(which)), len(which))
+
+    def count(self, name: str, total: float) -> None:
+        """A number that adds up over logs."""
+        self.add(name, float(total), 1.0)
+
+    def table(self, **metadata: str) -> Table:
+        """The rows as a table, in the order in which they were added."""
+        columns = list(zip(*self.rows, strict=True)) if self.rows else [()] * len(COLUMNS)
+        numeric = {"value": np.float64, "n": np.int64, "low": np.float64, "high": np.float64}
+        numeric |= {"total": np.float64, "weight": np.float64}
+        return Table(
+            TABLE_NAME,
+            {
+                name: np.array(column, numeric[name]) if name in numeric else list(column)
+                for name, column in zip(COLUMNS, columns, strict=True)
+            },
+            docs={
+                "value": ColumnDoc(doc="NaN where there was nothing to judge"),
+                "n": ColumnDoc(doc="samples behind the value"),
+                "low": ColumnDoc(doc="95 % interval; NaN where there is none"),
+                "pool": ColumnDoc(doc="how total and weight make the value, of one log or of several"),
+            },
+            metadata=metadata,
+        )

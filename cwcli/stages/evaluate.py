@@ -1,0 +1,52 @@
+"""The headline metrics of one annotated log: how good is what each stage made of it?
+
+Everything is computed from the log itself: its channels, its truth channels if it has any, and the records
+`cwcli.run.<stage>`. Tables of stages that have just run are used where they save work; the result is the same without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cwcli.errors import UsageError
+from cwcli.logs.log import Log
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.table import Table
+from cwcli.stages.evaluate_data import add_data
+from cwcli.stages.evaluate_estimate import add_estimate
+from cwcli.stages.evaluate_lanes import add_lanes
+from cwcli.stages.evaluate_prediction import add_prediction
+from cwcli.stages.evaluate_tracking import add_tracking
+from cwcli.stages.evaluate_warnings import add_warnings
+
+AUTO, NO_TRUTH = "auto", "none"
+
+
+def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | None = None) -> Table:
+    """The headline metrics of a log (`cwcli.metrics.headline.METRICS`), those that it has the channels for.
+
+    Args:
+        log: An annotated log, on disk or in memory.
+        truth: `auto`: the ego's truth channel, if the log has one (and only one); `none`: no truth is used; else the
+            topic of the ego's truth.
+        tables: Tables by name of the stages that made the channels, or None.
+
+    Returns:
+        The table `metrics`, in long form: stage, metric, value, unit, n, low, high, and pool, total and weight, from
+        which several logs are pooled (`cwcli.metrics.pooling`). Its metadata names the `truth` option.
+
+    Raises:
+        UsageError: The truth topic is not in the log, or can't be one.
+        DataError: A channel was written by another version.
+    """
+    if truth not in (AUTO, NO_TRUTH) and not truth.startswith("/"):
+        raise UsageError(f"--truth {truth!r} is neither a topic nor auto nor none")
+    known = tables or {}
+    headline = Headline()
+    ego = add_estimate(headline, log, truth)
+    add_prediction(headline, log, ego, known.get("prediction"))
+    add_warnings(headline, log, known.get("scores"), known.get("conflicts"))
+    add_tracking(headline, log, with_truth=truth != NO_TRUTH)
+    add_lanes(headline, log, with_truth=truth != NO_TRUTH)
+    add_data(headline, log)
+    return headline.table(truth=truth)

@@ -1,0 +1,213 @@
+"""Headline metrics of `estimate`: errors against the truth, consistency, residuals of the fixes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.consistency import effective_count, nees
+from cwcli.logs.log import Log
+from cwcli.metrics.chi_square import mean_bounds
+from cwcli.metrics.headline import Headline, metric_of
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.channels import EGO_ID, EGO_STATE_TOPIC
+from cwcli.stages.records import json_entry, number, run_records
+from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.states import VehicleStates, read_states
+from cwcli.stages.track_truth import map_of
+from cwcli.stages.truth import truth_xy
+
+MAX_GAP_S = 0.5
+MAX_FIX_GAP_S = 1.5
+MIN_TRUTH_ROWS = 10
+ELLIPSE_95 = -2.0 * float(np.log(0.05))
+"""Chi-square quantile with two degrees of freedom."""
+
+
+@dataclass(frozen=True)
+class EgoTruth:
+    """The truth of the ego in the map frame: stamps (n,) and positions (n, 2)."""
+
+    stamp_ns: Int64Array
+    xy: FloatArray
+
+
+@dataclass(frozen=True)
+class Ego:
+    """What later metrics need of the ego.
+
+    Attributes:
+        states: Its states in stamp order, or None where the log has none.
+        truth: Its truth, or None.
+    """
+
+    states: VehicleStates | None = None
+    truth: EgoTruth | None = None
+
+
+def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
+    """Add the metrics of the ego's states; nothing if the log has none."""
+    if all(channel.topic != EGO_STATE_TOPIC for channel in log.channels):
+        return Ego()
+    record = run_records(log).get("estimate", {})
+    states = _in_order(read_states(log.columns(EGO_STATE_TOPIC)))
+    if not len(states):
+        return Ego()
+    reports = json_entry(record, "sources", list)
+    sources = _sources(log, json_entry(record, "configuration", dict), truth)
+    local_map = map_of([("cwcli.run.estimate", record)])
+    fixes = _fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
+    found = _add_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
+    if fixes is not None:
+        stamp_ns, fix_xy = fixes
+        at_fix = resample(states.stamp_ns, states.state[:, :2], stamp_ns, max_gap_s=MAX_GAP_S)
+        headline.errors("ego.fix_residual_rmse_m", np.hypot(*(fix_xy - at_fix).T))
+    variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
+    headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
+    _add_consistency(headline, reports)
+    return Ego(states, found)
+
+
+def _in_order(states: VehicleStates) -> VehicleStates:
+    """In stamp order, one row a stamp."""
+    _, rows = np.unique(states.stamp_ns, return_index=True)
+    return states if len(rows) == len(states) and (np.diff(rows) == 1).all() else states.rows(rows)
+
+
+def _sources(log: Log, configuration: Mapping[str, Any], truth: str) -> Mapping[Role, tuple[Signal, ...]]:
+    """The position and truth signals, chosen and read as `cwcli estimate` did."""
+    used = configuration.get("sources")
+    used = used if isinstance(used, dict) else {}
+    topics = used.get("topics")
+    wanted = (Role.EGO_POSITION,) if truth == "none" else (Role.EGO_POSITION, Role.TRUTH)
+    chosen = {role.value: str(topics[role.value]) for role in wanted if isinstance(topics, dict) and role in topics}
+    if truth not in ("auto", "none"):
+        chosen[Role.TRUTH.value] = truth
+    station = used.get("ego_station")
+    config = SourceConfig(
+        topics=chosen,
+        clock="log" if used.get("clock") == "log" else "stamp",
+        ego_station=station if isinstance(station, str) else None,
+        start_ns=_whole(used.get("start_ns")),
+        end_ns=_whole(used.get("end_ns")),
+    )
+    return read_sources(log, config, command="evaluate", required=(), optional=wanted).by_role
+
+
+def _whole(value: Any) -> int | None:
+    return value if isinstance(value, int) else None
+
+
+def _fixes(
+    signals: Sequence[Signal], local_map: LocalMap | None, reports: Sequence[Any]
+) -> tuple[Int64Array, FloatArray] | None:
+    """Stamps (n,), corrected by the latency that was found, and positions (n, 2) of the fixes."""
+    signal = signals[0] if signals else None
+    if isinstance(signal, PositionSignal) and local_map is not None:
+        x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
+    elif isinstance(signal, PoseSignal) and local_map is None:
+        x_m, y_m = signal.x_m, signal.y_m
+    else:
+        return None
+    latency_s = 0.0
+    for report in reports:
+        if isinstance(report, dict) and report.get("source") == signal.source and report.get("quantity") == "position":
+            found = number(report, "latency_s")
+            latency_s = found if np.isfinite(found) else 0.0
+    return signal.stamp_ns - round(latency_s * NS_PER_S), np.column_stack([x_m, y_m])
+
+
+def _add_truth(
+    headline: Headline,
+    states: VehicleStates,
+    truths: Sequence[Signal],
+    local_map: LocalMap | None,
+    fixes: tuple[Int64Array, FloatArray] | None,
+    record: Mapping[str, str],
+) -> EgoTruth | None:
+    """Errors at the truth's stamps; None without a usable truth."""
+    signal = truths[0] if truths else None
+    if not isinstance(signal, PoseSignal | PositionSignal) or (
+        isinstance(signal, PositionSignal) and local_map is None
+    ):
+        return None
+    inside = (signal.stamp_ns >= states.stamp_ns[0]) & (signal.stamp_ns <= states.stamp_ns[-1])
+    stamp_ns = signal.stamp_ns[inside]
+    if len(stamp_ns) < MIN_TRUTH_ROWS:
+        return None
+    measured_xy = np.full((len(stamp_ns), 2), np.nan)
+    if fixes is not None:
+        measured_xy = resample(*fixes, stamp_ns, max_gap_s=MAX_FIX_GAP_S)
+    origin = json_entry(record, "configuration", dict).get("truth_origin")
+    given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
+    true_xy, _ = truth_xy(signal, inside, local_map, given, measured_xy)
+    state = resample(states.stamp_ns, states.state, stamp_ns, max_gap_s=MAX_GAP_S)
+    error = state[:, :2] - true_xy
+    known = np.isfinite(error).all(axis=1)
+    distance = np.hypot(*error.T)
+    headline.errors("ego.position_rmse_m", distance)
+    if isinstance(signal, PoseSignal):
+        cosine, sine = np.cos(signal.yaw_rad[inside]), np.sin(signal.yaw_rad[inside])
+        headline.errors("ego.along_rmse_m", error[:, 0] * cosine + error[:, 1] * sine)
+        headline.errors("ego.cross_rmse_m", -error[:, 0] * sine + error[:, 1] * cosine)
+    headline.errors("ego.position_max_m", distance)
+    if isinstance(signal, PoseSignal):
+        _add_motion(headline, signal, inside, state)
+    if known.any():
+        nearest = _nearest(stamp_ns[known], states.stamp_ns)
+        squared = nees(error[known], states.covariance[nearest][:, :2, :2])
+        low, high = mean_bounds(2.0, effective_count(squared))
+        headline.errors("ego.position_nees", squared)
+        headline.share("ego.position_nees_inside", [low <= float(squared.mean()) <= high])
+        headline.share("ego.position_inside_95_share", squared <= ELLIPSE_95)
+    return EgoTruth(stamp_ns, true_xy)
+
+
+def _add_motion(headline: Headline, signal: PoseSignal, inside: npt.NDArray[np.bool_], state: FloatArray) -> None:
+    heading = wrap_angle(state[:, 3] - signal.yaw_rad[inside])
+    headline.errors("ego.speed_rmse_mps", state[:, 2] - signal.speed_mps[inside])
+    headline.errors("ego.heading_rmse_deg", np.degrees(heading))
+    headline.errors("ego.yaw_rate_rmse_degps", np.degrees(state[:, 5] - signal.yaw_rate_radps[inside]))
+    if signal.accel_mps2 is not None:
+        headline.errors("ego.accel_rmse_mps2", state[:, 4] - signal.accel_mps2[inside])
+
+
+def _nearest(at_ns: Int64Array, stamp_ns: Int64Array) -> npt.NDArray[np.intp]:
+    after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, max(len(stamp_ns) - 1, 1))
+    return np.where(at_ns - stamp_ns[after - 1] < stamp_ns[after] - at_ns, after - 1, after)
+
+
+def _add_consistency(headline: Headline, reports: Sequence[Any]) -> None:
+    """NIS by quantity, shares of the sources inside their bounds and of the measurements that were gated."""
+    own = [report for report in reports if isinstance(report, dict) and report.get("vehicle") == EGO_ID]
+    others = [report for report in reports if isinstance(report, dict) and report.get("vehicle") != EGO_ID]
+    for quantity in dict.fromkeys(str(report.get("quantity")) for report in own):
+        judged = [
+            report
+            for report in own
+            if report.get("quantity") == quantity and isinstance(report.get("nis_inside"), bool)
+        ]
+        if not judged or metric_of(f"ego.{quantity}_nis") is None:
+            continue
+        n = sum(number(report, "used") for report in judged)
+        total = sum(number(report, "used") * number(report, "nis_per_dof") for report in judged)
+        headline.add(f"ego.{quantity}_nis", total, n)
+        headline.share(f"ego.{quantity}_nis_inside", [report["nis_inside"] for report in judged])
+    for who, found in (("ego", own), ("remote", others)):
+        inside = [report["nis_inside"] for report in found if isinstance(report.get("nis_inside"), bool)]
+        headline.share(f"{who}.nis_inside_share", inside)
+        read = sum(number(report, "read") for report in found)
+        if read > 0:
+            headline.add(f"{who}.gated_share", sum(number(report, "gated") for report in found), read)
+    if others:
+        headline.count("remote.vehicles_count", len({str(report.get("vehicle")) for report in others}))

@@ -1,0 +1,163 @@
+"""Headline metrics of `lanes`: how often found, how steady, and how near to labels or to a rendered truth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.logs.channel import ChannelInfo
+from cwcli.logs.log import Log
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.lane_scores import TuSimpleScore, tusimple_score, width_stability
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged
+from cwcli.signals.leaves import numbers, stamps, whole_numbers
+from cwcli.signals.roles import is_truth_topic
+from cwcli.stages.lanes_channels import LANES_TOPIC
+
+LANES_SCHEMA = "cwcli.v1.Lanes"
+SIDES = ("left", "right")
+MATCH_NS = 5_000_000
+"""A label and a frame are of one image if their stamps differ by no more."""
+MIN_APART_PX = 4.0
+PREVIEW_ATOL_M = 1e-6
+
+Image = tuple[float, float, float, float]
+"""Width and height of the image that was searched, and of the camera's."""
+
+
+def add_lanes(headline: Headline, log: Log, *, with_truth: bool) -> None:
+    """Add the metrics of the lanes channel; nothing if the log has none."""
+    if all(channel.topic != LANES_TOPIC for channel in log.channels):
+        return
+    columns = log.columns(LANES_TOPIC)
+    if not len(columns):
+        return
+    found = np.stack([numbers(columns, f"{side}.found") > 0.0 for side in SIDES], axis=1)
+    headline.share("lanes.found_share", found[:, 0] & found[:, 1])
+    for k, side in enumerate(SIDES):
+        headline.share(f"lanes.{side}_found_share", found[:, k])
+    width = width_stability(numbers(columns, "lane_width_m"))
+    if width.n:
+        headline.add("lanes.width_std_m", width.std_m**2 * width.n, width.n)
+        headline.add("lanes.width_near_share", width.share_near * width.n, width.n)
+        if math.isfinite(width.max_jump_m):
+            headline.add("lanes.width_max_jump_m", width.max_jump_m, 1.0, n=width.n)
+    if with_truth:
+        for channel in log.channels:
+            if is_truth_topic(channel.topic):
+                _add_truth(headline, log, channel, columns, found)
+
+
+def _add_truth(
+    headline: Headline, log: Log, channel: ChannelInfo, columns: Columns, found: npt.NDArray[np.bool_]
+) -> None:
+    """Compare with a truth channel, if it is one of lanes and the first of its kind."""
+    names = {row[1] for row in headline.rows}
+    if channel.schema_name == LANES_SCHEMA and "lanes.lateral_deviation_rmse_m" not in names:
+        truth = log.columns(channel.topic)
+        error = _deviation_errors(columns, truth)
+        headline.errors("lanes.lateral_deviation_rmse_m", error)
+    if channel.message_encoding == "json" and "lanes.truth_accuracy" not in names:
+        truth = log.columns(channel.topic)
+        if "h_samples" in truth.fields and "lanes" in truth.fields:
+            _add_labels(headline, columns, found, truth)
+
+
+def _deviation_errors(columns: Columns, truth: Columns) -> FloatArray:
+    """Lateral deviation minus the truth's, at the frames that both have and at the same preview distance."""
+    ours_ns, theirs_ns = whole_numbers(columns, "stamp_ns")[0], whole_numbers(truth, "stamp_ns")[0]
+    mine, other = _matches(ours_ns, theirs_ns)
+    preview = numbers(columns, "preview_distance_m")[mine] - numbers(truth, "preview_distance_m")[other]
+    error = numbers(columns, "lateral_deviation_m")[mine] - numbers(truth, "lateral_deviation_m")[other]
+    return np.where(np.abs(preview) <= PREVIEW_ATOL_M, error, np.nan)
+
+
+def _matches(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows of the same image in both."""
+    if not len(ours_ns) or not len(theirs_ns):
+        none = np.zeros(0, np.intp)
+        return none, none
+    order = np.argsort(theirs_ns, kind="stable")
+    ordered = theirs_ns[order]
+    after = np.clip(np.searchsorted(ordered, ours_ns), 1, max(len(ordered) - 1, 1)) if len(ordered) > 1 else None
+    if after is None:
+        nearest = np.zeros(len(ours_ns), np.intp)
+    else:
+        nearest = np.where(ours_ns - ordered[after - 1] <= ordered[after] - ours_ns, after - 1, after)
+    near = np.abs(ordered[nearest] - ours_ns) <= MATCH_NS
+    return np.flatnonzero(near), order[nearest[near]]
+
+
+def _add_labels(headline: Headline, columns: Columns, found: npt.NDArray[np.bool_], truth: Columns) -> None:
+    """TuSimple's scores against the two labelled lines beside the camera's axis."""
+    label_ns, has_stamp = stamps(truth)
+    mine, other = _matches(whole_numbers(columns, "stamp_ns")[0], np.where(has_stamp, label_ns, truth.log_time_ns))
+    parabolas = np.stack([[numbers(columns, f"{side}.{k}") for k in "abc"] for side in SIDES]).transpose(2, 0, 1)
+    sizes = np.stack(
+        [
+            numbers(columns, name)
+            for name in ("search_width_px", "search_height_px", "image_width_px", "image_height_px")
+        ],
+        axis=1,
+    )
+    scores: list[TuSimpleScore] = []
+    for row, label in zip(mine.tolist(), other.tolist(), strict=True):
+        rows_px, flat = _row(truth.fields["h_samples"], label), _row(truth.fields["lanes"], label)
+        if not len(rows_px) or len(flat) % len(rows_px) or not (sizes[row] > 0.0).all():
+            continue
+        search_w, search_h, image_w, image_h = sizes[row].tolist()
+        beside = _beside_camera(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
+        lines = _lines(parabolas[row], rows_px, (search_w, search_h, image_w, image_h))
+        scores.append(tusimple_score([lines[k] for k in np.flatnonzero(found[row])], beside, rows_px))
+    if scores:
+        headline.errors("lanes.truth_accuracy", np.array([score.accuracy for score in scores]))
+        headline.errors("lanes.truth_false_share", np.array([score.false_positive for score in scores]))
+        headline.errors("lanes.truth_missed_share", np.array([score.false_negative for score in scores]))
+
+
+def _row(field: Field, at: int) -> FloatArray:
+    """The numbers of one message."""
+    if isinstance(field, Ragged):
+        return np.asarray(field.values[field.offsets[at] : field.offsets[at + 1]], np.float64)
+    if isinstance(field, np.ndarray) and field.ndim == 2:
+        row = np.asarray(field[at], np.float64)
+        return row[np.isfinite(row)]
+    return np.zeros(0)
+
+
+def _beside_camera(lanes: FloatArray, rows_px: FloatArray, width_px: float, height_px: float) -> list[FloatArray]:
+    """Of the labelled lanes (k, h) the nearest on either side of the image's middle, at its bottom.
+
+    A lane is prolonged to the bottom by the straight line through its present points.
+    """
+    nearest: dict[bool, tuple[float, FloatArray]] = {}
+    for lane in lanes:
+        present = lane >= 0.0
+        if present.sum() < 2:
+            continue
+        slope, start = np.polyfit(rows_px[present] - height_px, lane[present], 1)
+        del slope
+        offset = float(start) - 0.5 * width_px
+        is_right = offset >= 0.0
+        if is_right not in nearest or abs(offset) < nearest[is_right][0]:
+            nearest[is_right] = abs(offset), lane
+    return [lane for _, lane in nearest.values()]
+
+
+def _lines(parabolas: FloatArray, rows_px: FloatArray, sizes: Image) -> FloatArray:
+    """Columns (2, h) in the camera's image of both boundaries (2, 3) at rows from the top; NaN where they have ended.
+
+    A boundary ends at the image's edge and where both meet, as in what `cwcli lanes` draws.
+    """
+    search_w, search_h, image_w, image_h = sizes
+    y_px = search_h + 0.5 - (rows_px + 0.5) * search_h / image_h
+    a, b, c = parabolas.T[:, :, None]
+    x_px = (a * y_px + b) * y_px + c
+    with np.errstate(invalid="ignore"):
+        outside = (x_px < 1.0) | (x_px > search_w) | (y_px < 1.0)
+        meet = x_px[1] - x_px[0] <= MIN_APART_PX
+    met_y = y_px[meet].min() if meet.any() else np.inf
+    x_px = np.where(outside | (y_px >= met_y), np.nan, x_px)
+    return np.asarray((x_px - 0.5) * image_w / search_w - 0.5)

@@ -1,0 +1,206 @@
+"""Headline metrics of `warn`: warnings against the conflicts that really happened."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.logs.log import Log
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.table import Table
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.leaves import texts, whole_numbers
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
+from cwcli.stages.records import json_entry, run_records
+from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
+from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
+from cwcli.warning.actual import relative_motion
+from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, judge, real_conflicts
+from cwcli.warning.output import HELD, RAISED
+from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, ActualTrack, WarningConfig
+
+NS_PER_H = 3600 * NS_PER_S
+
+
+@dataclass(frozen=True)
+class WarningScores:
+    """What became of the warnings and of the conflicts of a log.
+
+    Attributes:
+        n_true, n_late, n_false, n_undecided: Warnings by verdict (`cwcli.warning.conflicts.Verdict`).
+        n_conflicts, n_in_time, n_warned_late: Real conflicts; those whose first warning came before they began, and
+            after it.
+        lead_times_s: Of the conflicts that were warned of.
+        host_hours: Length of the host's track.
+    """
+
+    n_true: int
+    n_late: int
+    n_false: int
+    n_undecided: int
+    n_conflicts: int
+    n_in_time: int
+    n_warned_late: int
+    lead_times_s: tuple[float, ...]
+    host_hours: float
+
+
+def add_warnings(headline: Headline, log: Log, scores: Table | None, conflicts: Table | None) -> None:
+    """Add the metrics of the warnings; nothing if the log has no such channel.
+
+    Args:
+        headline: Gets the rows.
+        log: The log.
+        scores, conflicts: The stage's tables, or None: the warnings are then judged again.
+    """
+    if all(channel.topic != WARNINGS_TOPIC for channel in log.channels):
+        return
+    found = _from_tables(scores, conflicts) if scores is not None and conflicts is not None else judge_warnings(log)
+    if found is None:
+        return
+    n_warned = found.n_in_time + found.n_warned_late
+    decided = found.n_true + found.n_late + found.n_false
+    headline.count("warnings.count", decided + found.n_undecided)
+    headline.count("warnings.conflicts_count", found.n_conflicts)
+    headline.count("warnings.missed_count", found.n_conflicts - n_warned)
+    headline.count("warnings.false_count", found.n_false)
+    headline.count("warnings.undecided_count", found.n_undecided)
+    headline.add("warnings.precision", found.n_true + found.n_late, decided)
+    headline.add("warnings.recall", n_warned, found.n_conflicts)
+    headline.add("warnings.timeliness", found.n_in_time, n_warned)
+    headline.add("warnings.lead_time_mean_s", sum(found.lead_times_s), len(found.lead_times_s))
+    if found.lead_times_s:
+        headline.add("warnings.lead_time_min_s", min(found.lead_times_s), 1.0, n=len(found.lead_times_s))
+    headline.add("warnings.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
+
+
+def _from_tables(scores: Table, conflicts: Table) -> WarningScores:
+    """From the tables that `cwcli warn` makes."""
+    (row,) = scores.records()
+    leads = np.asarray(conflicts.columns["lead_time_s"], np.float64)
+    return WarningScores(
+        n_true=row["n_true"],
+        n_late=row["n_late"],
+        n_false=row["n_false"],
+        n_undecided=row["n_undecided"],
+        n_conflicts=row["n_conflicts"],
+        n_in_time=row["n_conflicts_warned"],
+        n_warned_late=row["n_conflicts_late"],
+        lead_times_s=tuple(leads[np.isfinite(leads)].tolist()),
+        host_hours=row["host_hours"],
+    )
+
+
+def judge_warnings(log: Log) -> WarningScores | None:
+    """Judge the warnings of an annotated log as `cwcli warn` did; None where its states are missing."""
+    configuration = json_entry(run_records(log).get("warn", {}), "configuration", dict)
+    others_topic = TARGETS_TOPIC if configuration.get("source") == "targets" else REMOTE_STATE_TOPIC
+    topics = {channel.topic for channel in log.channels}
+    if not {EGO_STATE_TOPIC, others_topic} <= topics:
+        return None
+    columns = log.load(dict.fromkeys((EGO_STATE_TOPIC, others_topic, WARNINGS_TOPIC)))
+    host = read_states(columns[EGO_STATE_TOPIC])
+    others = (read_targets if others_topic == TARGETS_TOPIC else read_states)(columns[others_topic])
+    start_ns, end_ns = (_whole(configuration.get(name)) for name in ("start_ns", "end_ns"))
+    host, others = host.logged_within(start_ns, end_ns), others.logged_within(start_ns, end_ns)
+    if not len(host):
+        return None
+    return _judge(host, others, _events(columns[WARNINGS_TOPIC]), _config(configuration.get("rule")))
+
+
+def _judge(
+    host: VehicleStates, others: VehicleStates, events: Mapping[str, Sequence[tuple[int, int]]], config: WarningConfig
+) -> WarningScores:
+    own = _track(host, np.arange(len(host)))
+    host_size = _size(host, np.arange(len(host)))
+    kinds: list[str] = []
+    first: list[str] = []
+    leads: list[float] = []
+    n_conflicts = 0
+    for vehicle, rows in vehicle_rows(others.ids):
+        motion = relative_motion(
+            own,
+            _track(others, rows),
+            max_gap_s=config.max_gap_s,
+            host_size=host_size,
+            other_size=_size(others, rows),
+        )
+        conflicts = real_conflicts(motion, config)
+        n_conflicts += len(conflicts)
+        warned: set[int] = set()
+        for raised_ns, last_ns in events.get(vehicle, ()):
+            verdict = judge(raised_ns, last_ns, conflicts, motion, config)
+            kinds.append(verdict.kind)
+            if verdict.conflict >= 0 and verdict.conflict not in warned:
+                warned.add(verdict.conflict)
+                first.append(verdict.kind)
+                leads.append(verdict.lead_time_s)
+    return WarningScores(
+        n_true=kinds.count(TRUE),
+        n_late=kinds.count(LATE),
+        n_false=kinds.count(FALSE),
+        n_undecided=kinds.count(UNDECIDED),
+        n_conflicts=n_conflicts,
+        n_in_time=first.count(TRUE),
+        n_warned_late=first.count(LATE),
+        lead_times_s=tuple(leads),
+        host_hours=float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H,
+    )
+
+
+def _events(columns: Columns) -> dict[str, list[tuple[int, int]]]:
+    """Vehicle -> when each warning of it was raised and last held, in the order of the warnings."""
+    event_id, _ = whole_numbers(columns, "event_id")
+    state, _ = whole_numbers(columns, "state")
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
+    ids = texts(columns, "other_id")
+    found: dict[str, list[tuple[int, int]]] = {}
+    for event in np.unique(event_id).tolist():
+        rows = np.flatnonzero((event_id == event) & ((state == RAISED) | (state == HELD)))
+        raised = rows[state[rows] == RAISED]
+        if ids is None or not len(raised) or ids.codes[raised[0]] < 0:
+            continue
+        vehicle = ids.values[ids.codes[raised[0]]]
+        found.setdefault(vehicle, []).append((int(stamp_ns[raised[0]]), int(stamp_ns[rows].max())))
+    return {vehicle: sorted(spans) for vehicle, spans in found.items()}
+
+
+def _track(states: VehicleStates, rows: npt.NDArray[np.intp]) -> ActualTrack:
+    """In stamp order, the first row of each stamp."""
+    stamp_ns, first = np.unique(states.stamp_ns[rows], return_index=True)
+    return ActualTrack(stamp_ns, states.state[rows[first]])
+
+
+def _size(states: VehicleStates, rows: npt.NDArray[np.intp]) -> tuple[float, float]:
+    """Length and width: the median of what the vehicle said, or the default."""
+
+    def of(values_m: FloatArray, default: float) -> float:
+        given = values_m[np.isfinite(values_m)]
+        middle = float(np.median(given)) if len(given) else math.nan
+        return middle if middle > 0.0 else default
+
+    return of(states.length_m[rows], DEFAULT_LENGTH_M), of(states.width_m[rows], DEFAULT_WIDTH_M)
+
+
+def _config(given: object) -> WarningConfig:
+    """The rule's configuration as the record has it; the default where an entry is missing or of another kind."""
+    default = WarningConfig()
+    if not isinstance(given, dict):
+        return default
+    values: dict[str, Any] = {}
+    for entry in fields(WarningConfig):
+        value, usual = given.get(entry.name), getattr(default, entry.name)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if (isinstance(usual, float) and is_number) or (isinstance(usual, str) and isinstance(value, str)):
+            values[entry.name] = value
+    return WarningConfig(**values)
+
+
+def _whole(value: object) -> int | None:
+    return value if isinstance(value, int) else None
