@@ -1,0 +1,266 @@
+"""Motion and lane departure from rendered frames: frames -> lanes -> observer -> path -> warning, against the truth.
+
+    python -m tests.studies.rendered_motion drives       # yaw rate, lateral speed, path and overlay: 8 drives of 30 s
+    python -m tests.studies.rendered_motion departures   # 200 drifts: when is each warned of?
+    python -m tests.studies.rendered_motion undisturbed  # 30 minutes without a drift: is it silent?
+
+`--method`, `--rate` (frames/s), `--weather`, `--look` and `--n` change what is run; `--jobs` runs in parallel.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from cwcli.dynamics.config import ObserverConfig
+from cwcli.dynamics.observer import observe
+from cwcli.dynamics.samples import LateralTrack
+from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.prediction.lateral import lateral_paths
+from cwcli.prediction.lateral_calibrate import calibrate_paths
+from cwcli.prediction.paths import Paths
+from cwcli.simulation.lane_drive import STEP_S, Driver, Road, Runs, Truth, drive_lane
+from cwcli.simulation.road.camera import wide_camera
+from cwcli.simulation.streams import stream
+from cwcli.stages.zhang2011.drives import ROAD as BENDS
+from cwcli.stages.zhang2011.drives import SETTLED_FRAMES, drive_errors
+from cwcli.stages.zhang2011.rendered import Look, RenderedDrive, sense_rendered
+from cwcli.vision.methods import DEFAULT_METHOD
+from cwcli.vision.path_overlay import BodyPath, path_lines
+from cwcli.warning.lane_departure import Boundaries, LaneDepartureResult, earliest_line_m, evaluate_lane_departure
+
+T = TypeVar("T")
+CAR = load_vehicle()
+SPEED_MPS = 25.0
+DRIVE_S = 30.0
+DRIFT_START_S = 2.0
+LONGEST_DRIFT_S = 25.0
+OUTSIDE_M = 0.4
+"""A drift is rendered until the tyre is so far beyond the boundary: ISO's latest line is at 0.3 m."""
+UNDISTURBED_S = 60.0
+OVERLAY_M = 30.0
+ROADS = {
+    "straight": Road(),
+    "curve of 500 m": Road(np.array([0.0, 50.0, 150.0]), np.array([0.0, 0.0, 0.002])),
+}
+SENSORS = {"camera and speed": False, "with a gyroscope": True}
+
+
+def gentle_road(seed: int) -> Road:
+    """A road as `cwcli simulate road` draws it: curvature changes evenly between knots every 90 m."""
+    station_m = np.arange(0.0, 1800.0, 90.0)
+    drawn = stream(seed, "study", "gentle").normal(0.0, 0.00065, len(station_m))
+    return Road(station_m, np.clip(drawn, -0.001, 0.001))
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is run: a lane method, the look of the frames, and how many runs."""
+
+    method: str = DEFAULT_METHOD
+    look: Look = field(default_factory=Look)
+    n: int = 0
+
+
+def observed(seen: RenderedDrive, *, with_gyro: bool) -> tuple[LateralTrack, Paths]:
+    """The default observer and its paths in the body frame."""
+    sensed = seen.sensed
+    yaw_rate = sensed.yaw_rate if with_gyro else None
+    track = observe(sensed.lanes, sensed.speed, CAR, ObserverConfig(), yaw_rate=yaw_rate)
+    return track, calibrate_paths(lateral_paths(track, CAR), track)
+
+
+def overlay_error_px(seen: RenderedDrive, paths: Paths, truth: Truth, run: int = 0) -> np.ndarray:
+    """How far the drawn path is beside the true one where the true one is 30 m ahead, (n,); NaN near the drive's end.
+
+    The true path is what the car then drove, seen by the true camera of that moment on the true surface.
+    """
+    drive = seen.drive
+    error = np.full(len(drive), np.nan)
+    for i, index in enumerate(seen.sensed.index.tolist()):
+        dx, dy = truth.x_m[index:, run] - truth.x_m[index, run], truth.y_m[index:, run] - truth.y_m[index, run]
+        cos, sin = np.cos(truth.yaw_rad[index, run]), np.sin(truth.yaw_rad[index, run])
+        forward, left = cos * dx + sin * dy, cos * dy - sin * dx
+        if forward[-1] < OVERLAY_M or not np.isfinite(paths.x_m[i]).all():
+            continue
+        y_m = np.interp(OVERLAY_M, forward, left)
+        shown = drive.truth(i)
+        z_m = shown.road.z_at(np.array([OVERLAY_M]))
+        u_true, v_true = shown.camera.project(np.array([OVERLAY_M]), np.array([y_m]), z_m)
+        camera = seen.camera.turned(pitch_rad=float(seen.fits.pitch_rad[i]), yaw_rad=float(seen.fits.yaw_rad[i]))
+        path = BodyPath(paths.x_m[i], paths.y_m[i], paths.heading_rad[i], paths.position_covariance_m2[i])
+        u, v = path_lines(path, camera, width_m=CAR.width_m).points[0].T
+        error[i] = np.interp(-v_true[0], -v, u) - u_true[0]
+    return error
+
+
+def drive(number: int, setting: Setting) -> dict[str, dict[str, float]]:
+    """One drive: sensors -> what -> error. Even numbers are gentle roads, odd ones bends of 500 and 330 m."""
+    road = gentle_road(number) if number % 2 == 0 else BENDS
+    runs = Runs(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, DRIVE_S)
+    truth = drive_lane(road, CAR, runs, seed=number)
+    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
+    found = {}
+    for name, with_gyro in SENSORS.items():
+        track, paths = observed(seen, with_gyro=with_gyro)
+        xy = (paths.x_m, paths.y_m)
+        found[name] = drive_errors(truth, 0, seen.sensed, track, xy, paths.position_covariance_m2)
+        beside = np.abs(overlay_error_px(seen, paths, truth)[SETTLED_FRAMES:])
+        found[name] |= {
+            "overlay at 30 m, median [px]": float(np.nanmedian(beside)),
+            "overlay at 30 m, within 3 px": float(np.mean(beside[np.isfinite(beside)] <= 3.0)),
+        }
+    return found
+
+
+def warned(seen: RenderedDrive, *, with_gyro: bool = False) -> LaneDepartureResult:
+    """Lane departure from the boundaries and the path of the default observer."""
+    track, paths = observed(seen, with_gyro=with_gyro)
+    sensed = seen.sensed
+    return evaluate_lane_departure(
+        sensed.stamp_ns,
+        sensed.stamp_ns,
+        paths,
+        Boundaries(sensed.left_body, sensed.right_body, CAR.camera_forward_m),
+        track.speed_mps,
+        width_m=CAR.width_m,
+        front_axle_m=CAR.front_axle_m,
+    )
+
+
+def drift_rates(n: int) -> np.ndarray:
+    """n rates of departure of 0.1 to 0.8 m/s, to the left and to the right in turn."""
+    return np.linspace(0.1, 0.8, (n + 1) // 2).repeat(2)[:n] * np.tile([1.0, -1.0], (n + 1) // 2)[:n]
+
+
+def until_outside(truth: Truth) -> Truth:
+    """A single run up to where the tyre is `OUTSIDE_M` beyond a boundary."""
+    gap_m = np.minimum(truth.left_gap_m, truth.right_gap_m)[:, 0]
+    outside = np.flatnonzero(gap_m < -OUTSIDE_M)
+    end = int(outside[0]) + 1 if len(outside) else len(gap_m)
+    return replace(truth, **{f.name: getattr(truth, f.name)[:end] for f in fields(truth)})
+
+
+@dataclass(frozen=True)
+class Departure:
+    """One drift: where the tyre really was (m inside the boundary) when it was warned of; NaN: never."""
+
+    road: str
+    rate_mps: float
+    gap_m: float
+    earliest_m: float
+    wrong_events: int
+    n_frames: int
+
+    @property
+    def is_in_time(self) -> bool:
+        """Between ISO's earliest and latest line."""
+        return bool(-0.3 <= self.gap_m <= self.earliest_m)
+
+
+def departure(number: int, setting: Setting, n: int) -> Departure:
+    """One of n drifts; half of them on each road."""
+    name = tuple(ROADS)[number % 2]
+    road, rate = ROADS[name], float(drift_rates((n + 1) // 2)[number // 2])
+    runs = Runs(np.full(1, SPEED_MPS), np.full(1, rate), np.full(1, DRIFT_START_S), 0.0, LONGEST_DRIFT_S)
+    truth = until_outside(drive_lane(road, CAR, runs, seed=number))
+    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
+    events = warned(seen).events.records()
+    side = "left" if rate > 0.0 else "right"
+    own = [event for event in events if event["side"] == side]
+    if not own:
+        return Departure(name, rate, np.nan, np.nan, len(events), len(seen.drive))
+    at = min(round(own[0]["raised_stamp_ns"] / 1e9 / STEP_S), len(truth.time_s) - 1)
+    gap_m = float((truth.left_gap_m if rate > 0.0 else truth.right_gap_m)[at, 0])
+    approach = float(np.sign(rate) * truth.approach_mps[at, 0])
+    line_m = float(earliest_line_m(np.array([approach]))[0])
+    return Departure(name, rate, gap_m, line_m, len(events) - len(own), len(seen.drive))
+
+
+def undisturbed(number: int, setting: Setting) -> tuple[int, float, int]:
+    """A minute of lane keeping: events, the nearest that the car came to a boundary (m), frames."""
+    road = tuple(ROADS.values())[number % 2] if number % 3 else gentle_road(number)
+    runs = Runs(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, UNDISTURBED_S)
+    truth = drive_lane(road, CAR, runs, driver=Driver(), seed=number)
+    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
+    nearest_m = float(min(truth.left_gap_m.min(), truth.right_gap_m.min()))
+    return len(warned(seen).events), nearest_m, len(seen.drive)
+
+
+def each(work: Callable[[int], T], n: int, jobs: int) -> Iterator[T]:
+    """work(0), work(1), ..., work(n - 1), in order."""
+    if jobs == 1:
+        yield from map(work, range(n))
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(work, range(n))
+
+
+def tell_drives(setting: Setting, jobs: int) -> None:
+    """Print every drive, then medians."""
+    n = setting.n or 8
+    all_found: dict[tuple[str, str], list[float]] = {}
+    for number, found in enumerate(each(partial(drive, setting=setting), n, jobs)):
+        for name, errors in found.items():
+            print(f"drive {number} {name}: " + ", ".join(f"{what} {value:.3f}" for what, value in errors.items()))
+            for what, value in errors.items():
+                all_found.setdefault((name, what), []).append(value)
+    for (name, what), values in all_found.items():
+        print(f"{name:18} {what:45} median {np.median(values):.3f}  {min(values):.3f} to {max(values):.3f}")
+
+
+def tell_departures(setting: Setting, jobs: int) -> None:
+    """Print the drifts that were not warned of in time, and how many were."""
+    n = setting.n or 200
+    made = list(each(partial(departure, setting=setting, n=n), n, jobs))
+    for found in made:
+        if not found.is_in_time or found.wrong_events:
+            print(found)
+    gaps = np.array([found.gap_m for found in made])
+    print(
+        f"{sum(found.is_in_time for found in made)} of {n} drifts warned of between ISO's lines; tyre "
+        f"{np.nanmin(gaps):.2f} to {np.nanmax(gaps):.2f} m inside the boundary (median {np.nanmedian(gaps):.2f}); "
+        f"{sum(found.wrong_events for found in made)} events of the other side; "
+        f"{sum(found.n_frames for found in made)} frames"
+    )
+
+
+def tell_undisturbed(setting: Setting, jobs: int) -> None:
+    """Print how many events there were, and how near the car came to the boundaries."""
+    n = setting.n or 30
+    events, nearest, frames = zip(*each(partial(undisturbed, setting=setting), n, jobs), strict=True)
+    print(
+        f"{sum(events)} events in {n * UNDISTURBED_S / 60:.0f} minutes ({sum(frames)} frames); the car stays at least "
+        f"{min(nearest):.2f} m inside the boundaries; runs with events: {[k for k, e in enumerate(events) if e]}"
+    )
+
+
+STUDIES = {"drives": tell_drives, "departures": tell_departures, "undisturbed": tell_undisturbed}
+
+
+def main() -> None:
+    """Run a study."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", choices=STUDIES)
+    parser.add_argument("--method", default=DEFAULT_METHOD)
+    parser.add_argument("--rate", type=float, default=20.0)
+    parser.add_argument("--weather", default="clear")
+    parser.add_argument("--look", default="good")
+    parser.add_argument("--wide", action="store_true", help="the 60 deg camera at 640 x 360 instead of zhang2011's")
+    parser.add_argument("--pitch-error", type=float, default=0.0, help="of the mounting as told, degrees")
+    parser.add_argument("--n", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=1)
+    given = parser.parse_args()
+    camera = wide_camera(640, 360) if given.wide else None
+    look = Look(given.look, given.weather, given.rate, camera, float(np.radians(given.pitch_error)))
+    STUDIES[given.study](Setting(given.method, look, given.n), given.jobs)
+
+
+if __name__ == "__main__":
+    main()
