@@ -1,0 +1,136 @@
+"""docs/viewers.md: Rerun's own converter and the page's script find paths, fixes and logs in an annotated log."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from subprocess import CompletedProcess
+from typing import Any
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from cwcli.logs.log import Log
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "viewers.md").read_text(encoding="utf-8")
+TIMEOUT_S = 120
+TIMELINE = "message_log_time"
+ATOL_DEG = 1e-12
+
+Run = Callable[..., CompletedProcess[bytes]]
+Columns = dict[str, list[Any]]
+
+
+@pytest.fixture(scope="module")
+def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bundled log with states, paths and warnings."""
+    target = tmp_path_factory.mktemp("rerun") / "annotated.mcap"
+    source = ROOT / "sample_logs" / "intersection.mcap"
+    subprocess.run([sys.executable, "-m", "cwcli", "run", str(source), "-o", str(target), "-q"], check=True, cwd=ROOT)
+    return target
+
+
+def rerun_environment(home: Path) -> dict[str, str]:
+    """A home of its own, in which Rerun's usage data is off."""
+    environment = {**os.environ, "HOME": str(home), "XDG_CONFIG_HOME": str(home), "XDG_DATA_HOME": str(home)}
+    run_tool([rerun_tool(), "analytics", "disable"], environment)
+    return environment
+
+
+def rerun_tool() -> str:
+    beside = Path(sys.executable).with_name("rerun")
+    found = str(beside) if beside.exists() else shutil.which("rerun")
+    assert found, "rerun-sdk has no command beside the interpreter"
+    return found
+
+
+def run_tool(command: list[str], environment: dict[str, str]) -> None:
+    done = subprocess.run(command, capture_output=True, check=False, env=environment, timeout=TIMEOUT_S)
+    assert done.returncode == 0, done.stderr.decode()
+
+
+def read_recording(path: Path) -> dict[str, Columns]:
+    """Entity -> column -> values of the rows that have a log time, in order."""
+    entities: dict[str, Columns] = defaultdict(lambda: defaultdict(list))
+    for chunk in RrdReader(str(path)).store().stream():
+        batch = chunk.to_record_batch()
+        if TIMELINE not in batch.schema.names:
+            continue
+        for name in batch.schema.names:
+            column = batch.column(name)
+            entities[chunk.entity_path][name] += (
+                column.cast("int64").to_pylist() if name == TIMELINE else column.to_pylist()
+            )
+    return entities
+
+
+def in_time_order(columns: Columns, name: str) -> list[Any]:
+    return [value for _, value in sorted(zip(columns[TIMELINE], columns[name], strict=True), key=lambda row: row[0])]
+
+
+@pytest.fixture(scope="module")
+def converted(annotated: Path) -> dict[str, Columns]:
+    """What `rerun mcap convert` makes of the log."""
+    target = annotated.with_suffix(".rrd")
+    command = [rerun_tool(), "mcap", "convert", str(annotated), "-o", str(target)]
+    run_tool(command, rerun_environment(annotated.parent))
+    return read_recording(target)
+
+
+def test_converter_finds_the_paths(annotated: Path, converted: dict[str, Columns]) -> None:
+    with Log.open(annotated) as log:
+        columns = log.columns("/cwcli/ego/path")
+    messages = in_time_order(converted["/cwcli/ego/path"], "cwcli.v1.PredictedPath:message")
+    assert len(messages) == len(columns) == 201
+    expected = np.asarray(columns.fields["x_m"]).reshape(201, -1)
+    assert np.array_equal([message[0]["x_m"] for message in messages], expected)
+    assert len(converted["/cwcli/remote/path"][TIMELINE]) == 201
+    assert len(converted["/cwcli/paths/scene"][TIMELINE]) > 100
+
+
+def test_converter_puts_the_fixes_on_its_map(annotated: Path, converted: dict[str, Columns]) -> None:
+    with Log.open(annotated) as log:
+        columns = log.columns("/cwcli/ego/fix")
+    positions = in_time_order(converted["/cwcli/ego/fix"], "GeoPoints:positions")
+    found = np.array([each[0] if isinstance(each[0], list) else each for each in positions])
+    expected = np.column_stack([columns.fields["latitude"], columns.fields["longitude"]])
+    np.testing.assert_allclose(found, expected, rtol=0, atol=ATOL_DEG)
+    raw = in_time_order(converted["/gps/fix"], "GeoPoints:positions")
+    assert len(raw) == 201
+
+
+def test_converter_takes_the_warnings_as_a_text_log(converted: dict[str, Columns]) -> None:
+    log = converted["/cwcli/log"]
+    texts, levels = in_time_order(log, "TextLog:text"), in_time_order(log, "TextLog:level")
+    assert "collision with d9583520" in texts[0][0]
+    assert [level[0] for level in levels] == ["WARN", "INFO"]
+
+
+def test_converter_finds_poses_and_transforms(converted: dict[str, Columns]) -> None:
+    assert len(converted["/cwcli/ego/pose"]["InstancePoses3D:translations"]) == 201
+    frames = {frame[0] for frame in converted["/cwcli/tf"]["Transform3D:child_frame"]}
+    assert frames == {"base_link"}
+
+
+def test_script_of_the_page_draws_paths_and_speeds(annotated: Path, tmp_path: Path) -> None:
+    [script] = re.findall(r"<!-- rerun -->\n```python\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "rerun_view.py").write_text(script, encoding="utf-8")
+    target = tmp_path / "annotated.rrd"
+    command = [sys.executable, str(tmp_path / "rerun_view.py"), str(annotated), str(target)]
+    run_tool(command, rerun_environment(tmp_path))
+    with Log.open(annotated) as log:
+        x_m = np.asarray(log.columns("/cwcli/ego/path").fields["x_m"]).reshape(201, -1)
+    found = read_recording(target)
+    strips = in_time_order(found["/paths/ego"], "LineStrips3D:strips")
+    assert np.allclose([[point[0] for point in strip[0]] for strip in strips], x_m, rtol=0, atol=1e-4)
+    assert len(found["/speed/d9583520"]["Scalars:scalars"]) == 201
+    assert len(found["/cwcli/log"]["TextLog:text"]) == 2
+    assert len(RrdReader(str(target)).blueprints()) == 1
