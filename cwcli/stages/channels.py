@@ -76,9 +76,16 @@ def vehicle_states(
 
 
 def predicted_paths(
-    topic: str, *, ids: Strings, stamp_ns: Int64Array, log_time_ns: Int64Array, model: str, paths: Paths
+    topic: str,
+    *,
+    ids: Strings,
+    stamp_ns: Int64Array,
+    log_time_ns: Int64Array,
+    model: str,
+    paths: Paths,
+    frame_id: str = "",
 ) -> OutputChannel:
-    """`cwcli.v1.PredictedPath` rows, one per start of `paths`."""
+    """`cwcli.v1.PredictedPath` rows, one per start of `paths`; an empty frame is `map`."""
     n = len(stamp_ns)
     step_s = float(paths.time_s[1] - paths.time_s[0]) if len(paths.time_s) > 1 else 0.0
     fields: dict[str, Field] = {
@@ -93,6 +100,8 @@ def predicted_paths(
         "speed_mps": paths.speed_mps,
         "position_covariance": paths.position_covariance_m2.reshape(n, 3 * len(paths.time_s)),
     }
+    if frame_id:
+        fields["frame_id"] = constant_strings(frame_id, n)
     return in_log_order(OutputChannel(topic, "cwcli.v1.PredictedPath", log_time_ns, fields))
 
 

@@ -125,7 +125,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
 
 
 def read_lanes(columns: Columns, *, where: str) -> tuple[LaneSamples, Int64Array, float, InputCount]:
-    """The lanes at the preview point, in the order of their stamps; log times, preview distance, and what became of them.
+    """The lanes at the preview point by stamp; their log times, the preview distance, and what became of the messages.
 
     Raises:
         DataError: A field is missing, or the preview distance changes.

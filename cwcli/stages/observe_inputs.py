@@ -98,9 +98,8 @@ def _speed_over_ground(sources: Sources) -> tuple[Samples | None, str]:
 def _yaw_rate(sources: Sources) -> tuple[Samples | None, str]:
     for signal in sources.by_role.get(Role.IMU, ()):
         if isinstance(signal, ImuSignal):
-            return Samples(
-                signal.stamp_ns, signal.gyro_radps[:, UP], _sigma(signal.gyro_variance[:, UP])
-            ), signal.source
+            sigma = _sigma(signal.gyro_variance[:, UP])
+            return Samples(signal.stamp_ns, signal.gyro_radps[:, UP], sigma), signal.source
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal) and np.isfinite(signal.yaw_rate_radps).any():
             sigma = _sigma(signal.yaw_rate_variance_rad2ps2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -29,13 +29,18 @@ MAX_MESSAGE_AGE_S = 1.0
 """How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
 MAX_GAP_S = 0.5
 
+Origin = Literal["states", "observer"]
+
 
 @dataclass(frozen=True)
 class PredictConfig:
     """Settings of the stage.
 
     Attributes:
-        model: A key of `prediction.MODELS`.
+        model: A key of `prediction.MODELS`; from the observer `lateral` or `lateral-zhang2011`, and "auto" is the
+            first.
+        origin: Start from the states of `cwcli estimate`, or from those of `cwcli observe`.
+        calibrate: From the observer: scale the uncertainty by the record itself.
         horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
         discretisation: "exact", or "paper" for song2016's recursion.
         topics: Role -> topic, the user's choices.
@@ -46,6 +51,8 @@ class PredictConfig:
     horizon_s: float = 2.5
     step_s: float = 0.05
     discretisation: Discretisation = "exact"
+    origin: Origin = "states"
+    calibrate: bool = True
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
@@ -54,10 +61,16 @@ class PredictConfig:
 def predict(log: Log, config: PredictConfig) -> StageResult:
     """Predict the path of every vehicle from each of its states, and compare every model with what then happened.
 
+    From the observer it is the ego's path alone (`predict_observer`).
+
     Raises:
-        MissingSignalError: The log has no ego state.
+        MissingSignalError: The log has no ego state, or no observer channel.
         UsageError: An unknown model, or a horizon or step that is not positive.
     """
+    if config.origin == "observer":
+        from cwcli.stages.predict_observer import predict_observer
+
+        return predict_observer(log, config)
     bound = bind(
         log.channels,
         config.topics,
@@ -121,11 +134,17 @@ def prediction_table(states: Sequence[VehicleStates], config: PredictConfig) -> 
     return _table([record for each in states for record in _errors(each, config)])
 
 
+def error_horizons(horizon_s: float) -> list[float]:
+    """Where errors are told: every half second up to the horizon, and the horizon itself."""
+    horizons = [h for h in ERROR_HORIZONS_S if h <= horizon_s + 1e-9]
+    if not horizons or abs(horizons[-1] - horizon_s) > 1e-9:
+        horizons.append(horizon_s)
+    return horizons
+
+
 def _errors(states: VehicleStates, config: PredictConfig) -> list[dict[str, Any]]:
     """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
-    horizons = [h for h in ERROR_HORIZONS_S if h <= config.horizon_s + 1e-9]
-    if not horizons or abs(horizons[-1] - config.horizon_s) > 1e-9:
-        horizons.append(config.horizon_s)
+    horizons = error_horizons(config.horizon_s)
     records = []
     for vehicle, unordered in vehicle_rows(states.ids):
         rows = unordered[np.argsort(states.stamp_ns[unordered], kind="stable")]

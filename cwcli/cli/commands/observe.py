@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import typer
 
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
-from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
-
-if TYPE_CHECKING:
-    from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
+from cwcli.stages.call import StageCall
 
 EXAMPLES = (
     "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml --metrics observer.parquet",
@@ -72,7 +68,7 @@ class ObserveOptions(StageOptions):
         float, typer.Option("--coast", metavar="SECONDS", help="Carry the state on for so long without boundaries.")
     ] = 2.0
 
-    def make(self) -> Callable[[Log, Selection], StageResult]:
+    def make(self) -> StageCall:
         """The stage with these options."""
         if self.vehicle is None and self.load is None:
             chosen = None
@@ -83,7 +79,7 @@ class ObserveOptions(StageOptions):
         if not 0.0 < self.coast <= 60.0:
             raise UsageError(f"--coast {self.coast:g} must be above 0 and at most 60 s")
         from cwcli.dynamics.config import ObserverConfig
-        from cwcli.stages.observe import ObserveConfig, observe
+        from cwcli.stages.observe import ObserveConfig
 
         observer = ObserverConfig(
             method=self.method,
@@ -91,22 +87,10 @@ class ObserveOptions(StageOptions):
             max_coast_s=self.coast,
             steer_rate=self.steer_rate,
         )
-
-        def stage(log: Log, selection: Selection) -> StageResult:
-            return observe(
-                log,
-                ObserveConfig(
-                    vehicle=chosen,
-                    observer=observer,
-                    use_gyro=self.gyro,
-                    use_steer=self.steering,
-                    topics=selection.topics,
-                    start_ns=selection.start_ns,
-                    end_ns=selection.end_ns,
-                ),
-            )
-
-        return stage
+        return StageCall(
+            self.stage,
+            ObserveConfig(vehicle=chosen, observer=observer, use_gyro=self.gyro, use_steer=self.steering),
+        )
 
 
 def command(

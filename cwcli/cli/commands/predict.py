@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import typer
 
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
-from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.cli.pipeline import Job, run_job
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
-
-if TYPE_CHECKING:
-    from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
+from cwcli.stages.call import StageCall
 
 EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
     "cwcli estimate drive.mcap -o - | cwcli predict - -o predicted.mcap",
+    "cwcli predict observed.mcap --from observer --horizon 2.0 -o predicted.mcap",
 )
 
 
@@ -39,35 +36,49 @@ class PredictOptions(StageOptions):
             "--model",
             metavar="NAME",
             autocompletion=_models,
-            help="; ".join(f"{name}: {model.summary}" for name, model in MODELS.items()) + ".",
+            help="; ".join(f"{name}: {model.summary}" for name, model in MODELS.items())
+            + ". From the observer: lateral (auto): the yaw rate goes over to the road's; lateral-zhang2011: speed, "
+            "lateral speed and yaw rate stay.",
         ),
     ] = DEFAULT_MODEL
+    origin: Annotated[
+        Literal["states", "observer"],
+        typer.Option(
+            "--from",
+            help="Start from the states of `cwcli estimate`, or, for the ego alone, from the lateral motion and the "
+            "road's curvature of `cwcli observe`.",
+        ),
+    ] = "states"
     horizon: Annotated[float, typer.Option("--horizon", metavar="SECONDS", help="How far ahead.")] = 2.5
     step: Annotated[float, typer.Option("--step", metavar="SECONDS", help="Between the points of a path.")] = 0.05
     discretisation: Annotated[
         Literal["exact", "paper"],
         typer.Option("--discretisation", help="Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
     ] = "exact"
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate/--no-calibrate",
+            help="From the observer: scale the uncertainty by how far this record's car went from its paths; looks at "
+            "the whole record.",
+        ),
+    ] = True
 
-    def make(self) -> Callable[[Log, Selection], StageResult]:
+    def make(self) -> StageCall:
         """The stage with these options."""
-        from cwcli.stages.predict import PredictConfig, predict
+        from cwcli.stages.predict import PredictConfig
 
-        def stage(log: Log, selection: Selection) -> StageResult:
-            return predict(
-                log,
-                PredictConfig(
-                    model=self.model,
-                    horizon_s=self.horizon,
-                    step_s=self.step,
-                    discretisation=self.discretisation,
-                    topics=selection.topics,
-                    start_ns=selection.start_ns,
-                    end_ns=selection.end_ns,
-                ),
-            )
-
-        return stage
+        return StageCall(
+            self.stage,
+            PredictConfig(
+                model=self.model,
+                horizon_s=self.horizon,
+                step_s=self.step,
+                discretisation=self.discretisation,
+                origin=self.origin,
+                calibrate=self.calibrate,
+            ),
+        )
 
 
 def command(
@@ -80,7 +91,7 @@ def command(
 ) -> None:
     """Predict the path of every vehicle from each of its states.
 
-    Needs the channels of `cwcli estimate`. Adds one path per state, with its covariance, and compares every motion
-    model with what then happened.
+    Needs the channels of `cwcli estimate`, or with `--from observer` that of `cwcli observe`. Adds one path per state,
+    with its covariance, and compares every motion model with what then happened.
     """
     run_job(Job("predict", log, {"predict": options.make()}, reading, writing, talk, metrics=metrics))

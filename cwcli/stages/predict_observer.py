@@ -1,0 +1,279 @@
+"""`predict --from observer`: the ego's path from its observed lateral motion and the road's curvature.
+
+The paths are published in the map if the log holds the ego's states; else in `odom`, a frame of the log's own in which
+the observed motion is added up from where the car was, and pointed, at its first state.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.logs.log import Log
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.prediction.horizon import BASELINE, HorizonErrors, horizon_errors, horizon_table
+from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, map_paths
+from cwcli.prediction.paths import Paths
+from cwcli.signals.canonical import PoseSignal, Signal
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel
+from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.resample import resample
+from cwcli.signals.roles import bind
+from cwcli.stages.channels import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
+from cwcli.stages.observer_channel import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
+from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
+from cwcli.stages.predict import MAX_GAP_S, PredictConfig, error_horizons
+from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
+from cwcli.stages.run_record import run_record
+from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.states import read_states
+
+STAGE = "predict_observer"
+"""Not `predict`: a run may hold both."""
+ODOM_FRAME = "odom"
+NO_STATE = "no state"
+NO_POSE = "no ego state near it"
+MIN_SLIP_SPEED_MPS = 1.0
+COURSE_SCHEMA = "cwcli.v1.VehicleState"
+"""Its heading is the direction of motion, not that of the car's axis."""
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Where the car was and where its axis pointed.
+
+    Attributes:
+        source: What tells it, for people.
+        frame_id: Its frame.
+        stamp_ns, xy_m: Shape (m,) and (m, 2): the track.
+        at_xy_m, at_yaw_rad: Shape (n, 2) and (n,): at the observed frames; NaN where not known.
+    """
+
+    source: str
+    frame_id: str
+    stamp_ns: Int64Array
+    xy_m: FloatArray
+    at_xy_m: FloatArray
+    at_yaw_rad: FloatArray
+
+
+def predict_observer(log: Log, config: PredictConfig) -> StageResult:
+    """Predict the ego's path from each observed frame, and compare it with what then happened.
+
+    Raises:
+        MissingSignalError: The log has no observer channel, or no frame of it has a state.
+        UsageError: An unknown model, or a horizon or step that is not positive.
+        DataError: The channel is of another version.
+    """
+    settings = _path_config(config)
+    own = bind(
+        log.channels,
+        config.topics,
+        required=(Role.OBSERVER,),
+        optional=(Role.EGO_STATE, Role.LATERAL_TRUTH),
+        where=log.name,
+        command="predict --from observer",
+    )
+    sources = read_sources(
+        log,
+        SourceConfig(topics=config.topics, start_ns=config.start_ns, end_ns=config.end_ns),
+        command="predict --from observer",
+        required=(),
+        optional=(Role.TRUTH,),
+        also=[bindings[0].topic for bindings in own.by_role.values()],
+    )
+    topic = own.by_role[Role.OBSERVER][0].topic
+    observed = read_observer(sources.columns[topic])
+    vehicle, notes = recorded_vehicle(log.metadata)
+    body = predict_body(observed, vehicle, settings, calibrate=config.calibrate)
+    has_state = np.isfinite(body.paths.x_m[:, 0]) if len(observed) else np.zeros(0, np.bool_)
+    if not has_state.any():
+        raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
+    state_topic = own.topic(Role.EGO_STATE)
+    states = None if state_topic is None else sources.columns[state_topic]
+    own_motion = _own_motion(observed)
+    in_map = None if states is None or not len(states) else _ego_state_poses(states, observed)
+    placed, count = _place(body, in_map or own_motion, has_state, topic)
+    lateral_topic = own.topic(Role.LATERAL_TRUTH)
+    lateral = None if lateral_topic is None else sources.columns[lateral_topic]
+    truth = _truth_poses(sources.by_role.get(Role.TRUTH, ()), log, lateral, observed)
+    reference = truth or in_map or own_motion
+    table = _errors(body, reference, config)
+    summary = Summary(
+        title="predict (from the observer)",
+        sections=(_section(table, config.horizon_s, reference.source),),
+        inputs=(count,),
+        notes=(
+            *own.notes,
+            *notes,
+            *(() if in_map else ("no ego state in the log: paths are in a frame of their own, `odom`",)),
+        ),
+    )
+    record = run_record(STAGE, log, config, summary)
+    return StageResult(STAGE, (placed,), {table.name: table}, summary, record)
+
+
+def _path_config(config: PredictConfig) -> LateralPathConfig:
+    models = {name: model for model, name in MODEL_NAMES.items()}
+    name = next(iter(models)) if config.model == "auto" else config.model
+    if name not in models:
+        raise UsageError(
+            f"--model {config.model} does not start from the observer", hint=f"one of: {', '.join(models)}"
+        )
+    return LateralPathConfig(model=models[name], horizon_s=config.horizon_s, step_s=config.step_s)
+
+
+def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> tuple[OutputChannel, InputCount]:
+    """The channel: the paths that start from a known pose, and why the others are left out."""
+    has_pose = np.isfinite(poses.at_xy_m[:, 0]) & np.isfinite(poses.at_yaw_rad)
+    rows = np.flatnonzero(has_state & has_pose)
+    x_m, y_m = poses.at_xy_m[rows].T
+    left_out = {NO_STATE: int(np.count_nonzero(~has_state)), NO_POSE: int(np.count_nonzero(has_state & ~has_pose))}
+    channel = predicted_paths(
+        OBSERVER_PATH_TOPIC,
+        ids=constant_strings(EGO_ID, len(rows)),
+        stamp_ns=body.stamp_ns[rows],
+        log_time_ns=body.observed.log_time_ns[rows],
+        model=body.model,
+        paths=map_paths(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
+        frame_id=poses.frame_id,
+    )
+    set_aside = {reason: n for reason, n in left_out.items() if n}
+    return channel, InputCount(topic, Role.OBSERVER.value, len(has_state), len(rows), set_aside=set_aside)
+
+
+def _own_motion(observed: Observed) -> Poses:
+    """The observed motion added up; it has no pose where there is no state."""
+    x_m, y_m, yaw_rad = dead_reckon(observed.track)
+    has_state = np.isfinite(observed.track.state[:, 0])
+    first = int(np.argmax(has_state))
+    dx, dy = x_m - x_m[first], y_m - y_m[first]
+    cos, sin = np.cos(yaw_rad[first]), np.sin(yaw_rad[first])
+    xy_m = np.where(has_state[:, None], np.column_stack([cos * dx + sin * dy, -sin * dx + cos * dy]), np.nan)
+    stamp_ns = observed.track.stamp_ns
+    return Poses("the observed motion", ODOM_FRAME, stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
+
+
+def _ego_state_poses(columns: Columns, observed: Observed) -> Poses:
+    """The estimated track, and the pose at each frame; its heading is where the car goes, not where its axis points."""
+    states = read_states(columns)
+    rows = _by_stamp(states.stamp_ns)
+    stamp_ns, state = states.stamp_ns[rows], states.state[rows]
+    x_m, y_m, course_rad = resample(stamp_ns, state[:, [0, 1, 3]], observed.track.stamp_ns, max_gap_s=MAX_GAP_S).T
+    yaw_rad = course_rad - _slip(observed.track.state[:, 0], observed.track.speed_mps)
+    return Poses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
+
+
+def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, observed: Observed) -> Poses | None:
+    """The true track in its own frame, and the true pose at each frame; None without a truth that tells the yaw."""
+    truth = next((each for each in truths if isinstance(each, PoseSignal)), None)
+    if truth is None or not np.isfinite(truth.yaw_rad).any():
+        return None
+    at_ns = observed.track.stamp_ns
+    xy_m = np.column_stack([truth.x_m, truth.y_m])
+    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_GAP_S)
+    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_GAP_S)
+    schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
+    if schema == COURSE_SCHEMA:
+        lateral_mps = observed.track.state[:, 0]
+        if lateral is not None and len(lateral):
+            true_ns, _ = whole_numbers(lateral, "stamp_ns")
+            rows = _by_stamp(true_ns)
+            true_mps = numbers(lateral, "lateral_speed_mps")[rows]
+            lateral_mps = resample(true_ns[rows], true_mps, at_ns, max_gap_s=MAX_GAP_S)
+        yaw_rad = yaw_rad - _slip(lateral_mps, observed.track.speed_mps)
+    return Poses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
+
+
+def _by_stamp(stamp_ns: Int64Array) -> npt.NDArray[np.intp]:
+    """Rows in the order of their stamps, the first of each stamp."""
+    order = np.argsort(stamp_ns, kind="stable")
+    return order[np.concatenate([[True], np.diff(stamp_ns[order]) > 0])] if len(order) else order
+
+
+def _slip(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    """Angle from the car's axis to its direction of motion; 0 at walking pace."""
+    moves = np.abs(speed_mps) >= MIN_SLIP_SPEED_MPS
+    return np.where(moves, np.arctan2(lateral_mps, np.where(moves, speed_mps, 1.0)), 0.0)
+
+
+def _errors(body: BodyPaths, poses: Poses, config: PredictConfig) -> Table:
+    """Each path model and constant velocity from the same starts, at the poses where the track has the car."""
+    track = body.observed.track
+    horizons = error_horizons(config.horizon_s)
+    settings = _path_config(config)
+    made = {BASELINE: _straight_on(body)}
+    for model, name in MODEL_NAMES.items():
+        is_own = name == body.model
+        made[name] = (
+            body.paths
+            if is_own
+            else predict_body(
+                body.observed, body.vehicle, replace(settings, model=model), calibrate=config.calibrate
+            ).paths
+        )
+    compared: dict[str, HorizonErrors] = {}
+    bands: list[FloatArray] = []
+    x_m, y_m = poses.at_xy_m.T
+    for name, paths in made.items():
+        placed = map_paths(paths, x_m, y_m, poses.at_yaw_rad)
+        compared[name] = horizon_errors(placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_GAP_S)
+        bands.append(_inside_band(compared[name], placed))
+    columns: dict[str, TableColumn] = {
+        "vehicle": [EGO_ID] * (len(made) * len(horizons)),
+        **horizon_table(compared),
+        "inside_band_90": np.concatenate(bands),
+        "against": [poses.source] * (len(made) * len(horizons)),
+    }
+    docs = {"inside_band_90": ColumnDoc(doc="share of the errors across the path within 1.645 of their sigma")}
+    return Table("observer_prediction", columns, docs)
+
+
+def _straight_on(body: BodyPaths) -> Paths:
+    """Constant velocity: v ahead, v_y to the left, no covariance."""
+    track, t = body.observed.track, body.paths.time_s
+    v, lateral = track.speed_mps[:, None], track.state[:, :1]
+    x_m, y_m = v * t, lateral * t
+    turned = np.broadcast_to(_slip(lateral, v), x_m.shape)
+    return Paths(t, x_m, y_m, turned, np.hypot(v, lateral) + 0.0 * t, np.full((*x_m.shape, 3), np.nan))
+
+
+def _inside_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
+    """Share of the outcomes inside the 90 % band across the path, at each horizon; NaN without a covariance."""
+    shares = []
+    for column, horizon_s in enumerate(errors.horizon_s):
+        at = int(np.argmin(np.abs(placed.time_s - horizon_s)))
+        cos, sin = np.cos(placed.heading_rad[:, at]), np.sin(placed.heading_rad[:, at])
+        xx, xy, yy = placed.position_covariance_m2[:, at].T
+        sigma = np.sqrt(np.maximum(sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy, 0.0))
+        known = errors.is_known[:, column] & np.isfinite(sigma)
+        inside = np.abs(errors.cross_m[known, column]) <= Z_90 * sigma[known]
+        shares.append(float(inside.mean()) if len(inside) else math.nan)
+    return np.array(shares)
+
+
+def _section(table: Table, horizon_s: float, source: str) -> Section:
+    """Errors at the horizon, a row a model."""
+    rows: list[tuple[Cell, ...]] = [
+        (
+            str(row["model"]),
+            row["n"],
+            row["mean_m"],
+            row["median_m"],
+            row["p95_m"],
+            row["change_percent"],
+            100.0 * row["inside_band_90"],
+        )
+        for row in table.records()
+        if abs(row["horizon_s"] - horizon_s) < 1e-9 and row["n"]
+    ]
+    title = f"Position error {horizon_s:g} s ahead, against {source}"
+    columns = ("model", "starts", "mean [m]", "median [m]", "p95 [m]", "vs cv [%]", "in 90 % band [%]")
+    return Section("prediction", title, columns, tuple(rows))
