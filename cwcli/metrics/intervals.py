@@ -6,7 +6,7 @@ Every function returns (low, high) of a two-sided interval; level 0.95 unless to
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from statistics import NormalDist
 
 import numpy as np
@@ -68,6 +68,33 @@ def bootstrap_interval(
     return float(low), float(high)
 
 
+def clustered_proportion_interval(
+    successes: Sequence[int], trials: Sequence[int], level: float = 0.95
+) -> tuple[float, float]:
+    """Of a share whose trials come in clusters that are alike within (the frames of one drive).
+
+    Wilson's score with the effective number of trials (Korn & Graubard 1998): n over the design effect, which is the
+    ratio of the variance of the clusters' sums to that of independent trials; between the number of clusters and n. If
+    all trials agree, nothing tells how alike they are, and each cluster counts as one trial.
+
+    Raises:
+        ValueError: Lists of different lengths, or more successes than trials in a cluster.
+    """
+    if len(successes) != len(trials) or any(not 0 <= k <= n for k, n in zip(successes, trials, strict=False)):
+        raise ValueError("each cluster needs its successes and its trials")
+    n, n_clusters = sum(trials), sum(count > 0 for count in trials)
+    if n == 0:
+        return NOT_KNOWN
+    share = sum(successes) / n
+    effective = float(n_clusters)
+    if 0.0 < share < 1.0 and n_clusters > 1:
+        residuals = [k - share * count for k, count in zip(successes, trials, strict=True)]
+        variance = n_clusters / (n_clusters - 1) * sum(r * r for r in residuals)
+        design_effect = variance / (n * share * (1.0 - share))
+        effective = n / min(max(design_effect, 1.0), n / n_clusters)
+    return _wilson(share, effective, level)
+
+
 def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[float, float]:
     """Of a share, by Wilson's score (1927); NaN with n = 0. The n trials are taken as independent.
 
@@ -79,12 +106,16 @@ def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[fl
         raise ValueError(f"{successes} of {n} is not a share")
     if n == 0:
         return NOT_KNOWN
+    return _wilson(successes / n, n, level)
+
+
+def _wilson(share: float, n: float, level: float) -> tuple[float, float]:
+    _check_level(level)
     z2 = _quantile(level) ** 2
-    share = successes / n
     centre = (share + z2 / (2 * n)) / (1.0 + z2 / n)
     half = math.sqrt(z2 * (share * (1.0 - share) / n + z2 / (4 * n * n))) / (1.0 + z2 / n)
-    low = 0.0 if successes == 0 else centre - half
-    high = 1.0 if successes == n else centre + half
+    low = 0.0 if share == 0.0 else centre - half
+    high = 1.0 if share == 1.0 else centre + half
     return low, high
 
 

@@ -154,21 +154,29 @@ class VisualScore:
 
 
 def share_within(
-    u_px: FloatArray, truth_u_px: FloatArray, visible: BoolArray, *, tolerance_px: float = VISUAL_PIXELS
+    u_px: FloatArray,
+    truth_u_px: FloatArray,
+    visible: BoolArray,
+    *,
+    tolerance_px: float = VISUAL_PIXELS,
+    half_width_px: FloatArray | float = 0.0,
 ) -> float:
     """Share of the visible rows on which a boundary is at most tolerance_px from the truth.
 
     Args:
         u_px, truth_u_px: Shape (n,): columns; NaN is 'not found', which counts as a miss.
         visible: Shape (n,): rows to judge.
+        tolerance_px: As it says.
+        half_width_px: Shape (n,), of the painted stripe around truth_u_px: then the distance is that from the paint.
 
     Returns:
         0 to 1; NaN without visible rows.
     """
     if not visible.any():
         return math.nan
+    reach_px = np.broadcast_to(np.asarray(half_width_px), u_px.shape)[visible] + tolerance_px
     with np.errstate(invalid="ignore"):
-        return float(np.mean(np.abs(u_px[visible] - truth_u_px[visible]) <= tolerance_px))
+        return float(np.mean(np.abs(u_px[visible] - truth_u_px[visible]) <= reach_px))
 
 
 def visual_score(
@@ -180,6 +188,7 @@ def visual_score(
     right_visible: BoolArray,
     *,
     width_px: int = VISUAL_WIDTH_PX,
+    half_widths_px: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
 ) -> VisualScore:
     """Judge one frame by the visual standard.
 
@@ -189,10 +198,17 @@ def visual_score(
         left_visible, right_visible: Shape (n,): rows to judge. (zhang2011 searches the lower 150 rows of 240: let the
             rows above count as not visible.)
         width_px: Of the image: the tolerance of 6 pixels belongs to 320 and scales.
+        half_widths_px: Of the left and the right painted stripe, shape (n,) each: then a line on the paint is no error,
+            whichever of the stripe's edges a method follows. Without them the truth is a line.
     """
     tolerance = VISUAL_PIXELS * width_px / VISUAL_WIDTH_PX
-    left = share_within(left_u_px, truth_left_u_px, left_visible, tolerance_px=tolerance)
-    right = share_within(right_u_px, truth_right_u_px, right_visible, tolerance_px=tolerance)
+    left, right = (
+        share_within(found, truth, visible, tolerance_px=tolerance, half_width_px=half)
+        for found, truth, visible, half in (
+            (left_u_px, truth_left_u_px, left_visible, half_widths_px[0]),
+            (right_u_px, truth_right_u_px, right_visible, half_widths_px[1]),
+        )
+    )
     judged = [share for share in (left, right) if not math.isnan(share)]
     return VisualScore(left, right, bool(judged) and all(share >= VISUAL_SHARE for share in judged))
 

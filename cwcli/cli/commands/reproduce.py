@@ -18,12 +18,14 @@ from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
+    from cwcli.stages.findings_report import Reproduction
     from cwcli.stages.result import Summary
 
 EXAMPLES = (
     "cwcli reproduce song2016",
     "cwcli reproduce song2016 --seeds 20 --plots figures/ --json",
     "cwcli reproduce xiang2019 --metrics xiang2019.parquet",
+    "cwcli reproduce zhang2011 --frames 100 --seeds 5",
 )
 
 
@@ -44,22 +46,48 @@ class Outcome:
     plots: Sequence[Any] = ()
 
 
-Run = Callable[[int, int, Callable[[str], None]], Outcome]
+@dataclass(frozen=True)
+class Request:
+    """What the user wants.
+
+    Attributes:
+        seeds: Of each scenario.
+        jobs: Processes.
+        frames: To judge in each set of rendered frames; 0 for a paper without them.
+        tick: To be called with the name of each part that is done.
+    """
+
+    seeds: int
+    jobs: int
+    frames: int
+    tick: Callable[[str], None]
 
 
-def _song2016(seeds: int, jobs: int, tick: Callable[[str], None]) -> Outcome:
+Run = Callable[[Request], Outcome]
+
+
+def _song2016(request: Request) -> Outcome:
     from cwcli.stages.song2016.reproduce import ReproduceConfig, reproduce_song2016
 
-    result = reproduce_song2016(ReproduceConfig(seeds, jobs), tick)
-    failed = [f"{finding.figure}: {finding.what}" for finding in result.failed]
-    return Outcome(result.summary, result.table, failed, result.plots)
+    return _outcome(reproduce_song2016(ReproduceConfig(request.seeds, request.jobs), request.tick))
 
 
-def _xiang2019(seeds: int, jobs: int, tick: Callable[[str], None]) -> Outcome:
+def _xiang2019(request: Request) -> Outcome:
     from cwcli.stages.xiang2019_report import report_xiang2019
 
-    result = report_xiang2019(seeds, tick)
+    result = report_xiang2019(request.seeds, request.tick)
     return Outcome(result.summary, result.table, result.failed)
+
+
+def _zhang2011(request: Request) -> Outcome:
+    from cwcli.stages.zhang2011.reproduce import ReproduceConfig, reproduce_zhang2011
+
+    return _outcome(reproduce_zhang2011(ReproduceConfig(request.seeds, request.frames, request.jobs), request.tick))
+
+
+def _outcome(result: Reproduction) -> Outcome:
+    failed = [f"{finding.figure}: {finding.what}" for finding in result.failed]
+    return Outcome(result.summary, result.table, failed, result.plots)
 
 
 @dataclass(frozen=True)
@@ -67,19 +95,22 @@ class Paper:
     """One reproduction.
 
     Attributes:
-        run: Takes seeds, processes and a callback for progress.
+        run: Makes it.
         seeds: How many, unless the user says.
         has_plots: It draws figures.
+        frames: How many rendered frames of each set, unless the user says; 0: it has none.
     """
 
     run: Run
     seeds: int
     has_plots: bool = False
+    frames: int = 0
 
 
 PAPERS: dict[str, Paper] = {
     "song2016": Paper(_song2016, 100, has_plots=True),
     "xiang2019": Paper(_xiang2019, 1000),
+    "zhang2011": Paper(_zhang2011, 20, has_plots=True, frames=500),
 }
 
 
@@ -105,6 +136,15 @@ def command(
         ),
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes; the numbers don't depend on it.")] = 2,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            "--frames",
+            metavar="N",
+            show_default=", ".join(f"{name}: {entry.frames}" for name, entry in PAPERS.items() if entry.frames),
+            help="Frames to judge in each rendered set.",
+        ),
+    ] = None,
     plots: Annotated[
         str | None,
         typer.Option(
@@ -125,6 +165,11 @@ def command(
     n_seeds = entry.seeds if seeds is None else seeds
     if n_seeds < 2 or jobs < 1:
         raise UsageError("--seeds must be at least 2 and --jobs at least 1")
+    n_frames = entry.frames if frames is None else frames
+    if frames is not None and not entry.frames:
+        raise UsageError(f"{paper} renders no frames", hint="leave out --frames")
+    if frames is not None and frames < 1:
+        raise UsageError("--frames must be at least 1")
     if plots is not None and not entry.has_plots:
         raise UsageError(f"{paper} draws no figures", hint="leave out --plots; --metrics writes every number")
     from cwcli.metrics.table import check_table_target, write_table
@@ -133,20 +178,20 @@ def command(
         check_table_target(metrics, force=force)
     if plots is not None:
         from cwcli.cli.pipeline import check_folder
-        from cwcli.stages.song2016.plots import check_format
+        from cwcli.stages.plots import check_format
 
         check_folder(plots, "--plots")
         check_format(plot_format)
     written: list[str] = []
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reproducing {paper}")
-        outcome = entry.run(n_seeds, jobs, progress.step)
+        outcome = entry.run(Request(n_seeds, jobs, n_frames, progress.step))
         if plots is not None:
             from cwcli.cli.pipeline import make_folder
-            from cwcli.stages.song2016.plots import write_plots
+            from cwcli.stages.plots import write_plots
 
             make_folder(plots)
-            written += write_plots(outcome.plots, plots, file_format=plot_format, force=force)
+            written += write_plots(outcome.plots, plots, paper=paper, file_format=plot_format, force=force)
         if metrics is not None:
             write_table(outcome.table, metrics, force=force)
             written.append(metrics)
@@ -157,6 +202,7 @@ def command(
             "command": "reproduce",
             "paper": paper,
             "seeds": n_seeds,
+            **({"frames": n_frames} if entry.frames else {}),
             "written": written,
             "failed": list(outcome.failed),
             **outcome.summary.to_json(),

@@ -23,8 +23,8 @@ def check_format(file_format: str) -> None:
         raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(FORMATS)}")
 
 
-def write_plots(plots: Sequence[Plot], folder: str, *, file_format: str, force: bool = False) -> list[str]:
-    """Draw each plot into `<folder>/<figure>.<format>`; the folder must exist.
+def write_plots(plots: Sequence[Plot], folder: str, *, paper: str, file_format: str, force: bool = False) -> list[str]:
+    """Draw each plot into `<folder>/<figure>.<format>`; the folder must exist. `paper` stands in the titles.
 
     Returns:
         The files' names.
@@ -40,7 +40,7 @@ def write_plots(plots: Sequence[Plot], folder: str, *, file_format: str, force: 
         raise UsageError("plots need matplotlib", hint="pip install 'cwcli[plots]'") from error
     mpl.use("Agg")
     mpl.rcParams["svg.hashsalt"] = "cwcli"  # the same input gives the same bytes
-    return [_write(plot, Path(folder), file_format, force) for plot in plots]
+    return [_write(plot, paper, Path(folder), file_format, force) for plot in plots]
 
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -58,7 +58,7 @@ PALETTE = 200
 """Colours of a PNG: half the bytes of true colour, and no visible difference."""
 
 
-def _write(plot: Plot, folder: Path, file_format: str, force: bool) -> str:
+def _write(plot: Plot, paper: str, folder: Path, file_format: str, force: bool) -> str:
     import io
 
     import numpy as np
@@ -76,7 +76,7 @@ def _write(plot: Plot, folder: Path, file_format: str, force: bool) -> str:
     if plot.level is not None:
         label, y = plot.level
         axes.axhline(y, color="black", linestyle="-.", linewidth=0.8, label=label)
-    axes.set_title(f"song2016 {plot.figure}. {plot.title}", fontsize="medium")
+    axes.set_title(f"{paper} {plot.figure}. {plot.title}", fontsize="medium")
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(plot.y_label)
     if plot.x_range is not None:

@@ -1,0 +1,157 @@
+"""Every lane method on rendered drives: which frames are right, and how long the search takes.
+
+A drive is rendered once and given to all methods. As in the paper a method follows the lane from frame to frame. The
+paper calls the first six frames not yet stable (section 1.2.2.1): they are run, timed and reported apart, and the
+statistics begin with the seventh.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cache
+from itertools import islice
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.metrics.lane_scores import visual_score
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.car import YAW_RATE
+from cwcli.simulation.road.drive import RoadDrive, set_drives
+from cwcli.simulation.road.render import RoadFrame
+from cwcli.vision.boundary import Boundary
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
+from cwcli.vision.methods import METHODS
+
+FIRST_FRAMES = 6
+"""Of the first two search phases."""
+JUDGED_FRAMES = 10
+"""Of each drive."""
+SEARCHED_ROWS = 150
+"""From the bottom, of 240 (section 1.1): the rows above are not judged."""
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class MethodOnDrives:
+    """What one method made of some drives; arrays of shape (drives, frames).
+
+    Attributes:
+        is_right: Both boundaries within 6 pixels of the painted stripe on 85 % of the visible rows.
+        is_right_by_centre: The same, by the distance from the stripe's centre line.
+        search_ms: Time of the search.
+        prepare_ms: Time of what is computed of a frame before (zhang2011: the block responses).
+    """
+
+    is_right: BoolArray
+    is_right_by_centre: BoolArray
+    search_ms: FloatArray
+    prepare_ms: FloatArray
+
+
+def run_drives(
+    name: str, first: int, last: int, *, methods: tuple[str, ...] | None = None, seed: int = 0
+) -> dict[str, MethodOnDrives]:
+    """Run methods on the drives `first` to `last` - 1 of a set.
+
+    Args:
+        name: Of the set.
+        first, last: Numbers of drives.
+        methods: Keys of `METHODS`; None: all.
+        seed: Of the set and of random searches.
+    """
+    chosen = tuple(METHODS) if methods is None else methods
+    n_frames = FIRST_FRAMES + JUDGED_FRAMES
+    shape = (last - first, n_frames)
+    found = {
+        key: MethodOnDrives(np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.zeros(shape), np.zeros(shape))
+        for key in chosen
+    }
+    for row, drive in enumerate(islice(set_drives(name, last, seed=seed, n_frames=n_frames), first, last)):
+        frames = list(drive.frames())
+        for key in chosen:
+            _run_drive(key, drive, frames, found[key], row, seed + first + row)
+    return found
+
+
+def _run_drive(key: str, drive: RoadDrive, frames: list[RoadFrame], found: MethodOnDrives, row: int, seed: int) -> None:
+    method = METHODS[key]
+    search = method.make(seed)
+    yaw_rates = drive.states_at(drive.time_s)[:, YAW_RATE]
+    speeds = drive.speed_at(drive.time_s)
+    for k, frame in enumerate(frames):
+        height, width = frame.grey.shape
+        size = method.search_size(width, height)
+        grey = _resized(frame.grey, size)
+        begin = time.perf_counter()
+        prepared = None if method.prepare is None else method.prepare(grey)
+        middle = time.perf_counter()
+        lane_frame = LaneFrame(
+            grey=grey,
+            camera=vision_camera(width, height).resized(*size),
+            stamp_ns=round(float(drive.time_s[k]) * 1e9),
+            number=k,
+            speed_mps=float(speeds[k]) if method.uses_motion else np.nan,
+            yaw_rate_radps=float(yaw_rates[k]) if method.uses_motion else np.nan,
+            prepared=prepared,
+        )
+        fit = search.step(lane_frame)
+        found.search_ms[row, k] = 1e3 * (time.perf_counter() - middle)
+        found.prepare_ms[row, k] = 1e3 * (middle - begin)
+        found.is_right[row, k] = is_right(frame, fit, size, by_stripe=True)
+        found.is_right_by_centre[row, k] = is_right(frame, fit, size, by_stripe=False)
+
+
+@cache
+def vision_camera(width_px: int, height_px: int) -> Camera:
+    """The renderer's paper camera at rest, as a lane method is told it."""
+    camera = paper_camera(width_px, height_px)
+    mounting = Mounting(height_m=camera.height_m, pitch_rad=camera.pitch_rad)
+    return Camera(width_px, height_px, camera.fx, camera.fy, camera.cx, camera.cy, mounting=mounting)
+
+
+def _resized(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
+    if grey.shape[1::-1] == size:
+        return grey
+    import cv2
+
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def is_right(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_stripe: bool) -> bool:
+    """Judge a fit by the paper's visual standard.
+
+    Args:
+        frame: With its truth.
+        fit: In the pixels of the search image.
+        size: (width, height) of that image.
+        by_stripe: Measure from the painted stripe instead of its centre line.
+    """
+    truth = frame.truth
+    height, width = frame.grey.shape
+    rows = np.arange(height)
+    is_searched = rows >= height - round(SEARCHED_ROWS * height / 240)
+    left, right = (columns_px(each, (width, height), size) for each in (fit.left, fit.right))
+    return visual_score(
+        left,
+        right,
+        truth.left_u_px,
+        truth.right_u_px,
+        truth.left_visible & is_searched,
+        truth.right_visible & is_searched,
+        width_px=width,
+        half_widths_px=(truth.left_half_width_px, truth.right_half_width_px) if by_stripe else (0.0, 0.0),
+    ).is_correct
+
+
+def columns_px(boundary: Boundary, image: tuple[int, int], search: tuple[int, int]) -> FloatArray:
+    """Shape (image height,): the boundary's column in every row of the image, NaN where it was not found."""
+    rows = np.arange(image[1])
+    if not boundary.found:
+        return np.full(len(rows), np.nan)
+    v = (rows + 0.5) * search[1] / image[1] - 0.5
+    return np.asarray((boundary.x_px(search[1] - v) - 0.5) * image[0] / search[0] - 0.5)

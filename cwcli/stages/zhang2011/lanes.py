@@ -1,0 +1,153 @@
+"""zhang2011, first half: the share of frames whose boundaries are found (conclusion 1), and the times of table 4."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.metrics.intervals import clustered_proportion_interval
+from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot
+from cwcli.stages.result import Cell, Section
+from cwcli.stages.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, BoolArray, MethodOnDrives, run_drives
+from cwcli.vision.methods import METHODS
+
+CONCLUSION = "conclusion 1"
+LANE_SETS = ("good", "complex", "hard")
+PAPER_PERCENT = {"good": 100.0, "complex": 90.0}
+PAPER_METHOD = "zhang2011"
+DEFAULT_PERCENT = {"good": 100.0, "complex": 97.0}
+"""What the default method must reach."""
+PRINTED_TO_PERCENT = 0.5
+"""The paper prints whole per cents."""
+PHASES = (("frame 1", 0, 1, 210.0), ("frames 2-6", 1, FIRST_FRAMES, 150.0), ("later", FIRST_FRAMES, None, 30.0))
+"""Name, first and last frame, the paper's time for one frame in ms (table 4)."""
+DRIVES_PER_TASK = 5
+
+Results = Mapping[str, Mapping[str, MethodOnDrives]]
+
+
+@dataclass(frozen=True)
+class LaneStudy:
+    """The lane part's results.
+
+    Attributes:
+        part: Findings and plots; the same for the same numbers of frames and drives.
+        times: Table 4; different in every run.
+        n_judged: Frames of each set.
+    """
+
+    part: Part
+    times: Section
+    n_judged: int
+
+
+def lane_study(
+    n_frames: int, *, jobs: int = 1, seed: int = 0, tick: Callable[[str], None] = lambda what: None
+) -> LaneStudy:
+    """Run all methods on all sets.
+
+    Args:
+        n_frames: To judge in each set; rounded up to whole drives.
+        jobs: Processes; the result does not depend on it, the times do.
+        seed: Of the sets and of random searches.
+        tick: Called with the name of each set that is done.
+    """
+    n_drives = -(-n_frames // JUDGED_FRAMES)
+    results = _results(n_drives, jobs, seed, tick)
+    findings = [finding for name in LANE_SETS for key in METHODS for finding in _findings(name, key, results)]
+    plots = tuple(_plot(name, results[name]) for name in LANE_SETS)
+    return LaneStudy(Part(tuple(findings), plots), _times(results), n_drives * JUDGED_FRAMES)
+
+
+def _results(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -> Results:
+    tasks = [
+        (name, first, min(first + DRIVES_PER_TASK, n_drives))
+        for name in LANE_SETS
+        for first in range(0, n_drives, DRIVES_PER_TASK)
+    ]
+    found: dict[str, list[dict[str, MethodOnDrives]]] = {name: [] for name in LANE_SETS}
+
+    def take(task: tuple[str, int, int], made: dict[str, MethodOnDrives]) -> None:
+        found[task[0]].append(made)
+        if task[2] == n_drives:
+            tick(f"lanes: {task[0]}")
+
+    if jobs > 1:
+        with ProcessPoolExecutor(jobs) as pool:
+            running = [(task, pool.submit(run_drives, *task, seed=seed)) for task in tasks]
+            for task, future in running:
+                take(task, future.result())
+    else:
+        for task in tasks:
+            take(task, run_drives(*task, seed=seed))
+    return {name: {key: _joined([part[key] for part in parts]) for key in METHODS} for name, parts in found.items()}
+
+
+def _joined(parts: Sequence[MethodOnDrives]) -> MethodOnDrives:
+    return MethodOnDrives(
+        is_right=np.concatenate([part.is_right for part in parts]),
+        is_right_by_centre=np.concatenate([part.is_right_by_centre for part in parts]),
+        search_ms=np.concatenate([part.search_ms for part in parts]),
+        prepare_ms=np.concatenate([part.prepare_ms for part in parts]),
+    )
+
+
+def _findings(name: str, key: str, results: Results) -> list[Finding]:
+    made = results[name][key]
+    judged = made.is_right[:, FIRST_FRAMES:]
+    bounds = PAPER_PERCENT if key == PAPER_METHOD else DEFAULT_PERCENT
+    main = _share(f"{key}, {name}: both boundaries right", judged, bounds.get(name, NOT_PRINTED), key == PAPER_METHOD)
+    return [
+        main,
+        _share(f"{key}, {name}: the same in the first six frames", made.is_right[:, :FIRST_FRAMES]),
+        _share(f"{key}, {name}: the same by the stripe's centre", made.is_right_by_centre[:, FIRST_FRAMES:]),
+    ]
+
+
+def _share(what: str, is_right: BoolArray, bound: float = NOT_PRINTED, is_papers: bool = False) -> Finding:
+    """A share of frames in per cent; the interval knows that the frames of a drive are alike."""
+    n_frames = is_right.shape[1]
+    low, high = clustered_proportion_interval(is_right.sum(axis=1).tolist(), [n_frames] * len(is_right))
+    percent = 100.0 * float(is_right.mean())
+    if math.isnan(bound):
+        return Finding(CONCLUSION, what, "%", NOT_PRINTED, percent, 100 * low, 100 * high, "reported")
+    verdict = "reproduced" if percent >= bound - PRINTED_TO_PERCENT else "worse"
+    if not is_papers:
+        what = f"{what} (bound {bound:g} %)"
+    paper = bound if is_papers else NOT_PRINTED
+    return Finding(CONCLUSION, what, "%", paper, percent, 100 * low, 100 * high, verdict, is_required=True)
+
+
+def _plot(name: str, methods: Mapping[str, MethodOnDrives]) -> Plot:
+    curves = [
+        Curve(key, np.arange(1.0, made.is_right.shape[1] + 1.0), 100.0 * made.is_right.mean(axis=0))
+        for key, made in methods.items()
+    ]
+    level = ("the paper's", PAPER_PERCENT[name]) if name in PAPER_PERCENT else None
+    return Plot(
+        f"lanes {name}",
+        f"frames of the set '{name}' with both boundaries right",
+        "frame of the drive",
+        "share [%]",
+        curves,
+        marks={"statistics begin": FIRST_FRAMES + 0.5},
+        level=level,
+        y_range=(0.0, 105.0),
+    )
+
+
+def _times(results: Results) -> Section:
+    """Medians over all sets: they are single runs, so the table says nothing of their spread."""
+    rows: list[tuple[Cell, ...]] = []
+    for key in METHODS:
+        for phase, first, last, paper_ms in PHASES:
+            search_ms = np.median([results[name][key].search_ms[:, first:last].ravel() for name in results])
+            prepare_ms = np.median([results[name][key].prepare_ms[:, first:last].ravel() for name in results])
+            paper = paper_ms if key == PAPER_METHOD else None
+            rows.append((key, phase, paper, round(float(search_ms), 3), round(float(prepare_ms), 3)))
+    columns = ("method", "phase", "paper ms", "search ms", "before it ms")
+    return Section("table_4", "table 4: time of a frame, both boundaries, median", columns, tuple(rows))
