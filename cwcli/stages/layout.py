@@ -148,6 +148,7 @@ class _Layout:
             ),
             column(
                 self._path("ego-path", "Path of the ego [m]", "/cwcli/ego/path"),
+                self._path("observer-path", "Path of the ego from the observer [m]", "/cwcli/observer/path"),
                 self._path("remote-path", "Latest path of another vehicle [m]", "/cwcli/remote/path"),
                 self.panels.raw("warnings", "/cwcli/warnings"),
             ),

@@ -55,6 +55,7 @@ PUBLISHED = (
         "/cwcli/lanes/annotations", "foxglove.ImageAnnotations", "lanes", "the lane boundaries in the camera's image"
     ),
     Published("/cwcli/observer", "cwcli.v1.LateralState", "observe"),
+    Published("/cwcli/observer/path", "cwcli.v1.PredictedPath", "predict --from observer"),
 )
 """In the order in which the stages run."""
 
