@@ -183,9 +183,19 @@ def run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
     return Table(figure.replace(" ", "_"), columns, docs)
 
 
-def motion_parts(n_seeds: int, tick: Callable[[str], None] = lambda what: None) -> list[Part]:
-    """All parts of the paper's second half. `tick` is called with the name of each that is done."""
+def motion_parts(
+    n_seeds: int, tick: Callable[[str], None] = lambda what: None, *, n_rendered: int = 0
+) -> list[Part]:
+    """All parts of the paper's second half.
+
+    Args:
+        n_seeds: Of figures 17 to 19.
+        tick: Called with the name of each part that is done.
+        n_rendered: Seeds of figures 17 to 19 that are also rendered and seen by the default lane method, at most
+            `n_seeds`; each takes some seconds.
+    """
     from cwcli.stages.zhang2011.drives import DRIVES, drive_part
+    from cwcli.vision.methods import DEFAULT_METHOD
 
     parts = [example_part()]
     tick("worked example")
@@ -195,6 +205,9 @@ def motion_parts(n_seeds: int, tick: Callable[[str], None] = lambda what: None) 
     for figure in DRIVES:
         parts.append(drive_part(figure, n_seeds))
         tick(figure)
+        if n_rendered > 0:
+            parts.append(drive_part(figure, min(n_rendered, n_seeds), lane_method=DEFAULT_METHOD))
+            tick(f"{figure}, rendered")
     return parts
 
 
