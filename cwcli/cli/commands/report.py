@@ -1,0 +1,87 @@
+"""`cwcli report`."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.shared import ForceOption, TalkOptions
+from cwcli.cli.progress import Progress
+from cwcli.cli.report import print_written
+from cwcli.cli.text import count
+
+EXAMPLES = (
+    "cwcli report out/ -o report.html",
+    "cwcli report annotated.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
+)
+
+SourceArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SOURCE",
+        show_default=False,
+        help="Output folder of `cwcli run -d`, or one annotated log; - is a log on standard input.",
+    ),
+]
+PageOption = Annotated[
+    str,
+    typer.Option(
+        "--output", "-o", metavar="FILE", show_default=False, help="Write the page here; - is standard output."
+    ),
+]
+GateOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--gate",
+        metavar="EXPR",
+        show_default=False,
+        help="Judge this too, beside the pipeline's gates, e.g. 'ego.position_rmse_m < 0.5'. Repeatable.",
+    ),
+]
+
+
+def command(
+    source: SourceArgument,
+    output: PageOption,
+    talk: TalkOptions,
+    gate: GateOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Make one HTML page of a run, or of one annotated log.
+
+    The page needs no network: what happened in a sentence, the map, the warnings with the predicted paths, the signals
+    with their 1-sigma bands, camera frames with lanes, and what became of the messages. It stays under 6 MB: of many
+    logs the failed and the warned ones come first, and the page says what is left out. A failed gate is shown; the
+    exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
+    """
+    from pathlib import Path
+
+    from cwcli.output import check_target, write_file
+    from cwcli.report.build import build_report
+
+    target = stdout_or_file(output) or "-"
+    inputs = () if source == "-" or Path(source).is_dir() else (Path(source),)
+    check_target(target, force=force, inputs=inputs)
+    console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
+    with Progress(quiet=talk.quiet) as progress:
+        report = build_report(source, gates=gate or (), progress=lambda name: progress.step(f"report {name}"))
+        write_file(target, report.html, force=force, inputs=inputs)
+    document = {
+        "written": target,
+        "bytes": len(report.html),
+        "logs": report.n_logs,
+        "with_figures": report.n_detailed,
+        "failed": report.n_failed,
+        "left_out": list(report.left_out),
+    }
+    if talk.json and target != "-":
+        console.data(json.dumps(document, indent=2))
+        return
+    console.summary(f"{count(report.n_logs, 'log')}, {report.n_detailed} with figures, {report.n_failed} failed")
+    if report.left_out:
+        console.note(f"{count(len(report.left_out), 'log')} only in the table, to keep the page small")
+    if target != "-":
+        print_written(console, [target])

@@ -1,0 +1,1 @@
+"""The report: annotated logs as one HTML page that needs no network."""

@@ -1,0 +1,346 @@
+"""From a run to its page: which logs get how much of it, and what is left out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli import __version__
+from cwcli.errors import CwcliError, InputError
+from cwcli.logs.log import Log
+from cwcli.report.drive import read_drive
+from cwcli.report.encounters import find_meetings
+from cwcli.report.gates import GateResult, judge_gates
+from cwcli.report.page import GateView, Page, Renderer, Row
+from cwcli.report.section import Detail, LogView, log_view
+from cwcli.report.source import Entry, Metric, Run, metric_of, read_run
+from cwcli.report.story import Badge, Story, tell
+from cwcli.signals.columns import Strings
+from cwcli.stages.channels import WARNINGS_TOPIC
+from cwcli.text import count, number, printable
+from cwcli.warning.output import RAISED
+
+MAX_BYTES = 5_900_000
+"""Of the page."""
+OPEN_LOGS = 3
+"""In a run of no more logs than this, all are shown unfolded; in larger ones the first."""
+FEW_LOGS = 5
+PER_ROW_BYTES = 900
+MAX_STORY = 400
+COLUMNS = (
+    ("data.duration_s", "duration [s]"),
+    ("warnings.count", "warnings"),
+    ("ego.position_rmse_m", "position RMSE [m]"),
+    ("data.rejected_share", "messages rejected [share]"),
+)
+FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3)
+TIGHT = Detail(n_pieces=150, n_events=1, n_frame_events=1, n_frames=2)
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Report:
+    """The finished page.
+
+    Attributes:
+        html: The file's content.
+        n_logs: In the run.
+        n_detailed: Of them with figures.
+        n_failed: That the run or a gate failed.
+        left_out: Names of the logs without figures.
+    """
+
+    html: bytes
+    n_logs: int
+    n_detailed: int
+    n_failed: int
+    left_out: tuple[str, ...]
+
+
+@dataclass
+class _Candidate:
+    """A log, as far as it is known before its figures are made."""
+
+    entry: Entry
+    badges: list[Badge]
+    rank: int
+    n_warnings: int
+    story: str = ""
+    anchor: str = ""
+
+
+def build_report(source: str, *, gates: Sequence[str] = (), progress: Progress | None = None) -> Report:
+    """Make the page.
+
+    Args:
+        source: An output folder of `cwcli run -d`, or one annotated log.
+        gates: Gate expressions beside those of the pipeline.
+        progress: Told which log is worked on.
+
+    Raises:
+        InputError: The source can't be read.
+        UsageError: The extra `report` is not installed, or a gate is malformed.
+    """
+    say = progress or (lambda text: None)
+    renderer = Renderer()
+    run = read_run(source)
+    if not run.is_folder:
+        return _of_one_log(run, source, gates, renderer, say)
+    results = judge_gates([*run.gates, *gates], [(each.id, each.metrics) for each in run.entries])
+    candidates = sorted((_candidate(each, results) for each in run.entries), key=_order)
+    is_few = len(candidates) <= FEW_LOGS
+    budget = MAX_BYTES - renderer.fixed_bytes - PER_ROW_BYTES * len(candidates) - 20_000
+    sections: list[str] = []
+    for index, candidate in enumerate(candidates):
+        if candidate.entry.log is None:
+            continue
+        say(candidate.entry.name)
+        is_open = len(candidates) <= OPEN_LOGS or index == 0
+        made = _section(candidate, f"log-{index + 1}", renderer, budget, is_few=is_few, is_open=is_open)
+        if made is None:
+            continue
+        candidate.anchor = f"log-{index + 1}"
+        sections.append(made)
+        budget -= len(made.encode())
+        if budget < PER_ROW_BYTES:
+            break
+    return _assemble(run, candidates, results, sections, renderer)
+
+
+def _of_one_log(run: Run, source: str, gates: Sequence[str], renderer: Renderer, say: Progress) -> Report:
+    """The page of one annotated log."""
+    say(run.name)
+    entry = run.entries[0]
+    with Log.open(source) as log:
+        metrics = _evaluated(log)
+        entry = Entry(entry.id, log.name.rpartition("/")[2], entry.log, metrics=metrics)
+        results = judge_gates(gates, [(entry.id, metrics)])
+        section, story, badges = "", None, []
+        for detail in (Detail(), Detail(n_pieces=400), FOLDED, TIGHT):
+            view = _view(log, entry, "log-1", [], detail, is_alone=True, is_open=True)
+            story, section = view.story, renderer.log(view)
+            if renderer.fixed_bytes + len(section.encode()) < MAX_BYTES - 20_000:
+                break
+    assert story is not None
+    badges = [*_gate_badges(results, entry.id), *story.badges]
+    page = Page(
+        title=entry.name,
+        headline=story.headline,
+        sentences=(" ".join(story.more),),
+        badges=tuple(badges),
+        gates=tuple(_gate_views(results)),
+        columns=(),
+        rows=(),
+        footer=_footer(),
+    )
+    html = renderer.page(page, [section]).encode()
+    n_failed = int(any(result.is_failed for result in results))
+    return Report(html, n_logs=1, n_detailed=1, n_failed=n_failed, left_out=())
+
+
+def _evaluated(log: Log) -> tuple[Metric, ...]:
+    """The headline metrics of a log that is not part of a run; none where they can't be computed."""
+    from cwcli.stages.evaluate import evaluate_log
+
+    try:
+        return tuple(metric_of(row) for row in evaluate_log(log).records())
+    except CwcliError:
+        return ()
+
+
+def _candidate(entry: Entry, results: Sequence[GateResult]) -> _Candidate:
+    """What the run tells of a log, and how many warnings its channel holds."""
+    badges: list[Badge] = []
+    n_warnings, rank = 0, 3
+    if entry.has_failed:
+        badges.append(Badge("the run failed", "bad"))
+        rank = 0
+    of_gates = _gate_badges(results, entry.id)
+    badges += of_gates
+    if any(badge.tone == "bad" for badge in of_gates):
+        rank = min(rank, 1)
+    story = ""
+    if entry.has_failed:
+        story = ": ".join(entry.error[key] for key in ("where", "what") if entry.error.get(key))
+        if entry.error.get("hint"):
+            story += f" (hint: {entry.error['hint']})"
+    if entry.log is not None:
+        try:
+            n_warnings = _count_warnings(str(entry.log))
+        except CwcliError as error:
+            story, rank = story or f"{error.what}", 0
+            badges.append(Badge("the annotated log can't be read", "bad"))
+    if n_warnings:
+        rank = min(rank, 2)
+    return _Candidate(entry, badges, rank, n_warnings, story[:MAX_STORY])
+
+
+def _count_warnings(path: str) -> int:
+    with Log.open(path) as log:
+        if WARNINGS_TOPIC not in {channel.topic for channel in log.channels}:
+            return 0
+        columns = log.columns(WARNINGS_TOPIC, ["state"])
+    state = columns.fields.get("state")
+    if isinstance(state, Strings) or not isinstance(state, np.ndarray):
+        return 0
+    return int((state.astype(np.int64) == RAISED).sum())
+
+
+def _order(candidate: _Candidate) -> tuple[Any, ...]:
+    """What went wrong comes first, then what was warned of, then the rest."""
+    return candidate.rank, candidate.entry.id
+
+
+def _section(
+    candidate: _Candidate, anchor: str, renderer: Renderer, budget: int, *, is_few: bool, is_open: bool
+) -> str | None:
+    """The log's part of the page, in as much detail as the budget allows; None where even the least is too much."""
+    assert candidate.entry.log is not None
+    details = (Detail(), FOLDED, TIGHT) if is_few else (FOLDED, TIGHT)
+    try:
+        with Log.open(candidate.entry.log) as log:
+            for detail in details:
+                view = _view(log, candidate.entry, anchor, candidate.badges, detail, is_alone=False, is_open=is_open)
+                candidate.story = candidate.story or view.story.headline[:MAX_STORY]
+                made = renderer.log(view)
+                if len(made.encode()) <= budget:
+                    candidate.badges += view.story.badges
+                    return made
+    except CwcliError as error:
+        candidate.story = candidate.story or error.what
+        candidate.badges.append(Badge("can't be shown", "bad"))
+    return None
+
+
+def _view(
+    log: Log, entry: Entry, anchor: str, badges: Sequence[Badge], detail: Detail, *, is_alone: bool, is_open: bool
+) -> LogView:
+    drive = read_drive(log)
+    meetings = find_meetings(drive)
+    story: Story = tell(drive, meetings, entry.left_out.get("warn", ""))
+    return log_view(
+        log,
+        entry,
+        drive,
+        meetings,
+        story,
+        anchor=anchor,
+        badges=[*badges, *story.badges],
+        detail=detail,
+        is_alone=is_alone,
+        is_open=is_open,
+    )
+
+
+def _assemble(
+    run: Run, candidates: list[_Candidate], results: Sequence[GateResult], sections: list[str], renderer: Renderer
+) -> Report:
+    columns = [
+        (name, title)
+        for name, title in COLUMNS
+        if any(metric.name == name for each in candidates for metric in each.entry.metrics)
+    ]
+    rows = []
+    for each in candidates:
+        values = {metric.name: metric.value for metric in each.entry.metrics}
+        shown = tuple(number(values.get(name, math.nan)) for name, _ in columns)
+        story = each.story or (count(each.n_warnings, "warning") if each.n_warnings else "no warning")
+        rows.append(Row(each.anchor, each.entry.name, tuple(each.badges), story, shown))
+    failed = [each for each in candidates if each.rank <= 1]
+    left_out = tuple(each.entry.name for each in candidates if not each.anchor and each.entry.log is not None)
+    page = Page(
+        title=run.name,
+        headline=_headline(candidates),
+        sentences=tuple(_sentences(left_out, len(candidates))),
+        badges=tuple(_run_badges(candidates, results)),
+        gates=tuple(_gate_views(results)),
+        columns=tuple(title for _, title in columns),
+        rows=tuple(rows),
+        footer=_footer(),
+    )
+    html = renderer.page(page, sections).encode()
+    if len(html) > MAX_BYTES * 1.5:
+        raise InputError(f"the run has so many logs ({len(candidates)}) that the page would be {len(html)} bytes long")
+    return Report(html, len(candidates), len(sections), len(failed), left_out)
+
+
+def _headline(candidates: Sequence[_Candidate]) -> str:
+    """What happened in the run, in a sentence or two."""
+    n = len(candidates)
+    warned = [each for each in candidates if each.n_warnings]
+    n_warnings = sum(each.n_warnings for each in warned)
+    broken = [each for each in candidates if each.entry.has_failed]
+    text = f"{count(n, 'drive')}: cwcli gave {count(n_warnings, 'warning')}"
+    if warned:
+        text += f" in {len(warned)} of them" if n > 1 else ""
+    text += f"; {len(broken)} could not be processed." if broken else "."
+    if len(warned) == 1 and warned[0].story and n > 1:
+        text += f" {warned[0].story}"
+    elif n == 1 and candidates[0].story:
+        text = candidates[0].story
+    return text
+
+
+def _sentences(left_out: Sequence[str], n: int) -> list[str]:
+    if not left_out:
+        return []
+    names = ", ".join(printable(name) for name in left_out[:10])
+    more = f" and {len(left_out) - 10} more" if len(left_out) > 10 else ""
+    return [
+        f"To keep the page small, {len(left_out)} of the {n} logs are in the table only, without figures: "
+        f"{names}{more}. "
+        "`cwcli report` on such a log's annotated.mcap makes a page of its own."
+    ]
+
+
+def _run_badges(candidates: Sequence[_Candidate], results: Sequence[GateResult]) -> list[Badge]:
+    badges = []
+    n_failed = sum(each.entry.has_failed for each in candidates)
+    if n_failed:
+        badges.append(Badge(f"{count(n_failed, 'log')} failed", "bad"))
+    else:
+        badges.append(Badge(f"all {len(candidates)} logs processed" if len(candidates) > 1 else "processed", "good"))
+    failed = [result for result in results if result.is_failed]
+    if failed:
+        badges.append(Badge(f"{len(failed)} of {count(len(results), 'gate')} failed", "bad"))
+    elif results:
+        badges.append(Badge(f"{len(results)} of {count(len(results), 'gate')} passed", "good"))
+    else:
+        badges.append(Badge("no gates set", "plain"))
+    return badges
+
+
+def _gate_badges(results: Sequence[GateResult], log: str) -> list[Badge]:
+    """The gates' verdict on one log."""
+    if not results:
+        return []
+    failed = [
+        result for result in results if result.is_failed and (log in result.failed_logs or not result.failed_logs)
+    ]
+    if failed:
+        return [Badge(f"{count(len(failed), 'gate')} failed", "bad")]
+    return [Badge("gates passed", "good")]
+
+
+def _gate_views(results: Sequence[GateResult]) -> list[GateView]:
+    """The failed ones first."""
+    ordered = sorted(results, key=lambda result: not result.is_failed)
+    return [
+        GateView(
+            result.expression, Badge("failed", "bad") if result.is_failed else Badge("passed", "good"), result.value
+        )
+        for result in ordered
+    ]
+
+
+def _footer() -> tuple[str, ...]:
+    return (
+        f"Made by cwcli {__version__} from annotated logs. Positions are in metres east and north of the first fix; "
+        "headings count counter-clockwise from east; bands and ellipses are one standard deviation. What `really` "
+        "happened is what the estimated tracks say.",
+        "This page needs no network. Plots by plotly.js (MIT licence), which is inside.",
+    )

@@ -1,0 +1,291 @@
+"""One annotated log as what the report shows of it: tracks, raw measurements, warnings, counts. No images."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, get_args
+
+import numpy as np
+
+from cwcli.errors import CwcliError, DataError
+from cwcli.estimation.measurements import Measurements
+from cwcli.logs.log import Log
+from cwcli.signals.canonical import (
+    HeadingSignal,
+    ImuSignal,
+    PoseSignal,
+    PositionSignal,
+    SpeedSignal,
+    VelocitySignal,
+)
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import STATE_NAMES
+from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
+from cwcli.stages.lanes_channels import LANES_TOPIC
+from cwcli.stages.measurements import ego_measurements
+from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
+from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
+from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, ActualTrack, Conflict, Use, WarningConfig
+
+EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
+RECORD_PREFIX = "cwcli.run."
+OTHER_FIELDS = ("id", "stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "length_m", "width_m")
+WARNING_FIELDS = (
+    "stamp_ns",
+    "event_id",
+    "state",
+    "other_id",
+    "rule",
+    "time_to_event_s",
+    "predicted_distance_m",
+    "ttc_s",
+    "probability",
+)
+CHOICES = {"use": get_args(Use), "conflict": get_args(Conflict)}
+EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
+
+
+@dataclass(frozen=True)
+class OtherTrack:
+    """What is known of another vehicle.
+
+    Attributes:
+        id: As in the channel.
+        kind: `vehicle` (heard over V2X) or `target` (seen by a sensor).
+        track: Stamps (n,) and states (n, 4): x_m, y_m, speed_mps, heading_rad.
+        size_m: Length and width of its outline.
+    """
+
+    id: str
+    kind: str
+    track: ActualTrack
+    size_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One annotated log.
+
+    Attributes:
+        name: Of the log.
+        start_ns, end_ns: Its first and last log time.
+        ego: The ego's states, None where the log has none.
+        others: The other vehicles, in order of id first seen.
+        measured: The ego's own measurements, as the estimator reads them.
+        warnings: The warnings channel, None where the stage did not run.
+        lanes: The lanes channel, None likewise.
+        rule: Settings of the warnings.
+        records: Stage -> its metadata record.
+        camera: Topic of the camera frames, or "".
+        notes: What the reader of the page should know.
+    """
+
+    name: str
+    start_ns: int
+    end_ns: int
+    ego: VehicleStates | None
+    others: tuple[OtherTrack, ...]
+    measured: tuple[Measurements, ...]
+    warnings: Columns | None
+    lanes: Columns | None
+    rule: WarningConfig
+    records: Mapping[str, Mapping[str, str]]
+    camera: str
+    notes: tuple[str, ...] = ()
+
+    def seconds(self, stamp_ns: Int64Array) -> FloatArray:
+        """Stamps as seconds from the log's start."""
+        return np.asarray((stamp_ns - self.start_ns) / NS_PER_S, dtype=np.float64)
+
+    def inputs(self, stage: str) -> list[dict[str, Any]]:
+        """What became of the stage's input messages, as its record tells; [] where it does not."""
+        found = _json(self.records.get(stage, {}).get("counts", "[]"))
+        return [entry for entry in found if isinstance(entry, dict)] if isinstance(found, list) else []
+
+
+def read_drive(log: Log) -> Drive:
+    """Read what the report shows of a log.
+
+    Raises:
+        InputError: The log is damaged.
+        DataError: A channel of cwcli's was written by another version.
+    """
+    records = {
+        name.removeprefix(RECORD_PREFIX): entries for name, entries in log.metadata if name.startswith(RECORD_PREFIX)
+    }
+    there = {channel.topic for channel in log.channels}
+    wanted: dict[str, tuple[str, ...] | None] = {}
+    for topic, needed in (
+        (EGO_STATE_TOPIC, None),
+        (REMOTE_STATE_TOPIC, OTHER_FIELDS),
+        (TARGETS_TOPIC, None),
+        (WARNINGS_TOPIC, WARNING_FIELDS),
+        (LANES_TOPIC, None),
+    ):
+        if topic in there:
+            wanted[topic] = needed
+    columns = log.load(wanted) if wanted else {}
+    warn = _configuration(records, "warn")
+    ego = read_states(columns[EGO_STATE_TOPIC]) if EGO_STATE_TOPIC in columns else None
+    notes: list[str] = []
+    others = [*_remotes(columns), *_targets(columns, notes)]
+    if warn.get("source") == "targets":
+        others.sort(key=lambda other: other.kind != "target")
+    measured = _measured(log, records, notes) if ego is not None and len(ego) else ()
+    return Drive(
+        name=log.name,
+        start_ns=log.start_ns,
+        end_ns=log.end_ns,
+        ego=ego if ego is not None and len(ego) else None,
+        others=tuple(others),
+        measured=measured,
+        warnings=columns.get(WARNINGS_TOPIC),
+        lanes=columns.get(LANES_TOPIC),
+        rule=_rule(warn),
+        records=records,
+        camera=_camera(log, records),
+        notes=tuple(notes),
+    )
+
+
+def _remotes(columns: Mapping[str, Columns]) -> list[OtherTrack]:
+    if REMOTE_STATE_TOPIC not in columns:
+        return []
+    read = columns[REMOTE_STATE_TOPIC]
+    numbers: dict[str, Any] = {}
+    for name in OTHER_FIELDS:
+        values = read.fields.get(name)
+        if values is None:
+            raise DataError(f"the channel has no field `{name}`", where=read.topic, hint="write it again (--replace)")
+        numbers[name] = values
+    ids = numbers["id"]
+    if not isinstance(ids, Strings):
+        raise DataError("the vehicles have no ids", where=read.topic, hint="write it again (--replace)")
+    state = np.column_stack([np.asarray(numbers[name], np.float64) for name in STATE_NAMES[:4]])
+    return _tracks(
+        ids, np.asarray(numbers["stamp_ns"], np.int64), state, numbers["length_m"], numbers["width_m"], "vehicle"
+    )
+
+
+def _targets(columns: Mapping[str, Columns], notes: list[str]) -> list[OtherTrack]:
+    if TARGETS_TOPIC not in columns:
+        return []
+    try:
+        states = read_targets(columns[TARGETS_TOPIC])
+    except DataError as error:
+        notes.append(f"the targets are not drawn: {error.what}")
+        return []
+    return _tracks(states.ids, states.stamp_ns, states.state[:, :4], states.length_m, states.width_m, "target")
+
+
+def _tracks(
+    ids: Strings, stamp_ns: Int64Array, state: FloatArray, length_m: FloatArray, width_m: FloatArray, kind: str
+) -> list[OtherTrack]:
+    found = []
+    for vehicle, unordered in vehicle_rows(ids):
+        rows = unordered[np.argsort(stamp_ns[unordered], kind="stable")]
+        rows = rows[np.concatenate(([True], np.diff(stamp_ns[rows]) > 0))]
+        size = (_size(length_m[rows], DEFAULT_LENGTH_M), _size(width_m[rows], DEFAULT_WIDTH_M))
+        found.append(OtherTrack(vehicle, kind, ActualTrack(stamp_ns[rows], state[rows]), size))
+    return found
+
+
+def _size(values_m: FloatArray, default_m: float) -> float:
+    """The median of what the vehicle said of its size, as the warnings take it."""
+    given = values_m[np.isfinite(values_m)]
+    median = float(np.median(given)) if len(given) else 0.0
+    return median if median > 0.0 else default_m
+
+
+def ego_size(ego: VehicleStates) -> tuple[float, float]:
+    """Length and width of the ego, the warnings' defaults where they are not told."""
+    return _size(ego.length_m, DEFAULT_LENGTH_M), _size(ego.width_m, DEFAULT_WIDTH_M)
+
+
+def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[str]) -> tuple[Measurements, ...]:
+    """The ego's sensors as the estimator read them: same topics, same clock, same span."""
+    record = records.get("estimate", {})
+    try:
+        sources = read_sources(log, _source_config(record), command="report", required=(), optional=EGO_ROLES)
+        local_map = _local_map(record)
+        found: list[Measurements] = []
+        for role in EGO_ROLES:
+            for signal in sources.by_role.get(role, ()):
+                assert isinstance(signal, EgoSignal)
+                if not isinstance(signal, PositionSignal) or local_map is not None:
+                    found.extend(ego_measurements(signal, local_map))
+    except CwcliError as error:
+        notes.append(f"the raw measurements are not drawn: {error.what}")
+        return ()
+    return tuple(found)
+
+
+def _source_config(record: Mapping[str, str]) -> SourceConfig:
+    """The reading options of the estimate. The record may be anybody's: what does not fit is left at its default."""
+    given = _configuration({"estimate": record}, "estimate").get("sources")
+    given = given if isinstance(given, dict) else {}
+    topics, station = given.get("topics"), given.get("ego_station")
+    start_ns, end_ns = (
+        given.get(name) if isinstance(given.get(name), int) else None for name in ("start_ns", "end_ns")
+    )
+    return SourceConfig(
+        topics={str(role): str(topic) for role, topic in topics.items()} if isinstance(topics, dict) else {},
+        clock="log" if given.get("clock") == "log" else "stamp",
+        ego_station=station if isinstance(station, str) else None,
+        start_ns=start_ns,
+        end_ns=end_ns,
+    )
+
+
+def _local_map(record: Mapping[str, str]) -> LocalMap | None:
+    names = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
+    try:
+        return LocalMap(*(float(record[name]) for name in names))
+    except (KeyError, ValueError):
+        return None
+
+
+def _rule(warn: Mapping[str, Any]) -> WarningConfig:
+    """The settings of the warnings; what does not fit is left at its default."""
+    given = warn.get("rule")
+    given = given if isinstance(given, dict) else {}
+    fitting: dict[str, Any] = {}
+    for entry in fields(WarningConfig):
+        value = given.get(entry.name)
+        if isinstance(entry.default, str):
+            is_fit = isinstance(value, str) and (entry.name == "rule" or value in CHOICES[entry.name])
+        else:
+            is_fit = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
+        if is_fit:
+            fitting[entry.name] = value
+    return WarningConfig(**fitting)
+
+
+def _camera(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
+    """The camera's topic: the one of the lanes, else the first channel of frames."""
+    from cwcli.logs.frames import is_camera
+
+    topics = [channel.topic for channel in log.channels if is_camera(channel)]
+    for entry in _json(records.get("lanes", {}).get("counts", "[]")) or ():
+        if isinstance(entry, dict) and entry.get("topic") in topics:
+            return str(entry["topic"])
+    return topics[0] if topics else ""
+
+
+def _configuration(records: Mapping[str, Mapping[str, str]], stage: str) -> dict[str, Any]:
+    found = _json(records.get(stage, {}).get("configuration", "{}"))
+    return found if isinstance(found, dict) else {}
+
+
+def _json(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return None

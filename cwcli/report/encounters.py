@@ -1,0 +1,261 @@
+"""The warnings of a drive as encounters: who, when, from where, and what became of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.report.drive import Drive, OtherTrack, ego_size
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.units import NS_PER_S
+from cwcli.warning.actual import Motion, interpolate, relative_motion
+from cwcli.warning.conflicts import RealConflict, Verdict, judge, real_conflicts
+from cwcli.warning.output import HELD, RAISED
+from cwcli.warning.types import ActualTrack
+
+MAX_DETAILED_OTHERS = 400
+"""Other vehicles whose distance to the ego is computed: those that are warned of, then the longest heard."""
+AHEAD_RAD = math.radians(45.0)
+BESIDE_RAD = math.radians(60.0)
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """One warning.
+
+    Attributes:
+        event_id: Its number in the log.
+        other: The other vehicle; None where its track is not in the log.
+        other_id: Its id, as the warning says.
+        rule: The rule that warned.
+        raised_ns, last_ns: First and last evaluation at which it stood.
+        time_to_event_s, predicted_distance_m, probability: As the warning said when it was raised; NaN: not computed.
+        rows: Rows of the warnings channel, by time.
+        motion: Relative motion of the pair over the drive, or None.
+        verdict: What became of it, or None where the tracks do not tell.
+        least_gap_m: Least distance of the outlines while the warning can come true; negative: they overlap.
+        direction: Where the other came from, in words: `coming from the right`; "" where not known.
+    """
+
+    event_id: int
+    other: OtherTrack | None
+    other_id: str
+    rule: str
+    raised_ns: int
+    last_ns: int
+    time_to_event_s: float
+    predicted_distance_m: float
+    probability: float
+    rows: Int64Array
+    motion: Motion | None
+    verdict: Verdict | None
+    least_gap_m: float
+    direction: str
+
+
+@dataclass(frozen=True)
+class Missed:
+    """A conflict without a warning."""
+
+    other: OtherTrack
+    conflict: RealConflict
+
+
+@dataclass(frozen=True)
+class Meetings:
+    """All that happened between the ego and the others.
+
+    Attributes:
+        encounters: The warnings, in order of time.
+        missed: Conflicts without a warning, in order of time.
+        nearest: The other that came nearest, its distance in metres and when; None where nobody was near.
+        n_not_compared: Others whose distance was not computed, because there are so many.
+    """
+
+    encounters: tuple[Encounter, ...]
+    missed: tuple[Missed, ...]
+    nearest: tuple[OtherTrack, float, int] | None
+    n_not_compared: int
+
+
+def find_meetings(drive: Drive) -> Meetings:
+    """Bring the warnings together with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
+    if drive.ego is None:
+        return Meetings((), (), None, 0)
+    stamps, first = np.unique(drive.ego.stamp_ns, return_index=True)
+    host = ActualTrack(stamps, drive.ego.state[first])
+    alerts = _alerts(drive.warnings)
+    warned = {entry.other_id for entry in alerts}
+    ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
+    motions: dict[int, Motion] = {}
+    for other in ranked[:MAX_DETAILED_OTHERS]:
+        motions[id(other)] = _motion(drive, host, other)
+    by_id: dict[str, OtherTrack] = {}
+    for other in drive.others:
+        by_id.setdefault(other.id, other)
+    conflicts = {key: real_conflicts(motion, drive.rule) for key, motion in motions.items()}
+    encounters, matched = [], set()
+    for alert in alerts:
+        other_track = by_id.get(alert.other_id)
+        encounter = _encounter(drive, alert, other_track, host, motions, conflicts)
+        if other_track is not None and encounter.verdict is not None and encounter.verdict.conflict >= 0:
+            matched.add((id(other_track), encounter.verdict.conflict))
+        encounters.append(encounter)
+    missed = [
+        Missed(other, conflict)
+        for other in ranked[:MAX_DETAILED_OTHERS]
+        if other is by_id[other.id]
+        for index, conflict in enumerate(conflicts[id(other)])
+        if (id(other), index) not in matched
+    ]
+    return Meetings(
+        encounters=tuple(encounters),
+        missed=tuple(sorted(missed, key=lambda entry: entry.conflict.onset_ns)) if drive.warnings is not None else (),
+        nearest=_nearest(ranked[:MAX_DETAILED_OTHERS], motions),
+        n_not_compared=max(0, len(ranked) - MAX_DETAILED_OTHERS),
+    )
+
+
+@dataclass(frozen=True)
+class _Alert:
+    event_id: int
+    other_id: str
+    rule: str
+    rows: Int64Array
+    raised_ns: int
+    last_ns: int
+    values: tuple[float, float, float]
+
+
+def _alerts(warnings: Columns | None) -> list[_Alert]:
+    """The events of the warnings channel, in order of time."""
+    if warnings is None or not len(warnings):
+        return []
+    read = {name: np.asarray(values) for name, values in warnings.fields.items() if isinstance(values, np.ndarray)}
+    if not {"stamp_ns", "event_id", "state"} <= set(read):
+        return []
+    stamp_ns, event, state = (read[name].astype(np.int64) for name in ("stamp_ns", "event_id", "state"))
+    nothing = np.full(len(warnings), np.nan)
+    values = [read.get(name, nothing) for name in ("time_to_event_s", "predicted_distance_m", "probability")]
+    found = []
+    for number in np.unique(event):
+        rows = np.flatnonzero((event == number) & ((state == RAISED) | (state == HELD)))
+        if not len(rows):
+            continue
+        rows = rows[np.argsort(stamp_ns[rows], kind="stable")]
+        at = int(rows[0])
+        found.append(
+            _Alert(
+                event_id=int(number),
+                other_id=_text(warnings, "other_id", at),
+                rule=_text(warnings, "rule", at),
+                rows=rows,
+                raised_ns=int(stamp_ns[at]),
+                last_ns=int(stamp_ns[rows[-1]]),
+                values=(float(values[0][at]), float(values[1][at]), float(values[2][at])),
+            )
+        )
+    return sorted(found, key=lambda alert: (alert.raised_ns, alert.event_id))
+
+
+def _text(columns: Columns, name: str, row: int) -> str:
+    values = columns.fields.get(name)
+    if not isinstance(values, Strings) or values.codes[row] < 0:
+        return ""
+    return str(values.values[int(values.codes[row])])
+
+
+def _motion(drive: Drive, host: ActualTrack, other: OtherTrack) -> Motion:
+    """The pair's relative motion at those of the host's stamps at which the other is known."""
+    assert drive.ego is not None
+    margin_ns = round(drive.rule.max_gap_s * NS_PER_S)
+    first = int(np.searchsorted(host.stamp_ns, other.track.stamp_ns[0] - margin_ns))
+    last = int(np.searchsorted(host.stamp_ns, other.track.stamp_ns[-1] + margin_ns, side="right"))
+    part = ActualTrack(host.stamp_ns[first:last], host.state[first:last])
+    return relative_motion(
+        part, other.track, max_gap_s=drive.rule.max_gap_s, host_size=ego_size(drive.ego), other_size=other.size_m
+    )
+
+
+def _encounter(
+    drive: Drive,
+    alert: _Alert,
+    other: OtherTrack | None,
+    host: ActualTrack,
+    motions: dict[int, Motion],
+    conflicts: dict[int, list[RealConflict]],
+) -> Encounter:
+    motion = motions.get(id(other)) if other is not None else None
+    verdict, gap, direction = None, math.nan, ""
+    if other is not None and motion is not None and len(motion.stamp_ns):
+        verdict = judge(alert.raised_ns, alert.last_ns, conflicts[id(other)], motion, drive.rule)
+        gap = _least_gap(motion, alert.raised_ns, alert.raised_ns + round(drive.rule.max_lead_s * NS_PER_S))
+        direction = _direction(host, other, alert.raised_ns, drive.rule.max_gap_s)
+    time_s, distance_m, probability = alert.values
+    return Encounter(
+        event_id=alert.event_id,
+        other=other,
+        other_id=alert.other_id,
+        rule=alert.rule,
+        raised_ns=alert.raised_ns,
+        last_ns=alert.last_ns,
+        time_to_event_s=time_s,
+        predicted_distance_m=distance_m,
+        probability=probability,
+        rows=alert.rows,
+        motion=motion,
+        verdict=verdict,
+        least_gap_m=gap,
+        direction=direction,
+    )
+
+
+def _least_gap(motion: Motion, begin_ns: int, end_ns: int) -> float:
+    inside = motion.gap_m[(motion.stamp_ns >= begin_ns) & (motion.stamp_ns <= end_ns)]
+    known = inside[np.isfinite(inside)]
+    return float(known.min()) if len(known) else math.nan
+
+
+def _direction(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: float) -> str:
+    """Where the other vehicle comes from, seen from the driver's seat, when the warning is given."""
+    stamps = np.array([at_ns], np.int64)
+    own = interpolate(host, stamps, max_gap_s)[0]
+    theirs = interpolate(other.track, stamps, max_gap_s)[0]
+    if not (np.isfinite(own).all() and np.isfinite(theirs).all()):
+        return ""
+    bearing = wrap_angle(math.atan2(theirs[1] - own[1], theirs[0] - own[0]) - float(own[3]))
+    turned = wrap_angle(float(theirs[3] - own[3]))
+    side = "left" if bearing > 0.0 else "right"
+    if abs(turned) <= AHEAD_RAD:
+        if abs(bearing) < BESIDE_RAD:
+            return "ahead in the same direction"
+        return "coming from behind" if abs(bearing) > math.pi - BESIDE_RAD else f"beside it on the {side}"
+    if abs(turned) >= math.pi - AHEAD_RAD:
+        return "coming towards it"
+    return f"coming from the {'right' if turned > 0.0 else 'left'}"
+
+
+def _nearest(others: Sequence[OtherTrack], motions: dict[int, Motion]) -> tuple[OtherTrack, float, int] | None:
+    best: tuple[OtherTrack, float, int] | None = None
+    for other in others:
+        motion = motions[id(other)]
+        known = np.flatnonzero(np.isfinite(motion.distance_m))
+        if not len(known):
+            continue
+        row = int(known[motion.distance_m[known].argmin()])
+        distance = float(motion.distance_m[row])
+        if best is None or distance < best[1]:
+            best = (other, distance, int(motion.stamp_ns[row]))
+    return best
+
+
+def predicted(warnings: Columns, rows: Int64Array, name: str) -> FloatArray:
+    """A column of the warnings channel at some rows; NaN where it has none."""
+    values = warnings.fields.get(name)
+    if not isinstance(values, np.ndarray):
+        return np.full(len(rows), np.nan)
+    return np.asarray(values[rows], np.float64)

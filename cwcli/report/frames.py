@@ -1,0 +1,171 @@
+"""Small pictures of what the camera saw, with the lane boundaries drawn in."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from cwcli.errors import CwcliError
+from cwcli.logs.frames import Frame
+from cwcli.logs.log import Log
+from cwcli.report.drive import Drive
+from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.vision.fit_columns import FitColumns
+from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames
+from cwcli.vision.overlay import burn_in, line_points
+from cwcli.vision.raw_images import Image
+from cwcli.vision.video import VIDEO_FORMATS
+
+T = TypeVar("T")
+
+WIDTH_PX = 320
+JPEG_QUALITY = 60
+MAX_APART_NS = 500_000_000
+"""A frame further from the wanted time than this is not shown."""
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """A small picture.
+
+    Attributes:
+        stamp_ns: Of the frame.
+        data_uri: The JPEG file.
+        width_px, height_px: Its size.
+        n_lines: Lane boundaries drawn in; None where the log has no lanes for the frame.
+    """
+
+    stamp_ns: int
+    data_uri: str
+    width_px: int
+    height_px: int
+    n_lines: int | None
+
+
+def thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[int, Thumbnail], str]:
+    """The frames nearest to the wanted times.
+
+    Returns:
+        Wanted time -> picture, for the times that have one; and why some have none, or "".
+    """
+    if not drive.camera or not wanted_ns:
+        return {}, ""
+    found: dict[int, Thumbnail] = {}
+    rejected = ""
+    lanes = _Lanes(drive.lanes)
+    try:
+        for wanted, decoded in _nearest(log, drive.camera, sorted(set(wanted_ns))):
+            if decoded.image is None:
+                rejected = f"some camera frames could not be decoded: {decoded.rejected}"
+            else:
+                found[wanted] = _thumbnail(decoded.image, decoded.stamp_ns, lanes)
+    except CwcliError as error:
+        return found, f"the camera frames can't be shown: {error.what}"
+    return found, rejected
+
+
+def _nearest(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, DecodedFrame]]:
+    """Each wanted time with the frame nearest to it, decoded. One pass; a video is decoded along the way."""
+    frames = log.frames(topic)
+    first = next(frames, None)
+    if first is None:
+        return
+    if first.format.lower() in VIDEO_FORMATS:
+        decoded = decode_frames(_chained(first, frames), size_of=None, where=f"{log.name}: {topic}")
+        for wanted, picture in _pick(((each.stamp_ns, each) for each in decoded), wanted_ns):
+            yield wanted, picture
+        return
+    stamped = ((_stamp_ns(each), each) for each in _chained(first, frames))
+    for wanted, frame in _pick(stamped, wanted_ns):
+        yield wanted, decode_frame(0, frame, None)
+
+
+def _chained(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+    yield first
+    yield from rest
+
+
+def _pick(items: Iterator[tuple[int, T]], wanted_ns: list[int]) -> Iterator[tuple[int, T]]:
+    """Each wanted time with the item whose stamp is nearest, if it is near enough; items come in time order."""
+    waiting = list(wanted_ns)
+    before: tuple[int, T] | None = None
+    for item in items:
+        while waiting and item[0] >= waiting[0]:
+            wanted = waiting.pop(0)
+            nearer = item if before is None or item[0] - wanted <= wanted - before[0] else before
+            if abs(nearer[0] - wanted) <= MAX_APART_NS:
+                yield wanted, nearer[1]
+        before = item
+        if not waiting:
+            return
+    for wanted in waiting:
+        if before is not None and abs(before[0] - wanted) <= MAX_APART_NS:
+            yield wanted, before[1]
+
+
+def _stamp_ns(frame: Frame) -> int:
+    return frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns
+
+
+class _Lanes:
+    """The lanes channel by the stamp of the frame."""
+
+    def __init__(self, columns: Columns | None) -> None:
+        self._stamps: Int64Array = np.zeros(0, np.int64)
+        if columns is None or not len(columns):
+            return
+        sides = []
+        for side in ("left", "right"):
+            values = [columns.fields.get(f"{side}.{name}") for name in ("a", "b", "c", "found")]
+            if not all(isinstance(each, np.ndarray) for each in values):
+                return
+            sides.append(np.column_stack([np.asarray(each, np.float64) for each in values]))
+        sizes = [columns.fields.get(f"search_{name}_px") for name in ("width", "height")]
+        stamps = columns.fields.get("stamp_ns")
+        if not isinstance(stamps, np.ndarray) or not all(isinstance(each, np.ndarray) for each in sizes):
+            return
+        order = np.argsort(stamps.astype(np.int64), kind="stable")
+        self._stamps = stamps.astype(np.int64)[order]
+        self._sides = np.stack(sides, axis=1)[order]
+        self._sizes = np.column_stack([np.asarray(each, np.int64) for each in sizes])[order]
+
+    def lines(self, stamp_ns: int, width_px: int, height_px: int) -> list[FloatArray] | None:
+        """The left and the right boundary in the pixels of an image; None where the frame was not searched."""
+        row = int(np.searchsorted(self._stamps, stamp_ns))
+        if row >= len(self._stamps) or self._stamps[row] != stamp_ns or not (self._sizes[row] > 1).all():
+            return None
+        abc, found = self._sides[row, :, :3], self._sides[row, :, 3] > 0.0
+        nothing = np.full((1, 2), np.nan)
+        fit = FitColumns(
+            parabolas=np.where(found[:, None], abc, np.nan)[None],
+            score=nothing,
+            probability=nothing,
+            found=found[None],
+            covariance=np.full((1, 2, 3, 3), np.nan),
+            pitch_rad=nothing[:, 0],
+            yaw_rad=nothing[:, 0],
+        )
+        search = (int(self._sizes[row, 0]), int(self._sizes[row, 1]))
+        points, is_in = line_points(fit, search, (width_px, height_px))
+        return [points[0, side][is_in[0, side]] for side in range(2)]
+
+
+def _thumbnail(image: Image, stamp_ns: int, lanes: _Lanes) -> Thumbnail:
+    import cv2
+
+    height_px = max(1, round(image.shape[0] * WIDTH_PX / image.shape[1]))
+    small = np.asarray(cv2.resize(image, (WIDTH_PX, height_px), interpolation=cv2.INTER_AREA), np.uint8)
+    if small.ndim == 2:
+        small = np.repeat(small[..., None], 3, axis=2)
+    lines = lanes.lines(stamp_ns, WIDTH_PX, height_px)
+    drawn = small if lines is None else burn_in(small, lines)
+    done, data = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a JPEG")
+    text = base64.b64encode(data.tobytes()).decode("ascii")
+    n_lines = None if lines is None else sum(len(points) > 1 for points in lines)
+    return Thumbnail(stamp_ns, f"data:image/jpeg;base64,{text}", WIDTH_PX, height_px, n_lines)

@@ -1,0 +1,179 @@
+"""The map: where the car and the others drove, the raw fixes, and where the warnings were."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.report.decimate import spot_rows, track_rows
+from cwcli.report.drawing import (
+    ALERT,
+    DASHES,
+    EGO,
+    OTHERS,
+    RAW,
+    Figure,
+    Trace,
+    axis,
+    dots,
+    equal_axes,
+    line,
+    rounded,
+    words,
+)
+from cwcli.report.drive import Drive, OtherTrack
+from cwcli.report.encounters import Meetings
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.warning.actual import interpolate
+from cwcli.warning.types import ActualTrack
+
+MAX_OTHERS = 12
+MAX_MARKED = 30
+SPOTS = 500
+TRACK_PARTS = 4000.0
+MIN_TOLERANCE_M = 0.02
+BREAK_S = 2.0
+
+
+def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
+    """The map and what was left out of it; None without a track of the ego."""
+    if drive.ego is None:
+        return None
+    ego = ActualTrack(drive.ego.stamp_ns, drive.ego.state)
+    xy = drive.ego.state[:, :2]
+    tolerance = max(MIN_TOLERANCE_M, float(np.ptp(xy, axis=0).max()) / TRACK_PARTS)
+    data: list[Trace] = _fixes(drive)
+    data.append(_track(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO, "solid"))
+    shown = shown_others(drive, meetings)
+    for index, other in enumerate(shown):
+        stamps, states = other.track.stamp_ns, other.track.state
+        colour, dash = other_style(index)
+        data.append(_track(drive, stamps, states[:, :2], tolerance, other_name(other), colour, dash))
+    data.append(dots(rounded(xy[:1, 0], 2), rounded(xy[:1, 1], 2), "start", EGO, symbol="circle-open", size=11))
+    data += _marks(drive, meetings, ego)
+    layout: dict[str, Any] = equal_axes(
+        {"xaxis": axis("east of the first fix [m]"), "yaxis": axis("north [m]"), "dragmode": "pan"}
+    )
+    left_out = []
+    if len(drive.others) > len(shown):
+        left_out.append(f"{len(drive.others) - len(shown)} of {len(drive.others)} other vehicles are not on the map")
+    if meetings.n_not_compared:
+        left_out.append(f"the distance of {meetings.n_not_compared} others was not computed")
+    if len(meetings.encounters) > MAX_MARKED:
+        left_out.append(f"the map marks the first {MAX_MARKED} of {len(meetings.encounters)} warnings")
+    return {"data": data, "layout": layout}, tuple(left_out)
+
+
+def shown_others(drive: Drive, meetings: Meetings) -> list[OtherTrack]:
+    """The others on the map: those that were warned of, missed or nearest, then the longest heard."""
+    first: dict[int, OtherTrack] = {}
+    for other in (
+        *(encounter.other for encounter in meetings.encounters),
+        *(missed.other for missed in meetings.missed),
+        meetings.nearest[0] if meetings.nearest else None,
+        *sorted(drive.others, key=lambda other: -len(other.track.stamp_ns)),
+    ):
+        if other is not None:
+            first.setdefault(id(other), other)
+    return list(first.values())[:MAX_OTHERS]
+
+
+def other_name(other: OtherTrack) -> str:
+    """`vehicle 17`, safe for a figure."""
+    return f"{other.kind} {words(other.id)}"
+
+
+def other_style(index: int) -> tuple[str, str]:
+    """Colour and dash of the other vehicle of a number."""
+    return OTHERS[index % len(OTHERS)], DASHES[(index + index // len(OTHERS)) % len(DASHES)]
+
+
+def with_breaks(stamp_ns: Int64Array, values: FloatArray, break_s: float = BREAK_S) -> tuple[Int64Array, FloatArray]:
+    """The rows with one of NaN wherever nothing is known for longer than `break_s`, so that no line is drawn there."""
+    after = np.flatnonzero(np.diff(stamp_ns) > break_s * 1e9) + 1
+    if not len(after):
+        return stamp_ns, values
+    return np.insert(stamp_ns, after, stamp_ns[after - 1]), np.insert(values, after, np.nan, axis=0)
+
+
+def _track(
+    drive: Drive, stamp_ns: Int64Array, xy: FloatArray, tolerance: float, name: str, colour: str, dash: str
+) -> Trace:
+    stamp_ns, xy = with_breaks(stamp_ns, xy)
+    rows = track_rows(xy, tolerance)
+    return line(
+        rounded(xy[rows, 0], 2),
+        rounded(xy[rows, 1], 2),
+        name,
+        colour,
+        dash=dash,
+        customdata=rounded(drive.seconds(stamp_ns[rows]), 2),
+        hovertemplate="%{customdata} s<br>%{x} m east, %{y} m north",
+    )
+
+
+def _fixes(drive: Drive) -> list[Trace]:
+    """The raw positions; those that would fall onto the same spot are drawn once."""
+    found = [measured for measured in drive.measured if measured.kind is Kind.POSITION]
+    traces = []
+    for measured in found[:1]:
+        rows = spot_rows(measured.values[:, 0], measured.values[:, 1], SPOTS, SPOTS)
+        x, y = measured.values[rows].T
+        traces.append(
+            dots(
+                rounded(x, 2),
+                rounded(y, 2),
+                "raw position fixes",
+                RAW,
+                size=4,
+                opacity=0.6,
+                customdata=rounded(drive.seconds(measured.stamp_ns[rows]), 2),
+                hovertemplate="%{customdata} s<br>%{x} m east, %{y} m north",
+            )
+        )
+    return traces
+
+
+def _marks(drive: Drive, meetings: Meetings, ego: ActualTrack) -> list[Trace]:
+    """Where the car was when it was warned, where the other was, and where they came nearest."""
+    gap_s = drive.rule.max_gap_s
+    shown = meetings.encounters[:MAX_MARKED]
+    if not shown:
+        return []
+    raised = interpolate(ego, np.array([each.raised_ns for each in shown], np.int64), gap_s)
+    traces = [
+        {
+            **dots(
+                rounded(raised[:, 0], 2),
+                rounded(raised[:, 1], 2),
+                "warning given",
+                ALERT,
+                symbol="triangle-up",
+                size=15,
+            ),
+            "mode": "markers+text",
+            "text": [f"<b>warning {each.event_id}</b>" for each in shown],
+            "textposition": "middle left",
+            "textfont": {"color": ALERT, "size": 13},
+            "cliponaxis": False,
+        }
+    ]
+    others = [(each, each.other) for each in shown if each.other is not None]
+    at_warning = [interpolate(other.track, np.array([each.raised_ns], np.int64), gap_s)[0] for each, other in others]
+    if at_warning:
+        there = np.array(at_warning)
+        name = "the other at that moment"
+        traces.append(
+            dots(rounded(there[:, 0], 2), rounded(there[:, 1], 2), name, ALERT, symbol="triangle-up-open", size=12)
+        )
+    nearest_ns = [each.verdict.closest_ns for each, _ in others if each.verdict and each.verdict.closest_ns >= 0]
+    if nearest_ns:
+        nearest = interpolate(ego, np.array(nearest_ns, np.int64), gap_s)
+        traces.append(
+            dots(
+                rounded(nearest[:, 0], 2), rounded(nearest[:, 1], 2), "nearest approach", "#000000", symbol="x", size=9
+            )
+        )
+    return traces

@@ -1,0 +1,174 @@
+"""The whole page: one HTML file that needs nothing else, and takes nothing from the network.
+
+The plotting library is inside, compressed; the browser unpacks it. A content security policy allows the two scripts of
+the page by their hashes, pictures inside the page, and nothing else. Same input, same bytes: no times of day, no random
+ids.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from cwcli.errors import UsageError
+from cwcli.report.section import LogView
+from cwcli.report.story import Badge
+from cwcli.text import printable
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+GZIP_LEVEL = 9
+
+
+@dataclass(frozen=True)
+class Row:
+    """One log of the overview; `anchor` is "" where it has no details."""
+
+    anchor: str
+    name: str
+    badges: tuple[Badge, ...]
+    story: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class GateView:
+    """One gate of the run."""
+
+    expression: str
+    badge: Badge
+    value: str
+
+
+@dataclass(frozen=True)
+class Page:
+    """What stands around the logs."""
+
+    title: str
+    headline: str
+    sentences: tuple[str, ...]
+    badges: tuple[Badge, ...]
+    gates: tuple[GateView, ...]
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+    footer: tuple[str, ...]
+
+
+class Renderer:
+    """The templates and what the page embeds.
+
+    Raises:
+        UsageError: The extra `report` is not installed.
+    """
+
+    def __init__(self) -> None:
+        self._environment = _environment()
+        self._css = _asset("report.css")
+        self._script = _asset("report.js")
+        library = _plotly()
+        packed = gzip.compress(library.encode(), GZIP_LEVEL, mtime=0)
+        self._library = base64.b64encode(packed).decode("ascii")
+        self._policy = "; ".join(
+            (
+                "default-src 'none'",
+                f"script-src '{_hash(self._script)}' '{_hash(library)}'",
+                "style-src 'unsafe-inline'",
+                "img-src data: blob:",
+                "base-uri 'none'",
+                "form-action 'none'",
+            )
+        )
+
+    @property
+    def fixed_bytes(self) -> int:
+        """Size of what every page holds."""
+        return len(self._library) + len(self._css) + len(self._script) + 2000
+
+    def log(self, view: LogView) -> str:
+        """One log's part of the page."""
+        return self._render("log.html", log=view)
+
+    def page(self, page: Page, sections: Sequence[str]) -> str:
+        """The page.
+
+        Args:
+            sections: What `log` returned.
+        """
+        from markupsafe import Markup
+
+        return self._render(
+            "page.html",
+            page=page,
+            sections=[Markup(section) for section in sections],
+            policy=Markup(self._policy),
+            css=Markup(self._css),
+            script=Markup(self._script),
+            library=Markup(self._library),
+        )
+
+    def _render(self, name: str, **values: Any) -> str:
+        return self._environment.get_template(name).render(**values)
+
+
+def _environment() -> Environment:
+    """Templates in which every value is escaped, and shown with its invisible characters spelled out."""
+    try:
+        from jinja2 import Environment, FunctionLoader, StrictUndefined
+    except ModuleNotFoundError as error:
+        raise _missing("jinja2") from error
+    from markupsafe import Markup
+
+    macros = _asset("macros.html")
+
+    def load(name: str) -> str:
+        imports = "{% from 'macros.html' import badge, badge_list, plot, frames, table %}\n"
+        return macros if name == "macros.html" else imports + _asset(name)
+
+    def visible(value: Any) -> Any:
+        return printable(value) if type(value) is str else value
+
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        loader=FunctionLoader(load),
+        finalize=visible,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["as_json"] = lambda value: Markup(safe_json(value))
+    return environment
+
+
+def safe_json(value: Any) -> str:
+    """JSON that can stand inside a script element: no `<`, `>` or `&`, ASCII only."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _asset(name: str) -> str:
+    return (resources.files("cwcli.report") / "assets" / name).read_text(encoding="utf-8")
+
+
+def _plotly() -> str:
+    try:
+        from plotly.offline import get_plotlyjs
+    except ModuleNotFoundError as error:
+        raise _missing("plotly") from error
+    library: str = get_plotlyjs()
+    return library
+
+
+def _missing(package: str) -> UsageError:
+    return UsageError(f"the report needs the package {package}", hint="pip install 'cwcli[report]'")
+
+
+def _hash(script: str) -> str:
+    return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

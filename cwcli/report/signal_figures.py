@@ -1,0 +1,173 @@
+"""Signals over time with their 1-sigma bands: the car's motion, and its place in the lane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.report.decimate import band, envelope_rows, spot_rows
+from cwcli.report.drawing import (
+    ALERT,
+    EGO,
+    RAW,
+    Figure,
+    Trace,
+    axis,
+    dots,
+    line,
+    polygon,
+    rounded,
+    upright,
+)
+from cwcli.report.drive import Drive
+from cwcli.report.encounters import Meetings
+from cwcli.report.map_figure import with_breaks
+from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+
+MAX_MARKED = 30
+GAP = 0.035
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One signal: stamps, values and standard deviations (n,), and what was measured of it."""
+
+    title: str
+    unit: str
+    decimals: int
+    stamp_ns: Int64Array
+    values: FloatArray
+    sigma: FloatArray
+    raw: tuple[Int64Array, FloatArray] | None = None
+
+
+def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
+    """Speed, heading, yaw rate and acceleration of the car; None without its states."""
+    ego = drive.ego
+    if ego is None:
+        return None
+    sigma = np.sqrt(np.maximum(np.einsum("nii->ni", ego.covariance), 0.0))
+    turn = np.degrees(1.0)
+    curves = []
+    for title, unit, decimals, state, scale, kinds in (
+        ("speed", "m/s", 3, 2, 1.0, (Kind.SPEED,)),
+        ("heading", "deg", 2, 3, turn, (Kind.HEADING,)),
+        ("yaw rate", "deg/s", 3, 5, turn, (Kind.YAW_RATE,)),
+        ("acceleration", "m/s²", 3, 4, 1.0, (Kind.ACCEL,)),
+    ):
+        raw = _raw(drive.measured, kinds[0])
+        if raw is not None and kinds[0] is Kind.HEADING:
+            raw = raw[0], _near(raw[0], raw[1], ego.stamp_ns, ego.state[:, 3])
+        scaled = None if raw is None else (raw[0], raw[1] * scale)
+        values, spread = ego.state[:, state] * scale, sigma[:, state] * scale
+        curves.append(Curve(title, unit, decimals, ego.stamp_ns, values, spread, scaled))
+    return _stacked(drive, curves, meetings, n_pieces)
+
+
+def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
+    """The car's place in the lane at the preview point; None without lanes."""
+    if drive.lanes is None or not len(drive.lanes):
+        return None
+    curves = []
+    turn = np.degrees(1.0)
+    for title, unit, decimals, name, scale in (
+        ("lane centre, right of the car", "m", 3, "lateral_deviation", 1.0),
+        ("heading off the lane", "deg", 3, "heading_deviation", turn),
+        ("curvature, right positive", "1/km", 3, "curvature", 1000.0),
+    ):
+        suffix = {"lateral_deviation": "m", "heading_deviation": "rad", "curvature": "1pm"}[name]
+        values, spread = _numbers(drive.lanes, f"{name}_{suffix}"), _numbers(drive.lanes, f"{name}_sigma_{suffix}")
+        stamp = drive.lanes.fields.get("stamp_ns")
+        if values is None or not isinstance(stamp, np.ndarray):
+            return None
+        sigma = np.full(len(values), np.nan) if spread is None else spread
+        curves.append(Curve(title, unit, decimals, stamp.astype(np.int64), values * scale, sigma * scale))
+    return _stacked(drive, curves, meetings, n_pieces)
+
+
+def _numbers(columns: Columns, name: str) -> FloatArray | None:
+    values = columns.fields.get(name)
+    return np.asarray(values, np.float64) if isinstance(values, np.ndarray) else None
+
+
+def _raw(measured: tuple[Measurements, ...], kind: Kind) -> tuple[Int64Array, FloatArray] | None:
+    """The first source of a quantity, as measured: a velocity serves for the speed, an IMU for the last two."""
+    for source in measured:
+        if source.kind is kind:
+            return source.stamp_ns, source.values[:, 0]
+    for source in measured:
+        if source.kind is Kind.VELOCITY and kind is Kind.SPEED:
+            return source.stamp_ns, np.hypot(source.values[:, 0], source.values[:, 1])
+        if source.kind is Kind.IMU and kind in (Kind.ACCEL, Kind.YAW_RATE):
+            return source.stamp_ns, source.values[:, 0 if kind is Kind.ACCEL else 5]
+    return None
+
+
+def _near(stamp_ns: Int64Array, heading: FloatArray, track_ns: Int64Array, track: FloatArray) -> FloatArray:
+    """Headings moved by whole turns to where the estimate is, which is not wrapped."""
+    at = np.clip(np.searchsorted(track_ns, stamp_ns), 0, len(track_ns) - 1)
+    return np.asarray(heading + 2.0 * np.pi * np.round((track[at] - heading) / (2.0 * np.pi)), np.float64)
+
+
+def _stacked(drive: Drive, curves: list[Curve], meetings: Meetings, n_pieces: int) -> Figure:
+    """The curves one above the other over one time axis."""
+    data: list[Trace] = []
+    layout: dict[str, Any] = {"shapes": [], "annotations": []}
+    height = (1.0 + GAP) / len(curves) - GAP
+    for index, curve in enumerate(curves):
+        name = "y" if index == 0 else f"y{index + 1}"
+        top = 1.0 - index * (height + GAP)
+        layout[f"yaxis{name[1:]}"] = axis(
+            f"{curve.title}<br>[{curve.unit}]", domain=[round(max(top - height, 0.0), 4), round(top, 4)]
+        )
+        data += _curve(drive, curve, name, n_pieces, is_first=index == 0)
+    layout["xaxis"] = axis("time since the log began [s]", anchor=f"y{len(curves)}" if len(curves) > 1 else "y")
+    for encounter in meetings.encounters[:MAX_MARKED]:
+        at = round((encounter.raised_ns - drive.start_ns) / NS_PER_S, 3)
+        shape, label = upright(at, f"warning {encounter.event_id}", ALERT)
+        layout["shapes"].append(shape)
+        layout["annotations"].append(label)
+    return {"data": data, "layout": layout}
+
+
+def _curve(drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bool) -> list[Trace]:
+    both = np.column_stack([curve.values, curve.sigma])
+    stamp_ns, both = with_breaks(curve.stamp_ns, both)
+    values, sigma = both.T
+    seconds = drive.seconds(stamp_ns)
+    traces: list[Trace] = []
+    more = {"yaxis": name, "showlegend": is_first}
+    if curve.raw is not None:
+        at, raw = drive.seconds(curve.raw[0]), curve.raw[1]
+        rows = spot_rows(at, raw, n_pieces, 150)
+        x, y = rounded(at[rows], 2), rounded(raw[rows], curve.decimals)
+        traces.append(dots(x, y, "measured", RAW, size=3, opacity=0.55, legendgroup="raw", hoverinfo="skip", **more))
+    if np.isfinite(sigma).any():
+        x, y = _band(seconds, values - sigma, values + sigma, curve.decimals, n_pieces // 2)
+        traces.append(polygon(x, y, "1-sigma band", EGO, alpha=0.25, legendgroup="band", **more))
+    rows = envelope_rows(values, n_pieces)
+    x, y = rounded(seconds[rows], 3), rounded(values[rows], curve.decimals)
+    hover = f"%{{x}} s: %{{y}} {curve.unit}"
+    traces.append(line(x, y, "estimated", EGO, width=1.5, legendgroup="line", hovertemplate=hover, **more))
+    return traces
+
+
+def _band(
+    seconds: FloatArray, lower: FloatArray, upper: FloatArray, decimals: int, n_pieces: int
+) -> tuple[list[float | None], list[float | None]]:
+    """The band as closed outlines, one for each stretch without a gap."""
+    rows, lower, upper = band(lower, upper, n_pieces)
+    known = np.isfinite(lower) & np.isfinite(upper)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        part = slice(int(first), int(stop))
+        forth = rounded(seconds[rows[part]], 2)
+        x += [*forth, *reversed(forth), None]
+        y += [*rounded(upper[part], decimals), *reversed(rounded(lower[part], decimals)), None]
+    return x, y

@@ -1,0 +1,234 @@
+"""What happened in a drive, in sentences for somebody who has never heard of cwcli."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cwcli.report.drive import Drive
+from cwcli.report.encounters import Encounter, Meetings
+from cwcli.signals.units import NS_PER_S
+from cwcli.text import count, duration, join_names, printable
+from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED
+from cwcli.warning.types import WarningConfig
+
+Tone = Literal["good", "bad", "alert", "plain"]
+MAX_ID = 40
+
+
+@dataclass(frozen=True)
+class Badge:
+    """A verdict in a few words; the symbol says the same as the colour."""
+
+    text: str
+    tone: Tone
+
+    @property
+    def symbol(self) -> str:
+        """For readers without colours."""
+        return {"good": "✓", "bad": "✗", "alert": "⚠", "plain": "•"}[self.tone]
+
+
+@dataclass(frozen=True)
+class Story:
+    """A drive in words.
+
+    Attributes:
+        headline: One sentence or two.
+        more: Further sentences.
+        badges: Verdicts on the warnings.
+    """
+
+    headline: str
+    more: tuple[str, ...]
+    badges: tuple[Badge, ...]
+
+
+def tell(drive: Drive, meetings: Meetings, left_out: str = "") -> Story:
+    """The story of a drive.
+
+    Args:
+        left_out: Why the warnings were not computed, where they were not.
+    """
+    more = [_length(drive)]
+    if drive.ego is None or drive.warnings is None:
+        return _without_warnings(drive, left_out, more)
+    if not meetings.encounters:
+        more += _missed(drive, meetings)
+        badges = [Badge("no warning", "plain")]
+        if meetings.missed:
+            badges.append(Badge(f"{count(len(meetings.missed), 'conflict')} without a warning", "bad"))
+        return Story(_nobody_near(drive, meetings), tuple(more), tuple(badges))
+    if len(meetings.encounters) == 1:
+        headline = encounter_sentence(drive, meetings.encounters[0])
+        more.insert(0, verdict_sentence(drive.rule, meetings.encounters[0]))
+    else:
+        worst = min(meetings.encounters, key=_urgency)
+        headline = f"cwcli gave {len(meetings.encounters)} warnings: {_tally(meetings)}. The most critical: "
+        sentence = encounter_sentence(drive, worst)
+        headline += sentence[0].lower() + sentence[1:]
+    return Story(headline, (*more, *_missed(drive, meetings)), tuple(_badges(meetings)))
+
+
+def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
+    """`At 4.7 s cwcli warned that the car would collide with vehicle 2, coming from the right; ...`"""
+    direction = f", {encounter.direction}" if encounter.direction else ""
+    text = f"At {_at(drive, encounter.raised_ns)} cwcli warned that the car would collide with "
+    text += f"{name_of(encounter)}{direction}"
+    verdict = encounter.verdict
+    if verdict is None or verdict.closest_ns < 0 or not math.isfinite(verdict.closest_m):
+        return f"{text}. How near they came is not known."
+    apart = f"{verdict.closest_m:.1f} m between their centres"
+    at = _at(drive, verdict.closest_ns)
+    if encounter.least_gap_m < 0.0:
+        return f"{text}; they did: at {at} their outlines overlap, with {apart}."
+    if math.isfinite(encounter.least_gap_m):
+        apart += f" and {encounter.least_gap_m:.1f} m between their outlines"
+    return f"{text}; they came nearest at {at}, with {apart}."
+
+
+def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
+    """Whether the warning was right."""
+    verdict = encounter.verdict
+    if verdict is None:
+        return "Whether the warning was right can't be said: the other's track is not in the log."
+    conflict = conflict_words(rule)
+    if verdict.kind == TRUE:
+        return f"The warning was right: it came {verdict.lead_time_s:.1f} s before {conflict}."
+    if verdict.kind == LATE:
+        return f"The warning was late: it came {-verdict.lead_time_s:.1f} s after {conflict}."
+    if verdict.kind == FALSE:
+        return f"By what followed it was a false alarm: there was no moment when {conflict}."
+    return "Whether the warning was right can't be said: the tracks end too early."
+
+
+def conflict_words(rule: WarningConfig) -> str:
+    """The definition of a conflict, as a clause."""
+    return {
+        "distance": f"the two were closer than {rule.distance_m:g} m, centre to centre",
+        "outline": "the two touched",
+        "ttc": f"the two were {rule.conflict_ttc_s:g} s from contact",
+        "drac": f"a braking of {rule.conflict_drac_mps2:g} m/s² was needed to avoid contact",
+    }[rule.conflict]
+
+
+def verdict_badge(encounter: Encounter) -> Badge:
+    """The verdict on one warning."""
+    kind = encounter.verdict.kind if encounter.verdict is not None else UNDECIDED
+    if kind == TRUE:
+        assert encounter.verdict is not None
+        return Badge(f"came true, {encounter.verdict.lead_time_s:.1f} s ahead", "alert")
+    texts: dict[str, tuple[str, Tone]] = {LATE: ("came too late", "bad"), FALSE: ("false alarm", "bad")}
+    text, tone = texts.get(kind, ("not decided", "plain"))
+    return Badge(text, tone)
+
+
+def name_of(encounter: Encounter) -> str:
+    """`vehicle 17`."""
+    kind = encounter.other.kind if encounter.other is not None else "vehicle"
+    shown = printable(encounter.other_id)
+    return f"{kind} {shown if len(shown) <= MAX_ID else shown[: MAX_ID - 1] + '…'}"
+
+
+def _urgency(encounter: Encounter) -> tuple[float, float, int]:
+    verdict = encounter.verdict
+    nearest = verdict.closest_m if verdict is not None and math.isfinite(verdict.closest_m) else math.inf
+    gap = encounter.least_gap_m if math.isfinite(encounter.least_gap_m) else math.inf
+    return gap, nearest, encounter.raised_ns
+
+
+def most_critical(meetings: Meetings) -> list[Encounter]:
+    """The warnings, the one with the least distance first."""
+    return sorted(meetings.encounters, key=_urgency)
+
+
+def _at(drive: Drive, stamp_ns: int) -> str:
+    return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.1f} s"
+
+
+def _kinds(meetings: Meetings) -> Counter[str]:
+    return Counter(each.verdict.kind if each.verdict is not None else UNDECIDED for each in meetings.encounters)
+
+
+def _tally(meetings: Meetings) -> str:
+    kinds = _kinds(meetings)
+    parts = []
+    for kind, said in ((TRUE, "came true"), (LATE, "came late"), (FALSE, "false"), (UNDECIDED, "not decided")):
+        if kinds[kind]:
+            parts.append(f"{kinds[kind]} {said}")
+    return join_names(parts)
+
+
+def _badges(meetings: Meetings) -> list[Badge]:
+    if len(meetings.encounters) == 1:
+        badges = [Badge(f"1 warning: {verdict_badge(meetings.encounters[0]).text}", "alert")]
+        kind = _kinds(meetings)
+        if kind[LATE] or kind[FALSE]:
+            badges = [Badge(badges[0].text, "bad")]
+    else:
+        kinds = _kinds(meetings)
+        tone: Tone = "bad" if kinds[FALSE] or kinds[LATE] else "alert"
+        badges = [Badge(f"{len(meetings.encounters)} warnings: {_tally(meetings)}", tone)]
+    if meetings.missed:
+        badges.append(Badge(f"{count(len(meetings.missed), 'conflict')} without a warning", "bad"))
+    return badges
+
+
+def _missed(drive: Drive, meetings: Meetings) -> list[str]:
+    told = []
+    for missed in meetings.missed[:3]:
+        told.append(
+            f"No warning came before {_at(drive, missed.conflict.onset_ns)}, when {conflict_words(drive.rule)} "
+            f"({missed.other.kind} {printable(missed.other.id)[:MAX_ID]}, nearest {missed.conflict.closest_m:.1f} m)."
+        )
+    if len(meetings.missed) > len(told):
+        told.append(f"{len(meetings.missed) - len(told)} more conflicts had no warning either.")
+    return told
+
+
+def _nobody_near(drive: Drive, meetings: Meetings) -> str:
+    text = f"In this drive of {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} cwcli gave no warning"
+    if meetings.nearest is None:
+        return f"{text}; no other vehicle was heard while the car's place was known."
+    other, distance_m, at_ns = meetings.nearest
+    name = f"{other.kind} {printable(other.id)[:MAX_ID]}"
+    return f"{text}; the nearest other, {name}, was {distance_m:.1f} m away (centre to centre) at {_at(drive, at_ns)}."
+
+
+def _length(drive: Drive) -> str:
+    """How long the drive was, in time and way."""
+    text = f"The log is {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} long"
+    if drive.ego is not None and len(drive.ego) > 1:
+        steps = np.hypot(*np.diff(drive.ego.state[:, :2], axis=0).T)
+        apart_s = np.diff(drive.ego.stamp_ns) / NS_PER_S
+        metres = float(steps[apart_s < 1.0].sum())
+        top = float(np.nanmax(np.abs(drive.ego.state[:, 2])))
+        text += f"; the car drove {metres:.0f} m, at most {3.6 * top:.0f} km/h"
+    heard = sum(other.kind == "vehicle" for other in drive.others)
+    seen = sum(other.kind == "target" for other in drive.others)
+    if heard:
+        text += f"; {count(heard, 'other vehicle')} {'was' if heard == 1 else 'were'} heard by radio"
+    if seen:
+        text += f"; {count(seen, 'target')} {'was' if seen == 1 else 'were'} tracked by its sensors"
+    return text + "."
+
+
+def _without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
+    reason = f" ({printable(left_out)})" if left_out else ""
+    sentences = []
+    if drive.lanes is not None and len(drive.lanes):
+        left, right = (drive.lanes.fields.get(f"{side}.found") for side in ("left", "right"))
+        n = len(drive.lanes)
+        if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
+            both = int((left.astype(bool) & right.astype(bool)).sum())
+            sentences.append(f"Both lane boundaries were found in {both} of {n} camera frames")
+    if drive.ego is None:
+        sentences.append(f"the car's motion was not estimated{'' if sentences else reason}")
+    else:
+        sentences.append(f"the car's motion was estimated, but no warnings were computed{reason}")
+    text = "; ".join(sentences)
+    return Story(f"{text[:1].upper()}{text[1:]}.", tuple(more), (Badge("no warnings computed", "plain"),))
