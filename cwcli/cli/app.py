@@ -30,6 +30,7 @@ COMMANDS = {
     "lanes": "Find the lane boundaries in camera frames.",
     "observe": "Observe lateral speed and yaw rate from the lane.",
     "run": "Estimate, predict and warn in one pass.",
+    "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",
     "layout": "Make a viewer layout that shows every channel of cwcli.",
