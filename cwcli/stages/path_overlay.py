@@ -29,7 +29,7 @@ from cwcli.vision.overlay import burn_in, line_points
 from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, PathLines, paint_path, path_lines
 from cwcli.vision.raw_images import Image
 
-ANNOTATIONS_TOPIC = "/cwcli/ego/path/annotations"
+ANNOTATIONS_TOPIC = "/cwcli/observer/path/annotations"
 LANES_RECORD = "cwcli.run.lanes"
 LINE_LOOP = 2  # foxglove.PointsAnnotation.Type
 LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
@@ -99,6 +99,11 @@ class _Scene:
         return [points[0, side][is_in[0, side]] for side in range(2)]
 
 
+def has_lanes(log: Log) -> bool:
+    """Whether the log holds the channel of `cwcli lanes`."""
+    return LANES_TOPIC in {channel.topic for channel in log.channels}
+
+
 def path_overlay(
     log: Log,
     paths: Paths,
@@ -127,7 +132,7 @@ def path_overlay(
     """
     record = _lanes_record(log)
     chosen = {**record.topics, **(topics or {})}
-    if LANES_TOPIC not in {channel.topic for channel in log.channels}:
+    if not has_lanes(log):
         raise MissingSignalError(
             f"no channel {LANES_TOPIC} (needed to draw paths on the image)",
             where=log.name,

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table, TableColumn
 from cwcli.prediction.calibrate import predict_vehicles
@@ -41,6 +42,7 @@ class PredictConfig:
             first.
         origin: Start from the states of `cwcli estimate`, or from those of `cwcli observe`.
         calibrate: From the observer: scale the uncertainty by the record itself.
+        render: From the observer: topic for the camera's frames with the path burnt in, or None.
         horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
         discretisation: "exact", or "paper" for song2016's recursion.
         topics: Role -> topic, the user's choices.
@@ -53,6 +55,7 @@ class PredictConfig:
     discretisation: Discretisation = "exact"
     origin: Origin = "states"
     calibrate: bool = True
+    render: str | None = None
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
@@ -71,6 +74,8 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
         from cwcli.stages.predict_observer import predict_observer
 
         return predict_observer(log, config)
+    if config.render is not None:
+        raise UsageError("--render draws the path of the observer", hint="add --from observer")
     bound = bind(
         log.channels,
         config.topics,

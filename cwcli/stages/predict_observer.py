@@ -27,6 +27,7 @@ from cwcli.signals.roles import bind
 from cwcli.stages.channels import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
 from cwcli.stages.observer_channel import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
+from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
 from cwcli.stages.predict import MAX_GAP_S, PredictConfig, error_horizons
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
@@ -106,6 +107,7 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
     truth = _truth_poses(sources.by_role.get(Role.TRUTH, ()), log, lateral, observed)
     reference = truth or in_map or own_motion
     table = _errors(body, reference, config)
+    overlay = _overlay(log, body, config)
     summary = Summary(
         title="predict (from the observer)",
         sections=(_section(table, config.horizon_s, reference.source),),
@@ -113,11 +115,28 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
         notes=(
             *own.notes,
             *notes,
+            *overlay.notes,
             *(() if in_map else ("no ego state in the log: paths are in a frame of their own, `odom`",)),
         ),
     )
     record = run_record(STAGE, log, config, summary)
-    return StageResult(STAGE, (placed,), {table.name: table}, summary, record)
+    return StageResult(STAGE, (placed, *overlay.channels), {table.name: table}, summary, record)
+
+
+def _overlay(log: Log, body: BodyPaths, config: PredictConfig) -> Overlay:
+    """The paths on the camera's image; nothing for a log without the lanes' channel, unless it is asked for."""
+    if config.render is None and not has_lanes(log):
+        return Overlay(())
+    return path_overlay(
+        log,
+        body.paths,
+        stamp_ns=body.stamp_ns,
+        log_time_ns=body.observed.log_time_ns,
+        width_m=body.vehicle.width_m,
+        camera_forward_m=body.vehicle.camera_forward_m,
+        render=config.render,
+        topics=config.topics,
+    )
 
 
 def _path_config(config: PredictConfig) -> LateralPathConfig:

@@ -56,6 +56,12 @@ PUBLISHED = (
     ),
     Published("/cwcli/observer", "cwcli.v1.LateralState", "observe"),
     Published("/cwcli/observer/path", "cwcli.v1.PredictedPath", "predict --from observer"),
+    Published(
+        "/cwcli/observer/path/annotations",
+        "foxglove.ImageAnnotations",
+        "predict --from observer",
+        "that path in the camera's image, with the car's width and the 90 % band",
+    ),
 )
 """In the order in which the stages run."""
 

@@ -16,7 +16,7 @@ from cwcli.stages.call import StageCall
 EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
     "cwcli estimate drive.mcap -o - | cwcli predict - -o predicted.mcap",
-    "cwcli predict observed.mcap --from observer --horizon 2.0 -o predicted.mcap",
+    "cwcli predict observed.mcap --from observer --horizon 2.0 -o predicted.mcap --render /camera/annotated",
 )
 
 
@@ -63,6 +63,16 @@ class PredictOptions(StageOptions):
             "the whole record.",
         ),
     ] = True
+    render: Annotated[
+        str | None,
+        typer.Option(
+            "--render",
+            metavar="/TOPIC",
+            show_default=False,
+            help="From the observer: publish the camera's frames with the path and the lane drawn on them here, as "
+            "JPEG.",
+        ),
+    ] = None
 
     def make(self) -> StageCall:
         """The stage with these options."""
@@ -77,6 +87,7 @@ class PredictOptions(StageOptions):
                 discretisation=self.discretisation,
                 origin=self.origin,
                 calibrate=self.calibrate,
+                render=self.render,
             ),
         )
 
