@@ -220,11 +220,15 @@ def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> N
 
 
 @contextmanager
-def open_output(target: str | Path, *, force: bool = False, inputs: Sequence[Path] = ()) -> Iterator[Output]:
+def open_output(
+    target: str | Path, *, force: bool = False, inputs: Sequence[Path] = (), durable: bool = True
+) -> Iterator[Output]:
     """Open a target for binary writing; the file appears under its name when the block ends without an error.
 
     Args:
         target, force, inputs: As in `check_target`.
+        durable: Wait until the file is on the disk. Without, it is whole whatever happens to the process, but may not
+            survive a loss of power.
 
     Raises:
         OutputError, UsageError: As in `check_target`, or the medium fails (no space, input/output error).
@@ -245,10 +249,10 @@ def open_output(target: str | Path, *, force: bool = False, inputs: Sequence[Pat
     output = Output(descriptor, name)
     try:
         try:
-            if not special:
+            if durable and not special:
                 output.sync_in_background()
             yield output
-            output.flush() if special else output.sync()
+            output.sync() if durable and not special else output.flush()
         finally:
             output.settle()
             os.close(descriptor)
@@ -261,17 +265,19 @@ def open_output(target: str | Path, *, force: bool = False, inputs: Sequence[Pat
             with suppress(OSError):
                 written.unlink()
         raise
-    if not special:
+    if durable and not special:
         _sync_folder(path.parent)
 
 
-def write_file(target: str | Path, data: Bytes, *, force: bool = False, inputs: Sequence[Path] = ()) -> None:
+def write_file(
+    target: str | Path, data: Bytes, *, force: bool = False, inputs: Sequence[Path] = (), durable: bool = True
+) -> None:
     """Write a whole file at once.
 
     Raises:
         As `open_output`.
     """
-    with open_output(target, force=force, inputs=inputs) as output:
+    with open_output(target, force=force, inputs=inputs, durable=durable) as output:
         output.write(data)
 
 

@@ -29,7 +29,7 @@ COMMANDS = {
     "control": "Replay each warning with a braking controller at the pedals.",
     "lanes": "Find the lane boundaries in camera frames.",
     "observe": "Observe lateral speed and yaw rate from the lane.",
-    "run": "Estimate, predict and warn in one pass.",
+    "run": "Run every stage that a log has the signals for, on one log or many.",
     "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",

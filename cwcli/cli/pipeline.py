@@ -4,37 +4,25 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
-from cwcli.cli.options.values import time_ns
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
-from cwcli.errors import DataError, OutputError, UsageError
-from cwcli.signals.units import NS_PER_S
+from cwcli.errors import OutputError, UsageError
+from cwcli.fleet.execute import Missed, Outcome, run_stages
+from cwcli.fleet.selection import select
+from cwcli.stages.call import Stage
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
     from cwcli.metrics.table import Table
     from cwcli.stages.result import StageResult
-
-
-@dataclass(frozen=True)
-class Selection:
-    """The reading options of one log: what a stage's configuration is made of."""
-
-    topics: Mapping[str, str]
-    start_ns: int | None
-    end_ns: int | None
-
-
-Stage = Callable[["Log", Selection], "StageResult"]
-"""A stage with its own options already in it."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +35,7 @@ class Job:
         stages: Name -> stage, in order.
         metrics: File of a single stage's main table, or None.
         metrics_dir: Folder for every table of every stage, or None.
-        preflight: Called before the first stage; raises if that can't run, and returns the later ones for which the log
-            has no signals, each with the reason. They are left out.
-        follow_up: Called with the result of each stage; returns the later ones for which it left no signals, likewise.
+        missing, lenient: Which stages are left out; see `cwcli.fleet.execute.run_stages`.
     """
 
     command: str
@@ -60,27 +46,8 @@ class Job:
     talk: TalkOptions
     metrics: str | None = None
     metrics_dir: str | None = None
-    preflight: Callable[[Log, Selection], Mapping[str, str]] | None = None
-    follow_up: Callable[[StageResult], Mapping[str, str]] | None = None
-
-
-@dataclass
-class Outcome:
-    """What a job made.
-
-    Attributes:
-        name: Name of the input, for messages.
-        results: One per stage that ran, in order.
-        left_out: Stage -> why it did not run.
-        faults: What is wrong with the input file, as counts.
-        written: Files, in the order in which they were written.
-    """
-
-    name: str
-    results: list[StageResult] = field(default_factory=list)
-    left_out: Mapping[str, str] = field(default_factory=dict)
-    faults: dict[str, int] = field(default_factory=dict)
-    written: list[str] = field(default_factory=list)
+    missing: Missed = lambda name, log, selection: None
+    lenient: bool = False
 
 
 def run_job(job: Job) -> Outcome:
@@ -111,44 +78,17 @@ def execute(job: Job) -> Outcome:
     with Progress(quiet=job.talk.quiet) as progress:
         progress.step(f"reading {job.source}")
         with Log.open(job.source, recover=job.reading.recover) as log:
-            outcome = Outcome(log.name)
-            selection = select(job.reading, log)
-            if job.preflight is not None:
-                outcome.left_out = job.preflight(log, selection)
-            current = log
-            for name, stage in job.stages.items():
-                if name in outcome.left_out:
-                    continue
-                progress.step(f"{name} {log.name}")
-                result = stage(current, selection)
-                outcome.results.append(result)
-                if job.follow_up is not None:
-                    outcome.left_out = {**job.follow_up(result), **outcome.left_out}
-                current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
-            outcome.faults = log.faults.counts()
-            if job.reading.strict:
-                _refuse_faults(outcome, log.start_ns)
+            outcome, _ = run_stages(
+                log,
+                job.stages,
+                select(log, job.reading.topic, job.reading.start, job.reading.end),
+                missing=job.missing,
+                lenient=job.lenient,
+                strict=job.reading.strict,
+                step=progress.step,
+            )
             _write(job, log, outcome, progress)
     return outcome
-
-
-def select(reading: ReadingOptions, log: Log) -> Selection:
-    """The reading options, with times made absolute and topics by role.
-
-    Raises:
-        UsageError: A malformed option, or an empty span.
-    """
-    from cwcli.signals.roles import parse_overrides
-
-    start_ns = None if reading.start is None else time_ns(reading.start, log.start_ns, "--start")
-    end_ns = None if reading.end is None else time_ns(reading.end, log.start_ns, "--end")
-    if start_ns is not None and end_ns is not None and end_ns <= start_ns:
-        raise UsageError(f"--end {reading.end} is not after --start {reading.start}")
-    return Selection(
-        topics=parse_overrides(reading.topic),
-        start_ns=start_ns,
-        end_ns=end_ns,
-    )
 
 
 def _console(job: Job) -> Console:
@@ -248,25 +188,6 @@ def _table_files(job: Job, results: Sequence[StageResult]) -> dict[Path, Table]:
             for name, table in result.tables.items():
                 files[Path(job.metrics_dir) / f"{name}.parquet"] = table
     return files
-
-
-def _refuse_faults(outcome: Outcome, start_ns: int) -> None:
-    """`--strict`: whatever was rejected, repaired or lost is an error; its time counts from the log's start."""
-    found = [f"{reason}: {count}" for reason, count in outcome.faults.items()]
-    for result in outcome.results:
-        for entry in result.summary.inputs:
-            for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):
-                for reason, count in counts.items():
-                    first_ns = entry.first_fault_ns.get(reason)
-                    at = "" if first_ns is None else f", the first at {(first_ns - start_ns) / NS_PER_S:.3f} s"
-                    found += [f"{entry.topic} {kind}: {count} {reason}{at}"] if count else []
-    if found:
-        raise DataError(
-            "the data has faults, and --strict allows none",
-            where=outcome.name,
-            found=tuple(dict.fromkeys(found)),
-            hint="run without --strict to have them counted and left out",
-        )
 
 
 def document(job: Job, outcome: Outcome) -> dict[str, Any]:

@@ -61,6 +61,7 @@ def annotate(
     *,
     replace: bool = False,
     force: bool = False,
+    durable: bool = True,
 ) -> AnnotateReport:
     """Write the source with more channels.
 
@@ -76,6 +77,7 @@ def annotate(
         replace: Leave the source's channels on the same topics, and its metadata records of the same names, out of the
             copy.
         force: Overwrite a file that exists. The source itself is never overwritten.
+        durable: As in `cwcli.output.open_output`.
 
     Raises:
         OutputError: The target can't be written, or the source holds a topic or a record of the same name and
@@ -101,7 +103,7 @@ def annotate(
             written_schema_ids=frozenset(each.schema.id for each in new),
             name=source.name,
         )
-        with open_output(target, force=force, inputs=(source.path,)) as output:
+        with open_output(target, force=force, inputs=(source.path,), durable=durable) as output:
             n_added = _write(RecordWriter(output), layout, copy, new, merge, metadata)
             n_bytes = output.position
     return AnnotateReport(

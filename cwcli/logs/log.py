@@ -103,20 +103,21 @@ class Log:
         )
 
     @classmethod
-    def open(cls, source: str | Path, *, recover: bool = False, verify: bool = True) -> Log:
+    def open(cls, source: str | Path, *, recover: bool = False, verify: bool = True, name: str | None = None) -> Log:
         """Open a log.
 
         Args:
             source: File name, or `-` for standard input, which is copied to a temporary file first.
             recover: Read what is intact of a damaged file, and count the rest.
             verify: Check CRCs and message indexes.
+            name: For messages, where the file is a copy of something with another name.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
             OutputError: The temporary copy of standard input can't be written.
             UsageError: Standard input is a terminal.
         """
-        opened = open_source(source)
+        opened = open_source(source, name)
         try:
             faults = Faults()
             structure = open_structure(opened.data, opened.name, faults, recover=recover, verify=verify)

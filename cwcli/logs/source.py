@@ -56,11 +56,12 @@ class Source:
             self.path.unlink(missing_ok=True)
 
 
-def open_source(source: str | Path) -> Source:
+def open_source(source: str | Path, name: str | None = None) -> Source:
     """Open a log's bytes.
 
     Args:
         source: File name, or `-` for standard input. Named pipes are read like standard input.
+        name: For messages, where the file is a copy of something with another name.
 
     Raises:
         InputError: It does not exist, is a directory, is empty, or can't be read.
@@ -74,7 +75,7 @@ def open_source(source: str | Path) -> Source:
             raise UsageError("standard input is a terminal", hint="name a log, or pipe one in")
         return Source(STDIN_NAME, _spooled(sys.stdin.buffer, STDIN_NAME), is_temporary=True)
     path = Path(source)
-    name = str(source)
+    name = str(source) if name is None else name
     try:
         mode = path.stat().st_mode
     except OSError as error:

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
 from cwcli.cli.commands.estimate import EstimateOptions
-from cwcli.cli.commands.run import MetricsDirOption
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import (
     LogArgument,
+    MetricsDirOption,
     MetricsOption,
     ReadingOptions,
     SensorOptions,
     TalkOptions,
     WritingOptions,
 )
-from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.cli.pipeline import Job, run_job
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
+from cwcli.stages.call import Selection, StageCall
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
 if TYPE_CHECKING:
+    from cwcli.fleet.needs import Missing
     from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
 
 EXAMPLES = (
     "cwcli control drive.mcap -o braked.mcap --metrics control.parquet",
@@ -86,30 +86,18 @@ class ControlOptions(StageOptions):
         ),
     ] = 6.0
 
-    def make(self) -> Callable[[Log, Selection], StageResult]:
+    def make(self) -> StageCall:
         """The stage with these options."""
         from cwcli.control.encounter import Span
-        from cwcli.stages.control import ControlConfig, control, rule_for
+        from cwcli.stages.control import ControlConfig, rule_for
         from cwcli.warning.types import WarningConfig
 
         rule = WarningConfig(
             rule=self.rule or rule_for(self.predictor), horizon_s=self.horizon, distance_m=self.distance
         )
 
-        def stage(log: Log, selection: Selection) -> StageResult:
-            return control(
-                log,
-                ControlConfig(
-                    predictor=self.predictor,
-                    rule=rule,
-                    span=Span(duration_s=self.duration, after_s=self.after),
-                    topics=selection.topics,
-                    start_ns=selection.start_ns,
-                    end_ns=selection.end_ns,
-                ),
-            )
-
-        return stage
+        span = Span(duration_s=self.duration, after_s=self.after)
+        return StageCall(self.stage, ControlConfig(predictor=self.predictor, rule=rule, span=span))
 
 
 def command(
@@ -138,28 +126,37 @@ def command(
         talk=talk,
         metrics=metrics,
         metrics_dir=metrics_dir,
-        preflight=lambda opened, selection: _without_estimate(opened, selection, sensors),
+        missing=_Sources(sensors.ego_station),
     )
     run_job(job)
 
 
-def _without_estimate(log: Log, selection: Selection, sensors: SensorOptions) -> dict[str, str]:
-    """Leaves `estimate` out if the log has the states.
+@dataclass(frozen=True)
+class _Sources:
+    """Leaves `estimate` out where the log holds the states already."""
 
-    Raises:
-        MissingSignalError: It has neither both states nor the sensors from which to estimate them.
-    """
-    from cwcli.signals.roles import Role, bind
+    ego_station: str | None
 
-    states, sources = (Role.EGO_STATE, Role.REMOTE_STATE), (Role.EGO_POSITION, Role.REMOTE)
-    found = bind(log.channels, selection.topics, required=(), optional=states, where=log.name)
-    has_states = any(role in found for role in states)
-    bind(
-        log.channels,
-        selection.topics,
-        required=states if has_states else sources,
-        ego_station=sensors.ego_station,
-        where=log.name,
-        command="control",
-    )
-    return {"estimate": "the log holds the states"} if has_states else {}
+    def __call__(self, stage: str, log: Log, selection: Selection) -> Missing | None:
+        """Why a stage does not run.
+
+        Raises:
+            MissingSignalError: The log has neither both states nor the sensors from which to estimate them.
+        """
+        from cwcli.fleet.needs import Missing
+        from cwcli.signals.roles import Role, bind
+
+        if stage != "estimate":
+            return None
+        states, sources = (Role.EGO_STATE, Role.REMOTE_STATE), (Role.EGO_POSITION, Role.REMOTE)
+        found = bind(log.channels, selection.topics, required=(), optional=states, where=log.name)
+        has_states = any(role in found for role in states)
+        bind(
+            log.channels,
+            selection.topics,
+            required=states if has_states else sources,
+            ego_station=self.ego_station,
+            where=log.name,
+            command="control",
+        )
+        return Missing("the log holds the states") if has_states else None

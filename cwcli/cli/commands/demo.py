@@ -10,12 +10,9 @@ from typing import Annotated
 
 import typer
 
-from cwcli.cli.commands.estimate import EstimateOptions
-from cwcli.cli.commands.predict import PredictOptions
-from cwcli.cli.commands.run import with_all_stages
-from cwcli.cli.commands.warn import WarnOptions
+from cwcli.cli.commands.run import default_options, with_all_stages
 from cwcli.cli.console import Console
-from cwcli.cli.options.shared import ReadingOptions, SensorOptions, TalkOptions, WritingOptions
+from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, document, execute, make_folder, tell
 
 EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")
@@ -49,8 +46,7 @@ def command(
                 talk=talk,
                 metrics_dir=str(metrics),
             )
-            job = with_all_stages(job, SensorOptions(), EstimateOptions(), PredictOptions(), WarnOptions())
-            outcome = execute(job)
+            outcome = execute(with_all_stages(job, default_options()))
         if talk.json:
             documents.append(document(job, outcome))
         else:

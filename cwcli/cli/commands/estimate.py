@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -18,13 +17,12 @@ from cwcli.cli.options.shared import (
     TalkOptions,
     WritingOptions,
 )
-from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
+from cwcli.stages.call import StageCall
 
 if TYPE_CHECKING:
     from cwcli.estimation.config import LatencyOption
-    from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
@@ -74,10 +72,10 @@ class EstimateOptions(StageOptions):
         ),
     ] = None
 
-    def make(self, sensors: SensorOptions) -> Callable[[Log, Selection], StageResult]:
+    def make(self, sensors: SensorOptions) -> StageCall:
         """The stage with these options."""
         from cwcli.estimation.config import EstimatorConfig
-        from cwcli.stages.estimate import EstimateConfig, estimate
+        from cwcli.stages.estimate import EstimateConfig
         from cwcli.stages.sources import SourceConfig
 
         if not 0 < self.rate <= 10_000:
@@ -92,18 +90,9 @@ class EstimateOptions(StageOptions):
         )
         origin = parse_origin(self.truth_origin)
 
-        def stage(log: Log, selection: Selection) -> StageResult:
-            sources = SourceConfig(
-                topics=selection.topics,
-                clock=sensors.clock,
-                ego_station=sensors.ego_station,
-                start_ns=selection.start_ns,
-                end_ns=selection.end_ns,
-            )
-            config = EstimateConfig(sources=sources, estimator=estimator, rate_hz=self.rate, truth_origin=origin)
-            return estimate(log, config)
-
-        return stage
+        sources = SourceConfig(clock=sensors.clock, ego_station=sensors.ego_station)
+        config = EstimateConfig(sources=sources, estimator=estimator, rate_hz=self.rate, truth_origin=origin)
+        return StageCall(self.stage, config)
 
 
 def parse_latency(entries: list[str]) -> LatencyOption:

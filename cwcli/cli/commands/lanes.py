@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import typer
 
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
-from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.cli.pipeline import Job, run_job
+from cwcli.stages.call import StageCall
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Mounting
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
-
-if TYPE_CHECKING:
-    from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
 
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
@@ -101,27 +97,19 @@ class LanesOptions(StageOptions):
             lateral_offset_m=self.camera_offset or 0.0,
         )
 
-    def make(self) -> Callable[[Log, Selection], StageResult]:
+    def make(self) -> StageCall:
         """The stage with these options."""
-        from cwcli.stages.lanes import LanesConfig, lanes
+        from cwcli.stages.lanes import LanesConfig
 
-        def stage(log: Log, selection: Selection) -> StageResult:
-            return lanes(
-                log,
-                LanesConfig(
-                    method=self.method,
-                    seed=self.seed,
-                    preview_m=self.preview,
-                    mounting=self.mounting(),
-                    field_of_view_rad=None if self.camera_fov is None else math.radians(self.camera_fov),
-                    render=self.render,
-                    topics=selection.topics,
-                    start_ns=selection.start_ns,
-                    end_ns=selection.end_ns,
-                ),
-            )
-
-        return stage
+        config = LanesConfig(
+            method=self.method,
+            seed=self.seed,
+            preview_m=self.preview,
+            mounting=self.mounting(),
+            field_of_view_rad=None if self.camera_fov is None else math.radians(self.camera_fov),
+            render=self.render,
+        )
+        return StageCall(self.stage, config)
 
 
 def command(

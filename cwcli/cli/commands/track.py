@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import typer
 
@@ -18,12 +17,9 @@ from cwcli.cli.options.shared import (
     TalkOptions,
     WritingOptions,
 )
-from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
-
-if TYPE_CHECKING:
-    from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
+from cwcli.stages.call import StageCall
 
 EXAMPLES = (
     "cwcli track drive.mcap -o tracked.mcap --filter ukf --metrics tracks.parquet",
@@ -91,7 +87,7 @@ class TrackOptions(StageOptions):
         typer.Option("--gate", metavar="P", help="Probability that the gate keeps a good detection; 1 is off."),
     ] = 0.9999
 
-    def make(self, sensors: SensorOptions) -> Callable[[Log, Selection], StageResult]:
+    def make(self, sensors: SensorOptions) -> StageCall:
         """The stage with these options."""
         if not 0 < self.gate <= 1:
             raise UsageError(f"--gate {self.gate:g} must be a probability above 0")
@@ -99,7 +95,7 @@ class TrackOptions(StageOptions):
             raise UsageError(f"--noise {self.noise:g} must be above 0 and at most 1000")
         settings = parse_sensors(self.sensor)
         from cwcli.stages.sources import SourceConfig
-        from cwcli.stages.track import TrackConfig, track
+        from cwcli.stages.track import TrackConfig
         from cwcli.tracking.config import FilterConfig, TrackerConfig
 
         single = FilterConfig(
@@ -111,16 +107,8 @@ class TrackOptions(StageOptions):
             tune=self.tune,
         )
 
-        def stage(log: Log, selection: Selection) -> StageResult:
-            sources = SourceConfig(
-                topics=selection.topics,
-                clock=sensors.clock,
-                start_ns=selection.start_ns,
-                end_ns=selection.end_ns,
-            )
-            return track(log, TrackConfig(sources, TrackerConfig(single), self.targets, settings))
-
-        return stage
+        sources = SourceConfig(clock=sensors.clock)
+        return StageCall(self.stage, TrackConfig(sources, TrackerConfig(single), self.targets, settings))
 
 
 def command(

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import typer
 
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
-from cwcli.cli.pipeline import Job, Selection, run_job
+from cwcli.cli.pipeline import Job, run_job
+from cwcli.stages.call import StageCall
+from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
+from cwcli.warning.lane_departure import LaneDepartureConfig
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 from cwcli.warning.types import WarningConfig
-
-if TYPE_CHECKING:
-    from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
 
 EXAMPLES = (
     "cwcli warn predicted.mcap -o warned.mcap --metrics warnings.parquet",
     "cwcli warn predicted.mcap --rule song2016 --horizon 2.5 --distance 2.5",
     "cwcli warn tracked.mcap --source targets -o warned.mcap",
+    "cwcli warn predicted.mcap --rules lane-departure -o warned.mcap",
 )
 DEFAULTS = WarningConfig()
+LANE_DEFAULTS = LaneDepartureConfig()
 
 
 def _rules(incomplete: str) -> list[tuple[str, str]]:
@@ -45,6 +45,16 @@ class WarnOptions(StageOptions):
             help="; ".join(f"{name}: {rule.summary}" for name, rule in RULES.items()) + ".",
         ),
     ] = DEFAULT_RULE
+    rules: Annotated[
+        str | None,
+        typer.Option(
+            "--rules",
+            metavar="NAME[,NAME]",
+            show_default="that of --rule",
+            help=f"Several rules in one pass: those of --rule, and {LANE_DEPARTURE}: the predicted path takes a front tyre "
+            "over a lane boundary. A rule for which the log lacks a channel is left out if another one can run.",
+        ),
+    ] = None
     source: Annotated[
         Literal["v2x", "targets"],
         typer.Option("--source", help="Warn of the vehicles heard over V2X, or of the targets of `cwcli track`."),
@@ -97,9 +107,22 @@ class WarnOptions(StageOptions):
         typer.Option("--max-lead", metavar="SECONDS", help="A warning earlier than this is not about the conflict."),
     ] = DEFAULTS.max_lead_s
 
-    def make(self) -> Callable[[Log, Selection], StageResult]:
+    line_crossing: Annotated[
+        float,
+        typer.Option(
+            "--line-crossing",
+            metavar="SECONDS",
+            help="lane-departure: warn when the time to line crossing falls to this.",
+        ),
+    ] = LANE_DEFAULTS.warn_s
+    lane_speed: Annotated[
+        float,
+        typer.Option("--lane-speed", metavar="MPS", help="lane-departure: no warning is raised below this speed."),
+    ] = LANE_DEFAULTS.min_speed_mps
+
+    def make(self) -> StageCall:
         """The stage with these options."""
-        from cwcli.stages.warn import WarnConfig, warn
+        from cwcli.stages.warn import WarnConfig
 
         rule = WarningConfig(
             rule=self.rule,
@@ -116,19 +139,13 @@ class WarnOptions(StageOptions):
             max_lead_s=self.max_lead,
         )
 
-        def stage(log: Log, selection: Selection) -> StageResult:
-            return warn(
-                log,
-                WarnConfig(
-                    rule=rule,
-                    source=self.source,
-                    topics=selection.topics,
-                    start_ns=selection.start_ns,
-                    end_ns=selection.end_ns,
-                ),
-            )
-
-        return stage
+        names = () if self.rules is None else tuple(name.strip() for name in self.rules.split(","))
+        lanes = LaneDepartureConfig(
+            warn_s=self.line_crossing,
+            release_s=max(LANE_DEFAULTS.release_s, self.line_crossing),
+            min_speed_mps=self.lane_speed,
+        )
+        return StageCall(self.stage, WarnConfig(rule=rule, rules=names, lane_departure=lanes, source=self.source))
 
 
 def command(
@@ -139,10 +156,10 @@ def command(
     talk: TalkOptions,
     metrics: MetricsOption = None,
 ) -> None:
-    """Warn the ego vehicle of collisions with the others.
+    """Warn the ego vehicle of collisions with the others, and of leaving its lane.
 
-    Needs the channels of `cwcli predict`, and for `--source targets` those of `cwcli track` on the same log. One
-    conflict is one warning: raised, held, cleared. Where the log holds what really happened, warnings are scored as
+    Needs the channels of `cwcli predict`, and for `--source targets` those of `cwcli track` on the same log; the rule
+    lane-departure those of `cwcli lanes` and of `cwcli predict --from observer`. One conflict is one warning: raised, held, cleared. Where the log holds what really happened, warnings are scored as
     true, false, late or missed, with their lead times.
     """
     run_job(Job("warn", log, {"warn": options.make()}, reading, writing, talk, metrics=metrics))

@@ -10,6 +10,12 @@ import typer
 from cwcli.cli.options.configfile import read_config
 
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="MCAP file; - is standard input.")]
+LogsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG...", show_default=False, help="MCAP files, patterns or URLs; - is standard input (without -d)."
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -117,5 +123,14 @@ MetricsOption = Annotated[
         metavar="FILE",
         show_default=False,
         help="Write the metrics table here (.parquet or .csv).",
+    ),
+]
+MetricsDirOption = Annotated[
+    str | None,
+    typer.Option(
+        "--metrics-dir",
+        metavar="DIR",
+        show_default=False,
+        help="Write every table of every stage into this folder, as Parquet.",
     ),
 ]

@@ -1,0 +1,96 @@
+"""Tells of a run over many logs: while it runs, and at its end."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from cwcli import __version__
+from cwcli.cli.console import Console
+from cwcli.cli.options.shared import TalkOptions
+from cwcli.cli.progress import Progress
+from cwcli.cli.tables import Cell, table
+from cwcli.text import count
+
+if TYPE_CHECKING:
+    from cwcli.fleet.plan import Plan, Task
+    from cwcli.fleet.run import Fleet
+
+
+def run_many(
+    logs: Sequence[str], plan: Plan, directory: str, jobs: int | None, ray: str | None, force: bool, talk: TalkOptions
+) -> int:
+    """Run a pipeline on many logs and print the summary; returns the exit code.
+
+    Raises:
+        CwcliError: Nothing could be begun, or the output folder can't be written.
+    """
+    from cwcli.fleet.run import run_fleet
+
+    console = Console(quiet=talk.quiet)
+    with Progress(quiet=talk.quiet) as progress:
+        progress.step("looking for logs")
+
+        def report(task: Task, status: str, done: int, total: int) -> None:
+            progress.step(f"{done} of {count(total, 'log')} done, the last {task.id} ({status})")
+            progress(done, total)
+
+        fleet = run_fleet(logs, plan, directory, jobs=jobs, ray=ray, force=force, report=report)
+    if talk.json:
+        console.data(json.dumps(document(fleet, directory), indent=2, allow_nan=False))
+    else:
+        tell(console, fleet, directory)
+    return fleet.exit_code
+
+
+def document(fleet: Fleet, directory: str) -> dict[str, Any]:
+    """What `--json` prints."""
+    statuses = list(fleet.statuses.values())
+    return {
+        "cwcli": __version__,
+        "command": "run",
+        "directory": directory,
+        "done": statuses.count("done"),
+        "unchanged": statuses.count("unchanged"),
+        "failed": statuses.count("failed"),
+        "logs": [{**entry, "status": fleet.statuses[entry["id"]]} for entry in fleet.manifest["logs"]],
+    }
+
+
+def tell(console: Console, fleet: Fleet, directory: str) -> None:
+    """The table of logs, and why some failed."""
+    entries = fleet.manifest["logs"]
+    rows: list[tuple[Cell, ...]] = [
+        (
+            entry["id"],
+            fleet.statuses[entry["id"]],
+            ", ".join(entry["stages"]) or "-",
+            sum(each["read"] for each in entry["inputs"]),
+            sum(sum(each["rejected"].values()) for each in entry["inputs"]),
+            entry["tables"].get("events"),
+        )
+        for entry in entries
+    ]
+    console.heading(f"run: {count(len(entries), 'log')}")
+    console.summary("")
+    console.summary(table(("log", "status", "stages", "messages", "rejected", "warnings"), rows))
+    console.summary("")
+    for entry in entries:
+        if entry["error"]:
+            where = entry["error"]["where"]
+            console.note(f"{entry['id']} failed: {f'{where}: ' if where else ''}{entry['error']['what']}")
+    for reason, ids in _left_out(entries).items():
+        console.note(f"{reason} ({count(len(ids), 'log')}, {ids[0]}{' and others' if len(ids) > 1 else ''})")
+    statuses = list(fleet.statuses.values())
+    facts = [f"{statuses.count(name)} {name}" for name in ("done", "unchanged", "failed") if name in statuses]
+    console.summary(f"{', '.join(facts)}; see {directory.rstrip('/')}/manifest.json")
+
+
+def _left_out(entries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
+    """Why stages were left out -> the logs."""
+    reasons: dict[str, list[str]] = {}
+    for entry in entries:
+        for stage, reason in entry["left_out"].items():
+            reasons.setdefault(f"{stage} was left out: {reason}", []).append(entry["id"])
+    return reasons

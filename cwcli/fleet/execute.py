@@ -1,0 +1,115 @@
+"""Stages on one opened log, one after the other in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from cwcli.errors import DataError, MissingSignalError
+from cwcli.fleet.needs import Missing
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.call import Selection, Stage
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+    from cwcli.stages.result import StageResult
+
+Missed = Callable[[str, "Log", Selection], "Missing | None"]
+
+
+@dataclass
+class Outcome:
+    """What the stages made of one log.
+
+    Attributes:
+        name: Name of the input, for messages.
+        results: One per stage that ran, in order.
+        left_out: Stage -> why it did not run.
+        faults: What is wrong with the input file, as counts.
+        written: Files, in the order in which they were written.
+    """
+
+    name: str
+    results: list[StageResult] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+    faults: dict[str, int] = field(default_factory=dict)
+    written: list[str] = field(default_factory=list)
+
+
+def run_stages(
+    log: Log,
+    stages: Mapping[str, Stage],
+    selection: Selection,
+    *,
+    missing: Missed = lambda name, log, selection: None,
+    lenient: bool = False,
+    strict: bool = False,
+    step: Callable[[str], None] = lambda text: None,
+) -> tuple[Outcome, Log]:
+    """Run stages on a log; each sees the channels of those before it as if they had been in the file.
+
+    Args:
+        log: The log.
+        stages: Name -> stage, in order.
+        selection: What is used of the log.
+        missing: Asked before each stage; what it returns is why that stage is left out.
+        lenient: A stage that finds no signal when it runs is left out too, and only if none is left that is an error.
+        strict: Rejected, repaired or lost data is an error.
+        step: Told what is being done.
+
+    Returns:
+        The outcome, and the log with all channels.
+
+    Raises:
+        MissingSignalError: No stage could run.
+        CwcliError: As the stages do.
+    """
+    outcome = Outcome(log.name)
+    current = log
+    first: MissingSignalError | None = None
+    for name, stage in stages.items():
+        lack = missing(name, current, selection)
+        if lack is None:
+            step(f"{name} {log.name}")
+            try:
+                result = stage(current, selection)
+            except MissingSignalError as error:
+                if not lenient:
+                    raise
+                lack = Missing(error.what, error)
+        if lack is not None:
+            outcome.left_out[name] = lack.reason
+            first = first or lack.error
+            continue
+        outcome.results.append(result)
+        current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
+    if first is not None and not outcome.results:
+        raise first
+    outcome.faults = log.faults.counts()
+    if strict:
+        refuse_faults(outcome, log.start_ns)
+    return outcome, current
+
+
+def refuse_faults(outcome: Outcome, start_ns: int) -> None:
+    """`--strict`: whatever was rejected, repaired or lost is an error; its time counts from the log's start.
+
+    Raises:
+        DataError: There is a fault.
+    """
+    found = [f"{reason}: {count}" for reason, count in outcome.faults.items()]
+    for result in outcome.results:
+        for entry in result.summary.inputs:
+            for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):
+                for reason, count in counts.items():
+                    first_ns = entry.first_fault_ns.get(reason)
+                    at = "" if first_ns is None else f", the first at {(first_ns - start_ns) / NS_PER_S:.3f} s"
+                    found += [f"{entry.topic} {kind}: {count} {reason}{at}"] if count else []
+    if found:
+        raise DataError(
+            "the data has faults, and --strict allows none",
+            where=outcome.name,
+            found=tuple(dict.fromkeys(found)),
+            hint="run without --strict to have them counted and left out",
+        )

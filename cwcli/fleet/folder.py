@@ -1,0 +1,148 @@
+"""The output folder: what lies where, and whether a log's part of it is finished.
+
+manifest.json                                what was to be done, what was done, what failed and why
+run_times.json                               the only file that differs from run to run
+logs/<id>/annotated.mcap                     the log with its new channels
+logs/<id>/entry.json                         written last: the log is done
+metrics/log=<id>/metrics.parquet             headline metrics; all logs together are one table
+details/<table>/log=<id>/<table>.parquet     each table of each stage, likewise
+tables/<channel>/log=<id>/<channel>.parquet  the channels' columns (`--tables`)
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cwcli.errors import OutputError
+from cwcli.output import write_file
+
+if TYPE_CHECKING:
+    from cwcli.metrics.table import Table
+
+FORMAT = 1
+MANIFEST, RUN_TIMES, ENTRY, ANNOTATED = "manifest.json", "run_times.json", "entry.json", "annotated.mcap"
+LOGS, METRICS, DETAILS, TABLES, SCRATCH = "logs", "metrics", "details", "tables", ".scratch"
+
+Document = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class LogFolder:
+    """One log's part of the output folder.
+
+    Attributes:
+        out: The output folder.
+        id: The log's safe, unique name.
+    """
+
+    out: Path
+    id: str
+
+    @property
+    def annotated(self) -> Path:
+        """The log with its new channels."""
+        return self.out / LOGS / self.id / ANNOTATED
+
+    @property
+    def metrics(self) -> Path:
+        """The file of headline metrics."""
+        return self._part(METRICS) / f"{METRICS}.parquet"
+
+    def table(self, kind: str, name: str) -> Path:
+        """The file of one table, of `kind` details or tables."""
+        return self._part(kind, name) / f"{name}.parquet"
+
+    def entry(self) -> Document | None:
+        """What was recorded of the log; None if nothing was, or it can't be read."""
+        return read_document(self.out / LOGS / self.id / ENTRY)
+
+    def is_done(self, entry: Document | None, key: str) -> bool:
+        """Whether the log was done with this key, and every file of it is still there in full."""
+        if entry is None or entry.get("status") != "done" or entry.get("key") != key:
+            return False
+        sizes = entry.get("bytes")
+        return isinstance(sizes, list) and self._sizes(entry.get("outputs", [])) == sizes
+
+    def finish(self, entry: Mapping[str, Any], outputs: list[Path]) -> Document:
+        """Record what became of the log; returns the whole entry."""
+        paths = sorted(path.relative_to(self.out).as_posix() for path in outputs)
+        whole = {**entry, "outputs": paths, "bytes": self._sizes(paths)}
+        write_document(whole, self.out / LOGS / self.id / ENTRY)
+        return whole
+
+    def clear(self) -> None:
+        """Remove everything of the log.
+
+        Raises:
+            OutputError: Something can't be removed.
+        """
+        with suppress(FileNotFoundError):  # first, so that a half-removed log does not look done
+            (self.out / LOGS / self.id / ENTRY).unlink()
+        parts = [self.out / LOGS / self.id, self._part(METRICS)]
+        for kind in (DETAILS, TABLES):
+            parts += (self.out / kind).glob(f"*/log={self.id}")
+        for part in parts:
+            try:
+                if part.exists():
+                    shutil.rmtree(part)
+            except OSError as error:
+                raise OutputError(f"it can't be removed: {error.strerror}", where=str(part)) from error
+        for part in parts[2:]:
+            with suppress(OSError):  # the last log that had this table
+                part.parent.rmdir()
+
+    def _part(self, *names: str) -> Path:
+        return self.out.joinpath(*names, f"log={self.id}")
+
+    def _sizes(self, paths: list[str]) -> list[int]:
+        return [path.stat().st_size if path.is_file() else -1 for path in (self.out / name for name in paths)]
+
+
+def put_table(table: Table, path: Path) -> Path:
+    """Write one table, with its folders."""
+    from cwcli.metrics.table import table_bytes
+
+    make_folders(path.parent)
+    write_file(path, table_bytes(table, ".parquet"), force=True, durable=False)
+    return path
+
+
+def make_folders(path: Path) -> None:
+    """Make a folder and those above it.
+
+    Raises:
+        OutputError: It can't be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"the folder can't be made: {reason}", where=str(path)) from error
+
+
+def read_document(path: Path) -> Document | None:
+    """A JSON file of ours; None if it is not there or is no JSON object."""
+    try:
+        document = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+    return document if isinstance(document, dict) else None
+
+
+def write_document(document: Mapping[str, Any], path: Path, *, durable: bool = False) -> None:
+    """Write a JSON file that appears whole or not at all."""
+    text = json.dumps(document, indent=1, allow_nan=False)
+    write_file(path, f"{text}\n".encode(), force=True, durable=durable)
+
+
+def recorded_ids(out: Path) -> Iterator[str]:
+    """Names of the logs that have a folder, in order."""
+    logs = out / LOGS
+    if logs.is_dir():
+        yield from sorted(path.name for path in logs.iterdir() if path.is_dir())

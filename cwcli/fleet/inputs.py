@@ -1,0 +1,133 @@
+"""The logs of a run: files, patterns and URLs."""
+
+from __future__ import annotations
+
+import glob
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from cwcli.errors import InputError, OutputError, UsageError
+
+FILE_SCHEME = "file://"
+COPY_BYTES = 4 << 20
+
+
+def is_remote(source: str) -> bool:
+    """Whether a name is a URL of something that is not a file on this machine."""
+    return "://" in source and not source.startswith(FILE_SCHEME)
+
+
+def expand_sources(arguments: Sequence[str]) -> list[tuple[str, str]]:
+    """Every log once, as (source, path): the name for people, and the absolute path or the URL.
+
+    Patterns (`*`, `?`, `[...]`, `**`) are expanded here where the shell has not done it. A file of that very name comes
+    first. What is named twice, also through a link, is one log.
+
+    Raises:
+        UsageError: A pattern matches nothing, or a URL needs a package that is not installed.
+        InputError: A remote store does not answer.
+    """
+    found: dict[str, tuple[str, str]] = {}
+    for argument in arguments:
+        for source in _expanded(argument):
+            path = source if is_remote(source) else os.path.realpath(source.removeprefix(FILE_SCHEME))
+            found.setdefault(path, (source, path))
+    return list(found.values())
+
+
+def _expanded(argument: str) -> list[str]:
+    if argument == "-":
+        raise UsageError(
+            "standard input holds one log; a run over many needs files", hint="leave -d away, or name files"
+        )
+    if is_remote(argument):
+        return _expanded_remote(argument)
+    plain = argument.removeprefix(FILE_SCHEME)
+    if not glob.has_magic(plain) or os.path.lexists(plain):
+        return [argument]
+    matches = sorted(name for name in glob.glob(plain, recursive=True) if not Path(name).is_dir())  # noqa: PTH207
+    if not matches:
+        raise UsageError("no file matches", where=argument)
+    return matches
+
+
+def _expanded_remote(url: str) -> list[str]:
+    system, path = _file_system(url)
+    if not glob.has_magic(path):
+        return [url]
+    try:
+        matches = sorted(name for name in system.glob(path) if not system.isdir(name))
+    except Exception as error:  # each store has its own errors
+        raise _unreadable(url, error) from error
+    if not matches:
+        raise UsageError("no file matches", where=url)
+    return [str(system.unstrip_protocol(name)) for name in matches]
+
+
+@contextmanager
+def local_copy(url: str, folder: Path) -> Iterator[Path]:
+    """A copy of a remote log, for as long as it is needed.
+
+    Args:
+        url: The log.
+        folder: Where the copy lies meanwhile; it is made if it is not there.
+
+    Raises:
+        InputError: It can't be read.
+        OutputError: The copy can't be written.
+    """
+    system, path = _file_system(url)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor, name = tempfile.mkstemp(suffix=".mcap", dir=folder)
+    except OSError as error:
+        raise OutputError(f"no copy of {url} can be written: {error.strerror}", where=str(folder)) from error
+    copy = Path(name)
+    try:
+        with os.fdopen(descriptor, "wb") as target:
+            for block in _blocks(system, path, url):
+                try:
+                    target.write(block)
+                except OSError as error:
+                    raise OutputError(
+                        f"no copy of {url} can be written: {error.strerror}", where=str(folder)
+                    ) from error
+        yield copy
+    finally:
+        copy.unlink(missing_ok=True)
+
+
+def _blocks(system: Any, path: str, url: str) -> Iterator[bytes]:
+    try:
+        with system.open(path, "rb") as remote:
+            while block := remote.read(COPY_BYTES):
+                yield block
+    except GeneratorExit:
+        raise
+    except Exception as error:  # each store has its own errors
+        raise _unreadable(url, error) from error
+
+
+def _file_system(url: str) -> tuple[Any, str]:
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise UsageError(
+            "remote logs need a package that is not installed", where=url, hint="pip install 'cwcli[remote]'"
+        ) from error
+    try:
+        system, path = url_to_fs(url)
+    except (ImportError, ValueError) as error:  # the store's own package, or a scheme that nobody knows
+        raise UsageError(
+            str(error).splitlines()[0], where=url, hint="pip install 'cwcli[remote]' reads s3://"
+        ) from error
+    return system, str(path)
+
+
+def _unreadable(url: str, error: Exception) -> InputError:
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return InputError(f"it can't be read: {reason}", where=url)

@@ -1,0 +1,112 @@
+"""Logs on local processes: each worker does one log at a time, and one that dies takes no other log with it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import connection
+from typing import Any
+
+from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.worker import Done, work
+
+ATTEMPTS = 2
+"""How often a log is begun whose worker dies: it may have been another process's fault."""
+
+
+class WorkerDied(Exception):
+    """The worker of a log died at every attempt."""
+
+
+def run_local(tasks: Sequence[Task], plan: Plan, jobs: int) -> Iterator[tuple[Task, Done | WorkerDied]]:
+    """Do the logs on `jobs` processes, in order; yields each as it ends.
+
+    When the iterator is closed, or an error passes through it, the workers are gone before it is done.
+
+    Raises:
+        OutputError: The output folder can't be written.
+    """
+    workers = _Workers(plan)
+    threads = ThreadPoolExecutor(jobs, thread_name_prefix="log")
+    try:
+        running: dict[Future[Done], Task] = {}
+        waiting = iter(tasks)
+        while True:
+            for task in waiting:
+                running[threads.submit(workers.do, task)] = task
+                if len(running) >= 2 * jobs:
+                    break
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                task = running.pop(future)
+                try:
+                    yield task, future.result()
+                except WorkerDied as died:
+                    yield task, died
+    finally:
+        workers.stop()
+        threads.shutdown(cancel_futures=True)
+
+
+class _Workers:
+    """One process per thread, so that it is known whose log killed it."""
+
+    def __init__(self, plan: Plan) -> None:
+        methods = multiprocessing.get_all_start_methods()
+        self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+        if "forkserver" in methods:
+            self._context.set_forkserver_preload([__name__, "cwcli.fleet.warm"])
+        self._plan = plan
+        self._mine = threading.local()
+        self._is_stopping = False
+        self._read_stop, self._write_stop = self._context.Pipe(duplex=False)
+
+    def do(self, task: Task) -> Done:
+        """Do one log in this thread's process.
+
+        Raises:
+            WorkerDied: It died, more than once.
+        """
+        for attempt in range(1, ATTEMPTS + 1):
+            try:
+                done = self._pool().submit(work, task, self._plan).result()
+            except BrokenProcessPool:
+                self._mine.pool.shutdown()
+                self._mine.pool = None
+                if self._is_stopping:
+                    break
+            else:
+                return Done(done.id, done.status, done.wall_s, done.cpu_s, attempt)
+        raise WorkerDied
+
+    def stop(self) -> None:
+        """End the workers at once."""
+        self._is_stopping = True
+        self._write_stop.close()
+
+    def _pool(self) -> ProcessPoolExecutor:
+        if getattr(self._mine, "pool", None) is None:
+            self._mine.pool = ProcessPoolExecutor(
+                1, mp_context=self._context, initializer=_begin, initargs=(self._read_stop,)
+            )
+        pool: ProcessPoolExecutor = self._mine.pool
+        return pool
+
+
+def _begin(read_stop: Any) -> None:
+    """A worker's first call: leave Ctrl-C to the parent, and go when the parent says so or is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=_leave_after, args=([read_stop, parent.sentinel],), daemon=True).start()
+
+
+def _leave_after(ends: list[Any]) -> None:
+    connection.wait(ends)
+    os._exit(1)

@@ -1,0 +1,76 @@
+"""Safe, unique names for logs and topics: they become names of folders, and values of a partition."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+
+MAX_LENGTH = 80
+DIGEST_LENGTH = 8
+_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
+_MORE_THAN_A_NUMBER = re.compile(r"[A-DF-SU-Ya-df-su-y]")
+_LIKE_A_NUMBER = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
+_DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
+
+
+def safe_name(text: str) -> str:
+    """A name that is a file name on every system, can't leave its folder, and reads as text in every table.
+
+    Text that is such a name already stays as it is. What is changed gets eight hexadecimal digits of the text's hash at
+    its end, so that two texts never get one name. `2026-05-01` becomes `log-2026-05-01`: a reader of partitioned tables
+    would take it for a date.
+    """
+    name = _UNSAFE.sub("_", text).lstrip(".-_")[:MAX_LENGTH].rstrip(".")
+    if not _MORE_THAN_A_NUMBER.search(name) or _LIKE_A_NUMBER.fullmatch(name) or _DEVICES.fullmatch(name):
+        name = f"log-{name}".rstrip("-.")
+        if name == f"log-{text}":
+            return name
+    if name == text:
+        return name
+    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:DIGEST_LENGTH]
+    return f"{name}-{digest}"
+
+
+def topic_name(topic: str) -> str:
+    """A topic as a safe name: `/cwcli/ego/state` is `cwcli.ego.state`."""
+    name = topic.removeprefix("/")
+    dotted = name.replace("/", ".")
+    is_plain = topic == f"/{name}" and "." not in name
+    return safe_name(dotted) if is_plain else safe_name(f"{dotted} {topic}")
+
+
+def log_ids(sources: Sequence[str]) -> list[str]:
+    """A safe, unique name for each source, from its file name.
+
+    A name does not depend on the other sources unless several have the same file name; those get as many of their
+    folders in front as it takes. Upper and lower case do not count as different, because some disks know no difference.
+
+    Args:
+        sources: Names of files or URLs, all different.
+    """
+    parts = [_parts(source) for source in sources]
+    depth = [1] * len(sources)
+    while True:
+        names = ["_".join(path[-n:]) for path, n in zip(parts, depth, strict=True)]
+        seen: dict[str, list[int]] = {}
+        for i, name in enumerate(names):
+            seen.setdefault(safe_name(name).casefold(), []).append(i)
+        twins = [i for same in seen.values() if len(same) > 1 for i in same]
+        longer = [i for i in twins if depth[i] < len(parts[i])]
+        if not longer:
+            break
+        for i in longer:
+            depth[i] += 1
+    unresolved = set(twins)
+    return [
+        safe_name(f"{name} {source}" if i in unresolved else name)
+        for i, (name, source) in enumerate(zip(names, sources, strict=True))
+    ]
+
+
+def _parts(source: str) -> list[str]:
+    """Folders and stem, without what means nothing."""
+    *folders, name = source.replace("\\", "/").split("/")
+    stem = name[: -len(".mcap")] if name.lower().endswith(".mcap") and len(name) > len(".mcap") else name
+    return [*(folder for folder in folders if folder not in ("", ".", "..")), stem]

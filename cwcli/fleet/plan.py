@@ -1,0 +1,67 @@
+"""What is to be done with each log: a value that can be sent to another process."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from cwcli import __version__
+from cwcli.stages.call import StageCall
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The same for every log of a run.
+
+    Attributes:
+        stages: In the order in which they run.
+        pipeline: The resolved options, as the manifest shows them (JSON-ready).
+        topic, start, end, recover, strict: The reading options of the command line.
+        ego_station: V2X station of the ego, or None.
+        replace: Leave channels of an earlier run out of the annotated log.
+        tables: Write the channels' columns too.
+    """
+
+    stages: tuple[StageCall, ...]
+    pipeline: Mapping[str, Any] = field(default_factory=dict)
+    topic: tuple[str, ...] = ()
+    start: str | None = None
+    end: str | None = None
+    recover: bool = False
+    strict: bool = False
+    ego_station: str | None = None
+    replace: bool = False
+    tables: bool = False
+
+    def calls(self) -> dict[str, StageCall]:
+        """Name -> stage, in order."""
+        return {call.stage: call for call in self.stages}
+
+    def key(self, input_sha256: str) -> str:
+        """A hash that is the same where the same version of cwcli would make the same of the same input."""
+        settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        settings["stages"] = [[call.stage, dataclasses.asdict(call.config)] for call in self.stages]
+        del settings["pipeline"]
+        basis = json.dumps([__version__, input_sha256, settings], sort_keys=True, default=str)
+        return hashlib.sha256(basis.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Task:
+    """One log of a run.
+
+    Attributes:
+        id: Its safe, unique name.
+        source: As the user named it, or as a pattern matched it.
+        path: The file, absolute; a URL for a remote one.
+        out: The output folder, absolute.
+    """
+
+    id: str
+    source: str
+    path: str
+    out: str

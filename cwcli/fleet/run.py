@@ -1,0 +1,223 @@
+"""A run over many logs: what is to be done, where, by whom, and what became of it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from cwcli import __version__
+from cwcli.errors import EXIT_BUG, OutputError, UsageError
+from cwcli.fleet.folder import (
+    DETAILS,
+    FORMAT,
+    LOGS,
+    MANIFEST,
+    METRICS,
+    RUN_TIMES,
+    SCRATCH,
+    TABLES,
+    Document,
+    LogFolder,
+    make_folders,
+    read_document,
+    recorded_ids,
+    write_document,
+)
+from cwcli.fleet.inputs import expand_sources, is_remote
+from cwcli.fleet.local import WorkerDied, run_local
+from cwcli.fleet.names import log_ids
+from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.worker import Done, record
+
+Report = Callable[[Task, str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """What became of a run.
+
+    Attributes:
+        out: The output folder.
+        manifest: As `manifest.json` holds it.
+        statuses: Log id -> `done`, `failed` or `unchanged`.
+    """
+
+    out: Path
+    manifest: Document
+    statuses: dict[str, str]
+
+    @property
+    def exit_code(self) -> int:
+        """0 if every log is done, else the highest exit code of those that failed."""
+        return max((entry["error"]["exit_code"] for entry in self.manifest["logs"] if entry["error"]), default=0)
+
+
+def run_fleet(
+    sources: Sequence[str],
+    plan: Plan,
+    out: str | Path,
+    *,
+    jobs: int | None = None,
+    ray: str | None = None,
+    force: bool = False,
+    report: Report = lambda task, status, done, total: None,
+) -> Fleet:
+    """Run a pipeline on every log, and record what became of each.
+
+    Args:
+        sources: Files, patterns and URLs.
+        plan: What is done with each log.
+        out: The output folder.
+        jobs: Worker processes; None: as many as there are processors.
+        ray: Address of a Ray cluster, `auto` for the one of this machine, `local` for one of its own; None: no Ray.
+        force: Begin afresh: everything of earlier runs in the folder is removed.
+        report: Told of each log that ended: the task, its status, how many have ended, of how many.
+
+    Raises:
+        UsageError: A pattern matches nothing, or the folder holds logs that this run does not name.
+        InputError: A remote store does not answer.
+        OutputError: The folder is something else, is in use, or can't be written.
+    """
+    begin = time.monotonic()
+    began = datetime.now(UTC).isoformat(timespec="seconds")
+    if is_remote(str(out)):
+        raise UsageError("the output folder must lie on this machine", where=str(out), hint="copy it there afterwards")
+    found = expand_sources(sources)
+    folder = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+    ids = log_ids([source for source, _ in found])
+    tasks = [Task(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]
+    tasks.sort(key=lambda task: task.id)
+    with _locked(folder):
+        _prepare(folder, tasks, force=force)
+        write_document(_manifest(folder, plan, tasks), folder / MANIFEST)
+        statuses: dict[str, str] = {}
+        times: dict[str, Any] = {}
+        try:
+            with closing(_start(tasks, plan, jobs, ray)) as ended:
+                for task, answer in ended:
+                    done = _record_death(task, plan) if isinstance(answer, WorkerDied) else answer
+                    statuses[task.id] = done.status
+                    times[task.id] = {
+                        "status": done.status,
+                        "wall_s": round(done.wall_s, 4),
+                        "cpu_s": round(done.cpu_s, 4),
+                        "attempts": done.attempts,
+                    }
+                    report(task, done.status, len(statuses), len(tasks))
+        finally:
+            shutil.rmtree(folder / SCRATCH, ignore_errors=True)
+            manifest = _manifest(folder, plan, tasks, statuses)
+            write_document(manifest, folder / MANIFEST, durable=True)
+        took = {"began": began, "wall_s": round(time.monotonic() - begin, 3), "logs": dict(sorted(times.items()))}
+        write_document(took, folder / RUN_TIMES)
+    return Fleet(folder, manifest, statuses)
+
+
+def _start(tasks: list[Task], plan: Plan, jobs: int | None, ray: str | None) -> Any:
+    if ray is not None:
+        from cwcli.fleet.ray_backend import run_ray
+
+        return run_ray(tasks, plan, ray, jobs)
+    return run_local(tasks, plan, min(jobs or available_processors(), max(len(tasks), 1)))
+
+
+def available_processors() -> int:
+    """How many processors this process may use."""
+    with suppress(AttributeError):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
+    """Make the folder, and refuse one that holds something else."""
+    by_id = {task.id: task for task in tasks}
+    ours = [name for name in (LOGS, METRICS, DETAILS, TABLES) if (out / name).exists()]
+    manifest = read_document(out / MANIFEST)
+    if ours and (manifest is None or manifest.get("format") != FORMAT):
+        raise OutputError(
+            f"the folder holds something else: {', '.join(ours)}", where=str(out), hint="name a new folder with -d"
+        )
+    shutil.rmtree(out / SCRATCH, ignore_errors=True)
+    if force:
+        for name in ours:
+            shutil.rmtree(out / name)
+    sources = {task.source for task in by_id.values()}
+    others = []
+    for known in recorded_ids(out):
+        if known in by_id:
+            continue
+        entry = LogFolder(out, known).entry()
+        if entry is None or entry.get("source") in sources:  # cut off, or it has another name now
+            LogFolder(out, known).clear()
+        else:
+            others.append(known)
+    if others:
+        raise UsageError(
+            f"the folder holds {len(others)} logs that this run does not name",
+            where=str(out),
+            found=tuple(others[:10]),
+            hint="name them too, use another folder, or begin afresh with --force",
+        )
+
+
+def _manifest(out: Path, plan: Plan, tasks: list[Task], statuses: dict[str, str] | None = None) -> Document:
+    """The manifest: the entries of the logs that have ended, and what is pending."""
+    entries = []
+    for task in tasks:
+        entry = LogFolder(out, task.id).entry() if statuses and task.id in statuses else None
+        entries.append(entry or {"id": task.id, "source": task.source, "status": "pending", "error": None})
+    return {"format": FORMAT, "cwcli": __version__, "pipeline": dict(plan.pipeline), "logs": entries}
+
+
+def _record_death(task: Task, plan: Plan) -> Done:
+    """Record a log whose worker died at every attempt."""
+    entry = {
+        "id": task.id,
+        "source": task.source,
+        "sha256": None,
+        "status": "failed",
+        "stages": [],
+        "left_out": {},
+        "error": {
+            "exit_code": EXIT_BUG,
+            "what": "the worker process died twice: killed, out of memory, or a crash",
+            "where": task.source,
+            "found": [],
+            "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
+        },
+        "faults": {},
+        "inputs": [],
+        "tables": {},
+        "key": None,
+    }
+    record(LogFolder(Path(task.out), task.id), entry, [])
+    return Done(task.id, "failed", 0.0, 0.0, 2)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Make the folder and keep other runs out of it."""
+    make_folders(folder)
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise OutputError("another run is writing into the folder", where=str(folder)) from error
+        except OSError:  # a file system without locks
+            pass
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,190 @@
+"""One log of a run, from its file to its part of the output folder. What fails is recorded, not raised."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cwcli import __version__
+from cwcli.errors import EXIT_BUG, CwcliError
+from cwcli.fleet.execute import Outcome, run_stages
+from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, make_folders, put_table
+from cwcli.fleet.headline import headline_metrics
+from cwcli.fleet.inputs import is_remote, local_copy
+from cwcli.fleet.needs import signals_for
+from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.selection import select
+from cwcli.logs.annotate import annotate
+from cwcli.logs.log import Log
+
+HASH_BLOCK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a worker answers.
+
+    Attributes:
+        id: The log.
+        status: `done`, `failed`, or `unchanged` where everything was there from an earlier run.
+        wall_s, cpu_s: Run times.
+        attempts: How often the log was begun; more than once where a worker died.
+    """
+
+    id: str
+    status: str
+    wall_s: float
+    cpu_s: float
+    attempts: int = 1
+
+
+def work(task: Task, plan: Plan) -> Done:
+    """Do one log, unless that was done before.
+
+    Raises:
+        OutputError: The output folder can't be written: no other log would fare better.
+    """
+    wall_s, cpu_s = time.perf_counter(), time.process_time()
+    status = _work(task, plan)
+    return Done(task.id, status, time.perf_counter() - wall_s, time.process_time() - cpu_s)
+
+
+def _work(task: Task, plan: Plan) -> str:
+    folder = LogFolder(Path(task.out), task.id)
+    before = folder.entry()
+    entry: Document = {
+        "id": task.id,
+        "source": task.source,
+        "sha256": None,
+        "status": "failed",
+        "stages": [],
+        "left_out": {},
+        "error": None,
+        "faults": {},
+        "inputs": [],
+        "tables": {},
+        "key": None,
+    }
+    try:
+        with _local(task, plan) as path:
+            entry["sha256"] = _sha256(path, task.source)
+            entry["key"] = plan.key(entry["sha256"])
+            if before is not None and folder.is_done(before, entry["key"]):
+                if before["source"] != task.source:
+                    folder.finish({**before, "source": task.source}, [folder.out / name for name in before["outputs"]])
+                return "unchanged"
+            folder.clear()
+            make_folders(folder.annotated.parent)
+            with Log.open(path, recover=plan.recover, name=task.source) as log:
+                outputs = _run(log, plan, folder, entry)
+            entry["status"] = "done"
+    except CwcliError as error:
+        outputs = []
+        entry["error"] = error_entry(error)
+    except Exception as error:
+        outputs = []
+        entry["error"] = bug_entry(error)
+    record(folder, entry, outputs)
+    return str(entry["status"])
+
+
+def record(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
+    """Write the entry; of a log that failed nothing else stays.
+
+    Raises:
+        OutputError: It can't be written.
+    """
+    if entry["status"] == "failed":
+        folder.clear()
+        make_folders(folder.annotated.parent)
+    folder.finish(entry, outputs)
+
+
+def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]:
+    """Run the stages and write everything but the entry; returns the files."""
+    calls = plan.calls()
+    outcome, annotated = run_stages(
+        log,
+        calls,
+        select(log, plan.topic, plan.start, plan.end),
+        missing=signals_for(calls, plan.ego_station),
+        lenient=True,
+        strict=plan.strict,
+    )
+    annotate(annotated, (), {}, folder.annotated, replace=plan.replace, force=True, durable=False)
+    outputs = [folder.annotated]
+    tables = {name: table for result in outcome.results for name, table in result.tables.items()}
+    for name, table in tables.items():
+        outputs.append(put_table(table, folder.table(DETAILS, name)))
+    outputs.append(put_table(headline_metrics(annotated, tables), folder.metrics))
+    if plan.tables:
+        from cwcli.fleet.channel_tables import channel_tables
+
+        for name, table in channel_tables(annotated):
+            outputs.append(put_table(table, folder.table(TABLES, name)))
+    _describe(outcome, entry)
+    return outputs
+
+
+def _describe(outcome: Outcome, entry: Document) -> None:
+    entry["stages"] = [result.stage for result in outcome.results]
+    entry["left_out"] = dict(outcome.left_out)
+    entry["faults"] = dict(outcome.faults)
+    entry["inputs"] = [
+        {"stage": result.stage, **count} for result in outcome.results for count in result.summary.to_json()["inputs"]
+    ]
+    entry["tables"] = {name: len(table) for result in outcome.results for name, table in result.tables.items()}
+
+
+def error_entry(error: CwcliError) -> dict[str, Any]:
+    """A known error, as the manifest shows it."""
+    return {
+        "exit_code": error.exit_code,
+        "what": error.what,
+        "where": error.where,
+        "found": list(error.found),
+        "hint": error.hint,
+    }
+
+
+def bug_entry(error: Exception) -> dict[str, Any]:
+    """Any other error: a bug, with where it came from."""
+    frames = traceback.extract_tb(error.__traceback__)
+    found = [f"{Path(frame.filename).name}:{frame.lineno} in {frame.name}" for frame in frames[-5:]]
+    return {
+        "exit_code": EXIT_BUG,
+        "what": f"a bug in cwcli {__version__}: {type(error).__name__}: {str(error)[:200]}",
+        "where": "",
+        "found": found,
+        "hint": "run `cwcli run` on this log alone for the whole traceback, and please report it",
+    }
+
+
+@contextmanager
+def _local(task: Task, plan: Plan) -> Iterator[Path]:
+    """The log as a file on this machine."""
+    if is_remote(task.path):
+        with local_copy(task.path, Path(task.out) / SCRATCH) as path:
+            yield path
+    else:
+        yield Path(task.path)
+
+
+def _sha256(path: Path, name: str) -> str:
+    from cwcli.errors import InputError
+
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while block := file.read(HASH_BLOCK_BYTES):
+                digest.update(block)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"it can't be read: {reason}", where=name) from error
+    return digest.hexdigest()
