@@ -1,35 +1,36 @@
-"""Stage `warn`: states and predicted paths in, collision warnings and their scores out."""
+"""Stage `warn`: states and predicted paths in, warnings and their scores out."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import DataError
+from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.logs.log import Log
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import FloatArray, OutputChannel, Strings
+from cwcli.signals.columns import FloatArray
 from cwcli.signals.roles import bind
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.channels import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, require_ego, vehicle_rows
 from cwcli.stages.track_channels import read_targets
+from cwcli.stages.warn_output import RuleOutcome, channels_of, numbered, tables_of
 from cwcli.warning.evaluate import evaluate
-from cwcli.warning.output import HELD, RAISED
+from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
+from cwcli.warning.lane_departure import LaneDepartureConfig
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
 
-LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
+ALL_RULES = (*RULES, LANE_DEPARTURE)
 ONSET = "onset"
 """The motion model that says where a manoeuvre leads that has just begun."""
 OF_EGO = (Role.EGO_STATE, Role.EGO_PATH)
@@ -43,13 +44,18 @@ class WarnConfig:
     """Settings of the stage.
 
     Attributes:
-        rule: The rule and its thresholds.
+        rule: The collision rule and its thresholds.
+        rules: Several rules: names of collision rules, each with the thresholds of `rule`, and `lane-departure`.
+            Empty: the collision rule of `rule` alone.
+        lane_departure: Options of that rule.
         source: Whom to warn of: the vehicles that speak over V2X, or the targets of `cwcli track`.
         topics: Role -> topic, the user's choices.
         start_ns, end_ns: Only states logged in this span are used.
     """
 
     rule: WarningConfig = field(default_factory=WarningConfig)
+    rules: tuple[str, ...] = ()
+    lane_departure: LaneDepartureConfig = field(default_factory=LaneDepartureConfig)
     source: Source = "v2x"
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
@@ -57,14 +63,82 @@ class WarnConfig:
 
 
 def warn(log: Log, config: WarnConfig) -> StageResult:
-    """Warn the ego of the other vehicles, at each of its states.
+    """Warn the ego of the other vehicles, at each of its states, and of leaving its lane, at each frame.
 
-    Targets are predicted here, with the model, the step and the horizon of the ego's own paths.
+    Of several rules those for which the log lacks a channel are left out, with a note.
 
     Raises:
-        MissingSignalError: The log lacks a state or path channel.
+        MissingSignalError: The log lacks a state or path channel, for each of the rules.
         UsageError: An unknown rule, or a threshold out of range.
         DataError: States and paths do not belong together.
+    """
+    names = _checked_rules(config)
+    outcomes: list[RuleOutcome] = []
+    missing: list[tuple[str, MissingSignalError]] = []
+    for group in _groups(names):
+        try:
+            outcomes += _lane_departure(log, config) if LANE_DEPARTURE in group else _collisions(log, config, group)
+        except MissingSignalError as error:
+            missing.append((", ".join(group), error))
+    if not outcomes:
+        raise missing[0][1]
+    outcomes = numbered(sorted(outcomes, key=lambda outcome: names.index(outcome.rule)))
+    summary = Summary(
+        title="warn",
+        sections=tuple(section for outcome in outcomes for section in outcome.sections),
+        inputs=_distinct_inputs(outcomes),
+        notes=(
+            *dict.fromkeys(note for outcome in outcomes for note in outcome.notes),
+            *(f"{group} is left out: {error.what}" for group, error in missing),
+        ),
+    )
+    return StageResult(
+        "warn", channels_of(outcomes), tables_of(outcomes), summary, run_record("warn", log, config, summary)
+    )
+
+
+def _distinct_inputs(outcomes: list[RuleOutcome]) -> tuple[InputCount, ...]:
+    """Each channel in each role once."""
+    return tuple({(count.topic, count.role): count for outcome in outcomes for count in outcome.inputs}.values())
+
+
+def _checked_rules(config: WarnConfig) -> tuple[str, ...]:
+    names = tuple(dict.fromkeys(config.rules or (config.rule.rule,)))
+    for name in names:
+        if name not in ALL_RULES:
+            raise UsageError(f"there is no warning rule '{name}'", hint=f"one of: {', '.join(ALL_RULES)}")
+    return names
+
+
+def _groups(names: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """The collision rules, which need the same channels, and lane departure."""
+    collisions = tuple(name for name in names if name != LANE_DEPARTURE)
+    return [group for group in (collisions, (LANE_DEPARTURE,)) if group and set(group) <= set(names)]
+
+
+def _lane_departure(log: Log, config: WarnConfig) -> list[RuleOutcome]:
+    from cwcli.stages.warn_lanes import NEEDED, warn_of_lane_departure
+
+    bound = bind(log.channels, config.topics, required=NEEDED, where=log.name, command=f"warn --rules {LANE_DEPARTURE}")
+    found = warn_of_lane_departure(log, bound, config.lane_departure, start_ns=config.start_ns, end_ns=config.end_ns)
+    tables = (found.result.events, found.result.series)
+    return [
+        RuleOutcome(
+            LANE_DEPARTURE,
+            found.result.log_time_ns,
+            found.result.channel,
+            tables,
+            found.sections,
+            found.inputs,
+            (*bound.notes, *found.notes),
+        )
+    ]
+
+
+def _collisions(log: Log, config: WarnConfig, names: tuple[str, ...]) -> list[RuleOutcome]:
+    """The collision rules, on the same tracks.
+
+    Targets are predicted here, with the model, the step and the horizon of the ego's own paths.
     """
     bound = bind(
         log.channels,
@@ -75,7 +149,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
     )
     topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
     columns = log.load(dict.fromkeys(topics.values()))
-    uses_onset = config.rule.rule in RULES and RULES[config.rule.rule].uses_onset
+    uses_onset = any(RULES[name].uses_onset for name in names)
     inputs: list[InputCount] = []
     tracks: dict[Role, list[VehicleTrack]] = {}
     predicted: dict[Role, PredictedPaths] = {}
@@ -101,14 +175,14 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
         paths = _paths_of(states, like=predicted[Role.EGO_PATH], where=topics[Role.EGO_PATH])
         tracks[Role.REMOTE_STATE] = vehicle_tracks(states, paths, with_onset=uses_onset)
         inputs.append(InputCount(topics[Role.TARGETS], Role.TARGETS.value, len(everything), len(states)))
-    result = evaluate(hosts[0], tracks[Role.REMOTE_STATE], config.rule)
-    summary = Summary("warn", _sections(result, log.start_ns), tuple(inputs), bound.notes)
-    channels = (
-        OutputChannel(WARNINGS_TOPIC, "cwcli.v1.Warning", result.log_time_ns, result.channel),
-        _log_channel(result),
-    )
-    tables = {table.name: table for table in result.tables}
-    return StageResult("warn", channels, tables, summary, run_record("warn", log, config, summary))
+    outcomes = []
+    for name in names:
+        result = evaluate(hosts[0], tracks[Role.REMOTE_STATE], replace(config.rule, rule=name))
+        sections = _sections(result, log.start_ns)
+        outcomes.append(
+            RuleOutcome(name, result.log_time_ns, result.channel, result.tables, sections, tuple(inputs), bound.notes)
+        )
+    return outcomes
 
 
 def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
@@ -177,25 +251,6 @@ def _outline(values_m: FloatArray) -> float | None:
     """The median of what the vehicle said of its size, or None."""
     given = values_m[np.isfinite(values_m)]
     return float(np.median(given)) if len(given) else None
-
-
-def _log_channel(result: WarningResult) -> OutputChannel:
-    """The warnings as `foxglove.Log`, for the viewer's log panel."""
-    state = np.asarray(result.channel["state"])
-    messages = result.channel["message"]
-    assert isinstance(messages, Strings)
-    rows = np.flatnonzero(state != HELD)  # a held warning says nothing new
-    return OutputChannel(
-        LOG_TOPIC,
-        "foxglove.Log",
-        result.log_time_ns[rows],
-        {
-            "timestamp": np.asarray(result.channel["stamp_ns"])[rows],
-            "level": np.where(state[rows] == RAISED, LEVEL_WARNING, LEVEL_INFO),
-            "message": Strings(messages.codes[rows], messages.values),
-            "name": constant_strings("cwcli.warn", len(rows)),
-        },
-    )
 
 
 def _sections(result: WarningResult, start_ns: int) -> tuple[Section, ...]:

@@ -1,0 +1,167 @@
+"""The rule `lane-departure` of the stage `warn`: the observer's paths against the boundaries of `cwcli lanes`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.dynamics.vehicle import Vehicle
+from cwcli.logs.log import Log
+from cwcli.prediction.paths import Paths
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.roles import Bindings
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.observer_channel import recorded_vehicle
+from cwcli.stages.result import Cell, InputCount, Section
+from cwcli.stages.sources import logged_within
+from cwcli.stages.states import read_paths
+from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDepartureResult, evaluate_lane_departure
+
+NEEDED = (Role.OBSERVER_PATH, Role.LANES)
+NO_PATH = "no path from the observer"
+BOUNDARY = ("lateral_m", "slope", "ground_curvature_1pm")
+PLACES = tuple(f"{side}.{name}" for side in ("left", "right") for name in ("found", *BOUNDARY))
+MIN_HORIZON_S = 0.05
+
+
+@dataclass(frozen=True)
+class LaneWarnings:
+    """The rule's outcome on a log.
+
+    Attributes:
+        result: Channel, events, series, counts.
+        inputs: What became of the messages.
+        sections: For the summary.
+        notes: For the user.
+    """
+
+    result: LaneDepartureResult
+    inputs: tuple[InputCount, ...]
+    sections: tuple[Section, ...]
+    notes: tuple[str, ...]
+
+
+def warn_of_lane_departure(
+    log: Log, bound: Bindings, config: LaneDepartureConfig, *, start_ns: int | None, end_ns: int | None
+) -> LaneWarnings:
+    """Judge every frame of the lanes.
+
+    Args:
+        log: The log.
+        bound: With the roles of `NEEDED`.
+        config: The rule's options.
+        start_ns, end_ns: Only frames logged in this span are used.
+
+    Raises:
+        UsageError: The paths are shorter than the rule looks ahead.
+        DataError: A channel is of another version.
+    """
+    path_topic, lanes_topic = (bound.by_role[role][0].topic for role in NEEDED)
+    loaded = log.load({path_topic: None, lanes_topic: ("stamp_ns", *PLACES)})
+    path_columns, lanes = (logged_within(loaded[topic], start_ns, end_ns) for topic in (path_topic, lanes_topic))
+    vehicle, notes = recorded_vehicle(log.metadata)
+    predicted = read_paths(path_columns)
+    stamp_ns, log_time_ns, boundaries = _frames(lanes, vehicle)
+    paths = body_of(predicted.paths)
+    _, mine, theirs = np.intersect1d(stamp_ns, predicted.stamp_ns, return_indices=True)
+    matched = _spread(paths, mine, theirs, len(stamp_ns), config.warn_s)
+    result = evaluate_lane_departure(
+        stamp_ns,
+        log_time_ns,
+        matched,
+        boundaries,
+        matched.speed_mps[:, 0],
+        config,
+        width_m=vehicle.width_m,
+        front_axle_m=vehicle.front_axle_m,
+    )
+    without = len(stamp_ns) - len(mine)
+    inputs = (
+        InputCount(path_topic, Role.OBSERVER_PATH.value, len(predicted), len(theirs)),
+        InputCount(
+            lanes_topic, Role.LANES.value, len(lanes), len(mine), set_aside={NO_PATH: without} if without else {}
+        ),
+    )
+    return LaneWarnings(result, inputs, _sections(result, log.start_ns), notes)
+
+
+def body_of(paths: Paths) -> Paths:
+    """Published paths in the body frame of their start: their first point is the car, their first heading its axis."""
+    cos, sin = np.cos(paths.heading_rad[:, :1]), np.sin(paths.heading_rad[:, :1])
+    dx, dy = paths.x_m - paths.x_m[:, :1], paths.y_m - paths.y_m[:, :1]
+    xx, xy, yy = np.moveaxis(paths.position_covariance_m2, -1, 0)
+    covariance = np.stack(
+        [
+            cos**2 * xx + 2.0 * cos * sin * xy + sin**2 * yy,
+            cos * sin * (yy - xx) + (cos**2 - sin**2) * xy,
+            sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy,
+        ],
+        axis=-1,
+    )
+    return Paths(
+        paths.time_s,
+        cos * dx + sin * dy,
+        -sin * dx + cos * dy,
+        paths.heading_rad - paths.heading_rad[:, :1],
+        paths.speed_mps,
+        covariance,
+    )
+
+
+def _frames(lanes: Columns, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, Boundaries]:
+    """Stamps, log times and boundaries of the frames in the order of their stamps, the first of each stamp."""
+    stamp_ns, _ = whole_numbers(lanes, "stamp_ns")
+    order = np.argsort(stamp_ns, kind="stable")
+    rows = order[np.concatenate([[True], np.diff(stamp_ns[order]) > 0])] if len(order) else order
+    sides: list[FloatArray] = []
+    for side in ("left", "right"):
+        place = np.column_stack([numbers(lanes, f"{side}.{name}") for name in BOUNDARY])[rows]
+        found = numbers(lanes, f"{side}.found")[rows] > 0.0
+        sides.append(np.where(found[:, None], place, np.nan))
+    log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows]) if len(rows) else lanes.log_time_ns
+    return stamp_ns[rows], log_time_ns, Boundaries(sides[0], sides[1], vehicle.camera_forward_m)
+
+
+def _spread(
+    paths: Paths,
+    rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
+    of: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
+    n: int,
+    horizon_s: float,
+) -> Paths:
+    """The paths at the rows of n frames; NaN in the others."""
+    time_s = paths.time_s if len(paths) else np.array([0.0, max(horizon_s, MIN_HORIZON_S)])
+    k = len(time_s)
+
+    def spread(values: FloatArray) -> FloatArray:
+        whole = np.full((n, k, *values.shape[2:]), np.nan)
+        if len(of):
+            whole[rows] = values[of]
+        return whole
+
+    parts = (paths.x_m, paths.y_m, paths.heading_rad, paths.speed_mps, paths.position_covariance_m2)
+    return Paths(time_s, *(spread(part) for part in parts))
+
+
+def _sections(result: LaneDepartureResult, start_ns: int) -> tuple[Section, ...]:
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            event["event_id"],
+            event["side"],
+            (event["raised_stamp_ns"] - start_ns) / NS_PER_S,
+            event["time_to_line_crossing_s"],
+            event["gap_m"],
+            event["departure_rate_mps"],
+            event["duration_s"],
+        )
+        for event in result.events.records()
+    )
+    columns = ("event", "side", "at [s]", "crossing in [s]", "to the line [m]", "rate [m/s]", "for [s]")
+    counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
+    return (
+        Section("lane_departures", "Lane departures (times from the log's start)", columns, rows),
+        Section("lane_frames", "Frames of the lanes", ("what became of them", "count"), counts),
+    )
