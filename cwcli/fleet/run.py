@@ -171,8 +171,8 @@ def _manifest(out: Path, plan: Plan, tasks: list[Task], statuses: dict[str, str]
     """The manifest: the entries of the logs that have ended, and what is pending."""
     entries = []
     for task in tasks:
-        entry = LogFolder(out, task.id).entry() if statuses and task.id in statuses else None
-        entries.append(entry or {"id": task.id, "source": task.source, "status": "pending", "error": None})
+        known = LogFolder(out, task.id).entry() if statuses and task.id in statuses else None
+        entries.append(known or {"id": task.id, "source": task.source, "status": "pending", "error": None})
     return {"format": FORMAT, "cwcli": __version__, "pipeline": dict(plan.pipeline), "logs": entries}
 
 

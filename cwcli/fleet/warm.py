@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import google.protobuf.descriptor_pool
 import numpy
 import pyarrow.parquet
 import pyproj
@@ -13,4 +12,4 @@ import cwcli.stages.estimate
 import cwcli.stages.predict
 import cwcli.stages.warn
 
-__all__ = ["cwcli", "google", "numpy", "pyarrow", "pyproj"]
+__all__ = ["cwcli", "numpy", "pyarrow", "pyproj"]

@@ -71,6 +71,8 @@ def _work(task: Task, plan: Plan) -> str:
         "tables": {},
         "key": None,
     }
+    if plan.tables:
+        entry["without_table"] = {}
     try:
         with _local(task, plan) as path:
             entry["sha256"] = _sha256(path, task.source)
@@ -126,7 +128,7 @@ def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]
     if plan.tables:
         from cwcli.fleet.channel_tables import channel_tables
 
-        for name, table in channel_tables(annotated):
+        for name, table in channel_tables(annotated, entry["without_table"]):
             outputs.append(put_table(table, folder.table(TABLES, name)))
     _describe(outcome, entry)
     return outputs

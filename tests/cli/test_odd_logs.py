@@ -134,4 +134,3 @@ def test_run_without_a_usable_message_of_another_vehicle_leaves_out_the_warnings
     document = json.loads(done.stdout)
     assert document["left_out"]["warn"] == "no message of another vehicle could be used"
     assert list(document["stages"]) == ["estimate", "predict"]
-    assert list(document["stages"]) == ["estimate", "predict"]

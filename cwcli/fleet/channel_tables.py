@@ -1,0 +1,50 @@
+"""The channels of a log as tables: one row per message (`--tables`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from cwcli.errors import CwcliError
+from cwcli.fleet.names import topic_name
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.signals.columns import StreamedChannel
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+    from cwcli.signals.columns import Columns
+
+LOG_TIME, PUBLISH_TIME = ColumnDoc("ns", doc="when it was logged"), ColumnDoc("ns", doc="when it was published")
+
+
+def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Table]]:
+    """Each channel that has columns, as (safe name, table); one at a time, because a log may be large.
+
+    Args:
+        log: With the channels of the stages that ran.
+        left_out: Filled with topic -> why it has no table. Byte blobs (images) are in no column anyway.
+    """
+    streamed = {channel.topic for channel in log.added_channels if isinstance(channel, StreamedChannel)}
+    for topic in sorted({channel.topic for channel in log.channels}):
+        if topic in streamed:
+            left_out[topic] = "its images are made while they are written"
+            continue
+        try:
+            columns = log.columns(topic)
+        except CwcliError as error:
+            left_out[topic] = error.what
+            continue
+        name = topic_name(topic)
+        yield name, channel_table(name, columns)
+
+
+def channel_table(name: str, columns: Columns) -> Table:
+    """A channel's leaf fields, behind its log time, its publish time and its sequence numbers."""
+    header = {
+        "log_time_ns": columns.log_time_ns,
+        "publish_time_ns": columns.publish_time_ns,
+        "sequence": columns.sequence,
+    }
+    fields = {f"message.{leaf}" if leaf in header else leaf: values for leaf, values in columns.fields.items()}
+    about = {"topic": columns.topic, "schema": columns.schema_name, "encoding": columns.message_encoding}
+    return Table(name, {**header, **fields}, {"log_time_ns": LOG_TIME, "publish_time_ns": PUBLISH_TIME}, about)
