@@ -1,0 +1,320 @@
+"""Two runs over the same logs: what got better, what got worse, and whether it could be chance.
+
+Logs are paired by their id. For each metric every pair gives one change, and the changes of all pairs are judged:
+
+- the change of a positive quantity (an error, a rate) is relative, ln(candidate / baseline), so that a hard log counts
+  no more than an easy one; that of a share, or of a quantity that is 0 or negative in some log, is a plain difference;
+  that of a metric with a target (NEES, coverage) is how much farther from the target the value has moved;
+- the interval is a paired percentile bootstrap over the logs, widened by sqrt(n / (n - 1));
+- the p-value is that of the sign-flip permutation test of the mean change: if nothing has changed but by chance, the
+  change of each log is as likely to be the other way round;
+- many metrics are judged at once, so the p-values are adjusted by Holm's method: the probability that any metric at all
+  is called improved or worse by chance is at most 2 %;
+- a change smaller than the tolerance (1 % unless told) is called the same, however certain it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.metrics.headline import Metric, metric_of
+from cwcli.metrics.pooling import MIN_LOGS, LogMetrics, MetricRow, metric_names, pooled_value, resamples
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.signals.columns import FloatArray
+
+ERROR_RATE = 0.02
+"""Probability that any metric of a run is called improved or worse by chance."""
+COVERAGE = 0.95
+TOLERANCE = 0.01
+N_FLIPS = 9999
+FLIPS_AT_ONCE = 1111
+EQUAL = 1e-9
+"""Relative differences up to here are the rounding of another processor."""
+FLOOR = 0.01
+"""Added to both values of a ratio, times the pooled baseline: the error of a parked car must not decide."""
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+class Verdict(Enum):
+    """What became of a metric."""
+
+    IMPROVED = "improved"
+    WORSE = "worse"
+    SAME = "same"
+    UNCLEAR = "unclear"
+    MISSING = "missing"
+    NEW = "new"
+    NOT_JUDGED = "-"
+
+
+@dataclass(frozen=True)
+class Change:
+    """One metric in two runs.
+
+    Attributes:
+        metric: Its name.
+        unit: Of `baseline` and `candidate`.
+        baseline, candidate: Pooled over the pairs.
+        n_pairs: Logs in which both runs have a value.
+        n_changed: Pairs whose values differ.
+        n_missing: Logs in which the baseline has a value and the candidate has none.
+        change: Mean change of the pairs; a ratio minus 1 if `is_relative`, else a difference.
+        low, high: 95 % interval of the change; NaN with fewer than 5 pairs.
+        is_relative: See `change`.
+        p: Of the sign-flip test, adjusted for the number of metrics; NaN where none was judged.
+        verdict: See `Verdict`.
+    """
+
+    metric: str
+    unit: str
+    baseline: float
+    candidate: float
+    n_pairs: int
+    n_changed: int
+    n_missing: int
+    change: float
+    low: float
+    high: float
+    is_relative: bool
+    p: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """Two runs.
+
+    Attributes:
+        changes: One entry a metric, in the order of the baseline.
+        n_pairs: Logs in both runs.
+        only_baseline, only_candidate: Ids of logs that the other run does not have.
+        failed: Ids of logs that failed in the candidate only.
+        other_input: Ids of logs whose inputs differ.
+    """
+
+    changes: tuple[Change, ...]
+    n_pairs: int
+    only_baseline: tuple[str, ...]
+    only_candidate: tuple[str, ...]
+    failed: tuple[str, ...]
+    other_input: tuple[str, ...]
+
+    def of(self, verdict: Verdict) -> tuple[Change, ...]:
+        """The metrics with a verdict."""
+        return tuple(change for change in self.changes if change.verdict is verdict)
+
+
+def compare_runs(
+    baseline: Sequence[LogMetrics],
+    candidate: Sequence[LogMetrics],
+    *,
+    seed: int = 0,
+    tolerance: float = TOLERANCE,
+    exact: bool = False,
+) -> RunComparison:
+    """Compare two runs.
+
+    Args:
+        baseline, candidate: Their logs; ids are unique in each.
+        seed: Of the bootstrap and of the permutations.
+        tolerance: See the module; of a share it is absolute, of a metric with a target relative to the target.
+        exact: Take the logs as all that matters, not as a sample: any mean change beyond the tolerance counts.
+    """
+    before = {log.id: log for log in baseline if not log.error}
+    after = {log.id: log for log in candidate if not log.error}
+    ids = [name for name in before if name in after]
+    pairs = [(before[name], after[name]) for name in ids]
+    names = metric_names([*(log for pair in pairs for log in pair)])
+    effects = [_effect(name, pairs, tolerance) for name in names]
+    judged = np.array([effect.is_judged for effect in effects], dtype=bool)
+    p = np.full(len(effects), np.nan)
+    if judged.any():
+        p[judged] = _holm(_flip_test(np.column_stack([e.changes for e in effects if e.is_judged]), seed))
+    drawn = resamples(len(pairs), seed) if len(pairs) >= MIN_LOGS else None
+    tried = {log.id for log in candidate}
+    return RunComparison(
+        changes=tuple(_change(e, float(each), drawn, exact=exact) for e, each in zip(effects, p, strict=True)),
+        n_pairs=len(pairs),
+        only_baseline=tuple(log.id for log in baseline if log.id not in tried),
+        only_candidate=tuple(log.id for log in candidate if log.id not in {each.id for each in baseline}),
+        failed=tuple(log.id for log in candidate if log.error and log.id in before),
+        other_input=tuple(a.id for a, b in pairs if a.sha256 and b.sha256 and a.sha256 != b.sha256),
+    )
+
+
+@dataclass(frozen=True)
+class _Effect:
+    """The changes of one metric: (n,) over all pairs, NaN where a run has no value; positive: the value grew.
+
+    For a metric with a target positive means: farther from it.
+    """
+
+    name: str
+    metric: Metric | None
+    rows: tuple[tuple[MetricRow, MetricRow], ...]
+    changes: FloatArray
+    is_relative: bool
+    tolerance: float
+    n_missing: int
+    is_new: bool
+
+    @property
+    def known(self) -> FloatArray:
+        return self.changes[np.isfinite(self.changes)]
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether it takes part in the tests: it is a headline metric, has a better side, and differs somewhere."""
+        return self.metric is not None and self.metric.is_compared and bool(self.known.any())
+
+
+def _effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance: float) -> _Effect:
+    metric = metric_of(name)
+    before = np.array([a.value(name) for a, _ in pairs])
+    after = np.array([b.value(name) for _, b in pairs])
+    known = np.isfinite(before) & np.isfinite(after)
+    rows = tuple((a.rows[name], b.rows[name]) for (a, b), both in zip(pairs, known, strict=True) if both)
+    changes = np.full(len(pairs), np.nan)
+    is_relative, limit = False, tolerance
+    if known.any():
+        changes[known], is_relative, limit = _changes(metric, before[known], after[known], rows, tolerance)
+    return _Effect(
+        name,
+        metric,
+        rows,
+        changes,
+        is_relative,
+        limit,
+        n_missing=int((np.isfinite(before) & ~np.isfinite(after)).sum()),
+        is_new=not np.isfinite(before).any() and bool(np.isfinite(after).any()),
+    )
+
+
+def _changes(
+    metric: Metric | None,
+    before: FloatArray,
+    after: FloatArray,
+    rows: Sequence[tuple[MetricRow, MetricRow]],
+    tolerance: float,
+) -> tuple[FloatArray, bool, float]:
+    """Changes (n,), whether they are relative, and the tolerance in their unit."""
+    equal = np.abs(after - before) <= EQUAL * np.maximum(np.abs(before), np.abs(after))
+    reference = abs(pooled_value([a for a, _ in rows]))
+    if metric is not None and metric.better == "near":
+        found = np.abs(after - metric.target) - np.abs(before - metric.target)
+        return np.where(equal, 0.0, found), False, tolerance * abs(metric.target)
+    if metric is not None and _is_share(metric):
+        return np.where(equal, 0.0, after - before), False, tolerance
+    if (before > 0.0).all() and (after > 0.0).all():
+        floor = FLOOR * reference
+        return np.where(equal, 0.0, np.log((after + floor) / (before + floor))), True, math.log1p(tolerance)
+    return np.where(equal, 0.0, after - before), False, tolerance * reference
+
+
+def _is_share(metric: Metric) -> bool:
+    return metric.unit == "" and metric.pool == "mean"
+
+
+def _flip_test(changes: FloatArray, seed: int) -> FloatArray:
+    """Two-sided p-values of the mean changes (n, h) by flipping the signs of whole logs; NaN takes no part."""
+    values = np.nan_to_num(changes, nan=0.0)
+    observed = np.abs(values.sum(axis=0)) * (1.0 - 1e-12)
+    rng = np.random.default_rng(seed)
+    reached = np.ones(values.shape[1])
+    for _ in range(N_FLIPS // FLIPS_AT_ONCE):
+        signs = rng.integers(0, 2, (FLIPS_AT_ONCE, len(values)), dtype=np.int8) * 2.0 - 1.0
+        reached += (np.abs(signs @ values) >= observed).sum(axis=0)
+    return np.asarray(reached / (N_FLIPS + 1))
+
+
+def _holm(p: FloatArray) -> FloatArray:
+    """P-values adjusted for their number (Holm 1979)."""
+    order = np.argsort(p, kind="stable")
+    adjusted = np.maximum.accumulate((len(p) - np.arange(len(p))) * p[order])
+    out = np.empty_like(p)
+    out[order] = np.minimum(adjusted, 1.0)
+    return out
+
+
+def _change(effect: _Effect, p: float, drawn: FloatArray | None, *, exact: bool) -> Change:
+    known = effect.known
+    mean = float(known.mean()) if len(known) else math.nan
+    low, high = _interval(effect.changes, drawn)
+    verdict = _verdict(effect, mean, low, high, p, exact=exact)
+
+    def shown(value: float) -> float:
+        return math.expm1(value) if effect.is_relative else value
+
+    both = [pooled_value([row[side] for row in effect.rows]) for side in (0, 1)]
+    return Change(
+        metric=effect.name,
+        unit=effect.rows[0][0].unit if effect.rows else "",
+        baseline=both[0],
+        candidate=both[1],
+        n_pairs=len(known),
+        n_changed=int(np.count_nonzero(known)),
+        n_missing=effect.n_missing,
+        change=shown(mean),
+        low=shown(low),
+        high=shown(high),
+        is_relative=effect.is_relative,
+        p=p,
+        verdict=verdict,
+    )
+
+
+def _interval(changes: FloatArray, drawn: FloatArray | None) -> tuple[float, float]:
+    """Percentile bootstrap of the mean change."""
+    present = np.isfinite(changes)
+    n = int(present.sum())
+    if drawn is None or n < MIN_LOGS:
+        return math.nan, math.nan
+    counts = drawn @ present
+    sums = drawn @ np.nan_to_num(changes, nan=0.0)
+    mean = float(changes[present].mean())
+    means = mean + math.sqrt(n / (n - 1)) * (sums[counts > 0] / counts[counts > 0] - mean)
+    low, high = np.quantile(means, [0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE])
+    return float(low), float(high)
+
+
+def _verdict(effect: _Effect, mean: float, low: float, high: float, p: float, *, exact: bool) -> Verdict:
+    if not len(effect.known):
+        return Verdict.NEW if effect.is_new else Verdict.MISSING if effect.n_missing else Verdict.NOT_JUDGED
+    metric, limit = effect.metric, effect.tolerance
+    if metric is None or not metric.is_compared or not metric.better:
+        return Verdict.NOT_JUDGED
+    is_large = abs(mean) > limit
+    if is_large and (exact or p < ERROR_RATE):
+        is_worse = (mean > 0.0) != (metric.better == "higher")
+        return Verdict.WORSE if is_worse else Verdict.IMPROVED
+    is_same = not effect.known.any() or exact or (-limit <= low and high <= limit)
+    return Verdict.SAME if is_same else Verdict.UNCLEAR
+
+
+def comparison_table(comparison: RunComparison) -> Table:
+    """One row a metric."""
+    changes = comparison.changes
+    numbers = ("baseline", "candidate", "change", "low", "high", "p")
+    counts = ("n_pairs", "n_changed", "n_missing")
+    return Table(
+        "comparison",
+        {
+            "metric": [change.metric for change in changes],
+            "unit": [change.unit for change in changes],
+            "verdict": [change.verdict.value for change in changes],
+            **{name: np.array([getattr(change, name) for change in changes], np.float64) for name in numbers},
+            "is_relative": np.array([change.is_relative for change in changes], np.bool_),
+            **{name: np.array([getattr(change, name) for change in changes], np.int64) for name in counts},
+        },
+        docs={
+            "change": ColumnDoc(doc="mean over the pairs: a ratio minus 1 if is_relative, else a difference"),
+            "p": ColumnDoc(doc="sign-flip test, adjusted for the number of metrics by Holm's method"),
+        },
+    )

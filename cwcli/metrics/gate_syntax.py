@@ -1,0 +1,263 @@
+"""The grammar of gates. An expression is parsed into the nodes below; nothing of it is ever run as code.
+
+gate       = and { "or" and }
+and        = not { "and" not }
+not        = "not" not | "(" gate ")" | over | comparison
+over       = ("any" | "all") "(" gate ")"
+comparison = operand compare operand [ compare operand ]
+operand    = number [ "%" ] | metric | function "(" metric ")" | "share" "(" gate ")"
+function   = "mean" | "median" | "min" | "max" | "sum" | "pooled" | "p" digits
+compare    = "<" | "<=" | ">" | ">=" | "==" | "!="
+metric     = a name such as ego.position_rmse_m; * stands for any characters
+
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from cwcli.errors import UsageError
+
+MAX_LENGTH = 2000
+MAX_DEPTH = 50
+FUNCTIONS = ("mean", "median", "min", "max", "sum", "pooled")
+COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
+EXAMPLE = "for example 'ego.position_rmse_m < 0.5 and pooled(warnings.recall) >= 0.9'"
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?%?)"
+    r"|(?P<name>[A-Za-z*][A-Za-z0-9_.*-]*)"
+    r"|(?P<sign><=|>=|==|!=|<|>|\(|\)))"
+)
+_PERCENTILE = re.compile(r"p(\d{1,2})")
+
+
+@dataclass(frozen=True)
+class Number:
+    """A constant."""
+
+    value: float
+
+
+@dataclass(frozen=True)
+class Name:
+    """A metric of one log, or all that a pattern with `*` matches."""
+
+    text: str
+
+    @property
+    def is_pattern(self) -> bool:
+        """Whether it stands for several."""
+        return "*" in self.text
+
+
+@dataclass(frozen=True)
+class Aggregate:
+    """A function of a metric's values in all logs: one of `FUNCTIONS`, or `p95` and so on."""
+
+    function: str
+    name: Name
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of the logs for which a gate holds."""
+
+    inner: Node
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """`left sign right`, or two of them in a chain: operands one more than signs."""
+
+    operands: tuple[Operand, ...]
+    signs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Not:
+    """The opposite."""
+
+    inner: Node
+
+
+@dataclass(frozen=True)
+class Both:
+    """`and` (`is_and`) or `or`."""
+
+    parts: tuple[Node, ...]
+    is_and: bool
+
+
+@dataclass(frozen=True)
+class Over:
+    """Whether a gate holds for `any` or for `all` logs."""
+
+    quantifier: str
+    inner: Node
+
+
+Operand = Number | Name | Aggregate | Share
+Node = Comparison | Not | Both | Over
+
+
+def parse(text: str) -> Node:
+    """Parse a gate.
+
+    Raises:
+        UsageError: It is no gate; the message says where and what was expected.
+    """
+    if len(text) > MAX_LENGTH:
+        raise UsageError(f"a gate of {len(text)} characters is longer than {MAX_LENGTH}", hint=EXAMPLE)
+    return _Parser(text).whole()
+
+
+def is_about_logs(node: Node | Operand) -> bool:
+    """Whether it is to be asked of each log: it has a metric outside of functions, `any`, `all` and `share`."""
+    if isinstance(node, Comparison):
+        return any(isinstance(operand, Name) for operand in node.operands)
+    if isinstance(node, Not):
+        return is_about_logs(node.inner)
+    return isinstance(node, Both) and any(is_about_logs(part) for part in node.parts)
+
+
+class _Parser:
+    """Recursive descent over the tokens: kind, text, where it starts."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._tokens = self._scan(text)
+        self._at = 0
+        self._depth = 0
+
+    def _scan(self, text: str) -> list[tuple[str, str, int]]:
+        tokens = []
+        at = 0
+        while at < len(text.rstrip()):
+            match = _TOKEN.match(text, at)
+            if match is None or match.lastgroup is None:
+                start = at + len(text[at:]) - len(text[at:].lstrip())
+                raise self._error("a metric, a number or a comparison", start)
+            tokens.append((match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
+            at = match.end()
+        return tokens
+
+    def whole(self) -> Node:
+        node = self._either()
+        if self._at < len(self._tokens):
+            raise self._unexpected("`and`, `or` or the end")
+        return node
+
+    def _either(self) -> Node:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise UsageError(f"the gate has more than {MAX_DEPTH} parentheses inside each other")
+        parts = [self._all()]
+        while self._take("name", "or"):
+            parts.append(self._all())
+        self._depth -= 1
+        return parts[0] if len(parts) == 1 else Both(tuple(parts), is_and=False)
+
+    def _all(self) -> Node:
+        parts = [self._one()]
+        while self._take("name", "and"):
+            parts.append(self._one())
+        return parts[0] if len(parts) == 1 else Both(tuple(parts), is_and=True)
+
+    def _one(self) -> Node:
+        negations = 0
+        while self._take("name", "not"):
+            negations += 1
+        node = self._plain()
+        return Not(node) if negations % 2 else node
+
+    def _plain(self) -> Node:
+        if self._take("sign", "("):
+            node = self._either()
+            self._need(")")
+            return node
+        if self._peek()[0] == "name" and self._peek()[1] in {"any", "all"} and self._peek(1)[1] == "(":
+            quantifier = self._next()[1]
+            return Over(quantifier, self._inside())
+        return self._comparison()
+
+    def _comparison(self) -> Comparison:
+        operands = [self._operand()]
+        signs: list[str] = []
+        while self._peek()[1] in COMPARISONS and len(signs) < 2:
+            signs.append(self._next()[1])
+            operands.append(self._operand())
+        if not signs:
+            raise self._unexpected(f"one of {' '.join(COMPARISONS)}")
+        names = [o.name if isinstance(o, Aggregate) else o for o in operands]
+        if all(isinstance(operand, Number) for operand in operands):
+            raise UsageError(f"the gate compares numbers only: {self._text.strip()}", hint=EXAMPLE)
+        if sum(isinstance(name, Name) and name.is_pattern for name in names) > 1:
+            raise UsageError(f"the gate compares two patterns with *: {self._text.strip()}", hint="use * once")
+        return Comparison(tuple(operands), tuple(signs))
+
+    def _operand(self) -> Operand:
+        kind, text, start = self._next("a metric or a number")
+        if kind == "number":
+            return Number(float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0))
+        if kind != "name" or text in {"and", "or", "not"}:
+            raise self._error("a metric or a number", start)
+        if self._peek()[1] != "(":
+            return Name(text)
+        if text == "share":
+            return Share(self._inside())
+        if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
+            known = (*FUNCTIONS, "p95", "share", "any", "all")
+            raise UsageError(f"a gate has no function {text}", hint=f"known: {', '.join(known)}")
+        self._need("(")
+        kind, inner, start = self._next("a metric")
+        if kind != "name" or self._peek()[1] == "(":
+            raise self._error("a metric", start)
+        self._need(")")
+        return Aggregate(text, Name(inner))
+
+    def _inside(self) -> Node:
+        self._need("(")
+        node = self._either()
+        self._need(")")
+        if not is_about_logs(node):
+            raise UsageError(f"any(), all() and share() need a metric of a log inside: {self._text.strip()}")
+        return node
+
+    def _peek(self, ahead: int = 0) -> tuple[str, str, int]:
+        at = self._at + ahead
+        return self._tokens[at] if at < len(self._tokens) else ("end", "", len(self._text))
+
+    def _next(self, expected: str = "more") -> tuple[str, str, int]:
+        if self._at >= len(self._tokens):
+            raise self._unexpected(expected)
+        self._at += 1
+        return self._tokens[self._at - 1]
+
+    def _take(self, kind: str, text: str) -> bool:
+        if self._peek()[:2] != (kind, text):
+            return False
+        self._at += 1
+        return True
+
+    def _need(self, text: str) -> None:
+        if not self._take("sign", text):
+            raise self._unexpected(f"`{text}`")
+
+    def _unexpected(self, expected: str) -> UsageError:
+        return self._error(expected, self._peek()[2])
+
+    def _error(self, expected: str, start: int) -> UsageError:
+        found = self._text[start : start + 20].strip()
+        what = f"found `{found}`" if found else "it ends"
+        return UsageError(
+            f"can't read the gate `{self._text.strip()}`: expected {expected} at character {start + 1}, {what}",
+            hint=EXAMPLE,
+        )
+
+
+def percentile_of(function: str) -> float | None:
+    """The percentile of `p95` and the like; None for another function."""
+    match = _PERCENTILE.fullmatch(function)
+    return float(match[1]) if match else None

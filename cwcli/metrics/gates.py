@@ -1,0 +1,267 @@
+"""Gates: conditions on headline metrics that a run has to meet. For the grammar see `cwcli.metrics.gate_syntax`.
+
+A condition on a metric of a log must hold for every log. A metric that a log does not have, or that has no value there
+(precision without a warning), leaves the condition open: `and` and `or` follow Kleene's logic of three values, and a
+gate that stays open has failed unless missing metrics are allowed. A log that failed fails every gate that asks it.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from enum import Enum
+from functools import cached_property
+
+import numpy as np
+
+from cwcli.metrics.gate_syntax import (
+    Aggregate,
+    Comparison,
+    Name,
+    Node,
+    Not,
+    Number,
+    Operand,
+    Over,
+    is_about_logs,
+    parse,
+    percentile_of,
+)
+from cwcli.metrics.headline import METRICS
+from cwcli.metrics.pooling import LogMetrics, metric_names, pooled_value
+from cwcli.text import number
+
+_SIGNS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+_PLAIN: dict[str, Callable[[Sequence[float]], float]] = {
+    "mean": lambda values: math.fsum(values) / len(values),
+    "median": lambda values: float(np.median(values)),
+    "min": min,
+    "max": max,
+    "sum": math.fsum,
+}
+FAILED_LOGS = "every log was evaluated"
+"""The gate that failed logs fail, beside those that were asked for."""
+
+
+class Status(Enum):
+    """What became of a check."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    SKIPPED = "skipped"
+
+
+@dataclass(frozen=True)
+class Check:
+    """A gate asked of one log.
+
+    Attributes:
+        log: Its id; "" where the gate is about the run as a whole.
+        status: See `Status`.
+        detail: The values that were compared, and what is missing.
+    """
+
+    log: str
+    status: Status
+    detail: str
+
+
+@dataclass(frozen=True)
+class GateResult:
+    """One gate and its checks."""
+
+    gate: str
+    checks: tuple[Check, ...]
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(check for check in self.checks if check.status is Status.FAILED)
+
+    @property
+    def status(self) -> Status:
+        """Failed if a check failed; skipped if all were."""
+        if self.failed:
+            return Status.FAILED
+        return Status.PASSED if any(check.status is Status.PASSED for check in self.checks) else Status.SKIPPED
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """True, False or (None) open; with the words for it."""
+
+    holds: bool | None
+    words: tuple[str, ...]
+
+
+def check_gates(gates: Sequence[str], logs: Sequence[LogMetrics], *, allow_missing: bool = False) -> list[GateResult]:
+    """Check every gate; with gates to check, logs that failed are a failed gate of their own.
+
+    Args:
+        gates: Expressions.
+        logs: Of the run, failed ones included.
+        allow_missing: A check that stays open for lack of a metric is skipped, not failed.
+
+    Raises:
+        UsageError: An expression is no gate.
+    """
+    nodes = [(text, parse(text)) for text in gates]
+    judge = _Judge(logs)
+    results = [GateResult(" ".join(text.split()), judge.checks(node, allow_missing)) for text, node in nodes]
+    failed = tuple(Check(log.id, Status.FAILED, f"the log failed: {log.error}") for log in logs if log.error)
+    return [*results, GateResult(FAILED_LOGS, failed)] if failed and results else results
+
+
+class _Judge:
+    def __init__(self, logs: Sequence[LogMetrics]) -> None:
+        self._logs = logs
+        self._done = [log for log in logs if not log.error]
+
+    @cached_property
+    def _names(self) -> list[str]:
+        return metric_names(self._logs)
+
+    def checks(self, node: Node, allow_missing: bool) -> tuple[Check, ...]:
+        if not self._logs:
+            return (Check("", Status.FAILED, "there is no log"),)
+        asked: Sequence[LogMetrics | None] = self._logs if is_about_logs(node) else (None,)
+        return tuple(self._check(node, log, allow_missing) for log in asked)
+
+    def _check(self, node: Node, log: LogMetrics | None, allow_missing: bool) -> Check:
+        if log is not None and log.error:
+            return Check(log.id, Status.FAILED, f"the log failed: {log.error}")
+        answer = self._ask(node, log)
+        status = Status.PASSED if answer.holds else Status.FAILED
+        if answer.holds is None and allow_missing:
+            status = Status.SKIPPED
+        return Check(log.id if log else "", status, "; ".join(dict.fromkeys(answer.words)))
+
+    def _ask(self, node: Node, log: LogMetrics | None) -> _Answer:
+        if isinstance(node, Comparison):
+            return self._compare(node, log)
+        if isinstance(node, Not):
+            inner = self._ask(node.inner, log)
+            return _Answer(None if inner.holds is None else not inner.holds, inner.words)
+        if isinstance(node, Over):
+            return self._over(node)
+        return _joined([self._ask(part, log) for part in node.parts], is_and=node.is_and)
+
+    def _over(self, node: Over) -> _Answer:
+        answers = [self._ask(node.inner, log) for log in self._done]
+        joined = _joined(answers, is_and=node.quantifier == "all")
+        held = sum(answer.holds is True for answer in answers)
+        return _Answer(joined.holds, (f"it holds for {held} of {len(answers)} logs",))
+
+    def _compare(self, node: Comparison, log: LogMetrics | None) -> _Answer:
+        columns = [self._values(operand, log) for operand in node.operands]
+        answers = []
+        for row in range(max(len(column) for column in columns)):
+            cells = [column[row if len(column) > 1 else 0] for column in columns]
+            words = tuple(words for _, words in cells if words)
+            values = [value for value, _ in cells]
+            if any(value is None for value in values):
+                answers.append(_Answer(None, words))
+                continue
+            held = all(
+                _SIGNS[sign](float(left or 0.0), float(right or 0.0))
+                for sign, left, right in zip(node.signs, values, values[1:], strict=False)
+            )
+            answers.append(_Answer(held, words))
+        return _joined(answers, is_and=True)
+
+    def _values(self, operand: Operand, log: LogMetrics | None) -> list[tuple[float | None, str]]:
+        """Value (None: missing) and words for it; several for a pattern."""
+        if isinstance(operand, Number):
+            return [(operand.value, "")]
+        if isinstance(operand, Name):
+            assert log is not None
+            return [self._of_log(name, log) for name in self._matching(operand, list(log.rows))]
+        if isinstance(operand, Aggregate):
+            return [self._of_run(operand.function, name) for name in self._matching(operand.name, self._names)]
+        answers = [self._ask(operand.inner, each).holds for each in self._done]
+        known = [answer for answer in answers if answer is not None]
+        if not known:
+            return [(None, "no log can say")]
+        held = sum(known)
+        return [(held / len(known), f"it holds for {held} of {len(known)} logs")]
+
+    def _matching(self, name: Name, names: list[str]) -> list[str]:
+        """The metrics that a pattern means; the pattern itself where there is none."""
+        if not name.is_pattern:
+            return [name.text]
+        return [known for known in names if matches(name.text, known)] or [name.text]
+
+    def _of_log(self, name: str, log: LogMetrics) -> tuple[float | None, str]:
+        row = log.rows.get(name)
+        if row is None:
+            return None, self._missing(name)
+        if math.isnan(row.value):
+            return None, f"{name} has no value: there was nothing to judge"
+        return row.value, f"{name} = {_text(row.value, row.unit)}"
+
+    def _of_run(self, function: str, name: str) -> tuple[float | None, str]:
+        rows = [log.rows[name] for log in self._done if name in log.rows]
+        if not rows:
+            return None, self._missing(name)
+        values = [row.value for row in rows if not math.isnan(row.value)]
+        if function == "pooled":
+            value = pooled_value(rows)
+        elif not values:
+            value = math.nan
+        else:
+            percentile = percentile_of(function)
+            value = _PLAIN[function](values) if percentile is None else float(np.percentile(values, percentile))
+        label = f"{function}({name})"
+        if math.isnan(value):
+            return None, f"{label} has no value: there was nothing to judge"
+        return value, f"{label} = {_text(value, rows[0].unit)} over {len(values)} logs"
+
+    def _missing(self, name: str) -> str:
+        if "*" in name:
+            return f"no metric matches {name}"
+        if name in self._names:
+            return f"{name} is missing"
+        near = get_close_matches(name, [*self._names, *(metric.name for metric in METRICS)], n=1)
+        return f"no log has {name}" + (f" (did you mean {near[0]}?)" if near else "")
+
+
+def matches(pattern: str, name: str) -> bool:
+    """Whether a name fits a pattern whose `*` stand for any characters; in linear time."""
+    first, *rest = pattern.split("*")
+    if not rest:
+        return first == name
+    last = rest.pop()
+    if len(name) < len(first) + len(last) or not name.startswith(first) or not name.endswith(last):
+        return False
+    at, end = len(first), len(name) - len(last)
+    for part in rest:
+        found = name.find(part, at, end)
+        if found < 0:
+            return False
+        at = found + len(part)
+    return True
+
+
+def _joined(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
+    """Kleene's `and` or `or`; without answers `and` holds."""
+    words = tuple(word for answer in answers for word in answer.words)
+    if any(answer.holds is (not is_and) for answer in answers):
+        decided = tuple(word for answer in answers if answer.holds is (not is_and) for word in answer.words)
+        return _Answer(not is_and, decided)
+    if any(answer.holds is None for answer in answers):
+        return _Answer(None, tuple(word for answer in answers if answer.holds is None for word in answer.words))
+    return _Answer(is_and, words)
+
+
+def _text(value: float, unit: str) -> str:
+    return f"{number(value)} {unit}".rstrip() if math.isfinite(value) else f"{value}"

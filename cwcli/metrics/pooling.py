@@ -1,0 +1,169 @@
+"""Headline metrics of several logs, and of all of them together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from cwcli.metrics.headline import COLUMNS, Headline, interval_of, metric_of, value_of
+from cwcli.metrics.intervals import NOT_KNOWN
+from cwcli.metrics.table import Table
+from cwcli.signals.columns import FloatArray
+
+MIN_LOGS = 5
+"""With fewer logs a bootstrap over them tells nothing."""
+N_RESAMPLES = 2000
+POOLED_ID = "(pooled)"
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """One metric of one log, or of several; the columns of the table `metrics`."""
+
+    stage: str
+    metric: str
+    value: float
+    unit: str
+    n: int
+    low: float
+    high: float
+    pool: str
+    total: float
+    weight: float
+
+
+@dataclass(frozen=True)
+class LogMetrics:
+    """One log of a run.
+
+    Attributes:
+        id: Its name in the run, unique.
+        rows: Metric -> its row.
+        error: Why there are none: the log failed; "" if it did not.
+        sha256: Of the input, "" where it is not known.
+    """
+
+    id: str
+    rows: Mapping[str, MetricRow] = field(default_factory=dict)
+    error: str = ""
+    sha256: str = ""
+
+    def value(self, name: str) -> float:
+        """The value of a metric; NaN where there is none."""
+        row = self.rows.get(name)
+        return math.nan if row is None else row.value
+
+
+def rows_of(table: Table) -> dict[str, MetricRow]:
+    """The rows of a table `metrics`, by metric.
+
+    Raises:
+        ValueError: A column is missing.
+    """
+    missing = [name for name in COLUMNS if name not in table.columns]
+    if missing:
+        raise ValueError(f"the column {missing[0]} is missing")
+    return {
+        row["metric"]: MetricRow(
+            str(row["stage"]),
+            str(row["metric"]),
+            float(row["value"]),
+            str(row["unit"]),
+            int(row["n"]),
+            float(row["low"]),
+            float(row["high"]),
+            str(row["pool"]),
+            float(row["total"]),
+            float(row["weight"]),
+        )
+        for row in table.records()
+    }
+
+
+def metric_names(logs: Iterable[LogMetrics]) -> list[str]:
+    """Every metric that a log has, in the order in which they are first met."""
+    return list(dict.fromkeys(name for log in logs for name in log.rows))
+
+
+def pooled(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
+    """One metric over several logs.
+
+    The sums add up (see `cwcli.metrics.headline`), so a log counts by its number of samples, a rate by its hours. The
+    interval is Wilson's or Poisson's of the sums where the metric has such a one; else a percentile bootstrap over the
+    logs, from 5 logs on.
+
+    Args:
+        rows: Of the same metric, at least one.
+        seed: Of the bootstrap.
+    """
+    first = rows[0]
+    judged = _judged(rows)
+    total, weight = _sums(judged, first.pool)
+    value = value_of(first.pool, total, weight)
+    metric = metric_of(first.metric)
+    kind = metric.interval if metric is not None else ""
+    low, high = interval_of(kind, total, weight) if kind else _bootstrap(first.pool, judged, seed)
+    n = sum(row.n for row in rows)
+    return MetricRow(first.stage, first.metric, value, first.unit, n, low, high, first.pool, total, weight)
+
+
+def pooled_value(rows: Sequence[MetricRow]) -> float:
+    """The value of `pooled`, without its interval; NaN without rows."""
+    return value_of(rows[0].pool, *_sums(_judged(rows), rows[0].pool)) if rows else math.nan
+
+
+def pooled_rows(logs: Sequence[LogMetrics], *, seed: int = 0) -> dict[str, MetricRow]:
+    """Every metric over the logs that have it."""
+    return {
+        name: pooled([log.rows[name] for log in logs if name in log.rows], seed=seed) for name in metric_names(logs)
+    }
+
+
+def _judged(rows: Sequence[MetricRow]) -> list[MetricRow]:
+    return [row for row in rows if row.weight > 0.0 and math.isfinite(row.total)]
+
+
+def _sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
+    if not rows:
+        return math.nan, 0.0
+    totals = [row.total for row in rows]
+    if pool in {"max", "min"}:
+        return (max if pool == "max" else min)(totals), 1.0
+    return math.fsum(totals), math.fsum(row.weight for row in rows)
+
+
+def _bootstrap(pool: str, rows: Sequence[MetricRow], seed: int) -> tuple[float, float]:
+    """95 % percentile interval of a pooled root mean square or mean, by resampling the logs."""
+    if pool not in {"rms", "mean"} or len(rows) < MIN_LOGS:
+        return NOT_KNOWN
+    drawn = resamples(len(rows), seed)
+    totals = drawn @ np.array([row.total for row in rows])
+    weights = drawn @ np.array([row.weight for row in rows])
+    values = totals / weights
+    if pool == "rms":
+        values = np.sqrt(np.maximum(values, 0.0))
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)
+
+
+@lru_cache(maxsize=2)
+def resamples(n: int, seed: int) -> FloatArray:
+    """How often each of n logs is drawn in each bootstrap resample, shape (N_RESAMPLES, n)."""
+    rng = np.random.default_rng(seed)
+    return rng.multinomial(n, np.full(n, 1.0 / n), size=N_RESAMPLES).astype(np.float64)
+
+
+def run_table(logs: Sequence[LogMetrics], *, seed: int = 0) -> Table:
+    """All logs' rows, then the pooled ones under the id `(pooled)`; with a column `log` in front."""
+    ids: list[str] = []
+    headline = Headline()
+    for name, rows in (*((log.id, log.rows) for log in logs), (POOLED_ID, pooled_rows(logs, seed=seed))):
+        for row in rows.values():
+            ids.append(name)
+            headline.rows.append(tuple(getattr(row, column) for column in COLUMNS))
+    table = headline.table()
+    return Table(table.name, {"log": ids, **table.columns}, table.docs)
