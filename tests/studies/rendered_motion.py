@@ -44,7 +44,7 @@ LONGEST_DRIFT_S = 25.0
 OUTSIDE_M = 0.4
 """A drift is rendered until the tyre is so far beyond the boundary: ISO's latest line is at 0.3 m."""
 UNDISTURBED_S = 60.0
-OVERLAY_M = 30.0
+OVERLAY_M, OVERLAY_PX = 30.0, 3.0
 ROADS = {
     "straight": Road(),
     "curve of 500 m": Road(np.array([0.0, 50.0, 150.0]), np.array([0.0, 0.0, 0.002])),
@@ -76,28 +76,41 @@ def observed(seen: RenderedDrive, *, with_gyro: bool) -> tuple[LateralTrack, Pat
     return track, calibrate_paths(lateral_paths(track, CAR), track)
 
 
-def overlay_error_px(seen: RenderedDrive, paths: Paths, truth: Truth, run: int = 0) -> np.ndarray:
-    """How far the drawn path is beside the true one where the true one is 30 m ahead, (n,); NaN near the drive's end.
+@dataclass(frozen=True)
+class OverlayError:
+    """Of each frame, shape (n,), pixels; NaN where the true path does not reach `OVERLAY_M`.
 
-    The true path is what the car then drove, seen by the true camera of that moment on the true surface.
+    Attributes:
+        path_px: The drawn path, beside the true one in the image where that is `OVERLAY_M` ahead.
+        geometry_px: What is left of it if the predicted path were the true one: the point of the true path `OVERLAY_M`
+            ahead as the overlay places it, from where it is in the image.
     """
+
+    path_px: np.ndarray
+    geometry_px: np.ndarray
+
+
+def overlay_error(seen: RenderedDrive, paths: Paths, truth: Truth, run: int = 0) -> OverlayError:
+    """The overlay against what the car then drove, seen by the true camera of that moment on the true surface."""
     drive = seen.drive
-    error = np.full(len(drive), np.nan)
+    error = np.full((2, len(drive)), np.nan)
+    ahead = np.array([OVERLAY_M])
     for i, index in enumerate(seen.sensed.index.tolist()):
         dx, dy = truth.x_m[index:, run] - truth.x_m[index, run], truth.y_m[index:, run] - truth.y_m[index, run]
         cos, sin = np.cos(truth.yaw_rad[index, run]), np.sin(truth.yaw_rad[index, run])
         forward, left = cos * dx + sin * dy, cos * dy - sin * dx
         if forward[-1] < OVERLAY_M or not np.isfinite(paths.x_m[i]).all():
             continue
-        y_m = np.interp(OVERLAY_M, forward, left)
+        beside = np.interp(ahead, forward, left)
         shown = drive.truth(i)
-        z_m = shown.road.z_at(np.array([OVERLAY_M]))
-        u_true, v_true = shown.camera.project(np.array([OVERLAY_M]), np.array([y_m]), z_m)
+        true_u, true_v = shown.camera.project(ahead, beside, shown.road.z_at(ahead))
         camera = seen.camera.turned(pitch_rad=float(seen.fits.pitch_rad[i]), yaw_rad=float(seen.fits.yaw_rad[i]))
         path = BodyPath(paths.x_m[i], paths.y_m[i], paths.heading_rad[i], paths.position_covariance_m2[i])
         u, v = path_lines(path, camera, width_m=CAR.width_m).points[0].T
-        error[i] = np.interp(-v_true[0], -v, u) - u_true[0]
-    return error
+        placed_u, placed_v = camera.image_from_ground(ahead, beside)
+        error[0, i] = np.abs(np.interp(-true_v, -v, u) - true_u)[0]
+        error[1, i] = np.hypot(placed_u - true_u, placed_v - true_v)[0]
+    return OverlayError(*error)
 
 
 def drive(number: int, setting: Setting) -> dict[str, dict[str, float]]:
@@ -111,10 +124,12 @@ def drive(number: int, setting: Setting) -> dict[str, dict[str, float]]:
         track, paths = observed(seen, with_gyro=with_gyro)
         xy = (paths.x_m, paths.y_m)
         found[name] = drive_errors(truth, 0, seen.sensed, track, xy, paths.position_covariance_m2)
-        beside = np.abs(overlay_error_px(seen, paths, truth)[SETTLED_FRAMES:])
+        overlay = overlay_error(seen, paths, truth)
+        beside = overlay.path_px[SETTLED_FRAMES:]
         found[name] |= {
             "overlay at 30 m, median [px]": float(np.nanmedian(beside)),
-            "overlay at 30 m, within 3 px": float(np.mean(beside[np.isfinite(beside)] <= 3.0)),
+            "overlay at 30 m, share within 3 px": float(np.mean(beside[np.isfinite(beside)] <= OVERLAY_PX)),
+            "overlay at 30 m, its geometry, worst [px]": float(np.nanmax(overlay.geometry_px[SETTLED_FRAMES:])),
         }
     return found
 
