@@ -6,7 +6,7 @@ colour differs in dash or symbol too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -79,8 +79,8 @@ def polygon(x: Sequence[Any], y: Sequence[Any], name: str, colour: str, **more: 
     }
 
 
-def upright(at: float, text: str, colour: str, *, dash: str = "dash") -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """A vertical line over the whole height, and its label at the top."""
+def upright(at: float, text: str, colour: str, *, dash: str = "dash") -> tuple[dict[str, Any], dict[str, Any]]:
+    """A vertical line over the whole height, and its label beside it, at the top."""
     shape = {
         "type": "line",
         "xref": "x",
@@ -96,9 +96,12 @@ def upright(at: float, text: str, colour: str, *, dash: str = "dash") -> tuple[M
         "yref": "paper",
         "x": at,
         "y": 1,
-        "yanchor": "bottom",
+        "xanchor": "left",
+        "yanchor": "top",
+        "xshift": 2,
         "text": text,
         "showarrow": False,
+        "bgcolor": "rgba(255,255,255,0.75)",
         "font": {"color": colour, "size": 12},
     }
     return shape, label

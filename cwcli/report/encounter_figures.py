@@ -23,16 +23,17 @@ from cwcli.report.drawing import (
     upright,
 )
 from cwcli.report.drive import Drive, ego_size
-from cwcli.report.encounters import Encounter, predicted
+from cwcli.report.encounters import Encounter, Nearest, predicted
 from cwcli.report.map_figure import other_name, with_breaks
 from cwcli.report.paths import Path2D
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.actual import interpolate
+from cwcli.warning.actual import Motion, interpolate
 from cwcli.warning.types import ActualTrack
 
 OTHER = OTHERS[0]
-BEFORE_S, AFTER_S = 6.0, 6.0
+BEFORE_S, AFTER_S = 4.0, 5.0
+MAX_SHOWN_M = 30.0
 FAN_BEFORE_S, FAN_AFTER_S = 1.0, 4.0
 ELLIPSE_EVERY_S = 0.5
 MAX_ELLIPSES = 12
@@ -106,14 +107,13 @@ def _fan(view: _View, path: Path2D, colour: str, name: str, horizon_s: float) ->
             edges_x += [*ex, None]
             edges_y += [*ey, None]
     return [
-        polygon(edges_x, edges_y, f"{name}: 1-sigma of the prediction", colour, alpha=0.22, legendgroup=name),
+        polygon(edges_x, edges_y, f"{name}: 1-sigma of the prediction", colour, alpha=0.3, showlegend=False),
         line(
             x,
             y,
             f"{name}: predicted",
             colour,
             width=3,
-            legendgroup=name,
             customdata=rounded(path.time_s[keep], 2),
             hovertemplate="%{customdata} s ahead",
         ),
@@ -149,7 +149,7 @@ def _driven(
     x, y = view.xy(states[rows])
     seconds = rounded(drive.seconds(stamps[rows]), 2)
     hover = {"customdata": seconds, "hovertemplate": "%{customdata} s"}
-    traces = [line(x, y, f"{name}: driven", colour, dash="dot", width=2, legendgroup=name, **hover)]
+    traces = [line(x, y, f"{name}: driven", colour, dash="dot", width=2, **hover)]
     moments = [(encounter.raised_ns, "at the warning", 0.85)]
     if encounter.verdict is not None and encounter.verdict.closest_ns >= 0:
         moments.append((encounter.verdict.closest_ns, "at the nearest approach", 0.25))
@@ -157,7 +157,7 @@ def _driven(
         state = interpolate(track, np.array([at_ns], np.int64), drive.rule.max_gap_s)[0]
         if np.isfinite(state).all():
             x, y = view.xy(_outline(state, size_m))
-            shape = polygon(x, y, f"{name} {when}", colour, alpha=alpha, legendgroup=name)
+            shape = polygon(x, y, f"{name} {when}", colour, alpha=alpha)
             traces.append({**shape, "line": {"width": 1.5, "color": colour}, "showlegend": False})
     return traces
 
@@ -179,74 +179,81 @@ def _outline(state: FloatArray, size_m: tuple[float, float]) -> FloatArray:
 
 def distance_figure(drive: Drive, encounter: Encounter) -> Figure | None:
     """Distance and time to collision around a warning; None where the tracks do not tell."""
-    motion = encounter.motion
-    if motion is None or drive.warnings is None:
+    if encounter.motion is None or drive.warnings is None:
         return None
-    before_ns, after_ns = round(BEFORE_S * NS_PER_S), round(AFTER_S * NS_PER_S)
-    first = int(np.searchsorted(motion.stamp_ns, encounter.raised_ns - before_ns))
-    last = int(np.searchsorted(motion.stamp_ns, max(encounter.last_ns, encounter.raised_ns + after_ns), side="right"))
-    if last - first < 2:
-        return None
-    part = slice(first, last)
-    stamps = motion.stamp_ns[part]
-    columns = np.column_stack([motion.distance_m[part], motion.gap_m[part], motion.ttc_s[part]])
-    columns[columns[:, 2] > MAX_TTC_S, 2] = np.nan
-    stamps, columns = with_breaks(stamps, columns, drive.rule.max_gap_s)
-    seconds = drive.seconds(stamps)
-
-    def curve(column: int, name: str, colour: str, decimals: int, unit: str, **more: Any) -> Trace:
-        rows = envelope_rows(columns[:, column], N_PIECES)
-        hover = f"%{{x}} s: %{{y}} {unit}"
-        x, y = rounded(seconds[rows], 3), rounded(columns[rows, column], decimals)
-        return line(x, y, name, colour, hovertemplate=hover, **more)
-
-    data = [
-        curve(0, "distance, centre to centre", EGO, 2, "m"),
-        curve(1, "gap between the outlines", OTHERS[1], 2, "m", dash="dash"),
-        _predictions(drive, encounter),
-        curve(2, "time to collision", OTHERS[4], 2, "s", yaxis="y2"),
-    ]
-    limit_m = drive.rule.distance_m
-    shapes: list[Any] = [
-        {
-            "type": "line",
-            "xref": "paper",
-            "x0": 0,
-            "x1": 1,
-            "yref": "y",
-            "y0": limit_m,
-            "y1": limit_m,
-            "line": {"color": "#000000", "width": 1, "dash": "dot"},
-        }
-    ]
-    labels: list[Any] = [
-        {
-            "xref": "paper",
-            "x": 0,
-            "xanchor": "left",
-            "yref": "y",
-            "y": limit_m,
-            "yanchor": "bottom",
-            "text": f"collision distance {limit_m:g} m",
-            "showarrow": False,
-            "font": {"size": 11},
-        }
-    ]
+    until_ns = max(encounter.last_ns, encounter.raised_ns + round(AFTER_S * NS_PER_S))
     marks = [(encounter.raised_ns, "warning", ALERT)]
     if encounter.verdict is not None and encounter.verdict.closest_ns >= 0:
         marks.append((encounter.verdict.closest_ns, "nearest", "#000000"))
-    for at_ns, text, colour in marks:
-        shape, label = upright(round((at_ns - drive.start_ns) / NS_PER_S, 3), text, colour)
-        shapes.append(shape)
-        labels.append(label)
-    layout = {
+    since_ns = encounter.raised_ns - round(BEFORE_S * NS_PER_S)
+    return _nearness(drive, encounter.motion, (since_ns, until_ns), marks, [_predictions(drive, encounter)])
+
+
+def nearest_figure(drive: Drive, nearest: Nearest) -> Figure | None:
+    """Distance and time to collision around the nearest approach of a drive without warnings."""
+    apart_ns = round(2.0 * AFTER_S * NS_PER_S)
+    span = (nearest.stamp_ns - apart_ns, nearest.stamp_ns + apart_ns)
+    return _nearness(drive, nearest.motion, span, [(nearest.stamp_ns, "nearest", "#000000")], [])
+
+
+def _nearness(
+    drive: Drive, motion: Motion, span_ns: tuple[int, int], marks: list[tuple[int, str, str]], more: list[Trace]
+) -> Figure | None:
+    first = int(np.searchsorted(motion.stamp_ns, span_ns[0]))
+    last = int(np.searchsorted(motion.stamp_ns, span_ns[1], side="right"))
+    if last - first < 2:
+        return None
+    part = slice(first, last)
+    columns = np.column_stack([motion.distance_m[part], motion.gap_m[part], motion.ttc_s[part]])
+    columns[columns[:, 2] > MAX_TTC_S, 2] = np.nan
+    stamps, columns = with_breaks(motion.stamp_ns[part], columns, drive.rule.max_gap_s)
+    seconds = drive.seconds(stamps)
+
+    def curve(column: int, name: str, colour: str, unit: str, **style: Any) -> Trace:
+        rows = envelope_rows(columns[:, column], N_PIECES)
+        x, y = rounded(seconds[rows], 3), rounded(columns[rows, column], 2)
+        return line(x, y, name, colour, hovertemplate=f"%{{x}} s: %{{y}} {unit}", **style)
+
+    data = [
+        curve(0, "distance, centre to centre", EGO, "m"),
+        curve(1, "gap between the outlines", OTHERS[1], "m", dash="dash"),
+        *more,
+        curve(2, "time to collision", OTHERS[4], "s", yaxis="y2"),
+    ]
+    drawn = [_level(drive.rule.distance_m)]
+    drawn += [upright(round((at_ns - drive.start_ns) / NS_PER_S, 3), text, colour) for at_ns, text, colour in marks]
+    layout: dict[str, Any] = {
         "xaxis": axis("time since the log began [s]", anchor="y2"),
-        "yaxis": axis("distance [m]", domain=[0.4, 1.0], rangemode="tozero"),
-        "yaxis2": axis("time to<br>collision [s]", domain=[0.0, 0.3], rangemode="tozero"),
-        "shapes": shapes,
-        "annotations": labels,
+        "yaxis": axis("distance [m]", domain=[0.4, 1.0], range=_distances(columns)),
+        "yaxis2": axis("time to<br>collision [s]", domain=[0.0, 0.3], range=[0.0, MAX_TTC_S]),
+        "shapes": [shape for shape, _ in drawn],
+        "annotations": [label for _, label in drawn],
     }
+    if not np.isfinite(columns[:, 2]).any():
+        data.pop()
+        layout["xaxis"]["anchor"] = "y"
+        layout["yaxis"]["domain"] = [0.0, 1.0]
+        del layout["yaxis2"]
     return {"data": data, "layout": layout}
+
+
+def _distances(columns: FloatArray) -> list[float]:
+    """What the axis of distances shows at first: the near part, where it matters."""
+    known = columns[:, :2][np.isfinite(columns[:, :2])]
+    if not len(known):
+        return [0.0, MAX_SHOWN_M]
+    least = float(known.min())
+    top = min(float(known.max()), max(MAX_SHOWN_M, 3.0 * least))
+    return [round(min(0.0, least) - 0.05 * top, 2), round(1.05 * top, 2)]
+
+
+def _level(limit_m: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The distance that counts as a collision."""
+    across = {"xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": limit_m, "y1": limit_m}
+    shape = {"type": "line", **across, "line": {"color": "#000000", "width": 1, "dash": "dot"}}
+    place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "y", "y": limit_m, "yanchor": "bottom"}
+    text = f"{limit_m:g} m counts as a collision"
+    return shape, {**place, "text": text, "showarrow": False, "font": {"size": 11}}
 
 
 def _predictions(drive: Drive, encounter: Encounter) -> Trace:

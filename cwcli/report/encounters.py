@@ -66,19 +66,29 @@ class Missed:
 
 
 @dataclass(frozen=True)
+class Nearest:
+    """The nearest approach of a drive: of whom, how near the centres came, when, and the pair's motion."""
+
+    other: OtherTrack
+    distance_m: float
+    stamp_ns: int
+    motion: Motion
+
+
+@dataclass(frozen=True)
 class Meetings:
     """All that happened between the ego and the others.
 
     Attributes:
         encounters: The warnings, in order of time.
         missed: Conflicts without a warning, in order of time.
-        nearest: The other that came nearest, its distance in metres and when; None where nobody was near.
+        nearest: The other that came nearest; None where nobody was near.
         n_not_compared: Others whose distance was not computed, because there are so many.
     """
 
     encounters: tuple[Encounter, ...]
     missed: tuple[Missed, ...]
-    nearest: tuple[OtherTrack, float, int] | None
+    nearest: Nearest | None
     n_not_compared: int
 
 
@@ -239,8 +249,8 @@ def _direction(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: floa
     return f"coming from the {'right' if turned > 0.0 else 'left'}"
 
 
-def _nearest(others: Sequence[OtherTrack], motions: dict[int, Motion]) -> tuple[OtherTrack, float, int] | None:
-    best: tuple[OtherTrack, float, int] | None = None
+def _nearest(others: Sequence[OtherTrack], motions: dict[int, Motion]) -> Nearest | None:
+    best: Nearest | None = None
     for other in others:
         motion = motions[id(other)]
         known = np.flatnonzero(np.isfinite(motion.distance_m))
@@ -248,8 +258,8 @@ def _nearest(others: Sequence[OtherTrack], motions: dict[int, Motion]) -> tuple[
             continue
         row = int(known[motion.distance_m[known].argmin()])
         distance = float(motion.distance_m[row])
-        if best is None or distance < best[1]:
-            best = (other, distance, int(motion.stamp_ns[row]))
+        if best is None or distance < best.distance_m:
+            best = Nearest(other, distance, int(motion.stamp_ns[row]), motion)
     return best
 
 

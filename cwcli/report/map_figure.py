@@ -35,6 +35,7 @@ SPOTS = 500
 TRACK_PARTS = 4000.0
 MIN_TOLERANCE_M = 0.02
 BREAK_S = 2.0
+SLANTED = 0.7
 
 
 def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
@@ -72,7 +73,7 @@ def shown_others(drive: Drive, meetings: Meetings) -> list[OtherTrack]:
     for other in (
         *(encounter.other for encounter in meetings.encounters),
         *(missed.other for missed in meetings.missed),
-        meetings.nearest[0] if meetings.nearest else None,
+        meetings.nearest.other if meetings.nearest else None,
         *sorted(drive.others, key=lambda other: -len(other.track.stamp_ns)),
     ):
         if other is not None:
@@ -155,7 +156,7 @@ def _marks(drive: Drive, meetings: Meetings, ego: ActualTrack) -> list[Trace]:
             ),
             "mode": "markers+text",
             "text": [f"<b>warning {each.event_id}</b>" for each in shown],
-            "textposition": "middle left",
+            "textposition": ["top center" if abs(np.cos(state[3])) > SLANTED else "middle left" for state in raised],
             "textfont": {"color": ALERT, "size": 13},
             "cliponaxis": False,
         }

@@ -9,9 +9,10 @@ from typing import Any
 
 from cwcli.errors import CwcliError
 from cwcli.logs.log import Log
+from cwcli.metrics.headline import metric_of
 from cwcli.report.drawing import Figure
 from cwcli.report.drive import Drive
-from cwcli.report.encounter_figures import distance_figure, fan_figure
+from cwcli.report.encounter_figures import distance_figure, fan_figure, nearest_figure
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.report.frames import Thumbnail, thumbnails
 from cwcli.report.map_figure import map_figure
@@ -75,6 +76,7 @@ class TableView:
     columns: tuple[tuple[str, bool], ...]
     rows: tuple[tuple[str, ...], ...]
     hint: str = ""
+    is_folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,11 @@ def log_view(
             first.append(shown.plots[0])
             shown = _without_first_plot(shown)
         events.append(shown)
+    if not chosen and len(first) == 1 and meetings.nearest is not None:
+        near = nearest_figure(drive, meetings.nearest)
+        if near is not None:
+            title = f"How near {meetings.nearest.other.kind} {meetings.nearest.other.id} came"
+            first.append(_plot(anchor, "distance", title, "from the estimated tracks", near))
     signals = _signals(drive, meetings, anchor, detail, with_first=first)
     return LogView(
         anchor=anchor,
@@ -179,10 +186,10 @@ def _event(
     if fan is not None:
         at = f"{(encounter.raised_ns - drive.start_ns) / NS_PER_S:.1f}"
         title = f"Warning {encounter.event_id}, at {at} s: the predicted paths"
-        plots.append(_plot(anchor, "fan", title, "the car drives upwards; dotted: what really followed", fan, suffix))
+        plots.append(_plot(anchor, "fan", title, "ahead is up; shaded: 1-sigma; dotted: what followed", fan, suffix))
     distance = distance_figure(drive, encounter)
     if distance is not None:
-        hint = "from the estimated tracks; time to collision: of the outlines, at constant velocities"
+        hint = "by the estimated tracks; time to collision at constant velocities"
         plots.append(_plot(anchor, "distance", "How near they came", hint, distance, suffix))
     frames = []
     for offset_s in FRAME_OFFSETS_S:
@@ -261,7 +268,9 @@ def _facts(drive: Drive, encounter: Encounter) -> TableView:
         rows.append(("really: gap between outlines", overlap))
         if math.isfinite(verdict.lead_time_s):
             rows.append(("warned before the conflict by", f"{verdict.lead_time_s:.2f} s"))
-    return TableView("In numbers", (("", False), ("", False)), tuple(rows))
+    is_onset = encounter.rule == "cwcli" and encounter.probability < drive.rule.probability
+    hint = "Warned at once, because the other had just begun to brake or to turn in." if is_onset else ""
+    return TableView("In numbers", (("", False), ("", False)), tuple(rows), hint)
 
 
 def _event_table(drive: Drive, meetings: Meetings) -> TableView:
@@ -302,7 +311,11 @@ def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, w
         plots.append(_plot(anchor, "motion", "How the car moved", hint, motion))
     lane = lane_figure(drive, meetings, detail.n_pieces)
     if lane is not None:
-        plot = _plot(anchor, "lane", "The car in its lane", "at the preview point ahead, with 1-sigma bands", lane)
+        hint = (
+            "at the preview point, with 1-sigma bands; offset: the lane's centre, right positive; heading: of the car "
+        )
+        hint += "from the lane, left positive; curvature: right positive"
+        plot = _plot(anchor, "lane", "The car in its lane", hint, lane)
         if not with_first:
             with_first.append(plot)
         else:
@@ -362,19 +375,26 @@ def _tables(drive: Drive, entry: Entry) -> list[TableView]:
             columns, rows = columns[:-1], [row[:-1] for row in rows]
         tables.append(TableView("What became of the messages", columns, tuple(rows[:MAX_ROWS])))
     if entry.metrics:
-        tables.append(_metrics_table(entry))
+        tables += _metrics_tables(entry)
     return tables
 
 
-def _metrics_table(entry: Entry) -> TableView:
-    rows = []
-    for metric in entry.metrics[:MAX_ROWS]:
+def _metrics_tables(entry: Entry) -> list[TableView]:
+    """The metrics that runs are compared by, and behind them, folded, the rest."""
+    main: list[tuple[str, ...]] = []
+    rest: list[tuple[str, ...]] = []
+    for metric in entry.metrics[: 2 * MAX_ROWS]:
         interval = ""
         if math.isfinite(metric.low) and math.isfinite(metric.high):
             interval = f"{number(metric.low)} to {number(metric.high)}"
-        rows.append((metric.name, number(metric.value), metric.unit, interval, str(metric.n)))
+        known = metric_of(metric.name)
+        row = (metric.name, number(metric.value), metric.unit, interval, str(metric.n))
+        (main if known is not None and known.is_compared else rest).append(row)
     columns = (("metric", False), ("value", True), ("unit", False), ("95 % interval", False), ("samples", True))
-    return TableView("Headline metrics", columns, tuple(rows))
+    tables = [TableView("Headline metrics", columns, tuple(main))] if main else []
+    if rest:
+        tables.append(TableView("Further metrics", columns, tuple(rest), is_folded=True))
+    return tables
 
 
 def _counts(value: Any) -> dict[str, int]:

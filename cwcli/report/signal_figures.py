@@ -75,9 +75,9 @@ def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | Non
     curves = []
     turn = np.degrees(1.0)
     for title, unit, decimals, name, scale in (
-        ("lane centre, right of the car", "m", 3, "lateral_deviation", 1.0),
-        ("heading off the lane", "deg", 3, "heading_deviation", turn),
-        ("curvature, right positive", "1/km", 3, "curvature", 1000.0),
+        ("offset", "m", 3, "lateral_deviation", 1.0),
+        ("heading", "deg", 3, "heading_deviation", turn),
+        ("curvature", "1/km", 3, "curvature", 1000.0),
     ):
         suffix = {"lateral_deviation": "m", "heading_deviation": "rad", "curvature": "1pm"}[name]
         values, spread = _numbers(drive.lanes, f"{name}_{suffix}"), _numbers(drive.lanes, f"{name}_sigma_{suffix}")

@@ -194,9 +194,10 @@ def _nobody_near(drive: Drive, meetings: Meetings) -> str:
     text = f"In this drive of {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} cwcli gave no warning"
     if meetings.nearest is None:
         return f"{text}; no other vehicle was heard while the car's place was known."
-    other, distance_m, at_ns = meetings.nearest
-    name = f"{other.kind} {printable(other.id)[:MAX_ID]}"
-    return f"{text}; the nearest other, {name}, was {distance_m:.1f} m away (centre to centre) at {_at(drive, at_ns)}."
+    nearest = meetings.nearest
+    name = f"{nearest.other.kind} {printable(nearest.other.id)[:MAX_ID]}"
+    at = _at(drive, nearest.stamp_ns)
+    return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away (centre to centre) at {at}."
 
 
 def _length(drive: Drive) -> str:
@@ -218,7 +219,8 @@ def _length(drive: Drive) -> str:
 
 
 def _without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
-    reason = f" ({printable(left_out)})" if left_out else ""
+    why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
+    reason = f" ({printable(why)})" if drive.ego is not None or left_out else ""
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
         left, right = (drive.lanes.fields.get(f"{side}.found") for side in ("left", "right"))

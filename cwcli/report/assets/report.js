@@ -7,12 +7,11 @@
   };
   const AXIS = {
     gridcolor: GRID, zeroline: false, linecolor: "#8a8a8a", showline: true, ticks: "outside", tickcolor: "#8a8a8a",
-    automargin: true,
   };
   const BASE = {
     font: { family: "system-ui, -apple-system, 'Segoe UI', Roboto, 'Liberation Sans', Arial, sans-serif", size: 12,
       color: INK },
-    paper_bgcolor: "#fff", plot_bgcolor: "#fff", margin: { l: 60, r: 14, t: 26, b: 44 }, hovermode: "closest",
+    paper_bgcolor: "#fff", plot_bgcolor: "#fff", margin: { l: 74, r: 14, t: 30, b: 44 }, hovermode: "closest",
     legend: { orientation: "h", x: 0, y: -0.16, yanchor: "top" }, showlegend: true,
   };
 
