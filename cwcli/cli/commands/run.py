@@ -51,6 +51,15 @@ class PipelineOptions:
         ),
     ] = field(default_factory=list)
     tables: Annotated[bool, typer.Option("--tables", help="With -d: write the channels' columns too.")] = False
+    gates: Annotated[
+        list[str],
+        typer.Option(
+            "--gate",
+            metavar="EXPRESSION",
+            show_default=False,
+            help="With -d: a condition for `cwcli evaluate`, kept in the manifest. Repeatable.",
+        ),
+    ] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -104,7 +113,10 @@ class AllOptions:
         """
         from cwcli.cli.console import closest
         from cwcli.fleet.needs import DEFAULT_STAGES
+        from cwcli.metrics.gate_syntax import parse
 
+        for gate in self.pipeline.gates:
+            parse(gate)
         for name in self.pipeline.stages:
             if name not in self.of_stages:
                 raise UsageError(f"there is no stage {name}", hint=closest(name, list(self.of_stages)))
@@ -114,6 +126,7 @@ class AllOptions:
     def document(self) -> dict[str, Any]:
         """Every option and its value, as a configuration file has them."""
         shared = {**asdict(self.reading), **asdict(self.sensors)}
+        shared["gates"] = list(self.pipeline.gates)
         run = {"stages": list(self.calls()), "tables": self.pipeline.tables}
         return {**shared, "run": run, **{name: asdict(options) for name, options in self.of_stages.items()}}
 

@@ -32,7 +32,7 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
     defaults: dict[str, Any] = {}
     for key, entry in _top_level(value, document).items():
         if key in options:
-            defaults[key] = _checked(value, key, entry, options[key])
+            defaults[key] = _checked(ctx, value, key, entry, options[key])
     command = str(ctx.info_name)
     for table, entries in document.items():
         if not isinstance(entries, dict):
@@ -41,7 +41,7 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
             name = _name(key)
             option = name if table == command else f"{table}_{name}"
             if option in options:
-                defaults[option] = _checked(value, f"{table}.{key}", entry, options[option])
+                defaults[option] = _checked(ctx, value, f"{table}.{key}", entry, options[option])
             elif table == command or any(known.startswith(f"{table}_") for known in options):
                 known = (
                     sorted(options)
@@ -90,7 +90,7 @@ def shared_names() -> set[str]:
 
     kinds = (shared.ReadingOptions, shared.SensorOptions, shared.WritingOptions, shared.TalkOptions)
     names = {field.name for kind in kinds for field in dataclasses.fields(kind)}
-    return (names | {"metrics", "metrics_dir"}) - {"config"}
+    return (names | {"metrics", "metrics_dir", "gates"}) - {"config"}
 
 
 def _name(key: str) -> str:
@@ -100,11 +100,13 @@ def _name(key: str) -> str:
 def _unknown(path: str, key: str, known: list[str]) -> UsageError:
     from cwcli.cli.console import closest
 
-    return UsageError(f"unknown key {key} in the configuration", where=path, hint=closest(key, known))
+    return UsageError(
+        f"unknown key {key} in the configuration", where=path, hint=closest(key.rpartition(".")[2], known)
+    )
 
 
-def _checked(path: str, key: str, entry: Any, option: Any) -> Any:
-    """The entry, if its TOML type fits the option."""
+def _checked(ctx: typer.Context, path: str, key: str, entry: Any, option: Any) -> Any:
+    """The entry, if its type and value fit the option."""
     takes_list = bool(getattr(option, "multiple", False))
     is_flag = bool(getattr(option, "is_flag", False))
     items = entry if isinstance(entry, list) else [entry]
@@ -112,7 +114,18 @@ def _checked(path: str, key: str, entry: Any, option: Any) -> Any:
         raise UsageError(f"{key} must {'' if takes_list else 'not '}be a list", where=path)
     if any(isinstance(item, bool) != is_flag for item in items):
         raise UsageError(f"{key} must {'' if is_flag else 'not '}be true or false", where=path)
+    if any(isinstance(item, (dict, list)) for item in items):
+        raise UsageError(f"{key} must be {'a list of values' if takes_list else 'a value'}", where=path)
     if is_flag:
         return entry
     text = [str(item) for item in items]
-    return text if takes_list else text[0]
+    value = text if takes_list else text[0]
+    try:
+        option.get_runtime_param().coerce(value, param=option, ctx=ctx)
+    except typer.TyperException as error:
+        reason = getattr(error, "message", "") or error.format_message()
+        hint = f"see {option.opts[0]} in `cwcli {ctx.info_name} --help`"
+        raise UsageError(
+            f"{key} = {value!r}: {reason.removesuffix('.').removeprefix('Value error, ')}", where=path, hint=hint
+        ) from error
+    return value

@@ -1,0 +1,52 @@
+"""`cwcli config`."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+from cwcli.cli.console import Console
+from cwcli.cli.options.expand import expand
+from cwcli.cli.options.toml import toml
+from cwcli.errors import UsageError
+
+EXAMPLES = ("cwcli config", "cwcli config > pipeline.toml")
+
+
+def command(
+    file: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="FILE", show_default=False, help="Pipeline file; without one, the defaults are printed."
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON instead of TOML.")] = False,
+) -> None:
+    """Print a pipeline file with every option resolved and checked.
+
+    What is printed is itself a pipeline file for `cwcli run --config` that means the same: values of the environment
+    and defaults are in it too. An option without a value stands in a comment.
+    """
+    document = resolved(file)
+    Console().data(json.dumps(document, indent=2, allow_nan=False) if as_json else toml(document).rstrip())
+
+
+def resolved(file: str | None) -> dict[str, Any]:
+    """Every option that decides what `cwcli run` makes of a log, as the file, the environment and the defaults have it.
+
+    Raises:
+        UsageError: The file can't be read, or holds an unknown key or a value that does not fit.
+    """
+    from cwcli.cli.app import load_command
+    from cwcli.cli.commands.run import all_options
+
+    arguments = ["LOG", *(() if file is None else ("--config", file))]
+    with load_command("run").make_context("run", arguments) as context:
+        values = dict(context.params)
+    try:
+        document: dict[str, Any] = expand(all_options, "run")(**values).document()
+    except UsageError as error:
+        raise UsageError(error.what, where=error.where or file or "", found=error.found, hint=error.hint) from error
+    return document
