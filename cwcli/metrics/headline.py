@@ -66,6 +66,7 @@ PLACEHOLDERS = {
     "<quantity>": "position|velocity|speed|heading|accel|yaw_rate",
     "<model>": "[a-z0-9][a-z0-9-]*",
     "<horizon>": r"\d+\.\d",
+    "<rule>": "[a-z0-9][a-z0-9-]*",
 }
 
 
@@ -74,19 +75,21 @@ def _of(who: str, whom: str) -> tuple[Metric, ...]:
     own = f"prediction.{who}"
     first = who == "ego"
     return (
-        Metric(f"{own}.fde_<horizon>s_m", "predict", "m", "mean", "lower",
-               f"mean distance between {whom} predicted point and its own later estimate, at the horizon",
+        Metric(f"{own}.fde_2.5s_m", "predict", "m", "mean", "lower",
+               f"mean distance between {whom} predicted point and its own later estimate, 2.5 s ahead",
                is_compared=True),
+        Metric(f"{own}.fde_<horizon>s_m", "predict", "m", "mean", "lower", "the same at other horizons"),
         Metric(f"{own}.ade_<horizon>s_m", "predict", "m", "mean", "lower",
-               "the same, averaged over the steps up to the horizon"),
+               "as fde, averaged over the steps up to the horizon"),
         Metric(f"{own}.inside_90_<horizon>s_share", "predict", "", "mean", "near",
                "share of the outcomes inside the predicted 90 % ellipse", 0.9),
         Metric(f"{own}.<model>.fde_<horizon>s_m", "predict", "m", "mean", "lower",
                "as fde, of each motion model from the same starts"),
         Metric(f"{own}.<model>.inside_90_<horizon>s_share", "predict", "", "mean", "near",
                "as inside_90, of each motion model", 0.9),
-        *((Metric(f"{own}.truth_fde_<horizon>s_m", "predict", "m", "mean", "lower",
-                  "mean distance between the predicted point and the truth, at the horizon", is_compared=True),
+        *((Metric(f"{own}.truth_fde_2.5s_m", "predict", "m", "mean", "lower",
+                  "mean distance between the predicted point and the truth, 2.5 s ahead", is_compared=True),
+           Metric(f"{own}.truth_fde_<horizon>s_m", "predict", "m", "mean", "lower", "the same at other horizons"),
            Metric(f"{own}.truth_inside_90_<horizon>s_share", "predict", "", "mean", "near",
                   "share of the truth inside the predicted 90 % ellipse", 0.9)) if first else ()),
     )  # fmt: skip
@@ -147,6 +150,13 @@ METRICS: tuple[Metric, ...] = (
     Metric("warnings.false_alarms_per_hour", "warn", "1/h", "mean", "lower",
            "false warnings per hour of the host's track, with the exact Poisson interval", interval="rate",
            is_compared=True),
+    Metric("warnings.<rule>.precision", "warn", "", "mean", "higher", "of one of several rules", interval="share"),
+    Metric("warnings.<rule>.recall", "warn", "", "mean", "higher", "of one of several rules", interval="share"),
+    Metric("warnings.<rule>.timeliness", "warn", "", "mean", "higher", "of one of several rules", interval="share"),
+    Metric("warnings.<rule>.lead_time_mean_s", "warn", "s", "mean", "higher", "of one of several rules"),
+    Metric("warnings.<rule>.false_alarms_per_hour", "warn", "1/h", "mean", "lower", "of one of several rules",
+           interval="rate"),
+    Metric("warnings.lane_departure_count", "warn", "", "sum", "", "warnings of leaving the lane"),
     Metric("lanes.found_share", "lanes", "", "mean", "higher", "share of the frames with both boundaries",
            is_compared=True),
     Metric("lanes.left_found_share", "lanes", "", "mean", "higher", "share of the frames with a left boundary"),

@@ -1,7 +1,7 @@
 """The headline metrics of one annotated log: how good is what each stage made of it?
 
 Everything is computed from the log itself: its channels, its truth channels if it has any, and the records
-`cwcli.run.<stage>`. Tables of stages that have just run are used where they save work; the result is the same without.
+`cwcli.run.<stage>`. A table of a stage that has just run is used where it saves work; the result is the same without.
 """
 
 from __future__ import annotations
@@ -41,11 +41,10 @@ def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | N
     """
     if truth not in (AUTO, NO_TRUTH) and not truth.startswith("/"):
         raise UsageError(f"--truth {truth!r} is neither a topic nor auto nor none")
-    known = tables or {}
     headline = Headline()
     ego = add_estimate(headline, log, truth)
-    add_prediction(headline, log, ego, known.get("prediction"))
-    add_warnings(headline, log, known.get("scores"), known.get("conflicts"))
+    add_prediction(headline, log, ego, (tables or {}).get("prediction"))
+    add_warnings(headline, log)
     add_tracking(headline, log, with_truth=truth != NO_TRUTH)
     add_lanes(headline, log, with_truth=truth != NO_TRUTH)
     add_data(headline, log)

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.logs.log import Log
-from cwcli.metrics.headline import Headline
-from cwcli.metrics.table import Table
+from cwcli.metrics.headline import Headline, metric_of
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaves import texts, whole_numbers
 from cwcli.signals.units import NS_PER_S
@@ -20,12 +19,14 @@ from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_
 from cwcli.stages.records import json_entry, run_records
 from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
 from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
-from cwcli.warning.actual import relative_motion
-from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, judge, real_conflicts
+from cwcli.warning.actual import Motion, relative_motion
+from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
+from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.output import HELD, RAISED
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, ActualTrack, WarningConfig
 
 NS_PER_H = 3600 * NS_PER_S
+NO_EVENT = 0
 
 
 @dataclass(frozen=True)
@@ -51,91 +52,98 @@ class WarningScores:
     host_hours: float
 
 
-def add_warnings(headline: Headline, log: Log, scores: Table | None, conflicts: Table | None) -> None:
+def add_warnings(headline: Headline, log: Log) -> None:
     """Add the metrics of the warnings; nothing if the log has no such channel.
 
-    Args:
-        headline: Gets the rows.
-        log: The log.
-        scores, conflicts: The stage's tables, or None: the warnings are then judged again.
+    The metrics without a rule in their name are of the first collision rule; of several rules each has its own too.
     """
     if all(channel.topic != WARNINGS_TOPIC for channel in log.channels):
         return
-    found = _from_tables(scores, conflicts) if scores is not None and conflicts is not None else judge_warnings(log)
-    if found is None:
-        return
+    configuration = json_entry(run_records(log).get("warn", {}), "configuration", dict)
+    columns = log.columns(WARNINGS_TOPIC)
+    rules = _rules(configuration)
+    if LANE_DEPARTURE in rules:
+        headline.count("warnings.lane_departure_count", sum(map(len, _events(columns, LANE_DEPARTURE).values())))
+    collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
+    for k, (rule, scores) in enumerate(judge_warnings(log, columns, configuration, collision_rules).items()):
+        if k == 0:
+            _add_scores(headline, "warnings", scores)
+        if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
+            _add_scores(headline, f"warnings.{rule}", scores)
+
+
+def _rules(configuration: Mapping[str, Any]) -> list[str]:
+    """The rules that warned, by name."""
+    rules, options = configuration.get("rules"), configuration.get("rule")
+    if isinstance(rules, list) and rules:
+        return list(dict.fromkeys(map(str, rules)))
+    return [str(options.get("rule"))] if isinstance(options, dict) and "rule" in options else [WarningConfig().rule]
+
+
+def _add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
     n_warned = found.n_in_time + found.n_warned_late
     decided = found.n_true + found.n_late + found.n_false
-    headline.count("warnings.count", decided + found.n_undecided)
-    headline.count("warnings.conflicts_count", found.n_conflicts)
-    headline.count("warnings.missed_count", found.n_conflicts - n_warned)
-    headline.count("warnings.false_count", found.n_false)
-    headline.count("warnings.undecided_count", found.n_undecided)
-    headline.add("warnings.precision", found.n_true + found.n_late, decided)
-    headline.add("warnings.recall", n_warned, found.n_conflicts)
-    headline.add("warnings.timeliness", found.n_in_time, n_warned)
-    headline.add("warnings.lead_time_mean_s", sum(found.lead_times_s), len(found.lead_times_s))
-    if found.lead_times_s:
+    if prefix == "warnings":
+        headline.count("warnings.count", decided + found.n_undecided)
+        headline.count("warnings.conflicts_count", found.n_conflicts)
+        headline.count("warnings.missed_count", found.n_conflicts - n_warned)
+        headline.count("warnings.false_count", found.n_false)
+        headline.count("warnings.undecided_count", found.n_undecided)
+    headline.add(f"{prefix}.precision", found.n_true + found.n_late, decided)
+    headline.add(f"{prefix}.recall", n_warned, found.n_conflicts)
+    headline.add(f"{prefix}.timeliness", found.n_in_time, n_warned)
+    headline.add(f"{prefix}.lead_time_mean_s", math.fsum(found.lead_times_s), len(found.lead_times_s))
+    if prefix == "warnings" and found.lead_times_s:
         headline.add("warnings.lead_time_min_s", min(found.lead_times_s), 1.0, n=len(found.lead_times_s))
-    headline.add("warnings.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
+    headline.add(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
 
 
-def _from_tables(scores: Table, conflicts: Table) -> WarningScores:
-    """From the tables that `cwcli warn` makes."""
-    (row,) = scores.records()
-    leads = np.asarray(conflicts.columns["lead_time_s"], np.float64)
-    return WarningScores(
-        n_true=row["n_true"],
-        n_late=row["n_late"],
-        n_false=row["n_false"],
-        n_undecided=row["n_undecided"],
-        n_conflicts=row["n_conflicts"],
-        n_in_time=row["n_conflicts_warned"],
-        n_warned_late=row["n_conflicts_late"],
-        lead_times_s=tuple(leads[np.isfinite(leads)].tolist()),
-        host_hours=row["host_hours"],
-    )
-
-
-def judge_warnings(log: Log) -> WarningScores | None:
-    """Judge the warnings of an annotated log as `cwcli warn` did; None where its states are missing."""
-    configuration = json_entry(run_records(log).get("warn", {}), "configuration", dict)
+def judge_warnings(
+    log: Log, warnings: Columns, configuration: Mapping[str, Any], rules: Sequence[str]
+) -> dict[str, WarningScores]:
+    """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores. Empty where states are missing."""
     others_topic = TARGETS_TOPIC if configuration.get("source") == "targets" else REMOTE_STATE_TOPIC
-    topics = {channel.topic for channel in log.channels}
-    if not {EGO_STATE_TOPIC, others_topic} <= topics:
-        return None
-    columns = log.load(dict.fromkeys((EGO_STATE_TOPIC, others_topic, WARNINGS_TOPIC)))
+    if not rules or not {EGO_STATE_TOPIC, others_topic} <= {channel.topic for channel in log.channels}:
+        return {}
+    columns = log.load(dict.fromkeys((EGO_STATE_TOPIC, others_topic)))
     host = read_states(columns[EGO_STATE_TOPIC])
     others = (read_targets if others_topic == TARGETS_TOPIC else read_states)(columns[others_topic])
     start_ns, end_ns = (_whole(configuration.get(name)) for name in ("start_ns", "end_ns"))
     host, others = host.logged_within(start_ns, end_ns), others.logged_within(start_ns, end_ns)
     if not len(host):
-        return None
-    return _judge(host, others, _events(columns[WARNINGS_TOPIC]), _config(configuration.get("rule")))
-
-
-def _judge(
-    host: VehicleStates, others: VehicleStates, events: Mapping[str, Sequence[tuple[int, int]]], config: WarningConfig
-) -> WarningScores:
-    own = _track(host, np.arange(len(host)))
-    host_size = _size(host, np.arange(len(host)))
-    kinds: list[str] = []
-    first: list[str] = []
-    leads: list[float] = []
-    n_conflicts = 0
-    for vehicle, rows in vehicle_rows(others.ids):
-        motion = relative_motion(
+        return {}
+    config = _config(configuration.get("rule"))
+    whole = np.arange(len(host))
+    own, host_size = _track(host, whole), _size(host, whole)
+    hours = float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H
+    motions = {
+        vehicle: relative_motion(
             own,
             _track(others, rows),
             max_gap_s=config.max_gap_s,
             host_size=host_size,
             other_size=_size(others, rows),
         )
-        conflicts = real_conflicts(motion, config)
-        n_conflicts += len(conflicts)
+        for vehicle, rows in vehicle_rows(others.ids)
+    }
+    conflicts = {vehicle: real_conflicts(motion, config) for vehicle, motion in motions.items()}
+    return {rule: _scores(_events(warnings, rule), motions, conflicts, config, hours) for rule in rules}
+
+
+def _scores(
+    events: Mapping[str, Sequence[tuple[int, int]]],
+    motions: Mapping[str, Motion],
+    conflicts: Mapping[str, Sequence[RealConflict]],
+    config: WarningConfig,
+    hours: float,
+) -> WarningScores:
+    kinds: list[str] = []
+    first: list[str] = []
+    leads: list[float] = []
+    for vehicle, spans in events.items():
         warned: set[int] = set()
-        for raised_ns, last_ns in events.get(vehicle, ()):
-            verdict = judge(raised_ns, last_ns, conflicts, motion, config)
+        for raised_ns, last_ns in spans if vehicle in motions else ():
+            verdict = judge(raised_ns, last_ns, conflicts[vehicle], motions[vehicle], config)
             kinds.append(verdict.kind)
             if verdict.conflict >= 0 and verdict.conflict not in warned:
                 warned.add(verdict.conflict)
@@ -146,27 +154,31 @@ def _judge(
         n_late=kinds.count(LATE),
         n_false=kinds.count(FALSE),
         n_undecided=kinds.count(UNDECIDED),
-        n_conflicts=n_conflicts,
+        n_conflicts=sum(map(len, conflicts.values())),
         n_in_time=first.count(TRUE),
         n_warned_late=first.count(LATE),
         lead_times_s=tuple(leads),
-        host_hours=float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H,
+        host_hours=hours,
     )
 
 
-def _events(columns: Columns) -> dict[str, list[tuple[int, int]]]:
-    """Vehicle -> when each warning of it was raised and last held, in the order of the warnings."""
+def _events(columns: Columns, rule: str) -> dict[str, list[tuple[int, int]]]:
+    """Vehicle -> when each warning of it by a rule was raised and last held, in order of time."""
     event_id, _ = whole_numbers(columns, "event_id")
     state, _ = whole_numbers(columns, "state")
     stamp_ns, _ = whole_numbers(columns, "stamp_ns")
-    ids = texts(columns, "other_id")
+    ids, rules = texts(columns, "other_id"), texts(columns, "rule")
+    if ids is None or rules is None or rule not in rules.values:
+        return {}
+    event_id = np.where(rules.codes == rules.values.index(rule), event_id, NO_EVENT)
     found: dict[str, list[tuple[int, int]]] = {}
-    for event in np.unique(event_id).tolist():
+    for event in np.unique(event_id[event_id != NO_EVENT]).tolist():
         rows = np.flatnonzero((event_id == event) & ((state == RAISED) | (state == HELD)))
         raised = rows[state[rows] == RAISED]
-        if ids is None or not len(raised) or ids.codes[raised[0]] < 0:
+        if not len(raised):
             continue
-        vehicle = ids.values[ids.codes[raised[0]]]
+        code = ids.codes[raised[0]]
+        vehicle = ids.values[code] if code >= 0 else ""
         found.setdefault(vehicle, []).append((int(stamp_ns[raised[0]]), int(stamp_ns[rows].max())))
     return {vehicle: sorted(spans) for vehicle, spans in found.items()}
 
