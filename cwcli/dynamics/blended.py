@@ -33,6 +33,7 @@ from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 STEP_KMH = 10.0
 SPEEDS_KMH = np.arange(10.0, 161.0, STEP_KMH)
 DEFAULT_PERIOD_S = 0.1
+MIN_PERIOD_S = 0.001
 OUTPUT = np.eye(4)[2:]
 """C of eq. 21: y_L and e_L are measured."""
 
@@ -135,7 +136,7 @@ def observe_blended(
 
 def _median_period_s(dt_s: FloatArray) -> float:
     steps = dt_s[1:][dt_s[1:] > 0.0]
-    return float(np.median(steps)) if len(steps) else DEFAULT_PERIOD_S
+    return max(float(np.median(steps)), MIN_PERIOD_S) if len(steps) else DEFAULT_PERIOD_S
 
 
 def _steer(

@@ -92,11 +92,11 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
     )
     topic = own.by_role[Role.OBSERVER][0].topic
     observed = read_observer(sources.columns[topic])
-    vehicle, notes = recorded_vehicle(log.metadata)
-    body = predict_body(observed, vehicle, settings, calibrate=config.calibrate)
-    has_state = np.isfinite(body.paths.x_m[:, 0]) if len(observed) else np.zeros(0, np.bool_)
+    has_state = np.isfinite(observed.track.state[:, 0])
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
+    vehicle, notes = recorded_vehicle(log.metadata)
+    body = predict_body(observed, vehicle, settings, calibrate=config.calibrate)
     state_topic = own.topic(Role.EGO_STATE)
     states = None if state_topic is None else sources.columns[state_topic]
     own_motion = _own_motion(observed)

@@ -111,9 +111,10 @@ def _checked_rules(config: WarnConfig) -> tuple[str, ...]:
 
 
 def _groups(names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The collision rules, which need the same channels, and lane departure."""
+    """The collision rules, which need the same channels, and lane departure; what was named first comes first."""
     collisions = tuple(name for name in names if name != LANE_DEPARTURE)
-    return [group for group in (collisions, (LANE_DEPARTURE,)) if group and set(group) <= set(names)]
+    groups = [group for group in (collisions, (LANE_DEPARTURE,)) if group and group[0] in names]
+    return sorted(groups, key=lambda group: names.index(group[0]))
 
 
 def _lane_departure(log: Log, config: WarnConfig) -> list[RuleOutcome]:

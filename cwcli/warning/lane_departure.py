@@ -7,10 +7,9 @@ a tyre is on the line, but never before ISO's earliest warning line.
 Why: a constant lateral speed or a constant turning radius misjudges bends and the driver's steering (zhang2011,
 section 0).
 
-Zones (ISO 17361, lane departure warning systems, as commonly quoted from its first edition, for cars): with V the rate
-of departure, the earliest line lies 0.75 m inside the boundary for V up to 0.5 m/s, 1.5 s V for V up to 1.0 m/s, 1.5 m
-above; the latest line lies 0.3 m outside it (1.0 m for trucks and buses). A system of class I must work from 20 m/s on,
-one of class II from 17 m/s on.
+Zones (ISO 17361, lane departure warning systems, for cars): with V the rate of departure, the earliest line lies 0.75 m
+inside the boundary for V up to 0.5 m/s, 1.5 s V for V up to 1.0 m/s, 1.5 m above; the latest line lies 0.3 m outside it.
+A system of class II must work from 17 m/s on. What these numbers rest on is in docs/observer.md.
 
 Limits: it does not know the turn signal, so a wanted lane change is warned of too. Without a boundary on a side, or
 slower than `min_speed_mps`, that side is silent and counted.

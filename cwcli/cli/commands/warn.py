@@ -159,8 +159,8 @@ def command(
     """Warn the ego vehicle of collisions with the others, and of leaving its lane.
 
     Needs the channels of `cwcli predict`, and for `--source targets` those of `cwcli track` on the same log; the rule
-    lane-departure needs those of `cwcli lanes` and `cwcli predict --from observer`. One conflict is one warning: raised,
-    held, cleared. Where the log holds what really happened, collision warnings are scored as true, false, late or
-    missed, with their lead times.
+    lane-departure needs those of `cwcli lanes` and `cwcli predict --from observer`. One conflict is one warning:
+    raised, held, cleared. Where the log holds what really happened, collision warnings are scored as true, false, late
+    or missed, with their lead times.
     """
     run_job(Job("warn", log, {"warn": options.make()}, reading, writing, talk, metrics=metrics))
