@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from cwcli.vision import zhang2011
+from cwcli.vision import lane_tracker, zhang2011
 from cwcli.vision.method import Method
 from cwcli.vision.objective import block_responses
 
 METHODS: dict[str, Method] = {
+    "cwcli": Method(
+        summary="both boundaries together as stripes of a marking's width, tracked; finds the horizon itself",
+        search_size=lane_tracker.search_size,
+        make=lane_tracker.LaneTracker,
+        uses_motion=True,
+    ),
     "zhang2011": Method(
         summary="the paper's genetic search on 320 x 240",
         search_size=zhang2011.search_size,
@@ -14,4 +20,4 @@ METHODS: dict[str, Method] = {
         prepare=block_responses,
     ),
 }
-DEFAULT_METHOD = "zhang2011"
+DEFAULT_METHOD = "cwcli"

@@ -1,0 +1,267 @@
+"""Both boundaries of one frame together: ridges of a marking's width, a scan, and a refinement. Deterministic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import Camera
+from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, SIGMA, VANISHING, WIDTH, LanePrior
+from cwcli.vision.method import GreyImage
+from cwcli.vision.vanishing import vanishing_point
+
+Float32Array = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
+
+ROW_STEP = 0.5
+N_SEGMENTS = 9
+MAX_ROWS = 80
+STRIPE = np.array([0.065, 0.085, 0.08, 3.0, 0.05, 2.0])
+LOPSIDED = 0.3
+BESIDE = 0.3
+HALF = 0.3
+DEAD = 0.25
+PRIOR_WEIGHT = 0.02
+MIN_DEPTH = 0.03
+"""Of the image height: nearer to the horizon the road is too far away to see a marking."""
+SCAN_STEP = 2
+PLACE_STEP = 0.06
+N_KEPT = 12
+INNER_SHIFTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
+"""Over the camera's height: where the inner stripe of a double marking may be."""
+INNER_SHARE = 0.5
+INNER_LEAST = 0.15
+VP_HORIZON = 0.015
+VP_COLUMN = 0.02
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Where a frame shows stripes.
+
+    Attributes:
+        rows: Shape (n,): sampled rows from the top.
+        sharp, wide: Shape (n, width), 0 to 1; `wide` is the greatest value near by.
+        horizon_px: For which stripes' widths were taken.
+        min_h: Rows less than this below a lane's horizon are not judged.
+    """
+
+    rows: Int32Array
+    sharp: Float32Array
+    wide: Float32Array
+    broad: Float32Array
+    horizon_px: float
+    min_h: float
+
+
+def rows_of(top_px: float, height_px: int) -> Int32Array:
+    """Rows that are judged, evenly spaced from the top to the bottom of the road."""
+    top = max(top_px, 1.0)
+    n = int(np.clip(ROW_STEP * (height_px - 2.0 - top), 2 * N_SEGMENTS, MAX_ROWS))
+    return np.unique(np.linspace(top, height_px - 2.0, n).round()).astype(np.int32)
+
+
+def evidence_of(grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, *, wide: bool = True) -> Evidence:
+    """Ridges of the frame for a horizon."""
+    from cwcli.kernels import lane_ridge
+
+    height, width = grey.shape
+    sharp = np.empty((len(rows), width), np.float32)
+    shape = np.concatenate([STRIPE[:3] * stretch, STRIPE[3:], [0.12 * height, LOPSIDED, DEAD]])
+    lane_ridge.ridges(np.ascontiguousarray(grey), rows, horizon_px, shape, sharp)
+    spread = sharp
+    if wide:
+        spread = np.empty_like(sharp)
+        lane_ridge.widened(sharp, max(1, round(width / 320)), spread)
+    broad = sharp
+    if BESIDE:
+        broad = np.empty_like(sharp)
+        lane_ridge.widened(sharp, max(2, round(width / 128)), broad)
+    return Evidence(rows, sharp, spread, broad, horizon_px, MIN_DEPTH * height)
+
+
+def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) -> tuple[FloatArray, FloatArray]:
+    """The best lane for each vanishing point and bend at the evidence's horizon.
+
+    Returns:
+        Lanes, shape (n, 5), and their objective, shape (n,), best first.
+    """
+    from cwcli.kernels import lane_ridge
+
+    table = prior.table
+    step = width_px / 160.0
+    reach = min(2.5 * table[VANISHING, SIGMA], 0.2 * width_px)
+    n = int(np.ceil(reach / step))
+    vanishing: FloatArray = np.asarray(table[VANISHING, MEAN] + step * np.arange(-n, n + 1), np.float64)
+    reference = 0.1 * height_px
+    bend_step = 0.012 * width_px * reference
+    n = int(np.clip(np.ceil(2.5 * table[BEND, SIGMA] / bend_step), 1, 8))
+    bends: FloatArray = np.asarray(table[BEND, MEAN] + bend_step * np.arange(-n, n + 1), np.float64)
+    most = (1.5 if BESIDE else 0.5) * table[WIDTH, HIGH] + max(abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH]))
+    n = int(np.ceil(most / PLACE_STEP))
+    places: FloatArray = np.asarray(PLACE_STEP * (np.arange(-n, n) + 0.5), np.float64)
+    depths: FloatArray = np.asarray(evidence.rows - evidence.horizon_px, np.float64)
+    depths[depths < evidence.min_h] = -1.0
+    best = np.empty((len(vanishing), len(bends), 3))
+    lane_ridge.scan(
+        evidence.wide,
+        depths,
+        SCAN_STEP,
+        vanishing,
+        bends,
+        places,
+        np.ascontiguousarray(table),
+        PRIOR_WEIGHT,
+        BESIDE,
+        HALF * (len(depths) // N_SEGMENTS),
+        len(depths) // N_SEGMENTS,
+        best,
+    )
+    lanes = np.empty((len(vanishing), len(bends), 5))
+    lanes[..., VANISHING] = vanishing[:, None]
+    lanes[..., BEND] = bends
+    lanes[..., MIDDLE] = best[..., 1:].mean(axis=-1)
+    lanes[..., WIDTH] = best[..., 2] - best[..., 1]
+    lanes[..., HORIZON] = evidence.horizon_px
+    z = (evidence.horizon_px - table[HORIZON, MEAN]) / table[HORIZON, SIGMA]
+    value = best[..., 0].ravel() - PRIOR_WEIGHT * z * z
+    order = np.argsort(-value, kind="stable")
+    return lanes.reshape(-1, 5)[order], value[order]
+
+
+def refined(
+    evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int], *, wide: bool, scale: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Lanes after a pattern search from each, and their objective."""
+    from cwcli.kernels import lane_ridge
+
+    width_px, height_px = size
+    made = np.array(lanes, np.float64, ndmin=2)
+    value = np.empty(len(made))
+    horizon = float(made[:, HORIZON].mean())
+    depth = height_px - horizon
+    steps = scale * np.array([0.012, 0.012, 0.008, 0.008, 0.008]) * np.array([width_px] * 4 + [height_px])
+    lane_ridge.refine(
+        evidence.wide if wide else evidence.sharp,
+        evidence.broad,
+        evidence.rows,
+        horizon + 0.6 * depth,
+        horizon + 0.15 * depth,
+        steps,
+        4 if wide else 6,
+        np.ascontiguousarray(prior.table),
+        PRIOR_WEIGHT,
+        evidence.min_h,
+        BESIDE if wide else 0.0,
+        HALF * (len(evidence.rows) // N_SEGMENTS),
+        len(evidence.rows) // N_SEGMENTS,
+        made,
+        value,
+    )
+    return made, value
+
+
+def judged(evidence: Evidence, lanes: FloatArray, prior: LanePrior) -> FloatArray:
+    """Objective of lanes, the neighbouring lanes' boundaries included."""
+    from cwcli.kernels import lane_ridge
+
+    value = np.empty(len(lanes))
+    lane_ridge.objective(
+        evidence.sharp,
+        evidence.broad,
+        evidence.rows,
+        lanes,
+        np.ascontiguousarray(prior.table),
+        PRIOR_WEIGHT,
+        evidence.min_h,
+        BESIDE,
+        HALF * (len(evidence.rows) // N_SEGMENTS),
+        len(evidence.rows) // N_SEGMENTS,
+        value,
+    )
+    return value
+
+
+def distinct(lanes: FloatArray, n: int, apart: float = 0.15) -> FloatArray:
+    """Up to n of the lanes, in their order, whose boundaries differ from those taken before."""
+    taken: list[FloatArray] = []
+    for lane in lanes:
+        sides = lane[MIDDLE] + np.array([-0.5, 0.5]) * lane[WIDTH]
+        if all(
+            np.abs(sides - (other[MIDDLE] + np.array([-0.5, 0.5]) * other[WIDTH])).max() > apart
+            or abs(lane[HORIZON] - other[HORIZON]) > 1.0
+            for other in taken
+        ):
+            taken.append(lane)
+            if len(taken) == n:
+                break
+    return np.array(taken)
+
+
+def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
+    """The prior with the horizon, and where a straight lane would vanish, from the lines of the frame."""
+    height, width = grey.shape
+    point = vanishing_point(grey, float(prior.table[VANISHING, MEAN]))
+    if point is None:
+        return prior
+    table = prior.table.copy()
+    table[HORIZON] = point.v_px, VP_HORIZON * height, point.v_px - 0.05 * height, point.v_px + 0.05 * height
+    table[VANISHING, :2] = point.u_px, VP_COLUMN * width
+    return replace(prior, table=table)
+
+
+def acquire(grey: GreyImage, camera: Camera, prior: LanePrior) -> tuple[FloatArray, FloatArray, Evidence]:
+    """The lanes that a frame supports best, knowing nothing but the prior.
+
+    Args:
+        grey: Of the camera's size.
+        camera: The camera.
+        prior: Its horizon must be narrow (`with_vanishing_point`).
+
+    Returns:
+        Shape (k, 5) and (k,): lanes and objective, best first; and the evidence at the best one's horizon.
+    """
+    height, width = grey.shape
+    row = prior.table[HORIZON]
+    horizons = row[MEAN] + row[SIGMA] * np.array([-1.5, 0.0, 1.5])
+    rows = rows_of(row[MEAN] + MIN_DEPTH * height, height)
+    starts: list[FloatArray] = []
+    values: list[FloatArray] = []
+    for horizon in horizons.tolist():
+        evidence = evidence_of(grey, rows, horizon, prior.stretch)
+        lanes, _ = scan(evidence, prior, width, height)
+        lanes, value = refined(evidence, distinct(lanes[:60], 4), prior, (width, height), wide=True)
+        starts.append(lanes)
+        values.append(value)
+    lanes, value = np.concatenate(starts), np.concatenate(values)
+    lanes = distinct(lanes[np.argsort(-value, kind="stable")], N_KEPT)
+    evidence = evidence_of(grey, rows, float(lanes[0, HORIZON]), prior.stretch)
+    lanes, _ = refined(evidence, lanes, prior, (width, height), wide=False, scale=0.5)
+    lanes = innermost(evidence, lanes, prior, (width, height))
+    value = judged(evidence, lanes, prior)
+    order = np.argsort(-value, kind="stable")
+    return lanes[order], value[order], evidence
+
+
+def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:
+    """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
+    from cwcli.kernels import lane_ridge
+
+    shifts = INNER_SHIFTS * prior.stretch
+    made = np.array(lanes)
+    for lane in made:
+        for sign in (1.0, -1.0):
+            own = lane[MIDDLE] - 0.5 * sign * lane[WIDTH]
+            values = np.empty((len(shifts), len(evidence.rows)))
+            lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.min_h, values)
+            mean = np.maximum(values, 0.0).mean(axis=1)
+            k = 1 + int(mean[1:].argmax())
+            if mean[k] > INNER_SHARE * max(mean[0], INNER_LEAST) and mean[: k + 1].min() < 0.5 * mean[k]:
+                lane[MIDDLE] += 0.5 * sign * shifts[k]
+                lane[WIDTH] -= shifts[k]
+        # (the following search has short steps: it can't jump back)
+    made, _ = refined(evidence, made, prior, size, wide=False, scale=0.12)
+    return made

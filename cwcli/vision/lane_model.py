@@ -1,0 +1,132 @@
+"""The lane in the image as five numbers, what is known of them beforehand, and the parabolas that they become.
+
+A flat road of constant curvature, seen by a camera without roll: h = v - v0 rows below the horizon v0, a boundary is in
+column u = u0 + m h + k / h, where
+
+- u0 is the column in which a straight lane would vanish: the camera's yaw and the car's heading,
+- m = lateral place / camera height, to the right, times fx / fy: `middle` - `width` / 2 for the left boundary,
+  `middle` + `width` / 2 for the right one,
+- k = curvature (to the right) fx fy H / 2.
+
+So both boundaries have five numbers in common, and no calibration is needed to find them: it enters through the prior
+alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX, N_SAMPLES
+
+VANISHING, MIDDLE, WIDTH, BEND, HORIZON = range(5)
+"""Places in the five numbers of a lane: u0 (px), middle, width (both over the camera's height), k (px^2), v0 (px)."""
+MEAN, SIGMA, LOW, HIGH = range(4)
+"""Columns of a prior."""
+
+LANE_WIDTH_M = (3.6, 0.22)
+"""Mean and sigma: 3.25 m on main roads to 3.75 m on motorways; 3.66 m (12 ft) in the US."""
+LANE_WIDTH_LIMITS_M = (2.6, 4.6)
+OFFSET_SIGMA_M = 0.35
+"""Of a car in its lane."""
+OFFSET_LIMIT_M = 1.6
+HEADING_SIGMA_RAD = 0.012
+CURVATURE_SIGMA_1PM = 0.001
+CURVATURE_LIMIT_1PM = 0.006
+PITCH_SIGMA_RAD = 0.004
+"""Of the body on its springs, and of the road's own change of slope."""
+UNKNOWN_HEIGHT_FACTOR = 0.88
+UNKNOWN_HEIGHT_SHARE = 0.1
+"""Where the mounting is not known, cameras are taken to be at 1.48 m +- 10 %: behind a windscreen, 1.2 to 1.7 m. The
+assumed height of 1.3 m stays, as a unit."""
+UNKNOWN_YAW_RAD = 0.035
+UNKNOWN_HORIZON = (0.45, 0.12, 0.25, 0.66)
+"""Mean, sigma and limits of the horizon's row over the image height, where the mounting is not known."""
+
+
+@dataclass(frozen=True)
+class LanePrior:
+    """What is known of a lane before the frame is seen.
+
+    Attributes:
+        table: Shape (5, 4): mean, sigma, lowest and highest of the five numbers.
+        is_mounted: The horizon is known from the camera's mounting.
+        stretch: fx / fy.
+    """
+
+    table: FloatArray
+    is_mounted: bool
+    stretch: float
+
+
+def prior_of(camera: Camera) -> LanePrior:
+    """The prior for the first frame of a camera.
+
+    A mounting that equals the stated default counts as unknown.
+    """
+    mounting = camera.mounting
+    is_mounted = not camera.is_default and mounting != Mounting()
+    height_m, stretch = mounting.height_m, camera.fx / camera.fy
+    table = np.empty((5, 4))
+    yaw_sigma = math.hypot(HEADING_SIGMA_RAD, 0.005 if is_mounted else UNKNOWN_YAW_RAD)
+    u0 = camera.cx + camera.fx * math.tan(mounting.yaw_rad)
+    table[VANISHING] = u0, camera.fx * yaw_sigma, u0 - 4.0 * camera.fx * yaw_sigma, u0 + 4.0 * camera.fx * yaw_sigma
+    middle = stretch * mounting.lateral_offset_m / height_m
+    per_m = stretch / height_m
+    spread = OFFSET_SIGMA_M if is_mounted else math.hypot(OFFSET_SIGMA_M, 0.4)
+    table[MIDDLE] = middle, spread * per_m, middle - OFFSET_LIMIT_M * per_m, middle + OFFSET_LIMIT_M * per_m
+    width_m, width_sigma_m = LANE_WIDTH_M
+    if not is_mounted:
+        width_sigma_m = math.hypot(width_sigma_m, UNKNOWN_HEIGHT_SHARE * width_m)
+        width_m *= UNKNOWN_HEIGHT_FACTOR
+    low, high = (each * per_m for each in LANE_WIDTH_LIMITS_M)
+    table[WIDTH] = width_m * per_m, width_sigma_m * per_m, low if is_mounted else 0.65 * low, high
+    bend = camera.fx * camera.fy * height_m / 2.0
+    bend *= 1.0 if is_mounted else 3.0
+    table[BEND] = 0.0, CURVATURE_SIGMA_1PM * bend, -CURVATURE_LIMIT_1PM * bend, CURVATURE_LIMIT_1PM * bend
+    if is_mounted:
+        v0 = float(camera.horizon_v_px())
+        reach = camera.fy * PITCH_SIGMA_RAD
+        table[HORIZON] = v0, reach, v0 - 5.0 * reach, v0 + 5.0 * reach
+    else:
+        table[HORIZON] = np.array(UNKNOWN_HORIZON) * camera.height_px
+    return LanePrior(table, is_mounted, stretch)
+
+
+def pitch_of(lane: FloatArray, camera: Camera) -> float:
+    """The camera's pitch that puts the horizon at the lane's, nose down positive."""
+    return math.atan((camera.cy - float(lane[HORIZON])) / camera.fy)
+
+
+def columns_of_lane(lane: FloatArray, v_px: FloatArray) -> FloatArray:
+    """Shape (2, n): u of both boundaries in n rows; NaN at and above the horizon."""
+    h = v_px - lane[HORIZON]
+    h = np.where(h > 0.0, h, np.nan)
+    centre = lane[VANISHING] + lane[MIDDLE] * h + lane[BEND] / h
+    return np.stack([centre - 0.5 * lane[WIDTH] * h, centre + 0.5 * lane[WIDTH] * h])
+
+
+def top_row_px(lane: FloatArray, camera: Camera) -> float:
+    """Height above the image's bottom up to which the lane's parabolas are fitted: the road at 60 m, or `HIGHEST`."""
+    below_rad = math.atan(camera.mounting.height_m / FAR_M) - pitch_of(lane, camera)
+    y_px = camera.height_px - (camera.cy + camera.fy * math.tan(below_rad))
+    return float(np.clip(y_px, LOWEST_TOP_PX, HIGHEST * camera.height_px))
+
+
+def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
+    """Shape (2, 3): a, b, c of the best parabola of each boundary, at the samples from which `ground` takes it back."""
+    y_px = 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * top_row_px(lane, camera)
+    x_px = columns_of_lane(lane, camera.height_px - y_px) + 1.0
+    scale = camera.height_px
+    design = np.stack([(y_px / scale) ** 2, y_px / scale, np.ones_like(y_px)], axis=1)
+    made = np.empty((2, 3))
+    for side in range(2):
+        use = np.isfinite(x_px[side]) & (x_px[side] >= 1.0) & (x_px[side] <= camera.width_px)
+        if use.sum() < 5:
+            use = np.isfinite(x_px[side])
+        made[side] = np.linalg.lstsq(design[use], x_px[side][use], rcond=None)[0] / np.array([scale**2, scale, 1.0])
+    return made

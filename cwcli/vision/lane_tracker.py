@@ -1,0 +1,236 @@
+"""The default lane method: both boundaries together, several hypotheses over time.
+
+Each hypothesis is a lane (`lane_model`). From frame to frame it is predicted from speed and yaw rate, where the log has
+them, and improved on the new frame under a prior that is the product of what is known of any lane and the prediction.
+Every few frames, and whenever nothing is left, the frame is searched as if it were the first; what is found there
+competes. The published one is the hypothesis with the best objective over the last frames.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.camera import Camera
+from cwcli.vision.lane_belief import boundary_probabilities
+from cwcli.vision.lane_detect import (
+    MIN_DEPTH,
+    acquire,
+    distinct,
+    evidence_of,
+    judged,
+    refined,
+    rows_of,
+    with_vanishing_point,
+)
+from cwcli.vision.lane_model import (
+    BEND,
+    HIGH,
+    HORIZON,
+    LOW,
+    MEAN,
+    MIDDLE,
+    PITCH_SIGMA_RAD,
+    SIGMA,
+    VANISHING,
+    WIDTH,
+    LanePrior,
+    parabolas_of_lane,
+    pitch_of,
+    prior_of,
+)
+from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
+
+MAX_PIXELS = 256_000
+"""Of the search image: a camera's image is halved until it has no more."""
+FOUND_PROBABILITY = 0.5
+N_HYPOTHESES = 3
+RESCAN_FRAMES = 10
+"""A search from scratch every so many frames."""
+LOST_FRAMES = 5
+MAX_PAUSE_FRAMES = 16
+"""While nothing is found, the search from scratch pauses 1, 2, 4, ... frames, at most so many."""
+MEMORY = 0.8
+"""Of the objective: weight of the past."""
+SWITCH_GAIN = 0.03
+"""Objective by which another hypothesis must be better to be published."""
+HORIZON_GAIN = 0.05
+OVER_THE_LINE = 0.55
+"""Of the lane's width: a car whose camera is farther from the middle is in the next lane."""
+
+DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012])
+"""What a prediction may miss, sigmas for a root second: heading rad, place m, width m, curvature 1/m, pitch rad."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A lane that is followed.
+
+    Attributes:
+        lane: Shape (5,), see `lane_model`.
+        value: Objective over the last frames.
+        chance: Shape (2,): probabilities of both boundaries in the last frame.
+    """
+
+    lane: FloatArray
+    value: float
+    chance: FloatArray
+
+
+class LaneTracker:
+    """The search over the frames of one camera.
+
+    Args:
+        seed: Not used: nothing is random.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        self._camera: Camera | None = None
+        self._prior: LanePrior | None = None
+        self._hypotheses: list[Hypothesis] = []
+        self._last_ns = 0
+        self._n_frames = 0
+        self._n_lost = 0
+        self._pause = 0
+
+    def step(self, frame: LaneFrame) -> LaneFit:
+        """Find both boundaries in the next frame."""
+        camera = frame.camera
+        if self._camera is None or camera != self._camera:
+            self._camera, self._prior, self._hypotheses = camera, prior_of(camera), []
+        assert self._prior is not None
+        dt_s = min(max((frame.stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
+        self._last_ns = frame.stamp_ns
+        followed = self._follow(frame, camera, dt_s) if self._hypotheses else []
+        due = self._n_frames % RESCAN_FRAMES == 0 if followed else self._pause <= 0
+        if due:
+            followed = self._compete(frame.grey, camera, followed)
+        self._n_frames += 1
+        self._hypotheses = followed
+        return self._publish(camera)
+
+    def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
+        """Every hypothesis, predicted and improved on the new frame."""
+        assert self._prior is not None
+        size = camera.width_px, camera.height_px
+        grey = frame.grey
+        lead = self._hypotheses[0].lane
+        rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
+        evidence = evidence_of(grey, rows, float(lead[HORIZON]), self._prior.stretch)
+        made = []
+        for hypothesis in self._hypotheses:
+            lane = predicted(hypothesis.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
+            prior = replace(self._prior, table=narrowed(self._prior.table, lane, camera, dt_s))
+            lane = np.clip(lane, prior.table[:, LOW], prior.table[:, HIGH])
+            lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=0.5)
+            lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5)
+            value = MEMORY * hypothesis.value + (1.0 - MEMORY) * float(judged(evidence, lanes, self._prior)[0])
+            made.append(Hypothesis(lanes[0], value, boundary_probabilities(evidence, lanes[0], self._prior)))
+        return made
+
+    def _compete(self, grey: GreyImage, camera: Camera, followed: list[Hypothesis]) -> list[Hypothesis]:
+        """The hypotheses with what a search from scratch finds; the best first, the published one with a bonus."""
+        assert self._prior is not None
+        prior = self._prior
+        if not prior.is_mounted:
+            prior = with_vanishing_point(grey, prior)
+        lanes, values, evidence = acquire(grey, camera, prior)
+        if not followed and not self._prior.is_mounted and len(lanes):
+            self._prior = learned(self._prior, float(lanes[0, HORIZON]), camera)
+        known = np.array([hypothesis.lane for hypothesis in followed]).reshape(-1, 5)
+        fresh = [
+            Hypothesis(lane, float(value), boundary_probabilities(evidence, lane, prior))
+            for lane, value in zip(lanes, values, strict=True)
+        ]
+        taken = list(followed)
+        for each in fresh:
+            if len(distinct(np.vstack([known, each.lane]), len(known) + 1)) > len(known):
+                known = np.vstack([known, each.lane])
+                taken.append(each)
+            if len(taken) == N_HYPOTHESES + 1:
+                break
+        return taken
+
+    def _publish(self, camera: Camera) -> LaneFit:
+        """The best hypothesis as a fit."""
+        assert self._prior is not None
+        if not self._hypotheses:
+            self._pause -= 1
+            return LaneFit(NOT_FOUND, NOT_FOUND)
+        first = self._hypotheses[0]
+        best = max(self._hypotheses, key=lambda each: each.value + (SWITCH_GAIN if each is first else 0.0))
+        others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
+        self._hypotheses = [best, *others[: N_HYPOTHESES - 1]]
+        found = best.chance >= FOUND_PROBABILITY
+        if found.any():
+            self._n_lost, self._pause = 0, 0
+            if not self._prior.is_mounted:
+                table = self._prior.table
+                row = (1.0 - HORIZON_GAIN) * table[HORIZON, MEAN] + HORIZON_GAIN * best.lane[HORIZON]
+                self._prior = learned(self._prior, float(row), camera)
+        else:
+            self._n_lost += 1
+            if self._n_lost >= LOST_FRAMES:
+                self._hypotheses = []
+                self._pause = min(2 ** (self._n_lost - LOST_FRAMES), MAX_PAUSE_FRAMES)
+                return LaneFit(NOT_FOUND, NOT_FOUND)
+        parabolas = parabolas_of_lane(best.lane, camera)
+        sides = []
+        for side in range(2):
+            a, b, c = parabolas[side].tolist()
+            sides.append(Boundary(a, b, c, best.value, float(best.chance[side]), bool(found[side])))
+        return LaneFit(sides[0], sides[1], pitch_rad=pitch_of(best.lane, camera) if found.any() else math.nan)
+
+
+def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
+    """The prior with the horizon that the frames showed so far."""
+    table = prior.table.copy()
+    sigma = max(camera.fy * PITCH_SIGMA_RAD, 1.0)
+    table[HORIZON] = horizon_px, sigma, horizon_px - 6.0 * sigma, horizon_px + 6.0 * sigma
+    return replace(prior, table=table)
+
+
+def predicted(
+    lane: FloatArray, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
+) -> FloatArray:
+    """The lane in the next frame from the car's motion; unknown motion changes nothing.
+
+    With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, and
+    its middle moves sideways by that direction times v dt.
+    """
+    made = np.array(lane)
+    height_m = camera.mounting.height_m
+    if math.isfinite(speed_mps):
+        way_m = speed_mps * dt_s
+        curvature_1pm = 2.0 * lane[BEND] / (camera.fx * camera.fy * height_m)
+        if math.isfinite(yaw_rate_radps):
+            made[VANISHING] += camera.fx * (curvature_1pm * way_m + yaw_rate_radps * dt_s)
+        if prior.is_mounted:
+            straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
+            made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.stretch / height_m
+    if abs(made[MIDDLE]) > OVER_THE_LINE * made[WIDTH]:
+        made[MIDDLE] -= math.copysign(made[WIDTH], made[MIDDLE])
+    return made
+
+
+def narrowed(table: FloatArray, lane: FloatArray, camera: Camera, dt_s: float) -> FloatArray:
+    """The prior times a normal distribution around the predicted lane."""
+    height_m, per_m = camera.mounting.height_m, camera.fx / camera.fy / camera.mounting.height_m
+    unit = np.array([camera.fx, per_m, per_m, camera.fx * camera.fy * height_m / 2.0, camera.fy])
+    sigma = DRIFT * unit * math.sqrt(max(dt_s, 0.02))
+    made = table.copy()
+    before, now = 1.0 / table[:, SIGMA] ** 2, 1.0 / sigma**2
+    made[:, SIGMA] = 1.0 / np.sqrt(before + now)
+    made[:, MEAN] = (table[:, MEAN] * before + lane * now) / (before + now)
+    return made
+
+
+def search_size(width_px: int, height_px: int) -> tuple[int, int]:
+    """The camera's size, halved until it has at most `MAX_PIXELS`."""
+    while width_px * height_px > MAX_PIXELS:
+        width_px, height_px = (width_px + 1) // 2, (height_px + 1) // 2
+    return width_px, height_px

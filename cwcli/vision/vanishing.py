@@ -1,0 +1,104 @@
+"""The vanishing point of a frame: where the straight edges of the road scene meet.
+
+Lane lines, seams, kerbs, barriers and the edges of shadows along the road are parallel, and so are the lines of other
+lanes. Each line segment below a candidate point votes for it by its length and by how exactly it points there; a
+heavy-tailed kernel keeps the edges of cars and bridges from mattering. Used where the camera's mounting is not known.
+
+Source of the segments: R. Grompone von Gioi et al., LSD: a line segment detector, Image Processing On Line 2 (2012), by
+OpenCV.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.method import GreyImage
+
+HORIZON_SHARE = (0.25, 0.66)
+"""Rows that are tried, of the image height."""
+REACH_SHARE = 0.22
+"""Columns that are tried, of the image width to each side of the middle."""
+STEP_SHARE = 0.01
+MIN_LENGTH_SHARE = 0.03
+MAX_LENGTH_SHARE = 0.15
+"""Of the image width: longer segments have no more votes."""
+FLATTEST, STEEPEST = 0.2, 16.0
+"""Segments that rise less or more (rows a column) are beams, bridges and posts."""
+ANGLE_RAD = 0.02
+BELOW_SHARE = 0.03
+"""A segment that votes must reach so far below the point, of the image height."""
+
+
+@dataclass(frozen=True)
+class VanishingPoint:
+    """Where the lines meet.
+
+    Attributes:
+        u_px, v_px: The point.
+        votes: Its votes over the length of all segments, 0 to 1; 0 without segments.
+    """
+
+    u_px: float
+    v_px: float
+    votes: float
+
+
+def vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
+    """The point with the most votes; None without segments.
+
+    Args:
+        grey: Shape (height, width), uint8.
+        middle_px: Column around which to look.
+    """
+    height, width = grey.shape
+    segments = _segments(grey)
+    if not len(segments):
+        return None
+    v = np.arange(HORIZON_SHARE[0] * height, HORIZON_SHARE[1] * height, STEP_SHARE * height)
+    u = middle_px + np.arange(-REACH_SHARE, REACH_SHARE, STEP_SHARE) * width
+    votes, total = _votes(segments, u, v, width, height)
+    i, j = np.unravel_index(int(votes.argmax()), votes.shape)
+    near = votes[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] ** 4
+    v_near, u_near = v[max(i - 1, 0) : i + 2], u[max(j - 1, 0) : j + 2]
+    return VanishingPoint(
+        u_px=float((near.sum(axis=0) @ u_near) / near.sum()),
+        v_px=float((near.sum(axis=1) @ v_near) / near.sum()),
+        votes=float(votes[i, j] / total),
+    )
+
+
+def _segments(grey: GreyImage) -> FloatArray:
+    """Shape (n, 4): u, v of both ends of the segments that may lie along the road."""
+    import cv2
+
+    height, width = grey.shape
+    top = round((HORIZON_SHARE[0] + BELOW_SHARE) * height)
+    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(np.ascontiguousarray(grey[top:]))[0]
+    if found is None:
+        return np.empty((0, 4))
+    segments = found.reshape(-1, 4).astype(np.float64)
+    segments[:, 1::2] += top
+    across, down = np.abs(segments[:, 2] - segments[:, 0]), np.abs(segments[:, 3] - segments[:, 1])
+    keep = (np.hypot(across, down) > MIN_LENGTH_SHARE * width) & (down > FLATTEST * across) & (down < STEEPEST * across)
+    return np.asarray(segments[keep])
+
+
+def _votes(
+    segments: FloatArray, u: FloatArray, v: FloatArray, width_px: int, height_px: int
+) -> tuple[FloatArray, float]:
+    """Votes of shape (len(v), len(u)), and how many there could be."""
+    run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    length = np.hypot(run, rise)
+    weight = np.minimum(length, MAX_LENGTH_SHARE * width_px)
+    lowest = np.maximum(segments[:, 1], segments[:, 3])
+    votes = np.zeros((len(v), len(u)))
+    for k in range(len(segments)):
+        du = u - 0.5 * (segments[k, 0] + segments[k, 2])
+        dv = (v - 0.5 * (segments[k, 1] + segments[k, 3]))[:, None]
+        across = (du * rise[k] - dv * run[k]) / length[k]
+        angle = across**2 / ((du**2 + dv**2) * (ANGLE_RAD + 1.0 / length[k]) ** 2 + 1e-9)
+        votes += (weight[k] / (1.0 + angle) ** 2) * (lowest[k] > v + BELOW_SHARE * height_px)[:, None]
+    return votes, float(weight.sum())
