@@ -13,13 +13,14 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol, TypeVar
+from itertools import groupby
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
 from cwcli.vision.raw_images import Image, RawImageError, raw_colour, raw_grey
-from cwcli.vision.video import VIDEO_FORMATS, VideoDecoder, picture_colour, picture_grey
+from cwcli.vision.video import VIDEO_FORMATS, decode_video
 
 MIN_SIDE_PX = 32
 MAX_PIXELS = 50_000_000
@@ -95,7 +96,7 @@ def decode_frames(
         where: File and topic, for messages.
 
     Raises:
-        InputError: The frames are compressed video, and there is no decoder for it.
+        InputError: The frames are compressed video that can't be decoded.
     """
     import cv2
 
@@ -104,16 +105,33 @@ def decode_frames(
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # damaged frames are counted, not warned of
 
     def jobs() -> Iterator[Callable[[], DecodedFrame]]:
-        video: VideoDecoder | None = None
-        for index, frame in enumerate(frames):
-            if frame.format.lower() in VIDEO_FORMATS:
-                video = video or VideoDecoder(frame.format.lower(), where)
-                job = partial(_video_frame, index, frame, video.decode(frame.data), size_of)
-            else:
-                job = partial(decode_frame, index, frame, size_of)
+        for job in _decoding_jobs(frames, size_of, where):
             yield job if prepare is None else partial(_prepared, job, prepare)
 
     return in_order(jobs(), n)
+
+
+def _decoding_jobs(
+    frames: Iterable[FrameLike], size_of: SizeOf | None, where: str
+) -> Iterator[Callable[[], DecodedFrame]]:
+    """One job a frame. Video is decoded here, in order, because a picture is made from earlier ones."""
+    index = 0
+    for video_format, group in groupby(frames, key=_video_format):
+        if not video_format:
+            for frame in group:
+                yield partial(decode_frame, index, frame, size_of)
+                index += 1
+            continue
+        decoded = decode_video(group, video_format, max_pixels=MAX_PIXELS, where=where)
+        for frame, image, size in decoded:
+            yield partial(_video_frame, index, frame, image, size, size_of)
+            index += 1
+
+
+def _video_format(frame: FrameLike) -> str:
+    """The format if it is video, else ""."""
+    name = frame.format.lower()
+    return name if name in VIDEO_FORMATS else ""
 
 
 def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[Result]:
@@ -186,15 +204,18 @@ def _reduced(header: ImageHeader, wanted: tuple[int, int]) -> int:
     return int(cv2.IMREAD_GRAYSCALE)
 
 
-def _video_frame(index: int, frame: FrameLike, picture: Any, size_of: SizeOf | None) -> DecodedFrame:
-    if picture is None:
-        return _rejected(index, frame, "no picture comes out of the video")
-    reason = _unfit(picture.width, picture.height)
-    if reason:
+def _video_frame(
+    index: int, frame: FrameLike, image: Image | None, size: tuple[int, int], size_of: SizeOf | None
+) -> DecodedFrame:
+    import cv2
+
+    reason = _unfit(*size) if any(size) else "no picture comes out of the video"
+    if reason or image is None:
         return _rejected(index, frame, reason)
-    wanted = size_of(picture.width, picture.height) if size_of else None
-    image = picture_grey(picture) if size_of else picture_colour(picture)
-    return _finished(index, frame, image, (picture.width, picture.height), wanted)
+    wanted = size_of(*size) if size_of else None
+    if size_of:
+        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    return _finished(index, frame, image, size, wanted)
 
 
 def _prepared(job: Callable[[], DecodedFrame], prepare: Callable[[DecodedFrame], object]) -> DecodedFrame:

@@ -1,56 +1,200 @@
-"""Compressed video (H.264, H.265, AV1) through PyAV, an extra: `pip install 'cwcli[video]'`."""
+"""Compressed video (H.264, H.265, VP9) through the FFmpeg inside OpenCV, which is under the LGPL.
+
+FFmpeg pulls the messages through a Matroska stream that is made on the way, and each picture comes back with the number
+of its message. So a picture is never taken for another message's, however many are lost, damaged or held back. A stream
+begins at a message with parameters, and a new one where they change: OpenCV would scale the pictures to the first size.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import io
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from itertools import groupby
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from cwcli.errors import InputError
+from cwcli.vision.matroska import BLOCK_STEP_MS, matroska_block, matroska_start
 from cwcli.vision.raw_images import Image
+from cwcli.vision.video_start import stream_head
 
-VIDEO_FORMATS = {"h264": "h264", "h265": "hevc", "hevc": "hevc", "av1": "av1", "vp9": "vp9"}
-"""Format as the message says -> name of the codec."""
+VIDEO_FORMATS = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
+"""Format as the message says -> codec."""
+NOT_DECODED = frozenset({"av1"})
+"""OpenCV's FFmpeg reads them with the help of special hardware only."""
+N_THREADS = 1
+"""With more, what is made up for damaged parts differs from run to run."""
+SPARE_FAILURES = 2
+MAX_TIMESTAMP_BLOCKS = 1 << 40
 
 
-class VideoDecoder:
-    """Decodes one message after the other; each must be given, because later pictures are made from earlier ones.
+class Encoded(Protocol):
+    """A message with an encoded picture."""
+
+    @property
+    def data(self) -> bytes | memoryview: ...
+
+
+Message = TypeVar("Message", bound=Encoded)
+
+
+def decode_video(
+    messages: Iterable[Message], video_format: str, *, max_pixels: int, where: str = ""
+) -> Iterator[tuple[Message, Image | None, tuple[int, int]]]:
+    """Decode the messages of one stream, in order; about 50 are read ahead.
 
     Args:
-        video_format: As the message says.
+        messages: Each holds one picture, or parameters only.
+        video_format: As the messages say.
+        max_pixels: Larger pictures are not converted.
         where: File and topic, for messages.
 
+    Yields:
+        For every message: itself; its picture in blue, green, red, shape (height, width, 3), or None (nothing but
+        parameters, damaged, or nothing to build on); the picture's (width, height), (0, 0) where there is none.
+
     Raises:
-        InputError: PyAV is not installed.
+        InputError: There is no decoder for the format.
+    """
+    codec = _decodable(video_format, where)
+    for number, stream in groupby(messages, key=_stream_numbers(codec)):
+        feed: _Feed[Message] | None = None
+        while number and not (feed and feed.is_done):
+            feed = _Feed(stream, codec)  # noqa: B031 - goes on where the last one stopped
+            yield from _decode_until_stuck(feed, max_pixels)
+            if feed.error is not None:
+                raise feed.error
+        for message in stream:  # noqa: B031 - what is left of the group: nothing to build on yet
+            yield message, None, (0, 0)
+
+
+def _stream_numbers(codec: str) -> Callable[[Encoded], int]:
+    """Of each message in turn, which stream it belongs to: 0 before the first, then 1, 2, ..."""
+    number, head = 0, b""
+
+    def number_of(message: Encoded) -> int:
+        nonlocal number, head
+        own = stream_head(codec, message.data)
+        if own is not None and own != head:
+            number, head = number + 1, own
+        return number
+
+    return number_of
+
+
+def _decodable(video_format: str, where: str) -> str:
+    import cv2
+
+    codec = VIDEO_FORMATS[video_format]
+    name = video_format.upper()
+    if codec in NOT_DECODED:
+        raise InputError(
+            f"the frames are compressed video ({name}), which OpenCV can't decode",
+            where=where,
+            hint="record or convert them as H.264, H.265, VP9 or JPEG",
+        )
+    if cv2.CAP_FFMPEG not in cv2.videoio_registry.getStreamBufferedBackends():
+        raise InputError(
+            f"the frames are compressed video ({name}), and this OpenCV is built without FFmpeg",
+            where=where,
+            hint="pip install opencv-python-headless",
+        )
+    return codec
+
+
+def _decode_until_stuck(
+    feed: _Feed[Message], max_pixels: int
+) -> Iterator[tuple[Message, Image | None, tuple[int, int]]]:
+    """Decode until the messages end, or until the decoder makes nothing of those it has: then a new one goes on."""
+    import cv2
+
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damaged pictures are counted, not told of one by one
+    source: Any = feed
+    capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, N_THREADS])
+    try:
+        failures = 0
+        while capture.isOpened() and failures <= len(feed.waiting) + SPARE_FAILURES:
+            if not capture.grab():  # at a damaged block, or at the end
+                failures += 1
+                continue
+            failures = 0
+            number = round(capture.get(cv2.CAP_PROP_POS_MSEC) / BLOCK_STEP_MS)
+            for message in feed.passed(number):
+                yield message, None, (0, 0)
+            own = feed.take(number)
+            if own is not None:
+                yield own, *_picture(capture, max_pixels)
+        for message in feed.passed(MAX_TIMESTAMP_BLOCKS):
+            yield message, None, (0, 0)
+    finally:
+        capture.release()
+
+
+def _picture(capture: Any, max_pixels: int) -> tuple[Image | None, tuple[int, int]]:
+    """The grabbed picture and its size; no picture where it is too large."""
+    import cv2
+
+    size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    if size[0] * size[1] > max_pixels:
+        return None, size
+    is_good, image = capture.retrieve()
+    if not is_good or image is None:
+        return None, (0, 0)
+    return np.asarray(image, np.uint8), (image.shape[1], image.shape[0])
+
+
+class _Feed(io.BufferedIOBase, Generic[Message]):
+    """What FFmpeg reads: each message as a block, made when it is asked for.
+
+    Attributes:
+        waiting: Number and message of those whose picture has not come.
+        is_done: There are no more messages.
+        error: What the messages' iterator raised.
     """
 
-    def __init__(self, video_format: str, where: str = "") -> None:
-        try:
-            import av
-        except ModuleNotFoundError as error:
-            raise InputError(
-                f"the frames are compressed video ({video_format}), which needs PyAV",
-                where=where,
-                hint="pip install 'cwcli[video]'",
-            ) from error
-        self._av = av
-        self._codec: Any = av.CodecContext.create(VIDEO_FORMATS[video_format], "r")
-        self._codec.thread_type = "NONE"  # a picture comes out for the message that holds it
+    def __init__(self, messages: Iterator[Message], codec: str) -> None:
+        super().__init__()
+        self._messages = messages
+        self._bytes = bytearray(matroska_start(codec))
+        self._n = 0
+        self.waiting: deque[tuple[int, Message]] = deque()
+        self.is_done = False
+        self.error: BaseException | None = None
 
-    def decode(self, data: bytes | memoryview) -> Any:
-        """The picture that the message holds; None while there is none (parameters only, or nothing to build on)."""
-        try:
-            pictures = self._codec.decode(self._av.Packet(bytes(data)))
-        except self._av.FFmpegError:
-            return None
-        return pictures[-1] if pictures else None
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Up to `size` bytes, b"" at the end. Never raises: it is called from within FFmpeg."""
+        while not self._bytes and not self.is_done:
+            try:
+                self._take_next()
+            except BaseException as error:  # handed on by `decode_video`
+                self.error, self.is_done = error, True
+        n = len(self._bytes) if size is None or size < 0 else size
+        out = bytes(self._bytes[:n])
+        del self._bytes[:n]
+        return out
 
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """Not possible; -1 says so to FFmpeg."""
+        return -1
 
-def picture_grey(picture: Any) -> Image:
-    """A decoded picture as grey, shape (height, width)."""
-    return np.asarray(picture.to_ndarray(format="gray"), np.uint8)
+    def _take_next(self) -> None:
+        message = next(self._messages, None)
+        if message is None:
+            self.is_done = True
+            return
+        self.waiting.append((self._n, message))
+        if len(message.data):
+            self._bytes += matroska_block(self._n, message.data)
+        self._n += 1
 
+    def passed(self, number: int) -> Iterator[Message]:
+        """Take out the messages before this one: their pictures do not come any more."""
+        while self.waiting and self.waiting[0][0] < number:
+            yield self.waiting.popleft()[1]
 
-def picture_colour(picture: Any) -> Image:
-    """A decoded picture as blue, green, red, shape (height, width, 3)."""
-    return np.asarray(picture.to_ndarray(format="bgr24"), np.uint8)
+    def take(self, number: int) -> Message | None:
+        """Take out this message; None if its picture has been."""
+        return self.waiting.popleft()[1] if self.waiting and self.waiting[0][0] == number else None

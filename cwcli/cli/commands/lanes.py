@@ -122,7 +122,7 @@ def command(
 ) -> None:
     """Find the lane boundaries in camera frames.
 
-    Needs a camera channel (JPEG, PNG or raw images; video with the extra cwcli[video]). Adds the boundaries, the car's
+    Needs a camera channel (JPEG, PNG, raw images or video). Adds the boundaries, the car's
     place in its lane at the preview point, and annotations that Foxglove draws on the image. The calibration is taken
     from the log where it holds one.
     """

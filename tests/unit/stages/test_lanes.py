@@ -209,16 +209,15 @@ def test_settings_that_make_no_sense_are_refused(tmp_path: Path, config: LanesCo
         run(write_log(tmp_path / "road.mcap", road_frames(1)), config)
 
 
-def test_video_without_its_decoder_is_an_input_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_video_without_a_decoder_is_an_input_error(tmp_path: Path) -> None:
     from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
     from mcap_protobuf.writer import Writer
 
-    monkeypatch.setitem(__import__("sys").modules, "av", None)
     path = tmp_path / "video.mcap"
     with path.open("wb") as file, Writer(file) as writer:
-        message = CompressedVideo(frame_id="camera", data=b"\x00\x00\x00\x01\x67", format="h264")
+        message = CompressedVideo(frame_id="camera", data=b"\x12\x00", format="av1")
         writer.write_message("/camera/video", message, START_NS, START_NS)
-    with pytest.raises(InputError, match=r"/camera/video.*h264.*PyAV"):
+    with pytest.raises(InputError, match=r"/camera/video.*AV1.*can't decode"):
         run(path)
 
 

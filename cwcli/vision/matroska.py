@@ -1,0 +1,69 @@
+"""Encoded pictures as the blocks of a Matroska file without an end, so that a demuxer hands them on one by one.
+
+Of the format only what a single video track needs: each picture is a cluster with one block and its time. A time is all
+that ties a decoded picture to the message that it came in, whatever was lost between.
+
+Source: RFC 9559 (Matroska), RFC 8794 (EBML).
+"""
+
+from __future__ import annotations
+
+BLOCK_STEP_MS = 40
+"""Between two blocks. Demuxers take it for a frame rate; it says nothing of the camera's."""
+
+CODECS = {"h264": "V_MPEG4/ISO/AVC", "h265": "V_MPEGH/ISO/HEVC", "vp9": "V_VP9", "av1": "V_AV1"}
+"""Codec -> its name in Matroska. The pictures stand as they are (H.264 and H.265 with start codes, Annex B)."""
+
+_EBML, _DOC_TYPE, _DOC_TYPE_VERSION, _DOC_TYPE_READ_VERSION = "1A45DFA3", "4282", "4287", "4285"
+_SEGMENT, _INFO, _TIMESTAMP_SCALE, _MUXING_APP, _WRITING_APP = "18538067", "1549A966", "2AD7B1", "4D80", "5741"
+_TRACKS, _TRACK_ENTRY, _TRACK_NUMBER, _TRACK_UID, _TRACK_TYPE = "1654AE6B", "AE", "D7", "73C5", "83"
+_CODEC_ID, _VIDEO, _PIXEL_WIDTH, _PIXEL_HEIGHT = "86", "E0", "B0", "BA"
+_CLUSTER, _TIMESTAMP, _SIMPLE_BLOCK = "1F43B675", "E7", "A3"
+
+UNKNOWN_SIZE = b"\x01" + b"\xff" * 7
+NS_PER_MS = 1_000_000
+VIDEO_TRACK = 1
+ANY_SIZE_PX = 16
+"""The pictures themselves tell their size; the format wants one."""
+
+
+def matroska_start(codec: str) -> bytes:
+    """What stands before the first block.
+
+    Args:
+        codec: A key of `CODECS`.
+    """
+    video = _element(_PIXEL_WIDTH, _number(ANY_SIZE_PX)) + _element(_PIXEL_HEIGHT, _number(ANY_SIZE_PX))
+    track = (
+        _element(_TRACK_NUMBER, _number(1))
+        + _element(_TRACK_UID, _number(1))
+        + _element(_TRACK_TYPE, _number(VIDEO_TRACK))
+        + _element(_CODEC_ID, CODECS[codec].encode())
+        + _element(_VIDEO, video)
+    )
+    info = (
+        _element(_TIMESTAMP_SCALE, _number(NS_PER_MS))
+        + _element(_MUXING_APP, b"cwcli")
+        + _element(_WRITING_APP, b"cwcli")
+    )
+    head = (
+        _element(_DOC_TYPE, b"matroska")
+        + _element(_DOC_TYPE_VERSION, _number(4))
+        + _element(_DOC_TYPE_READ_VERSION, _number(2))
+    )
+    segment = bytes.fromhex(_SEGMENT) + UNKNOWN_SIZE
+    return _element(_EBML, head) + segment + _element(_INFO, info) + _element(_TRACKS, _element(_TRACK_ENTRY, track))
+
+
+def matroska_block(number: int, data: bytes | memoryview) -> bytes:
+    """One encoded picture; its time is `number * BLOCK_STEP_MS`."""
+    block = b"\x81\x00\x00\x80" + data  # track 1, at the cluster's time, a picture to start from
+    return _element(_CLUSTER, _element(_TIMESTAMP, _number(number * BLOCK_STEP_MS)) + _element(_SIMPLE_BLOCK, block))
+
+
+def _element(identifier: str, content: bytes) -> bytes:
+    return bytes.fromhex(identifier) + (len(content) | 1 << 56).to_bytes(8, "big") + content
+
+
+def _number(value: int) -> bytes:
+    return value.to_bytes(8, "big")

@@ -1,0 +1,80 @@
+"""Where decoding of a video stream may start: at messages with the stream's parameters.
+
+Sources: ITU-T H.264 and H.265, table 7-1 (types of NAL units) and annex B (start codes); VP9 bitstream specification,
+version 0.7, section 6.2 (uncompressed header).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+START_CODE = b"\x00\x00\x01"
+H264_SPS, H264_SLICES = 7, range(1, 6)
+H265_SPS, H265_SLICES = 33, range(32)
+VP9_MARKER, VP9_SYNC, VP9_RGB = 2, 0x498342, 7
+
+
+def stream_head(codec: str, data: bytes | memoryview) -> bytes | None:
+    """What tells one stream from another, if decoding may start here, else None.
+
+    Args:
+        codec: `h264`, `h265` or `vp9`.
+        data: A message: NAL units with start codes, or a VP9 frame.
+
+    Returns:
+        The sequence parameter sets of the message; of a VP9 key frame its format and size.
+    """
+    if codec == "vp9":
+        return _vp9_head(bytes(data[:16]))
+    parameters = b"".join(_parameter_sets(codec, bytes(data)))
+    return parameters or None
+
+
+def _parameter_sets(codec: str, data: bytes) -> Iterator[bytes]:
+    """The sequence parameter sets before the first slice; they can't come later."""
+    at = data.find(START_CODE)
+    while 0 <= at < len(data) - len(START_CODE):
+        begin = at + len(START_CODE)
+        first = data[begin]
+        kind = first & 0x1F if codec == "h264" else first >> 1 & 0x3F
+        if kind in (H264_SLICES if codec == "h264" else H265_SLICES):
+            return
+        at = data.find(START_CODE, begin)
+        if kind == (H264_SPS if codec == "h264" else H265_SPS):
+            yield data[begin : at if at >= 0 else len(data)].rstrip(b"\x00")
+
+
+@dataclass
+class _Bits:
+    data: bytes
+    at: int = field(default=0)
+
+    def take(self, n: int) -> int:
+        """The next n bits as a number; zeros behind the end."""
+        value = 0
+        for position in range(self.at, self.at + n):
+            byte = self.data[position >> 3] if position >> 3 < len(self.data) else 0
+            value = value << 1 | byte >> (7 - position % 8) & 1
+        self.at += n
+        return value
+
+
+def _vp9_head(data: bytes) -> bytes | None:
+    bits = _Bits(data)
+    if bits.take(2) != VP9_MARKER:
+        return None
+    profile = bits.take(1) | bits.take(1) << 1
+    bits.take(1 if profile == 3 else 0)
+    is_repeated, is_inter = bits.take(1), bits.take(1)
+    bits.take(2)
+    if is_repeated or is_inter or bits.take(24) != VP9_SYNC:
+        return None
+    depth = bits.take(1) if profile >= 2 else 0
+    color_space = bits.take(3)
+    has_subsampling = profile in (1, 3)
+    layout = bits.take((1 if has_subsampling else 0) if color_space == VP9_RGB else (4 if has_subsampling else 1))
+    width, height = bits.take(16) + 1, bits.take(16) + 1
+    if bits.at > 8 * len(data):
+        return None
+    return f"{profile} {depth} {color_space} {layout} {width} x {height}".encode()
