@@ -31,6 +31,8 @@ COMMANDS = {
     "observe": "Observe lateral speed and yaw rate from the lane.",
     "run": "Run every stage that a log has the signals for, on one log or many.",
     "config": "Print a pipeline file with every option resolved and checked.",
+    "evaluate": "Score one log or many, and check gates.",
+    "compare": "Say what got better and what got worse between two runs.",
     "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",

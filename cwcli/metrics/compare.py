@@ -92,7 +92,7 @@ class RunComparison:
     """Two runs.
 
     Attributes:
-        changes: One entry a metric, in the order of the baseline.
+        changes: One entry a metric, in the order of `METRICS`.
         n_pairs: Logs in both runs.
         only_baseline, only_candidate: Ids of logs that the other run does not have.
         failed: Ids of logs that failed in the candidate only.

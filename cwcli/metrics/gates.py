@@ -30,7 +30,7 @@ from cwcli.metrics.gate_syntax import (
     parse,
     percentile_of,
 )
-from cwcli.metrics.headline import METRICS
+from cwcli.metrics.headline import METRICS, metric_of
 from cwcli.metrics.pooling import LogMetrics, metric_names, pooled_value
 from cwcli.text import number
 
@@ -231,6 +231,8 @@ class _Judge:
             return f"no metric matches {name}"
         if name in self._names:
             return f"{name} is missing"
+        if metric_of(name) is not None:
+            return f"no log has {name}"
         near = get_close_matches(name, [*self._names, *(metric.name for metric in METRICS)], n=1)
         return f"no log has {name}" + (f" (did you mean {near[0]}?)" if near else "")
 

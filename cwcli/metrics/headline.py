@@ -215,6 +215,12 @@ def metric_of(name: str) -> Metric | None:
     return next((metric for pattern, metric in _patterns() if pattern.fullmatch(name)), None)
 
 
+def place_of(name: str) -> int:
+    """Where a metric stands in `METRICS`, for sorting; unknown ones come last."""
+    metric = metric_of(name)
+    return len(METRICS) if metric is None else METRICS.index(metric)
+
+
 def value_of(pool: str, total: float, weight: float) -> float:
     """A metric's value from its sums; NaN without any weight. See the module."""
     if not weight > 0.0 or math.isnan(total):

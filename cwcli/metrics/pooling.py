@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cwcli.metrics.headline import COLUMNS, Headline, interval_of, metric_of, value_of
+from cwcli.metrics.headline import COLUMNS, Headline, interval_of, metric_of, place_of, value_of
 from cwcli.metrics.intervals import NOT_KNOWN
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
@@ -85,8 +85,8 @@ def rows_of(table: Table) -> dict[str, MetricRow]:
 
 
 def metric_names(logs: Iterable[LogMetrics]) -> list[str]:
-    """Every metric that a log has, in the order in which they are first met."""
-    return list(dict.fromkeys(name for log in logs for name in log.rows))
+    """Every metric that a log has, in the order of `cwcli.metrics.headline.METRICS`."""
+    return sorted(dict.fromkeys(name for log in logs for name in log.rows), key=place_of)
 
 
 def pooled(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:

@@ -1,0 +1,290 @@
+"""`cwcli compare`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cwcli import __version__
+from cwcli.cli import markdown
+from cwcli.cli.commands.evaluate import (
+    AllOption,
+    MarkdownOption,
+    TruthOption,
+    check_targets,
+    finite,
+    interval,
+)
+from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
+from cwcli.cli.progress import Progress
+from cwcli.cli.report import print_written
+from cwcli.cli.tables import Cell, table
+from cwcli.cli.text import count, join_names, number, printable
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
+
+if TYPE_CHECKING:
+    from cwcli.fleet.results import RunMetrics
+    from cwcli.metrics.compare import Change, RunComparison
+
+EXAMPLES = (
+    "cwcli compare baseline/ out/",
+    "cwcli compare baseline/ out/ --fail-on worse --fail-on missing --markdown compare.md",
+    "cwcli compare old.mcap new.mcap --exact",
+)
+FAIL_ON = ("worse", "missing", "unclear")
+MAX_NAMES = 5
+
+Document = dict[str, Any]
+
+
+def command(
+    baseline: Annotated[
+        str, typer.Argument(metavar="BASELINE", show_default=False, help="A run, as for `cwcli evaluate`.")
+    ],
+    candidate: Annotated[
+        str, typer.Argument(metavar="CANDIDATE", show_default=False, help="The run that is compared with it.")
+    ],
+    talk: TalkOptions,
+    fail_on: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fail-on",
+            metavar="VERDICT",
+            show_default=False,
+            help=f"Exit with 1 if a metric is this: {', '.join(FAIL_ON)}. Repeatable.",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option("--tolerance", metavar="SHARE", help="Changes up to this count as the same, e.g. 0.01 for 1 %."),
+    ] = 0.01,
+    exact: Annotated[
+        bool,
+        typer.Option(
+            "--exact", help="No statistics: these logs are all that matters, and any change beyond --tolerance counts."
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the resampling.")] = 0,
+    truth: TruthOption = "auto",
+    markdown_file: MarkdownOption = None,
+    metrics: MetricsOption = None,
+    everything: AllOption = False,
+    force: ForceOption = False,
+) -> int:
+    """Say what got better and what got worse between two runs over the same logs, and whether it could be chance.
+
+    Logs are paired by their id. Each headline metric is called improved, worse, same, unclear or missing; the chance
+    that any of them is called improved or worse without reason is at most 2 %. See docs/evaluation.md.
+    """
+    from cwcli.fleet.results import read_metrics
+    from cwcli.metrics.compare import compare_runs, comparison_table
+    from cwcli.metrics.table import write_table
+    from cwcli.output import write_file
+
+    _check(fail_on or (), tolerance, seed)
+    summary_file = stdout_or_file(markdown_file)
+    targets = check_targets(talk, metrics=metrics, texts=(summary_file,), force=force)
+    with Progress(quiet=talk.quiet) as progress:
+        runs = []
+        for source in (baseline, candidate):
+            progress.step(f"reading {source}")
+            runs.append(read_metrics(source, truth=truth, step=progress.step))
+    before, after = _paired(*runs)
+    comparison = compare_runs(before.logs, after.logs, seed=seed, tolerance=tolerance, exact=exact)
+    failed = _failed(comparison, fail_on or ())
+    if metrics is not None:
+        write_table(comparison_table(comparison), metrics, force=force)
+    if summary_file is not None:
+        write_file(summary_file, _markdown(before, after, comparison, failed).encode(), force=force)
+    console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
+    if talk.json:
+        document = _document(before, after, comparison, failed, targets)
+        console.data(json.dumps(document, indent=2, allow_nan=False))
+    else:
+        _show(console, before, after, comparison, failed, everything=everything)
+        print_written(console, targets)
+    return EXIT_GATE_FAILED if failed else EXIT_DONE
+
+
+def _check(fail_on: Sequence[str], tolerance: float, seed: int) -> None:
+    for verdict in fail_on:
+        if verdict not in FAIL_ON:
+            raise UsageError(f"--fail-on {verdict} is not a verdict to fail on", hint=f"one of: {', '.join(FAIL_ON)}")
+    if not 0.0 <= tolerance < 1.0:
+        raise UsageError(f"--tolerance {tolerance:g} is not between 0 and 1")
+    if seed < 0:
+        raise UsageError(f"--seed {seed} is negative")
+
+
+def _paired(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetrics]:
+    """Two single logs are a pair, whatever their names."""
+    from dataclasses import replace
+
+    if before.is_one_log and after.is_one_log:
+        return before, replace(after, logs=(replace(after.logs[0], id=before.logs[0].id),))
+    return before, after
+
+
+def _failed(comparison: RunComparison, fail_on: Sequence[str]) -> list[str]:
+    """What `--fail-on` was to find, one line each."""
+    from cwcli.metrics.compare import Verdict
+
+    found = [f"{verdict}: {change.metric}" for verdict in fail_on for change in comparison.of(Verdict(verdict))]
+    if "missing" in fail_on:
+        found += [
+            f"missing: {change.metric} in {count(change.n_missing, 'log')}"
+            for change in comparison.changes
+            if change.n_missing and change.verdict is not Verdict.MISSING
+        ]
+        found += [f"missing: log {name}" for name in (*comparison.only_baseline, *comparison.failed)]
+    if not comparison.n_pairs:
+        found.append("missing: no log is in both runs")
+    return found if fail_on else []
+
+
+def _judged(comparison: RunComparison, *, everything: bool) -> list[Change]:
+    return [change for change in comparison.changes if everything or change.verdict.value != "-"]
+
+
+def _show(
+    console: Console,
+    before: RunMetrics,
+    after: RunMetrics,
+    comparison: RunComparison,
+    failed: Sequence[str],
+    *,
+    everything: bool,
+) -> None:
+    console.heading(f"{before.source} -> {after.source}: {count(comparison.n_pairs, 'log')} in both")
+    rows: list[tuple[Cell, ...]] = [
+        (change.verdict.value, change.metric, change.baseline, change.candidate, *_change_cells(change))
+        for change in _judged(comparison, everything=everything)
+    ]
+    columns = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
+    console.summary(table(columns, rows) if rows else "  no metric is in both")
+    for note in _notes(comparison):
+        console.note(note)
+    if failed:
+        console.summary("")
+        console.summary("Failed")
+        for line in failed:
+            console.summary(f"  {printable(line)}")
+    console.summary("")
+
+
+def _change_cells(change: Change) -> tuple[Cell, ...]:
+    """Change, interval, logs."""
+    if not math.isfinite(change.change):
+        return "", "", change.n_pairs
+    scale, unit = (100.0, " %") if change.is_relative else (1.0, "")
+    return (
+        f"{scale * change.change:+.3g}{unit}",
+        f"{interval(scale * change.low, scale * change.high)}",
+        change.n_pairs,
+    )
+
+
+def _notes(comparison: RunComparison) -> list[str]:
+    """What the reader has to know of the logs."""
+    from cwcli.metrics.pooling import MIN_LOGS
+
+    notes = []
+    if 0 < comparison.n_pairs < MIN_LOGS:
+        notes.append(
+            f"{count(comparison.n_pairs, 'log')} can't tell a change from chance; the differences are exact for these "
+            "logs (--exact judges them as they are)"
+        )
+    for names, what in (
+        (comparison.only_baseline, "only in the baseline"),
+        (comparison.only_candidate, "only in the candidate"),
+        (comparison.failed, "failed in the candidate"),
+        (comparison.other_input, "made from another input than in the baseline"),
+    ):
+        if names:
+            shown = join_names([*names[:MAX_NAMES], *(["others"] if len(names) > MAX_NAMES else [])])
+            notes.append(f"{count(len(names), 'log')} {what}: {shown}")
+    return notes
+
+
+def _document(
+    before: RunMetrics,
+    after: RunMetrics,
+    comparison: RunComparison,
+    failed: Sequence[str],
+    written: Sequence[str],
+) -> Document:
+    """What `--json` prints."""
+    return {
+        "cwcli": __version__,
+        "command": "compare",
+        "baseline": before.source,
+        "candidate": after.source,
+        "written": list(written),
+        "pairs": comparison.n_pairs,
+        "only_baseline": list(comparison.only_baseline),
+        "only_candidate": list(comparison.only_candidate),
+        "failed_in_candidate": list(comparison.failed),
+        "other_input": list(comparison.other_input),
+        "metrics": {
+            change.metric: {
+                "verdict": change.verdict.value,
+                "unit": change.unit,
+                "baseline": finite(change.baseline),
+                "candidate": finite(change.candidate),
+                "change": finite(change.change),
+                "low": finite(change.low),
+                "high": finite(change.high),
+                "is_relative": change.is_relative,
+                "p": finite(change.p),
+                "pairs": change.n_pairs,
+                "changed": change.n_changed,
+                "missing": change.n_missing,
+            }
+            for change in comparison.changes
+        },
+        "failed": list(failed),
+    }
+
+
+def _markdown(before: RunMetrics, after: RunMetrics, comparison: RunComparison, failed: Sequence[str]) -> str:
+    """The summary for a CI job's page: what changed first, the rest folded."""
+    judged = _judged(comparison, everything=False)
+    told = [change for change in judged if change.verdict.value not in {"same", "new"}]
+    counts = {
+        verdict: sum(c.verdict.value == verdict for c in judged)
+        for verdict in dict.fromkeys(("worse", "improved", "missing", "unclear", "same"))
+    }
+    heading = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n) or "nothing to compare"
+    parts = [
+        f"### cwcli compare: {heading}",
+        f"{markdown.code(before.source)} to {markdown.code(after.source)}, {count(comparison.n_pairs, 'log')} in both",
+    ]
+    if told:
+        parts.append(_markdown_table(told))
+    rest = [change for change in judged if change not in told]
+    if rest:
+        summary = f"<details><summary>{count(len(rest), 'metric')} the same</summary>"
+        parts += [summary, _markdown_table(rest), "</details>"]
+    parts += [f"- {markdown.plain(note)}" for note in _notes(comparison)]
+    if failed:
+        parts.append("\n".join(["Failed:", "", *(f"- {markdown.plain(line)}" for line in failed)]))
+    return "\n\n".join(parts) + "\n"
+
+
+def _markdown_table(changes: Sequence[Change]) -> str:
+    rows = [
+        (
+            change.verdict.value,
+            markdown.code(change.metric),
+            number(change.baseline),
+            number(change.candidate),
+            *(cell if isinstance(cell, int) else markdown.plain(str(cell)) for cell in _change_cells(change)),
+        )
+        for change in changes
+    ]
+    return markdown.table(("verdict", "metric", "before", "after", "change", "95 % interval", "logs"), rows)

@@ -1,0 +1,297 @@
+"""`cwcli evaluate`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cwcli import __version__
+from cwcli.cli import markdown
+from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
+from cwcli.cli.progress import Progress
+from cwcli.cli.report import print_written
+from cwcli.cli.tables import Cell, table
+from cwcli.cli.text import count, number, paragraph, printable
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
+
+if TYPE_CHECKING:
+    from cwcli.fleet.results import RunMetrics
+    from cwcli.metrics.gates import Check, GateResult
+    from cwcli.metrics.pooling import MetricRow
+
+EXAMPLES = (
+    "cwcli evaluate annotated.mcap",
+    "cwcli evaluate out/ --gate 'ego.position_rmse_m < 0.5' --junit report.xml",
+    "cwcli evaluate out/ --gate 'pooled(warnings.recall) >= 0.9' --markdown summary.md",
+)
+MAX_SHOWN = 20
+MAX_IN_MARKDOWN = 200
+
+Document = dict[str, Any]
+
+RunArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SOURCE",
+        show_default=False,
+        help="Output folder of `cwcli run -d`, folder of annotated logs, or one annotated log; - is standard input.",
+    ),
+]
+TruthOption = Annotated[
+    str,
+    typer.Option(
+        "--truth", metavar="auto|none|/TOPIC", help="The ego's truth: the log's own truth channel, none, or this topic."
+    ),
+]
+MarkdownOption = Annotated[
+    str | None,
+    typer.Option(
+        "--markdown",
+        metavar="FILE",
+        show_default=False,
+        help="Write a summary in GitHub's Markdown here; - is standard output.",
+    ),
+]
+AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the most telling ones.")]
+
+
+def command(
+    source: RunArgument,
+    talk: TalkOptions,
+    truth: TruthOption = "auto",
+    gates: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--gate",
+            metavar="EXPR",
+            show_default=False,
+            help="A condition that must hold, for each log unless it says otherwise (docs/evaluation.md). Repeatable.",
+        ),
+    ] = None,
+    allow_missing: Annotated[
+        bool,
+        typer.Option("--allow-missing", help="A gate on a metric that a log does not have is skipped, not failed."),
+    ] = False,
+    junit: Annotated[
+        str | None,
+        typer.Option("--junit", metavar="FILE", show_default=False, help="Write the gates as JUnit XML here."),
+    ] = None,
+    markdown_file: MarkdownOption = None,
+    metrics: MetricsOption = None,
+    everything: AllOption = False,
+    force: ForceOption = False,
+) -> int:
+    """Score what the stages made of one log or of many, and check gates.
+
+    Errors against the truth where the log has one, consistency, prediction errors, warnings against the conflicts that
+    really happened, lanes, tracks, and the quality of the data. Gates are those of --gate and those kept in the run's
+    manifest. The exit code is 1 if a gate failed.
+    """
+    from cwcli.fleet.results import read_metrics
+    from cwcli.metrics.gate_syntax import parse
+    from cwcli.metrics.gates import check_gates
+    from cwcli.metrics.pooling import pooled_rows, run_table
+    from cwcli.metrics.table import write_table
+    from cwcli.output import write_file
+
+    for gate in gates or ():
+        parse(gate)
+    summary_file = stdout_or_file(markdown_file)
+    targets = check_targets(talk, metrics=metrics, texts=(junit, summary_file), force=force)
+    with Progress(quiet=talk.quiet) as progress:
+        progress.step(f"reading {source}")
+        run = read_metrics(source, truth=truth, step=progress.step)
+    results = check_gates(list(dict.fromkeys((*run.gates, *(gates or ())))), run.logs, allow_missing=allow_missing)
+    pooled = pooled_rows([log for log in run.logs if not log.error])
+    if metrics is not None:
+        write_table(run_table(run.logs), metrics, force=force)
+    if junit is not None:
+        from cwcli.cli.junit import junit_xml
+
+        write_file(junit, junit_xml(results), force=force)
+    if summary_file is not None:
+        write_file(summary_file, _markdown(run, pooled, results).encode(), force=force)
+    console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
+    if talk.json:
+        console.data(json.dumps(_document(run, truth, pooled, results, targets), indent=2, allow_nan=False))
+    else:
+        _show(console, run, pooled, results, everything=everything)
+        print_written(console, targets)
+    return EXIT_GATE_FAILED if any(result.failed for result in results) else EXIT_DONE
+
+
+def check_targets(talk: TalkOptions, *, metrics: str | None, texts: Sequence[str | None], force: bool) -> list[str]:
+    """Refuse what can't be written before the work; returns the files that will be.
+
+    Raises:
+        UsageError: Two of them, or --json, want the same place.
+        OutputError: A file exists or can't be made.
+    """
+    from cwcli.metrics.table import check_table_target
+    from cwcli.output import check_target
+
+    named = [name for name in (metrics, *texts) if name is not None]
+    if len(set(named)) < len(named):
+        raise UsageError("two outputs have the same name", where=next(name for name in named if named.count(name) > 1))
+    if talk.json and "-" in named:
+        raise UsageError("--json and --markdown - both want standard output", hint="write the summary to a file")
+    if metrics is not None:
+        check_table_target(metrics, force=force)
+    for name in texts:
+        if name is not None:
+            check_target(name, force=force)
+    return [name for name in named if name != "-"]
+
+
+def _is_telling(name: str) -> bool:
+    from cwcli.metrics.headline import metric_of
+
+    metric = metric_of(name)
+    return metric is not None and metric.is_compared
+
+
+def _show(
+    console: Console,
+    run: RunMetrics,
+    pooled: dict[str, MetricRow],
+    results: Sequence[GateResult],
+    *,
+    everything: bool,
+) -> None:
+    done = [log for log in run.logs if not log.error]
+    what = "Headline metrics" if run.is_one_log else f"Headline metrics, {count(len(done), 'log')} pooled"
+    console.heading(f"{run.source}: {what}")
+    shown = [row for name, row in pooled.items() if everything or _is_telling(name)]
+    console.summary(table(("metric", "value", "unit", "95 % interval", "n"), [_metric_cells(row) for row in shown]))
+    if len(shown) < len(pooled):
+        console.summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
+    for log in [log for log in run.logs if log.error][:MAX_SHOWN]:
+        console.note(f"{log.id} failed: {log.error}")
+    if not results:
+        return
+    console.summary("")
+    console.summary("Gates")
+    console.summary(table(("result", "gate", "checks", "failed"), [_gate_cells(result) for result in results]))
+    for result in results:
+        _show_failed(console, result)
+    console.summary("")
+
+
+def _metric_cells(row: MetricRow) -> tuple[Cell, ...]:
+    return row.metric, row.value, row.unit, interval(row.low, row.high), row.n
+
+
+def interval(low: float, high: float) -> str:
+    """`0.1 to 0.2`, or nothing where it is not known."""
+    return f"{number(low)} to {number(high)}" if math.isfinite(low) and math.isfinite(high) else ""
+
+
+def _gate_cells(result: GateResult) -> tuple[Cell, ...]:
+    return result.status.value, result.gate, len(result.checks), len(result.failed)
+
+
+def _show_failed(console: Console, result: GateResult) -> None:
+    if not result.failed:
+        return
+    console.summary("")
+    console.summary(paragraph(printable(f"failed: {result.gate}"), rest="  "))
+    for check in result.failed[:MAX_SHOWN]:
+        console.summary(paragraph(printable(_words(check)), first="  ", rest="    "))
+    if len(result.failed) > MAX_SHOWN:
+        console.summary(f"  and {len(result.failed) - MAX_SHOWN} more")
+
+
+def _words(check: Check) -> str:
+    return f"{check.log}: {check.detail}" if check.log else check.detail
+
+
+def _document(
+    run: RunMetrics, truth: str, pooled: dict[str, MetricRow], results: Sequence[GateResult], written: Sequence[str]
+) -> Document:
+    """What `--json` prints."""
+    return {
+        "cwcli": __version__,
+        "command": "evaluate",
+        "source": run.source,
+        "truth": truth,
+        "written": list(written),
+        "logs": [{"id": log.id, "error": log.error or None, "metrics": _numbers(log.rows)} for log in run.logs],
+        "pooled": _numbers(pooled),
+        "gates": [
+            {
+                "gate": result.gate,
+                "status": result.status.value,
+                "checks": [{**asdict(check), "status": check.status.value} for check in result.checks],
+            }
+            for result in results
+        ],
+        "failed": sum(bool(result.failed) for result in results),
+    }
+
+
+def _numbers(rows: Any) -> Document:
+    return {
+        name: {
+            "value": finite(row.value),
+            "unit": row.unit,
+            "n": row.n,
+            "low": finite(row.low),
+            "high": finite(row.high),
+        }
+        for name, row in rows.items()
+    }
+
+
+def finite(value: float) -> float | None:
+    """A number for JSON."""
+    return value if math.isfinite(value) else None
+
+
+def _markdown(run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[GateResult]) -> str:
+    """The summary for a CI job's page."""
+    failed = [result for result in results if result.failed]
+    n_failed_logs = sum(bool(log.error) for log in run.logs)
+    verdict = "no gates" if not results else f"{len(failed)} of {count(len(results), 'gate')} failed"
+    parts = [
+        f"### cwcli evaluate: {verdict}",
+        f"{markdown.code(run.source)}: {count(len(run.logs), 'log')}, {n_failed_logs} failed",
+    ]
+    if results:
+        rows = [
+            (
+                result.status.value,
+                markdown.code(result.gate),
+                len(result.checks),
+                len(result.failed),
+            )
+            for result in results
+        ]
+        parts.append(markdown.table(("result", "gate", "checks", "failed"), rows))
+    checks = [(result, check) for result in failed for check in result.failed]
+    if checks:
+        cells = [
+            (markdown.code(result.gate), markdown.code(check.log) if check.log else "all", markdown.code(check.detail))
+            for result, check in checks[:MAX_IN_MARKDOWN]
+        ]
+        parts.append(markdown.table(("failed gate", "log", "because"), cells))
+        if len(checks) > MAX_IN_MARKDOWN:
+            parts.append(f"and {len(checks) - MAX_IN_MARKDOWN} more")
+    shown = [row for name, row in pooled.items() if _is_telling(name)]
+    metric_rows = [
+        (
+            markdown.code(row.metric),
+            row.value,
+            markdown.code(row.unit) if row.unit else "",
+            interval(row.low, row.high),
+            row.n,
+        )
+        for row in shown
+    ]
+    parts.append(markdown.table(("metric, all logs pooled", "value", "unit", "95 % interval", "n"), metric_rows))
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,50 @@
+"""Gates as JUnit XML, the form that Jenkins, GitLab and GitHub's reporters read: one test case per gate and log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+from cwcli.cli.text import printable
+
+if TYPE_CHECKING:
+    from cwcli.metrics.gates import Check, GateResult
+
+RUN = "all logs"
+MAX_TEXT = 4000
+
+
+def junit_xml(results: Sequence[GateResult]) -> bytes:
+    """The document. Characters that XML does not allow, or that could deceive a reader, are escaped (`\\x1b`)."""
+    root = ET.Element("testsuites", {"name": "cwcli evaluate", **_counts([c for r in results for c in r.checks])})
+    for result in results:
+        gate = printable(result.gate)
+        suite = ET.SubElement(root, "testsuite", {"name": gate, **_counts(result.checks)})
+        for check in result.checks:
+            _add_case(suite, gate, check)
+    ET.indent(root)
+    text: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text + b"\n"
+
+
+def _add_case(suite: ET.Element, gate: str, check: Check) -> None:
+    case = ET.SubElement(suite, "testcase", classname=gate, name=printable(check.log) or RUN, time="0")
+    detail = printable(check.detail)[:MAX_TEXT]
+    if check.status.value == "failed":
+        ET.SubElement(case, "failure", message=detail, type="gate").text = detail
+    elif check.status.value == "skipped":
+        ET.SubElement(case, "skipped", message=detail)
+    else:
+        ET.SubElement(case, "system-out").text = detail
+
+
+def _counts(checks: Sequence[Check]) -> dict[str, str]:
+    statuses = [check.status.value for check in checks]
+    return {
+        "tests": str(len(checks)),
+        "failures": str(statuses.count("failed")),
+        "errors": "0",
+        "skipped": str(statuses.count("skipped")),
+        "time": "0",
+    }

@@ -1,0 +1,45 @@
+"""GitHub-flavoured Markdown: text of others can't become markup, links, mentions or table cells."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from cwcli.cli.text import number, printable
+
+Cell = str | float | int | None
+
+_STRUCTURAL = re.compile(r"[`|\\]")
+"""What can end a code span or a table cell."""
+
+
+def code(text: str) -> str:
+    """`text` as code: nothing in it is interpreted."""
+    shown = printable(text)
+    if shown and shown == shown.strip() and not _STRUCTURAL.search(shown):
+        return f"`{shown}`"
+    return f"<code>{plain(shown)}</code>"
+
+
+def plain(text: str) -> str:
+    """`text` as words. What could be markup is written as a numeric reference; addresses don't become links."""
+    shown = printable(text)
+    return "".join(char if char.isalnum() or char in " ,%" else f"&#{ord(char)};" for char in shown)
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
+    """A table. Cells of text are taken as Markdown that is already safe; numbers are right-aligned."""
+    is_number = [all(not isinstance(row[k], str) for row in rows) and bool(rows) for k in range(len(columns))]
+    lines = [_row(columns), _row(["---:" if right else "---" for right in is_number])]
+    lines += [_row([_cell(cell) for cell in row]) for row in rows]
+    return "\n".join(lines)
+
+
+def _cell(cell: Cell) -> str:
+    if cell is None:
+        return ""
+    return number(cell) if isinstance(cell, float) else str(cell)
+
+
+def _row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"

@@ -1,0 +1,201 @@
+"""The headline metrics of a run, read back: from an output folder, from annotated logs, or from a metrics table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cwcli.errors import CwcliError, InputError, UsageError
+from cwcli.fleet.folder import MANIFEST, LogFolder, read_document, recorded_ids
+from cwcli.metrics.headline import COLUMNS
+from cwcli.metrics.pooling import POOLED_ID, LogMetrics, rows_of
+from cwcli.metrics.table import Table
+
+if TYPE_CHECKING:
+    from cwcli.logs.log import Log
+
+STDIN = "-"
+NO_TABLE = "the log has no readable table of metrics, and no annotated log to make it from"
+
+
+@dataclass(frozen=True)
+class RunMetrics:
+    """The logs of a run and what they were measured by.
+
+    Attributes:
+        source: As the user named it.
+        logs: In order of id; failed ones are among them.
+        gates: Kept in the run's manifest.
+        is_one_log: The source is a single log.
+    """
+
+    source: str
+    logs: tuple[LogMetrics, ...]
+    gates: tuple[str, ...] = ()
+    is_one_log: bool = False
+
+
+def read_metrics(source: str, *, truth: str = "auto", step: Callable[[str], None] = lambda text: None) -> RunMetrics:
+    """Read or compute the headline metrics of a run.
+
+    Args:
+        source: Output folder of `cwcli run -d`; folder of annotated logs (`*.mcap`); one annotated log, `-` for
+            standard input; or a table (`.parquet`) that `cwcli evaluate --metrics` has written.
+        truth: As in `cwcli.stages.evaluate.evaluate_log`. What an output folder holds is computed again from its
+            annotated logs if it was computed with another one.
+        step: Told of each log that is computed.
+
+    Raises:
+        InputError: There is no such file or folder, or it holds none of these.
+        UsageError: A truth topic can't be one.
+        CwcliError: The only log can't be read.
+    """
+    path = Path(source)
+    try:
+        is_folder = source != STDIN and path.is_dir()
+    except ValueError as error:  # a zero byte in the name
+        raise InputError(str(error), where=source) from error
+    if is_folder:
+        return _of_folder(source, path, truth, step)
+    if path.suffix.lower() == ".parquet":
+        return RunMetrics(source, tuple(_of_table(path)))
+    step(f"evaluating {source}")
+    return RunMetrics(source, (_of_log(source, path.name if source != STDIN else "<stdin>", truth),), is_one_log=True)
+
+
+def _of_folder(source: str, path: Path, truth: str, step: Callable[[str], None]) -> RunMetrics:
+    manifest = read_document(path / MANIFEST)
+    if manifest is not None or any(True for _ in recorded_ids(path)):
+        logs = list(_of_output(path, manifest or {}, truth, step))
+        pipeline = (manifest or {}).get("pipeline")
+        gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
+        kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
+        return RunMetrics(source, tuple(sorted(logs, key=lambda log: log.id)), kept)
+    found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
+    if not found:
+        raise InputError(
+            f"the folder holds neither a {MANIFEST} nor logs (*.mcap)",
+            where=source,
+            hint="fill it with `cwcli run logs/*.mcap -d DIR`",
+        )
+    logs = []
+    for file in found:
+        step(f"evaluating {file}")
+        try:
+            logs.append(_of_log(str(file), file.name, truth))
+        except UsageError:
+            raise
+        except CwcliError as error:
+            logs.append(LogMetrics(file.name, error=str(error)))
+    return RunMetrics(source, tuple(logs))
+
+
+def _of_output(path: Path, manifest: dict[str, Any], truth: str, step: Callable[[str], None]) -> Iterator[LogMetrics]:
+    """The logs that the manifest names; of a run that was killed, those that have a folder."""
+    listed = manifest.get("logs")
+    entries = {each["id"]: each for each in listed or () if isinstance(each, dict) and isinstance(each.get("id"), str)}
+    for name in entries or recorded_ids(path):
+        if Path(name).name != name or name in {"", ".", ".."}:
+            raise InputError(f"the log id {name!r} is no name of a file", where=str(path / MANIFEST))
+        folder = LogFolder(path, name)
+        entry = folder.entry() or entries.get(name) or {}
+        if entry.get("status") != "done":
+            yield LogMetrics(name, error=_error(entry))
+            continue
+        yield replace(_of_entry(folder, truth, step), sha256=str(entry.get("sha256") or ""))
+
+
+def _of_entry(folder: LogFolder, truth: str, step: Callable[[str], None]) -> LogMetrics:
+    try:
+        table = _read_table(folder.metrics)
+        if table.metadata.get("truth", "auto") == truth:
+            return LogMetrics(folder.id, rows_of(table))
+    except (InputError, ValueError):
+        if not folder.annotated.is_file():
+            return LogMetrics(folder.id, error=NO_TABLE)
+    step(f"evaluating {folder.id}")
+    try:
+        return _of_log(str(folder.annotated), folder.id, truth)
+    except UsageError:
+        raise
+    except CwcliError as error:
+        return LogMetrics(folder.id, error=str(error))
+
+
+def _error(entry: dict[str, Any]) -> str:
+    error = entry.get("error")
+    if not isinstance(error, dict):
+        return "it was not done"
+    where, what = error.get("where"), error.get("what")
+    return f"{where}: {what}" if where else str(what)
+
+
+def _of_log(source: str, name: str, truth: str) -> LogMetrics:
+    from cwcli.logs.log import Log
+    from cwcli.stages.evaluate import evaluate_log
+
+    with Log.open(source) as log:
+        return LogMetrics(name, rows_of(evaluate_log(log, truth=truth)), sha256=_input_sha256(log))
+
+
+def _input_sha256(log: Log) -> str:
+    """Hash of the log before it was annotated, from the first record that tells it."""
+    from cwcli.stages.records import run_records
+
+    hashes = [record["input_sha256"] for record in run_records(log).values() if "input_sha256" in record]
+    return hashes[0] if hashes else ""
+
+
+def _of_table(path: Path) -> list[LogMetrics]:
+    """The logs of a table with a column `log`."""
+    table = _read_table(path)
+    ids = table.columns.get("log")
+    if not isinstance(ids, list):
+        raise InputError("the table has no column log", where=str(path), hint="make one: cwcli evaluate --metrics")
+    rows: dict[str, list[int]] = {}
+    for k, name in enumerate(ids):
+        rows.setdefault(str(name), []).append(k)
+    rows.pop(POOLED_ID, None)
+    return [LogMetrics(name, rows_of(_part(table, kept))) for name, kept in rows.items()]
+
+
+def _part(table: Table, rows: list[int]) -> Table:
+    columns = {
+        name: column[np.array(rows)] if isinstance(column, np.ndarray) else [list(column)[k] for k in rows]
+        for name, column in table.columns.items()
+        if name in COLUMNS and isinstance(column, np.ndarray | list)
+    }
+    return Table(table.name, columns)
+
+
+def _read_table(path: Path) -> Table:
+    """A Parquet file of ours.
+
+    Raises:
+        InputError: It can't be read, or lacks a column.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        found = parquet.read_table(path, partitioning=None)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        what = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error
+    missing = [name for name in COLUMNS if name not in found.column_names]
+    if missing:
+        raise InputError(f"the table has no column {missing[0]}", where=str(path))
+    columns: dict[str, Any] = {}
+    for name in found.column_names:
+        column = found.column(name)
+        is_number = pa.types.is_floating(column.type) or pa.types.is_integer(column.type)
+        columns[name] = column.to_numpy() if is_number else [str(value) for value in column.to_pylist()]
+    metadata = {
+        key.decode(errors="replace"): value.decode(errors="replace")
+        for key, value in (found.schema.metadata or {}).items()
+    }
+    return Table(metadata.pop("name", "metrics"), columns, metadata=metadata)
