@@ -7,8 +7,8 @@ a tyre is on the line, but never before ISO's earliest warning line.
 Why: a constant lateral speed or a constant turning radius misjudges bends and the driver's steering (zhang2011,
 section 0).
 
-Zones (ISO 17361, lane departure warning systems, for cars): with V the rate of departure, the earliest line lies 0.75 m
-inside the boundary for V up to 0.5 m/s, 1.5 s V for V up to 1.0 m/s, 1.5 m above; the latest line lies 0.3 m outside it.
+Zones (ISO 17361, lane departure warning systems, for cars): with V the rate of departure the earliest line lies 0.75 m
+inside the boundary for V up to 0.5 m/s, 1.5 s V for V up to 1.0 m/s, 1.5 m above, and the latest one 0.3 m outside it.
 A system of class II must work from 17 m/s on. What these numbers rest on is in docs/observer.md.
 
 Limits: it does not know the turn signal, so a wanted lane change is warned of too. Without a boundary on a side, or
