@@ -12,16 +12,18 @@ import numpy as np
 from cwcli import __version__
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.log import Log
+from cwcli.metrics.gates import GateResult, check_gates
+from cwcli.metrics.pooling import LogMetrics, MetricRow, rows_of
 from cwcli.report.drive import read_drive
 from cwcli.report.encounters import find_meetings
-from cwcli.report.gates import GateResult, judge_gates
-from cwcli.report.page import GateView, Page, Renderer, Row
-from cwcli.report.section import Detail, LogView, log_view
-from cwcli.report.source import Entry, Metric, Run, metric_of, read_run
+from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
+from cwcli.report.page import Page, Renderer, Row
+from cwcli.report.section import Detail, LogView, log_view, value_text
+from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
 from cwcli.signals.columns import Strings
 from cwcli.stages.channels import WARNINGS_TOPIC
-from cwcli.text import count, number, printable
+from cwcli.text import count, printable
 from cwcli.warning.output import RAISED
 
 MAX_BYTES = 5_900_000
@@ -35,10 +37,11 @@ COLUMNS = (
     ("data.duration_s", "duration [s]"),
     ("warnings.count", "warnings"),
     ("ego.position_rmse_m", "position RMSE [m]"),
-    ("data.rejected_share", "messages rejected [share]"),
+    ("lanes.found_share", "lanes found [share]"),
+    ("data.rejected_count", "messages rejected"),
 )
-FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3)
-TIGHT = Detail(n_pieces=150, n_events=1, n_frame_events=1, n_frames=2)
+FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, has_all_metrics=False)
+TIGHT = Detail(n_pieces=150, n_events=1, n_frame_events=1, n_frames=2, has_all_metrics=False)
 Progress = Callable[[str], None]
 
 
@@ -90,16 +93,15 @@ def build_report(source: str, *, gates: Sequence[str] = (), progress: Progress |
     run = read_run(source)
     if not run.is_folder:
         return _of_one_log(run, source, gates, renderer, say)
-    results = judge_gates([*run.gates, *gates], [(each.id, each.metrics) for each in run.entries])
+    results = check_gates([*run.gates, *gates], [_log_metrics(each) for each in run.entries])
     candidates = sorted((_candidate(each, results) for each in run.entries), key=_order)
     is_few = len(candidates) <= FEW_LOGS
     budget = MAX_BYTES - renderer.fixed_bytes - PER_ROW_BYTES * len(candidates) - 20_000
     sections: list[str] = []
-    for index, candidate in enumerate(candidates):
-        if candidate.entry.log is None:
-            continue
+    shown = [candidate for candidate in candidates if candidate.entry.log is not None]
+    for index, candidate in enumerate(shown):
         say(candidate.entry.name)
-        is_open = len(candidates) <= OPEN_LOGS or index == 0
+        is_open = len(shown) <= OPEN_LOGS or index == 0
         made = _section(candidate, f"log-{index + 1}", renderer, budget, is_few=is_few, is_open=is_open)
         if made is None:
             continue
@@ -117,8 +119,9 @@ def _of_one_log(run: Run, source: str, gates: Sequence[str], renderer: Renderer,
     entry = run.entries[0]
     with Log.open(source) as log:
         metrics = _evaluated(log)
-        entry = Entry(entry.id, log.name.rpartition("/")[2], entry.log, metrics=metrics)
-        results = judge_gates(gates, [(entry.id, metrics)])
+        name = log.name.rpartition("/")[2]
+        entry = Entry(entry.id, name, log.name, entry.log, metrics=metrics)
+        results = check_gates(gates, [_log_metrics(entry)])
         section, story, badges = "", None, []
         for detail in (Detail(), Detail(n_pieces=400), FOLDED, TIGHT):
             view = _view(log, entry, "log-1", [], detail, is_alone=True, is_open=True)
@@ -126,30 +129,36 @@ def _of_one_log(run: Run, source: str, gates: Sequence[str], renderer: Renderer,
             if renderer.fixed_bytes + len(section.encode()) < MAX_BYTES - 20_000:
                 break
     assert story is not None
-    badges = [*_gate_badges(results, entry.id), *story.badges]
+    badges = [badge_of_run(results), *story.badges]
     page = Page(
         title=entry.name,
         headline=story.headline,
         sentences=(" ".join(story.more),),
         badges=tuple(badges),
-        gates=tuple(_gate_views(results)),
+        gates=tuple(gate_views(results)),
         columns=(),
         rows=(),
         footer=_footer(),
     )
     html = renderer.page(page, [section]).encode()
-    n_failed = int(any(result.is_failed for result in results))
+    n_failed = int(any(result.failed for result in results))
     return Report(html, n_logs=1, n_detailed=1, n_failed=n_failed, left_out=())
 
 
-def _evaluated(log: Log) -> tuple[Metric, ...]:
+def _log_metrics(entry: Entry) -> LogMetrics:
+    """The log for the gates."""
+    error = entry.error.get("what", "it failed") if entry.has_failed else ""
+    return LogMetrics(entry.id, entry.metrics, error)
+
+
+def _evaluated(log: Log) -> dict[str, MetricRow]:
     """The headline metrics of a log that is not part of a run; none where they can't be computed."""
     from cwcli.stages.evaluate import evaluate_log
 
     try:
-        return tuple(metric_of(row) for row in evaluate_log(log).records())
+        return rows_of(evaluate_log(log))
     except CwcliError:
-        return ()
+        return {}
 
 
 def _candidate(entry: Entry, results: Sequence[GateResult]) -> _Candidate:
@@ -159,7 +168,7 @@ def _candidate(entry: Entry, results: Sequence[GateResult]) -> _Candidate:
     if entry.has_failed:
         badges.append(Badge("the run failed", "bad"))
         rank = 0
-    of_gates = _gate_badges(results, entry.id)
+    of_gates = [] if entry.has_failed else badges_of_log(results, entry.id)
     badges += of_gates
     if any(badge.tone == "bad" for badge in of_gates):
         rank = min(rank, 1)
@@ -192,7 +201,7 @@ def _count_warnings(path: str) -> int:
 
 def _order(candidate: _Candidate) -> tuple[Any, ...]:
     """What went wrong comes first, then what was warned of, then the rest."""
-    return candidate.rank, candidate.entry.id
+    return candidate.rank, candidate.n_warnings == 0, candidate.entry.id
 
 
 def _section(
@@ -239,15 +248,11 @@ def _view(
 def _assemble(
     run: Run, candidates: list[_Candidate], results: Sequence[GateResult], sections: list[str], renderer: Renderer
 ) -> Report:
-    columns = [
-        (name, title)
-        for name, title in COLUMNS
-        if any(metric.name == name for each in candidates for metric in each.entry.metrics)
-    ]
+    columns = [(name, title) for name, title in COLUMNS if any(name in each.entry.metrics for each in candidates)]
     rows = []
     for each in candidates:
-        values = {metric.name: metric.value for metric in each.entry.metrics}
-        shown = tuple(number(values.get(name, math.nan)) for name, _ in columns)
+        known = each.entry.metrics
+        shown = tuple(value_text(name, known[name].value if name in known else math.nan) for name, _ in columns)
         story = each.story or (count(each.n_warnings, "warning") if each.n_warnings else "no warning")
         rows.append(Row(each.anchor, each.entry.name, tuple(each.badges), story, shown))
     failed = [each for each in candidates if each.rank <= 1]
@@ -257,7 +262,7 @@ def _assemble(
         headline=_headline(candidates),
         sentences=tuple(_sentences(left_out, len(candidates))),
         badges=tuple(_run_badges(candidates, results)),
-        gates=tuple(_gate_views(results)),
+        gates=tuple(gate_views(results)),
         columns=tuple(title for _, title in columns),
         rows=tuple(rows),
         footer=_footer(),
@@ -304,37 +309,7 @@ def _run_badges(candidates: Sequence[_Candidate], results: Sequence[GateResult])
         badges.append(Badge(f"{count(n_failed, 'log')} failed", "bad"))
     else:
         badges.append(Badge(f"all {len(candidates)} logs processed" if len(candidates) > 1 else "processed", "good"))
-    failed = [result for result in results if result.is_failed]
-    if failed:
-        badges.append(Badge(f"{len(failed)} of {count(len(results), 'gate')} failed", "bad"))
-    elif results:
-        badges.append(Badge(f"{len(results)} of {count(len(results), 'gate')} passed", "good"))
-    else:
-        badges.append(Badge("no gates set", "plain"))
-    return badges
-
-
-def _gate_badges(results: Sequence[GateResult], log: str) -> list[Badge]:
-    """The gates' verdict on one log."""
-    if not results:
-        return []
-    failed = [
-        result for result in results if result.is_failed and (log in result.failed_logs or not result.failed_logs)
-    ]
-    if failed:
-        return [Badge(f"{count(len(failed), 'gate')} failed", "bad")]
-    return [Badge("gates passed", "good")]
-
-
-def _gate_views(results: Sequence[GateResult]) -> list[GateView]:
-    """The failed ones first."""
-    ordered = sorted(results, key=lambda result: not result.is_failed)
-    return [
-        GateView(
-            result.expression, Badge("failed", "bad") if result.is_failed else Badge("passed", "good"), result.value
-        )
-        for result in ordered
-    ]
+    return [*badges, badge_of_run(results)]
 
 
 def _footer() -> tuple[str, ...]:

@@ -49,7 +49,8 @@ def fan_figure(drive: Drive, encounter: Encounter, paths: tuple[Path2D | None, P
     Args:
         paths: Of the ego and of the other, as known when the warning was given.
     """
-    assert drive.ego is not None
+    if drive.ego is None or encounter.is_lane_departure:
+        return None
     at = np.array([encounter.raised_ns], np.int64)
     ego = ActualTrack(drive.ego.stamp_ns, drive.ego.state)
     own = interpolate(ego, at, drive.rule.max_gap_s)[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.actual import Motion, interpolate, relative_motion
 from cwcli.warning.conflicts import RealConflict, Verdict, judge, real_conflicts
+from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.output import HELD, RAISED
 from cwcli.warning.types import ActualTrack
 
@@ -56,6 +57,11 @@ class Encounter:
     least_gap_m: float
     direction: str
 
+    @property
+    def is_lane_departure(self) -> bool:
+        """It is about the car's own lane, not about another vehicle."""
+        return self.rule == LANE_DEPARTURE
+
 
 @dataclass(frozen=True)
 class Missed:
@@ -94,11 +100,11 @@ class Meetings:
 
 def find_meetings(drive: Drive) -> Meetings:
     """Bring the warnings together with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
+    alerts = _alerts(drive.warnings)
     if drive.ego is None:
-        return Meetings((), (), None, 0)
+        return Meetings(tuple(_without_motion(alert) for alert in alerts), (), None, 0)
     stamps, first = np.unique(drive.ego.stamp_ns, return_index=True)
     host = ActualTrack(stamps, drive.ego.state[first])
-    alerts = _alerts(drive.warnings)
     warned = {entry.other_id for entry in alerts}
     ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
     motions: dict[int, Motion] = {}
@@ -110,7 +116,7 @@ def find_meetings(drive: Drive) -> Meetings:
     conflicts = {key: real_conflicts(motion, drive.rule) for key, motion in motions.items()}
     encounters, matched = [], set()
     for alert in alerts:
-        other_track = by_id.get(alert.other_id)
+        other_track = None if alert.rule == LANE_DEPARTURE else by_id.get(alert.other_id)
         encounter = _encounter(drive, alert, other_track, host, motions, conflicts)
         if other_track is not None and encounter.verdict is not None and encounter.verdict.conflict >= 0:
             matched.add((id(other_track), encounter.verdict.conflict))
@@ -205,10 +211,16 @@ def _encounter(
         verdict = judge(alert.raised_ns, alert.last_ns, conflicts[id(other)], motion, drive.rule)
         gap = _least_gap(motion, alert.raised_ns, alert.raised_ns + round(drive.rule.max_lead_s * NS_PER_S))
         direction = _direction(host, other, alert.raised_ns, drive.rule.max_gap_s)
+    alone = _without_motion(alert)
+    return replace(alone, other=other, motion=motion, verdict=verdict, least_gap_m=gap, direction=direction)
+
+
+def _without_motion(alert: _Alert) -> Encounter:
+    """The warning as its channel tells it."""
     time_s, distance_m, probability = alert.values
     return Encounter(
         event_id=alert.event_id,
-        other=other,
+        other=None,
         other_id=alert.other_id,
         rule=alert.rule,
         raised_ns=alert.raised_ns,
@@ -217,10 +229,10 @@ def _encounter(
         predicted_distance_m=distance_m,
         probability=probability,
         rows=alert.rows,
-        motion=motion,
-        verdict=verdict,
-        least_gap_m=gap,
-        direction=direction,
+        motion=None,
+        verdict=None,
+        least_gap_m=math.nan,
+        direction="",
     )
 
 

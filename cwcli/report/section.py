@@ -38,12 +38,14 @@ class Detail:
         n_events: Warnings with figures of their own.
         n_frame_events: Warnings with camera pictures.
         n_frames: Pictures of a drive without warnings.
+        has_all_metrics: Every metric is listed, not only those that runs are compared by.
     """
 
     n_pieces: int = 700
     n_events: int = 8
     n_frame_events: int = 4
     n_frames: int = 8
+    has_all_metrics: bool = True
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ def log_view(
         event_table=_event_table(drive, meetings) if len(meetings.encounters) > len(chosen) else None,
         signals=tuple(signals),
         frames=tuple(_evenly(drive, pictures)) if not chosen else (),
-        tables=tuple(_tables(drive, entry)),
+        tables=tuple(_tables(drive, entry, detail)),
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -182,7 +184,9 @@ def _event(
 ) -> EventView:
     suffix = f"-{encounter.event_id}"
     plots = []
-    fan = fan_figure(drive, encounter, _paths(log, drive, encounter, notes))
+    has_paths = drive.ego is not None and not encounter.is_lane_departure
+    paths = _paths(log, drive, encounter, notes) if has_paths else (None, None)
+    fan = fan_figure(drive, encounter, paths)
     if fan is not None:
         at = f"{(encounter.raised_ns - drive.start_ns) / NS_PER_S:.1f}"
         title = f"Warning {encounter.event_id}, at {at} s: the predicted paths"
@@ -249,14 +253,15 @@ def _facts(drive: Drive, encounter: Encounter) -> TableView:
     verdict = encounter.verdict
     rows = [
         ("warned of", name_of(encounter)),
-        ("where it was", encounter.direction or "-"),
+        *([("where it was", encounter.direction)] if encounter.direction else []),
         ("rule", encounter.rule or "-"),
         ("warning given", seconds(encounter.raised_ns)),
         ("warning stood until", seconds(encounter.last_ns)),
     ]
     if math.isfinite(encounter.time_to_event_s):
         rows.append(("predicted: nearest in", f"{encounter.time_to_event_s:.2f} s"))
-    rows.append(("predicted: centres apart by", metres(encounter.predicted_distance_m)))
+    if math.isfinite(encounter.predicted_distance_m):
+        rows.append(("predicted: centres apart by", metres(encounter.predicted_distance_m)))
     if math.isfinite(encounter.probability):
         rows.append(("predicted: probability", f"{encounter.probability:.2f}"))
     if verdict is not None:
@@ -346,7 +351,7 @@ def _picture(drive: Drive, picture: Thumbnail, what: str) -> Picture:
     return Picture(picture.data_uri, picture.width_px, picture.height_px, f"Camera frame at {caption}", caption)
 
 
-def _tables(drive: Drive, entry: Entry) -> list[TableView]:
+def _tables(drive: Drive, entry: Entry, detail: Detail) -> list[TableView]:
     tables = []
     rows: list[tuple[str, ...]] = []
     for stage in drive.records:
@@ -375,26 +380,32 @@ def _tables(drive: Drive, entry: Entry) -> list[TableView]:
             columns, rows = columns[:-1], [row[:-1] for row in rows]
         tables.append(TableView("What became of the messages", columns, tuple(rows[:MAX_ROWS])))
     if entry.metrics:
-        tables += _metrics_tables(entry)
+        tables += _metrics_tables(entry, detail)
     return tables
 
 
-def _metrics_tables(entry: Entry) -> list[TableView]:
+def _metrics_tables(entry: Entry, detail: Detail) -> list[TableView]:
     """The metrics that runs are compared by, and behind them, folded, the rest."""
     main: list[tuple[str, ...]] = []
     rest: list[tuple[str, ...]] = []
-    for metric in entry.metrics[: 2 * MAX_ROWS]:
+    for metric in list(entry.metrics.values())[: 2 * MAX_ROWS]:
         interval = ""
         if math.isfinite(metric.low) and math.isfinite(metric.high):
             interval = f"{number(metric.low)} to {number(metric.high)}"
-        known = metric_of(metric.name)
-        row = (metric.name, number(metric.value), metric.unit, interval, str(metric.n))
+        known = metric_of(metric.metric)
+        row = (metric.metric, value_text(metric.metric, metric.value), metric.unit, interval, str(metric.n))
         (main if known is not None and known.is_compared else rest).append(row)
     columns = (("metric", False), ("value", True), ("unit", False), ("95 % interval", False), ("samples", True))
     tables = [TableView("Headline metrics", columns, tuple(main))] if main else []
-    if rest:
+    if rest and detail.has_all_metrics:
         tables.append(TableView("Further metrics", columns, tuple(rest), is_folded=True))
     return tables
+
+
+def value_text(name: str, value: float) -> str:
+    """A metric's value; a count without decimals."""
+    is_count = name.endswith(("_count", ".count")) and math.isfinite(value)
+    return f"{value:.0f}" if is_count else number(value)
 
 
 def _counts(value: Any) -> dict[str, int]:

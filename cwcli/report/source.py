@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from cwcli.errors import InputError
+from cwcli.metrics.headline import COLUMNS
+from cwcli.metrics.pooling import MetricRow, rows_of
+from cwcli.metrics.table import Table
 
 MANIFEST = "manifest.json"
 ANNOTATED = "annotated.mcap"
 ENTRY = "entry.json"
-
-
-@dataclass(frozen=True)
-class Metric:
-    """One headline metric of a log, as `cwcli evaluate` writes it; NaN where there is no interval."""
-
-    stage: str
-    name: str
-    value: float
-    unit: str
-    n: int
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -35,21 +24,23 @@ class Entry:
 
     Attributes:
         id: Unique in the run.
-        name: For people: the source's name.
+        name: For people.
+        source: Where the log came from.
         log: The annotated log, None where there is none.
         has_failed: The run could not finish it.
         error: What, where and hint of the failure.
         left_out: Stage -> why it did not run.
-        metrics: Headline metrics.
+        metrics: Headline metrics by name.
     """
 
     id: str
     name: str
+    source: str
     log: Path | None
     has_failed: bool = False
     error: Mapping[str, str] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
-    metrics: tuple[Metric, ...] = ()
+    metrics: Mapping[str, MetricRow] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -84,7 +75,7 @@ def read_run(source: str) -> Run:
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if not is_folder:
-        return Run(Path(source).name, (Entry(Path(source).stem, Path(source).name, path),), (), is_folder=False)
+        return Run(Path(source).name, (Entry(path.stem, path.name, source, path),), (), is_folder=False)
     manifest = _manifest(path)
     entries = [_entry(path, each) for each in manifest["logs"] if isinstance(each, dict)]
     if not entries:
@@ -129,48 +120,31 @@ def _entry(folder: Path, given: Mapping[str, Any]) -> Entry:
     left_out = given.get("left_out")
     return Entry(
         id=number,
-        name=str(given.get("source") or number),
+        name=number,
+        source=str(given.get("source") or ""),
         log=log if log is not None and log.is_file() else None,
         has_failed=given.get("status") != "done",
         error={key: str(error[key]) for key in ("what", "where", "hint") if error.get(key)}
         if isinstance(error, dict)
         else {},
         left_out={str(stage): str(reason) for stage, reason in left_out.items()} if isinstance(left_out, dict) else {},
-        metrics=_metrics(folder / "metrics" / f"log={number}" / "metrics.parquet") if is_plain else (),
+        metrics=_metrics(folder / "metrics" / f"log={number}" / "metrics.parquet") if is_plain else {},
     )
 
 
-def _metrics(file: Path) -> tuple[Metric, ...]:
+def _metrics(file: Path) -> dict[str, MetricRow]:
     """The log's rows of the metrics dataset.
 
     Raises:
         InputError: The file is damaged.
     """
     if not file.is_file():
-        return ()
+        return {}
     from pyarrow import ArrowException, parquet
 
     try:
-        rows = parquet.ParquetFile(file).read().to_pylist()
-    except (ArrowException, OSError) as error:
+        columns = parquet.ParquetFile(file).read().to_pydict()
+        table = Table("metrics", {name: column for name, column in columns.items() if name in COLUMNS})
+        return rows_of(table)
+    except (ArrowException, OSError, ValueError, TypeError) as error:
         raise InputError(f"can't be read: {error}", where=str(file)) from error
-    return tuple(metric_of(row) for row in rows)
-
-
-def metric_of(row: Mapping[str, Any]) -> Metric:
-    """A row of the metrics table."""
-
-    def number(name: str) -> float:
-        value = row.get(name)
-        return float(value) if isinstance(value, int | float) else math.nan
-
-    n = row.get("n")
-    return Metric(
-        stage=str(row.get("stage", "")),
-        name=str(row.get("metric", "")),
-        value=number("value"),
-        unit=str(row.get("unit") or ""),
-        n=int(n) if isinstance(n, int | float) and math.isfinite(n) else 0,
-        low=number("low"),
-        high=number("high"),
-    )

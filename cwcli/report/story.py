@@ -18,6 +18,15 @@ from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
 MAX_ID = 40
+LANE = "lane"
+SAID = {
+    TRUE: "came true",
+    LATE: "came late",
+    FALSE: "false",
+    UNDECIDED: "not decided",
+    LANE: "of lane departure",
+}
+"""What became of a warning, in a list."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +64,7 @@ def tell(drive: Drive, meetings: Meetings, left_out: str = "") -> Story:
         left_out: Why the warnings were not computed, where they were not.
     """
     more = [_length(drive)]
-    if drive.ego is None or drive.warnings is None:
+    if drive.warnings is None:
         return _without_warnings(drive, left_out, more)
     if not meetings.encounters:
         more += _missed(drive, meetings)
@@ -65,17 +74,25 @@ def tell(drive: Drive, meetings: Meetings, left_out: str = "") -> Story:
         return Story(_nobody_near(drive, meetings), tuple(more), tuple(badges))
     if len(meetings.encounters) == 1:
         headline = encounter_sentence(drive, meetings.encounters[0])
-        more.insert(0, verdict_sentence(drive.rule, meetings.encounters[0]))
+        verdict = verdict_sentence(drive.rule, meetings.encounters[0])
+        more = [verdict, *more] if verdict else more
     else:
         worst = min(meetings.encounters, key=_urgency)
-        headline = f"cwcli gave {len(meetings.encounters)} warnings: {_tally(meetings)}. The most critical: "
+        headline = f"cwcli gave {len(meetings.encounters)} warnings: {_tally(meetings)}. "
         sentence = encounter_sentence(drive, worst)
-        headline += sentence[0].lower() + sentence[1:]
+        if worst.is_lane_departure:
+            headline += f"The first: {sentence[0].lower()}{sentence[1:]}"
+        else:
+            headline += f"The most critical: {sentence[0].lower()}{sentence[1:]}"
     return Story(headline, (*more, *_missed(drive, meetings)), tuple(_badges(meetings)))
 
 
 def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
     """`At 4.7 s cwcli warned that the car would collide with vehicle 2, coming from the right; ...`"""
+    if encounter.is_lane_departure:
+        side = encounter.other_id.removesuffix(" boundary")
+        where = f" over its {side} boundary" if side in {"left", "right"} else ""
+        return f"At {_at(drive, encounter.raised_ns)} cwcli warned that the car would leave its lane{where}."
     direction = f", {encounter.direction}" if encounter.direction else ""
     text = f"At {_at(drive, encounter.raised_ns)} cwcli warned that the car would collide with "
     text += f"{name_of(encounter)}{direction}"
@@ -94,6 +111,8 @@ def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
 def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
     """Whether the warning was right."""
     verdict = encounter.verdict
+    if encounter.is_lane_departure:
+        return ""
     if verdict is None:
         return "Whether the warning was right can't be said: the other's track is not in the log."
     conflict = conflict_words(rule)
@@ -118,6 +137,8 @@ def conflict_words(rule: WarningConfig) -> str:
 
 def verdict_badge(encounter: Encounter) -> Badge:
     """The verdict on one warning."""
+    if encounter.is_lane_departure:
+        return Badge("lane departure", "alert")
     kind = encounter.verdict.kind if encounter.verdict is not None else UNDECIDED
     if kind == TRUE:
         assert encounter.verdict is not None
@@ -129,6 +150,8 @@ def verdict_badge(encounter: Encounter) -> Badge:
 
 def name_of(encounter: Encounter) -> str:
     """`vehicle 17`."""
+    if encounter.is_lane_departure:
+        return printable(encounter.other_id)[:MAX_ID]
     kind = encounter.other.kind if encounter.other is not None else "vehicle"
     shown = printable(encounter.other_id)
     return f"{kind} {shown if len(shown) <= MAX_ID else shown[: MAX_ID - 1] + '…'}"
@@ -151,13 +174,16 @@ def _at(drive: Drive, stamp_ns: int) -> str:
 
 
 def _kinds(meetings: Meetings) -> Counter[str]:
-    return Counter(each.verdict.kind if each.verdict is not None else UNDECIDED for each in meetings.encounters)
+    return Counter(
+        LANE if each.is_lane_departure else each.verdict.kind if each.verdict is not None else UNDECIDED
+        for each in meetings.encounters
+    )
 
 
 def _tally(meetings: Meetings) -> str:
     kinds = _kinds(meetings)
     parts = []
-    for kind, said in ((TRUE, "came true"), (LATE, "came late"), (FALSE, "false"), (UNDECIDED, "not decided")):
+    for kind, said in SAID.items():
         if kinds[kind]:
             parts.append(f"{kinds[kind]} {said}")
     return join_names(parts)
@@ -220,7 +246,7 @@ def _length(drive: Drive) -> str:
 
 def _without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
     why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
-    reason = f" ({printable(why)})" if drive.ego is not None or left_out else ""
+    reason = f": {printable(why)}" if drive.ego is not None or left_out else ""
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
         left, right = (drive.lanes.fields.get(f"{side}.found") for side in ("left", "right"))

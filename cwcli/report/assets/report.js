@@ -24,12 +24,16 @@
     return full;
   };
 
-  const loadLibrary = async () => {
-    const packed = atob(document.getElementById("plotly").textContent.trim());
+  const unpack = async (id) => {
+    const packed = atob(document.getElementById(id).textContent.trim());
     const bytes = Uint8Array.from(packed, (c) => c.charCodeAt(0));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Response(stream).text();
+  };
+
+  const loadLibrary = async () => {
     const script = document.createElement("script");
-    script.textContent = await new Response(stream).text();
+    script.textContent = await unpack("plotly");
     document.head.append(script);
     if (!window.Plotly) { throw new Error("the plotting library did not start"); }
   };
@@ -37,7 +41,7 @@
   const draw = async (place) => {
     if (place.dataset.state) { return; }
     place.dataset.state = "drawing";
-    const figure = JSON.parse(document.getElementById(place.dataset.figure).textContent);
+    const figure = JSON.parse(await unpack(place.dataset.figure));
     const note = place.querySelector(".waiting");
     if (note) { note.remove(); }
     await window.Plotly.newPlot(place, figure.data, withDefaults(figure.layout, place.clientHeight), CONFIG);
