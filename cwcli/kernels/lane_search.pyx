@@ -100,6 +100,10 @@ cdef double judge(
     return <double>total / (90.0 * n)
 
 
+cdef inline int magnitude(int value) noexcept nogil:
+    return value if value >= 0 else -value
+
+
 def block_responses(const unsigned char[:, ::1] grey, int nine_road, short[:, :, ::1] left, short[:, :, ::1] right):
     """alpha dM + sum of beta_j T_j of every block (see the stub). Tables 1 and 2, times 90: 10 alpha, 30 beta."""
     cdef Py_ssize_t height = grey.shape[0]
@@ -119,16 +123,16 @@ def block_responses(const unsigned char[:, ::1] grey, int nine_road, short[:, :,
                 centre = upper[u] + middle[u] + lower[u]
                 east = upper[u + 1] + middle[u + 1] + lower[u + 1]
                 contrast = west + centre + east - nine_road
-                t1 = upper[u - 1] + upper[u] + middle[u - 1] - middle[u + 1] - lower[u] - lower[u + 1]
-                t2 = upper[u] + upper[u + 1] + middle[u + 1] - middle[u - 1] - lower[u - 1] - lower[u]
-                t3 = upper[u - 1] + upper[u] + upper[u + 1] - lower[u - 1] - lower[u] - lower[u + 1]
-                t4 = west - east
+                t1 = magnitude(upper[u - 1] + upper[u] + middle[u - 1] - middle[u + 1] - lower[u] - lower[u + 1])
+                t2 = magnitude(upper[u] + upper[u + 1] + middle[u + 1] - middle[u - 1] - lower[u - 1] - lower[u])
+                t3 = magnitude(upper[u - 1] + upper[u] + upper[u + 1] - lower[u - 1] - lower[u] - lower[u + 1])
+                t4 = magnitude(west - east)
                 left[0, i, u] = <short>(4 * contrast + 18 * t1)
                 left[1, i, u] = <short>(2 * contrast + 15 * t1 + 9 * t3)
                 left[2, i, u] = <short>(2 * contrast + 15 * t1 + 9 * t4)
                 right[0, i, u] = <short>(4 * contrast + 18 * t2)
                 right[1, i, u] = <short>(2 * contrast + 15 * t2 + 9 * t3)
-                right[2, i, u] = <short>(2 * contrast + 15 * t2 - 9 * t4)
+                right[2, i, u] = <short>(2 * contrast + 15 * t2 + 9 * t4)
 
 
 def objective(const short[:, :, ::1] response, const double[:, ::1] parabolas, bint is_left, double[::1] value,

@@ -1,10 +1,9 @@
 """The block responses of zhang2011's objective (eq. 2, 3; tables 1, 2), for every place a block can have in a frame.
 
-The paper leaves four things open, its fig. 2 being lost in the text; the choices (docs/papers/zhang2011-lanes.md):
+The paper leaves three things open, its fig. 2 being lost in the text; the choices (docs/papers/zhang2011-lanes.md):
 
-- T_j is signed, outer part minus inner part of the block, each of three pixels; the line between them is left out. So
-  the inner edge of a bright marking scores, and a dark line beside a bright road does not.
-- T3 is upper minus lower, T4 is left minus right for a left boundary and right minus left for a right one.
+- T_j is the magnitude of the difference between the two parts of the block, each of three pixels; the line between them
+  is left out. So both edges of a marking score, and the fitness on the roulette wheel is rarely negative.
 - The mean road grey is the mean of a patch in front of the car (`ROAD_ROWS`, `ROAD_COLUMNS`).
 - Centres lie in rows 2, 5, ..., 149 from the bottom, so that 50 blocks tile the lower 150 rows.
 """

@@ -45,14 +45,13 @@ def block_value(grey, column, row_from_bottom, b, road_grey, *, is_left):
     below_left = part([(1, 0), (2, 0), (2, 1)])
     upper, lower = part([(0, 0), (0, 1), (0, 2)]), part([(2, 0), (2, 1), (2, 2)])
     left, right = part([(0, 0), (1, 0), (2, 0)]), part([(0, 2), (1, 2), (2, 2)])
-    diagonal = above_left - below_right if is_left else above_right - below_left
-    outer_side = left - right if is_left else right - left
+    diagonal = abs(above_left - below_right) if is_left else abs(above_right - below_left)
     alpha, beta, beta3, beta4 = (4, 6, 0, 0)
     if slope > 2:
         alpha, beta, beta3, beta4 = (2, 5, 3, 0)
     elif slope < 0.5:
         alpha, beta, beta3, beta4 = (2, 5, 0, 3)
-    total = alpha * (mean - road_grey) + beta * diagonal + beta3 * (upper - lower) + beta4 * outer_side
+    total = alpha * (mean - road_grey) + beta * diagonal + beta3 * abs(upper - lower) + beta4 * abs(left - right)
     return total / 10
 
 
@@ -163,10 +162,11 @@ def block_responses(grey, nine_road, weights):
     t3 = upper[:, left] + upper[:, centre] + upper[:, right] - lower[:, left] - lower[:, centre] - lower[:, right]
     t4 = columns[:, left] - columns[:, right]
     made = []
-    for diagonal, side in ((t1, t4), (t2, -t4)):
+    for diagonal in (t1, t2):
         response = np.zeros((3, 50, 320), int)
         for k, (alpha, beta, beta_other) in enumerate(weights):
-            other = t3 if k == 1 else side
-            response[k, :, 1:-1] = alpha * contrast + 3 * beta * diagonal + 3 * beta_other * other
+            other = t3 if k == 1 else t4
+            gradient = beta * abs(diagonal) + beta_other * abs(other)
+            response[k, :, 1:-1] = alpha * contrast + 3 * gradient
         made.append(response)
     return made

@@ -44,6 +44,14 @@ def test_upper_left_pixel_of_a_left_block_by_hand() -> None:
     assert value[0] == pytest.approx((0.4 * 150 / 9 + 0.6 * 150 / 3) / 50, abs=1e-12)
 
 
+def test_both_edges_of_a_marking_score_alike() -> None:
+    # A bright stripe along x = y + 100, 12 pixels wide, on a darker road: its edges have the same gradient.
+    x, y = np.arange(1, 321)[None, :], np.arange(240, 0, -1)[:, None]
+    grey = np.where(np.abs(x - (y + 100)) < 6, 180, 80).astype(np.uint8)
+    value, _ = objective(block_responses(grey).left, np.array([[0.0, 1.0, c] for c in (94.0, 106.0)]), is_left=True)
+    assert value[0] == pytest.approx(value[1], abs=1e-12)
+
+
 @pytest.mark.parametrize("extreme", [False, True])
 def test_every_response_equals_its_twin(extreme: bool) -> None:
     grey = np.random.default_rng(6).integers(0, 256, (240, 320)).astype(np.uint8)
