@@ -10,7 +10,8 @@ Logs are paired by their id. For each metric every pair gives one change, and th
   change of each log is as likely to be the other way round;
 - many metrics are judged at once, so the p-values are adjusted by Holm's method: the probability that any metric at all
   is called improved or worse by chance is at most 2 %;
-- a change smaller than the tolerance (1 % unless told) is called the same, however certain it is.
+- a change smaller than the tolerance (1 % unless told) is called the same, however certain it is;
+- where the typical log moves one way and the pooled value the other, by more than the tolerance, it is unclear.
 """
 
 from __future__ import annotations
@@ -169,6 +170,17 @@ class _Effect:
     def known(self) -> FloatArray:
         return self.changes[np.isfinite(self.changes)]
 
+    def contradicts(self, mean: float, before: float, after: float) -> bool:
+        """Whether the pooled value moved the other way than the mean change, by more than the tolerance."""
+        metric = self.metric
+        if metric is not None and metric.better == "near":
+            moved = abs(after - metric.target) - abs(before - metric.target)
+        elif self.is_relative and before > 0.0 and after > 0.0:
+            moved = math.log(after / before)
+        else:
+            moved = after - before
+        return moved * mean < 0.0 and abs(moved) > self.tolerance
+
     @property
     def is_judged(self) -> bool:
         """Whether it takes part in the tests: it is a headline metric, has a better side, and differs somewhere."""
@@ -247,12 +259,14 @@ def _change(effect: _Effect, p: float, drawn: FloatArray | None, *, exact: bool)
     known = effect.known
     mean = float(known.mean()) if len(known) else math.nan
     low, high = _interval(effect.changes, drawn)
+    both = [pooled_value([row[side] for row in effect.rows]) for side in (0, 1)]
     verdict = _verdict(effect, mean, low, high, p, exact=exact)
+    if verdict in (Verdict.IMPROVED, Verdict.WORSE) and effect.contradicts(mean, *both):
+        verdict = Verdict.UNCLEAR
 
     def shown(value: float) -> float:
         return math.expm1(value) if effect.is_relative else value
 
-    both = [pooled_value([row[side] for row in effect.rows]) for side in (0, 1)]
     return Change(
         metric=effect.name,
         unit=effect.rows[0][0].unit if effect.rows else "",
@@ -285,11 +299,11 @@ def _interval(changes: FloatArray, drawn: FloatArray | None) -> tuple[float, flo
 
 
 def _verdict(effect: _Effect, mean: float, low: float, high: float, p: float, *, exact: bool) -> Verdict:
+    metric, limit = effect.metric, effect.tolerance
+    if metric is None or not metric.is_compared:
+        return Verdict.NOT_JUDGED
     if not len(effect.known):
         return Verdict.NEW if effect.is_new else Verdict.MISSING if effect.n_missing else Verdict.NOT_JUDGED
-    metric, limit = effect.metric, effect.tolerance
-    if metric is None or not metric.is_compared or not metric.better:
-        return Verdict.NOT_JUDGED
     is_large = abs(mean) > limit
     if is_large and (exact or p < ERROR_RATE):
         is_worse = (mean > 0.0) != (metric.better == "higher")

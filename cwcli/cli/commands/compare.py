@@ -38,6 +38,7 @@ EXAMPLES = (
 )
 FAIL_ON = ("worse", "missing", "unclear")
 MAX_NAMES = 5
+COLUMNS = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
 
 Document = dict[str, Any]
 
@@ -100,13 +101,13 @@ def command(
     if metrics is not None:
         write_table(comparison_table(comparison), metrics, force=force)
     if summary_file is not None:
-        write_file(summary_file, _markdown(before, after, comparison, failed).encode(), force=force)
+        write_file(summary_file, _markdown(before, after, comparison, failed, exact=exact).encode(), force=force)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
         document = _document(before, after, comparison, failed, targets)
         console.data(json.dumps(document, indent=2, allow_nan=False))
     else:
-        _show(console, before, after, comparison, failed, everything=everything)
+        _show(console, before, after, comparison, failed, everything=everything, exact=exact)
         print_written(console, targets)
     return EXIT_GATE_FAILED if failed else EXIT_DONE
 
@@ -139,7 +140,7 @@ def _failed(comparison: RunComparison, fail_on: Sequence[str]) -> list[str]:
         found += [
             f"missing: {change.metric} in {count(change.n_missing, 'log')}"
             for change in comparison.changes
-            if change.n_missing and change.verdict is not Verdict.MISSING
+            if change.n_missing and change.verdict not in (Verdict.MISSING, Verdict.NOT_JUDGED)
         ]
         found += [f"missing: log {name}" for name in (*comparison.only_baseline, *comparison.failed)]
     if not comparison.n_pairs:
@@ -159,15 +160,15 @@ def _show(
     failed: Sequence[str],
     *,
     everything: bool,
+    exact: bool,
 ) -> None:
     console.heading(f"{before.source} -> {after.source}: {count(comparison.n_pairs, 'log')} in both")
     rows: list[tuple[Cell, ...]] = [
         (change.verdict.value, change.metric, change.baseline, change.candidate, *_change_cells(change))
         for change in _judged(comparison, everything=everything)
     ]
-    columns = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
-    console.summary(table(columns, rows) if rows else "  no metric is in both")
-    for note in _notes(comparison):
+    console.summary(table(*_without_empty(COLUMNS, rows)) if rows else "  no metric is in both")
+    for note in _notes(comparison, exact=exact):
         console.note(note)
     if failed:
         console.summary("")
@@ -175,6 +176,14 @@ def _show(
         for line in failed:
             console.summary(f"  {printable(line)}")
     console.summary("")
+
+
+def _without_empty(
+    columns: Sequence[str], rows: Sequence[tuple[Cell, ...]]
+) -> tuple[list[str], list[tuple[Cell, ...]]]:
+    """The table without its empty columns."""
+    kept = [k for k in range(len(columns)) if any(row[k] != "" for row in rows)]
+    return [columns[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
 
 
 def _change_cells(change: Change) -> tuple[Cell, ...]:
@@ -189,12 +198,12 @@ def _change_cells(change: Change) -> tuple[Cell, ...]:
     )
 
 
-def _notes(comparison: RunComparison) -> list[str]:
+def _notes(comparison: RunComparison, *, exact: bool) -> list[str]:
     """What the reader has to know of the logs."""
     from cwcli.metrics.pooling import MIN_LOGS
 
     notes = []
-    if 0 < comparison.n_pairs < MIN_LOGS:
+    if 0 < comparison.n_pairs < MIN_LOGS and not exact:
         notes.append(
             f"{count(comparison.n_pairs, 'log')} can't tell a change from chance; the differences are exact for these "
             "logs (--exact judges them as they are)"
@@ -251,7 +260,9 @@ def _document(
     }
 
 
-def _markdown(before: RunMetrics, after: RunMetrics, comparison: RunComparison, failed: Sequence[str]) -> str:
+def _markdown(
+    before: RunMetrics, after: RunMetrics, comparison: RunComparison, failed: Sequence[str], *, exact: bool
+) -> str:
     """The summary for a CI job's page: what changed first, the rest folded."""
     judged = _judged(comparison, everything=False)
     told = [change for change in judged if change.verdict.value not in {"same", "new"}]
@@ -270,21 +281,21 @@ def _markdown(before: RunMetrics, after: RunMetrics, comparison: RunComparison, 
     if rest:
         summary = f"<details><summary>{count(len(rest), 'metric')} the same</summary>"
         parts += [summary, _markdown_table(rest), "</details>"]
-    parts += [f"- {markdown.plain(note)}" for note in _notes(comparison)]
+    parts += [f"- {markdown.plain(note)}" for note in _notes(comparison, exact=exact)]
     if failed:
-        parts.append("\n".join(["Failed:", "", *(f"- {markdown.plain(line)}" for line in failed)]))
+        parts.append("\n".join(["Failed:", "", *(f"- {markdown.code(line)}" for line in failed)]))
     return "\n\n".join(parts) + "\n"
 
 
 def _markdown_table(changes: Sequence[Change]) -> str:
-    rows = [
+    rows: list[tuple[Cell, ...]] = [
         (
             change.verdict.value,
             markdown.code(change.metric),
             number(change.baseline),
             number(change.candidate),
-            *(cell if isinstance(cell, int) else markdown.plain(str(cell)) for cell in _change_cells(change)),
+            *_change_cells(change),
         )
         for change in changes
     ]
-    return markdown.table(("verdict", "metric", "before", "after", "change", "95 % interval", "logs"), rows)
+    return markdown.table(*_without_empty(COLUMNS, rows))
