@@ -11,7 +11,7 @@ from cwcli.cli.console import Console
 from cwcli.cli.options.shared import TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.tables import Cell, table
-from cwcli.text import count
+from cwcli.text import count, printable
 
 if TYPE_CHECKING:
     from cwcli.fleet.plan import Plan, Task
@@ -84,7 +84,7 @@ def tell(console: Console, fleet: Fleet, directory: str) -> None:
         console.note(f"{reason} ({count(len(ids), 'log')}, {ids[0]}{' and others' if len(ids) > 1 else ''})")
     statuses = list(fleet.statuses.values())
     facts = [f"{statuses.count(name)} {name}" for name in ("done", "unchanged", "failed") if name in statuses]
-    console.summary(f"{', '.join(facts)}; see {directory.rstrip('/')}/manifest.json")
+    console.summary(f"{', '.join(facts)}; see {printable(directory.rstrip('/'))}/manifest.json")
 
 
 def _left_out(entries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from cwcli.errors import CwcliError
 from cwcli.fleet.names import topic_name
-from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.signals.columns import StreamedChannel
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Ta
 
 def channel_table(name: str, columns: Columns) -> Table:
     """A channel's leaf fields, behind its log time, its publish time and its sequence numbers."""
-    header = {
+    header: dict[str, TableColumn] = {
         "log_time_ns": columns.log_time_ns,
         "publish_time_ns": columns.publish_time_ns,
         "sequence": columns.sequence,

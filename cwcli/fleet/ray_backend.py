@@ -59,7 +59,7 @@ def _started(address: str, jobs: int | None) -> Any:
         import ray
     except ImportError as error:
         raise UsageError("--ray needs a package that is not installed", hint="pip install 'cwcli[ray]'") from error
-    quiet = {"log_to_driver": False, "logging_level": "ERROR", "configure_logging": True}
+    quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     try:
         if address == LOCAL:
             ray.init(address=LOCAL, num_cpus=jobs, include_dashboard=False, **quiet)

@@ -178,7 +178,7 @@ def _manifest(out: Path, plan: Plan, tasks: list[Task], statuses: dict[str, str]
 
 def _record_death(task: Task, plan: Plan) -> Done:
     """Record a log whose worker died at every attempt."""
-    entry = {
+    entry: Document = {
         "id": task.id,
         "source": task.source,
         "sha256": None,

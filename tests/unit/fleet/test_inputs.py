@@ -1,0 +1,155 @@
+"""Which logs a run has: files, patterns, URLs; and copies of remote ones."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import fsspec
+import pytest
+
+from cwcli.errors import InputError, OutputError, UsageError
+from cwcli.fleet.inputs import expand_sources, is_remote, local_copy
+
+
+@pytest.fixture
+def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name in ("logs/b.mcap", "logs/a.mcap", "logs/deep/c.mcap", "logs/note.txt", "logs/d[1].mcap"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(name.encode())
+    return tmp_path
+
+
+def sources(*arguments: str) -> list[str]:
+    return [source for source, _ in expand_sources(arguments)]
+
+
+def test_patterns_are_expanded_and_sorted(logs: Path) -> None:
+    assert sources("logs/[ab].mcap") == ["logs/a.mcap", "logs/b.mcap"]
+    assert sources("logs/**/*.mcap") == ["logs/a.mcap", "logs/b.mcap", "logs/d[1].mcap", "logs/deep/c.mcap"]
+
+
+def test_a_file_of_that_very_name_is_no_pattern(logs: Path) -> None:
+    assert sources("logs/d[1].mcap") == ["logs/d[1].mcap"]
+
+
+def test_file_urls_are_files(logs: Path) -> None:
+    ((source, path),) = expand_sources([f"file://{logs}/logs/a.mcap"])
+    assert not is_remote(source)
+    assert path == str((logs / "logs/a.mcap").resolve())
+
+
+def test_a_log_that_is_named_twice_is_one(logs: Path) -> None:
+    (logs / "link.mcap").symlink_to(logs / "logs/a.mcap")
+    assert sources("logs/a.mcap", "logs/*.mcap", "./logs/b.mcap", "link.mcap") == [
+        "logs/a.mcap",
+        "logs/b.mcap",
+        "logs/d[1].mcap",
+    ]
+
+
+@pytest.mark.parametrize("argument", ["none/*.mcap", "-", "memory://nothing/*.mcap", "nosuch://a/b.mcap"])
+def test_refusals(logs: Path, argument: str) -> None:
+    with pytest.raises(UsageError):
+        expand_sources([argument])
+
+
+def test_a_file_that_is_not_there_is_left_to_its_worker(logs: Path) -> None:
+    assert sources("gone.mcap") == ["gone.mcap"]
+
+
+def test_memory_urls(tmp_path: Path) -> None:
+    system = fsspec.filesystem("memory")
+    for name in ("b", "a"):
+        system.pipe_file(f"/drives/{name}.mcap", name.encode())
+    assert sources("memory://drives/*.mcap") == ["memory:///drives/a.mcap", "memory:///drives/b.mcap"]
+    with local_copy("memory:///drives/a.mcap", tmp_path / "scratch") as path:
+        assert path.read_bytes() == b"a"
+        assert path.parent == tmp_path / "scratch"
+    assert list((tmp_path / "scratch").iterdir()) == []
+
+
+def test_a_copy_goes_when_its_work_fails(tmp_path: Path) -> None:
+    fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
+    with pytest.raises(RuntimeError), local_copy("memory:///drives/a.mcap", tmp_path):
+        raise RuntimeError
+    with pytest.raises(InputError, match="can't be read"), local_copy("memory:///drives/gone.mcap", tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_copy_without_a_place(tmp_path: Path) -> None:
+    fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError), local_copy("memory:///drives/a.mcap", tmp_path / "file"):
+        pass
+
+
+@pytest.fixture(scope="module")
+def bucket() -> Iterator[dict[str, str]]:
+    """An S3 server on this machine with a bucket; yields the environment that leads to it."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = subprocess.Popen(
+        [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    endpoint = f"http://127.0.0.1:{port}"
+    environment = {
+        "AWS_ENDPOINT_URL": endpoint,
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }
+    try:
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            with contextlib.suppress(OSError), urllib.request.urlopen(f"{endpoint}/moto-api/", timeout=2):
+                break
+            time.sleep(0.1)
+        yield environment
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def test_s3_urls(bucket: dict[str, str], tmp_path: Path) -> None:
+    sample = Path(__file__).parents[3] / "sample_logs" / "straight.mcap"
+    script = f"""
+import fsspec
+s3 = fsspec.filesystem("s3")
+s3.mkdir("bucket")
+for name in ("b", "a"):
+    s3.put_file({str(sample)!r}, f"bucket/drives/{{name}}.mcap")
+s3.pipe_file("bucket/drives/broken.mcap", b"no log")
+"""
+    environment = {**os.environ, **bucket, "PYTHONPATH": str(sample.parents[1])}
+    subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-m", "cwcli", "run", "s3://bucket/drives/*.mcap", "-d", "out", "--stage", "estimate"],
+        check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 3, done.stderr
+    assert "s3://bucket/drives/broken.mcap: " in " ".join(done.stderr.split())
+    assert sorted(path.name for path in (tmp_path / "out/logs").iterdir()) == ["a", "b", "broken"]
+    annotated = [(tmp_path / f"out/logs/{name}/annotated.mcap").read_bytes() for name in ("a", "b")]
+    assert annotated[0] == annotated[1]
+    assert not (tmp_path / "out/.scratch").exists()
+    missing = subprocess.run(
+        [sys.executable, "-m", "cwcli", "run", "s3://nobucket/*.mcap", "-d", "out2"],
+        check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=120,
+    )  # fmt: skip
+    assert missing.returncode in (2, 3)
+    assert missing.stderr.startswith("error: s3://nobucket/*.mcap: ")
+    assert not (tmp_path / "out2").exists()
