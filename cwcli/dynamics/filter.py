@@ -9,6 +9,8 @@ anew.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -107,11 +109,13 @@ def observe_filter(
 ) -> LateralTrack:
     """Filter frames, yaw rate and steering angle in the order of their stamps; the state at each frame."""
     stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
+    if lanes.yaw_sigma_rad > config.noise.camera_yaw_rad:
+        config = replace(config, noise=replace(config.noise, camera_yaw_rad=lanes.yaw_sigma_rad))
     noise = config.noise
     n = len(stamp_ns)
     notes: list[str] = []
     frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
-    parts = [(stamp_ns, kernel.KIND_LANE, *_lane_rows(lanes, noise))]
+    parts = [(stamp_ns, kernel.KIND_LANE, *_lane_rows(lanes, config))]
     vision = _yaw_rate_from_vision(lanes, frame_speed)
     for name, samples, kind, default in (
         ("yaw rate", yaw_rate, kernel.KIND_YAW_RATE, noise.yaw_rate_sigma_radps),
@@ -177,14 +181,17 @@ def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: Observer
     return np.asarray(vehicle.mass_kg / x[:, LOAD] ** 2 * np.sqrt(p[:, LOAD, LOAD]))
 
 
-def _lane_rows(lanes: LaneSamples, noise: FilterNoise) -> tuple[FloatArray, FloatArray]:
+def _lane_rows(lanes: LaneSamples, config: ObserverConfig) -> tuple[FloatArray, FloatArray]:
+    noise = config.noise
     values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])
     given = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
     defaults = (noise.lateral_sigma_m, noise.heading_sigma_rad, noise.curvature_sigma_1pm)
     floors = (noise.lateral_floor_m, noise.heading_floor_rad, noise.curvature_floor_1pm)
+    yaw_shares = (config.preview_m * lanes.yaw_sigma_rad, lanes.yaw_sigma_rad, 0.0)
     columns = []
-    for sigma, default, floor in zip(given, defaults, floors, strict=True):
+    for sigma, default, floor, share in zip(given, defaults, floors, yaw_shares, strict=True):
         raw = np.full(len(lanes), np.nan) if sigma is None else np.asarray(sigma, dtype=np.float64)
+        raw = np.where(raw > share, np.sqrt(np.maximum(raw**2 - share**2, 0.0)), raw)
         columns.append(np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_SIGMA), floor), default))
     finite = np.where(np.isfinite(values), values, np.nan).reshape(-1, 3)
     return finite, np.column_stack(columns).reshape(-1, 3)

@@ -42,6 +42,8 @@ class LaneSamples:
         stamp_ns: Shape (n,), non-decreasing.
         lateral_deviation_m, heading_deviation_rad, curvature_1pm: Shape (n,): y_L, e_L, K_L; NaN where not found.
         lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Shape (n,), or None: the observer's default.
+        yaw_sigma_rad: What the camera's yaw contributes to the sigmas. It is the same in all frames, so a filter that
+            estimates it must not take it for noise.
     """
 
     stamp_ns: Int64Array
@@ -51,6 +53,7 @@ class LaneSamples:
     lateral_sigma_m: FloatArray | None = None
     heading_sigma_rad: FloatArray | None = None
     curvature_sigma_1pm: FloatArray | None = None
+    yaw_sigma_rad: float = 0.0
 
     def __len__(self) -> int:
         return len(self.stamp_ns)

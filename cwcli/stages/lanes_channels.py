@@ -18,7 +18,7 @@ from cwcli.signals.columns import (
 )
 from cwcli.stages.painted_frames import StartImages, painted_channel
 from cwcli.vision.fit_columns import FitColumns
-from cwcli.vision.ground import LaneGeometry
+from cwcli.vision.ground import GeometrySigmas, LaneGeometry
 from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
 from cwcli.vision.raw_images import Image
 
@@ -88,6 +88,7 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
         "camera_yaw_rad": frames.camera_yaw_rad,
         "image_width_px": frames.image_size[:, 0],
         "image_height_px": frames.image_size[:, 1],
+        "camera_yaw_sigma_rad": np.full(len(frames), GeometrySigmas().yaw_rad),
     }
     return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", frames.log_time_ns, fields)
 

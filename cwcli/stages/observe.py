@@ -124,6 +124,13 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     return StageResult("observe", (observer_channel(track, log_time_ns, preview_m),), tables, summary, record)
 
 
+def _yaw_sigma_rad(columns: Columns) -> float:
+    """What the camera's yaw contributes to the sigmas; 0 where the channel does not tell."""
+    if "camera_yaw_sigma_rad" not in columns.fields or not len(columns):
+        return 0.0
+    return float(np.nan_to_num(numbers(columns, "camera_yaw_sigma_rad")).min())
+
+
 def read_lanes(columns: Columns, *, where: str) -> tuple[LaneSamples, Int64Array, float, InputCount]:
     """The lanes at the preview point by stamp; their log times, the preview distance, and what became of the messages.
 
@@ -150,7 +157,12 @@ def read_lanes(columns: Columns, *, where: str) -> tuple[LaneSamples, Int64Array
         )
     values = [numbers(columns, name)[rows] for name in LANE_VALUES]
     sigmas = [numbers(columns, name)[rows] for name in LANE_SIGMAS]
-    lanes = LaneSamples(stamp_ns[rows], *values, *sigmas)
+    lanes = LaneSamples(
+        stamp_ns[rows],
+        *(values[0], values[1], values[2]),
+        *(sigmas[0], sigmas[1], sigmas[2]),
+        yaw_sigma_rad=_yaw_sigma_rad(columns),
+    )
     n_empty = int(np.count_nonzero(~np.isfinite(values).any(axis=0)))
     count = InputCount(
         columns.topic,

@@ -20,7 +20,7 @@ from cwcli.simulation.road.lane_frames import drive_of_run
 from cwcli.simulation.streams import to_ns
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.fit_columns import FitColumns, FitRecorder
-from cwcli.vision.ground import LaneGeometry, lane_geometry
+from cwcli.vision.ground import GeometrySigmas, LaneGeometry, lane_geometry
 from cwcli.vision.method import GreyImage, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 
@@ -157,6 +157,7 @@ def lane_samples(time_s: FloatArray, geometry: LaneGeometry) -> LaneSamples:
         lateral_sigma_m=geometry.lateral_deviation_sigma_m,
         heading_sigma_rad=geometry.heading_deviation_sigma_rad,
         curvature_sigma_1pm=geometry.curvature_sigma_1pm,
+        yaw_sigma_rad=GeometrySigmas().yaw_rad,
     )
 
 

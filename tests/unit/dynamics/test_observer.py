@@ -219,6 +219,28 @@ def test_a_lane_change_moves_the_place_and_not_the_motion() -> None:
     np.testing.assert_allclose(track.state[155:, 2], expected[155:, 2] + 3.6, atol=0.2)
 
 
+def test_a_turned_camera_is_found_and_its_uncertainty_is_no_noise() -> None:
+    """Sigmas that hold the mounting's yaw (5 mrad) count as those without it, and the yaw itself does no harm."""
+    lanes, yaw_rad, preview_m = SENSED.lanes, 0.005, 33.5
+    held = replace(
+        lanes,
+        lateral_sigma_m=np.hypot(lanes.lateral_sigma_m, preview_m * yaw_rad),
+        heading_sigma_rad=np.hypot(lanes.heading_sigma_rad, yaw_rad),
+        yaw_sigma_rad=yaw_rad,
+    )
+    told = ObserverConfig(noise=FilterNoise(camera_yaw_rad=yaw_rad))
+    straight = observe(held, SENSED.speed, CAR)
+    np.testing.assert_allclose(straight.state, observe(lanes, SENSED.speed, CAR, told).state, atol=1e-9)
+    turned = replace(
+        held,
+        lateral_deviation_m=lanes.lateral_deviation_m + preview_m * yaw_rad,
+        heading_deviation_rad=lanes.heading_deviation_rad + yaw_rad,
+    )
+    track = observe(turned, SENSED.speed, CAR)
+    np.testing.assert_allclose(track.state[100:, 0], straight.state[100:, 0], atol=0.02)
+    np.testing.assert_allclose(track.state[100:, 1], straight.state[100:, 1], atol=0.001)
+
+
 def test_one_wrong_frame_is_left_out() -> None:
     heading = SENSED.lanes.heading_deviation_rad.copy()
     heading[150] += 0.2
@@ -229,7 +251,7 @@ def test_one_wrong_frame_is_left_out() -> None:
 
 def test_a_pause_of_the_frames_starts_anew() -> None:
     keep = (SENSED.stamp_ns < 8_000_000_000) | (SENSED.stamp_ns > 13_000_000_000)
-    lanes = LaneSamples(*(None if v is None else v[keep] for v in vars(SENSED.lanes).values()))
+    lanes = LaneSamples(*(v[keep] for v in vars(SENSED.lanes).values() if isinstance(v, np.ndarray)))
     for method in ALL:
         track = observe(lanes, SENSED.speed, CAR, ObserverConfig(method))
         assert track.counts["started"] == 2
