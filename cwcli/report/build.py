@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from cwcli.report.drive import read_drive
 from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
 from cwcli.report.page import Page, Renderer, Row
+from cwcli.report.paths import PATH_SCHEMA
 from cwcli.report.section import Detail, LogView, log_view, value_text
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
@@ -32,6 +33,7 @@ OPEN_LOGS = 3
 """In a run of no more logs than this, all are shown unfolded; in larger ones the first."""
 FEW_LOGS = 5
 PER_ROW_BYTES = 900
+MAX_PATHS = 20_000
 MAX_STORY = 400
 COLUMNS = (
     ("data.duration_s", "duration [s]"),
@@ -91,9 +93,10 @@ def build_report(source: str, *, gates: Sequence[str] = (), progress: Progress |
     say = progress or (lambda text: None)
     renderer = Renderer()
     run = read_run(source)
-    if not run.is_folder:
-        return _of_one_log(run, source, gates, renderer, say)
-    results = check_gates([*run.gates, *gates], [_log_metrics(each) for each in run.entries])
+    gates = [*run.gates, *gates]
+    if len(run.entries) == 1 and not run.entries[0].has_failed and run.entries[0].log is not None:
+        return _of_one_log(run, source if not run.is_folder else str(run.entries[0].log), gates, renderer, say)
+    results = check_gates(gates, [_log_metrics(each) for each in run.entries])
     candidates = sorted((_candidate(each, results) for each in run.entries), key=_order)
     is_few = len(candidates) <= FEW_LOGS
     budget = MAX_BYTES - renderer.fixed_bytes - PER_ROW_BYTES * len(candidates) - 20_000
@@ -118,13 +121,16 @@ def _of_one_log(run: Run, source: str, gates: Sequence[str], renderer: Renderer,
     say(run.name)
     entry = run.entries[0]
     with Log.open(source) as log:
-        metrics = _evaluated(log)
-        name = log.name.rpartition("/")[2]
-        entry = Entry(entry.id, name, log.name, entry.log, metrics=metrics)
+        if not run.is_folder:
+            name = log.name.rpartition("/")[2]
+            entry = Entry(entry.id, name, log.name, entry.log, metrics=_evaluated(log, is_needed=bool(gates)))
         results = check_gates(gates, [_log_metrics(entry)])
         section, story, badges = "", None, []
         for detail in (Detail(), Detail(n_pieces=400), FOLDED, TIGHT):
             view = _view(log, entry, "log-1", [], detail, is_alone=True, is_open=True)
+            if not entry.metrics:
+                note = "No metrics are shown; `cwcli evaluate` computes them."
+                view = replace(view, notes=(*view.notes, note))
             story, section = view.story, renderer.log(view)
             if renderer.fixed_bytes + len(section.encode()) < MAX_BYTES - 20_000:
                 break
@@ -151,10 +157,18 @@ def _log_metrics(entry: Entry) -> LogMetrics:
     return LogMetrics(entry.id, entry.metrics, error)
 
 
-def _evaluated(log: Log) -> dict[str, MetricRow]:
-    """The headline metrics of a log that is not part of a run; none where they can't be computed."""
+def _evaluated(log: Log, *, is_needed: bool) -> dict[str, MetricRow]:
+    """The headline metrics of a log that is not part of a run; none where they can't be computed.
+
+    Args:
+        is_needed: For a gate. Else they are left out where so many paths would have to be read that it takes longer
+            than everything else.
+    """
     from cwcli.stages.evaluate import evaluate_log
 
+    n_paths = sum(channel.message_count or 0 for channel in log.channels if channel.schema_name == PATH_SCHEMA)
+    if n_paths > MAX_PATHS and not is_needed:
+        return {}
     try:
         return rows_of(evaluate_log(log))
     except CwcliError:

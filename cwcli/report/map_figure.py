@@ -30,6 +30,8 @@ from cwcli.warning.actual import interpolate
 from cwcli.warning.types import ActualTrack
 
 MAX_OTHERS = 12
+MAX_NAMED = 4
+MAX_WORDED = 4
 MAX_MARKED = 30
 SPOTS = 500
 TRACK_PARTS = 4000.0
@@ -51,13 +53,16 @@ def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...
     for index, other in enumerate(shown):
         stamps, states = other.track.stamp_ns, other.track.state
         colour, dash = other_style(index)
-        data.append(_track(drive, stamps, states[:, :2], tolerance, other_name(other), colour, dash))
+        track = _track(drive, stamps, states[:, :2], tolerance, other_name(other), colour, dash)
+        data.append(track if index < MAX_NAMED else {**track, "showlegend": False})
     data.append(dots(rounded(xy[:1, 0], 2), rounded(xy[:1, 1], 2), "start", EGO, symbol="circle-open", size=11))
     data += _marks(drive, meetings, ego)
     layout: dict[str, Any] = equal_axes(
         {"xaxis": axis("east of the first fix [m]"), "yaxis": axis("north [m]"), "dragmode": "pan"}
     )
     left_out = []
+    if len(shown) > MAX_NAMED:
+        left_out.append(f"the map's legend names {MAX_NAMED} of the {len(shown)} others; pointing at a line names it")
     if len(drive.others) > len(shown):
         left_out.append(f"{len(drive.others) - len(shown)} of {len(drive.others)} other vehicles are not on the map")
     if meetings.n_not_compared:
@@ -143,6 +148,7 @@ def _marks(drive: Drive, meetings: Meetings, ego: ActualTrack) -> list[Trace]:
     shown = meetings.encounters[:MAX_MARKED]
     if not shown:
         return []
+    word = "warning " if len(shown) <= MAX_WORDED else ""
     raised = interpolate(ego, np.array([each.raised_ns for each in shown], np.int64), gap_s)
     traces = [
         {
@@ -155,7 +161,7 @@ def _marks(drive: Drive, meetings: Meetings, ego: ActualTrack) -> list[Trace]:
                 size=15,
             ),
             "mode": "markers+text",
-            "text": [f"<b>warning {each.event_id}</b>" for each in shown],
+            "text": [f"<b>{word}{each.event_id}</b>" for each in shown],
             "textposition": ["top center" if abs(np.cos(state[3])) > SLANTED else "middle left" for state in raised],
             "textfont": {"color": ALERT, "size": 13},
             "cliponaxis": False,

@@ -127,7 +127,7 @@ def _environment() -> Environment:
     macros = _asset("macros.html")
 
     def load(name: str) -> str:
-        imports = "{% from 'macros.html' import badge, badge_list, plot, frames, table %}\n"
+        imports = "{% from 'macros.html' import badge, badge_list, plot, frames, table, gate_table %}\n"
         return macros if name == "macros.html" else imports + _asset(name)
 
     def visible(value: Any) -> Any:

@@ -139,9 +139,10 @@ def log_view(
         first.append(_plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure))
         notes += left_out
     events = []
-    for index, encounter in enumerate(chosen):
-        shown = _event(log, drive, encounter, anchor, pictures, notes, is_alone=is_alone and len(chosen) == 1)
-        if index == 0 and shown.plots and len(first) == 1 and shown.plots[0].kind == "fan":
+    worst = most_critical(meetings)[0] if chosen else None
+    for encounter in chosen:
+        shown = _event(log, drive, encounter, anchor, pictures, notes, is_told=len(chosen) == 1)
+        if encounter is worst and shown.plots and len(first) == 1 and shown.plots[0].kind == "fan":
             first.append(shown.plots[0])
             shown = _without_first_plot(shown)
         events.append(shown)
@@ -180,7 +181,7 @@ def _event(
     pictures: dict[int, Thumbnail],
     notes: list[str],
     *,
-    is_alone: bool,
+    is_told: bool,
 ) -> EventView:
     suffix = f"-{encounter.event_id}"
     plots = []
@@ -190,7 +191,7 @@ def _event(
     if fan is not None:
         at = f"{(encounter.raised_ns - drive.start_ns) / NS_PER_S:.1f}"
         title = f"Warning {encounter.event_id}, at {at} s: the predicted paths"
-        plots.append(_plot(anchor, "fan", title, "ahead is up; shaded: 1-sigma; dotted: what followed", fan, suffix))
+        plots.append(_plot(anchor, "fan", title, "ahead is up; dotted: what followed", fan, suffix))
     distance = distance_figure(drive, encounter)
     if distance is not None:
         hint = "by the estimated tracks; time to collision at constant velocities"
@@ -205,8 +206,8 @@ def _event(
     return EventView(
         number=encounter.event_id,
         badge=verdict_badge(encounter),
-        sentence="" if is_alone else encounter_sentence(drive, encounter),
-        verdict="" if is_alone else verdict_sentence(drive.rule, encounter),
+        sentence="" if is_told else encounter_sentence(drive, encounter),
+        verdict="" if is_told else verdict_sentence(drive.rule, encounter),
         plots=tuple(plots),
         table=_facts(drive, encounter),
         frames=tuple(frames),
@@ -273,9 +274,7 @@ def _facts(drive: Drive, encounter: Encounter) -> TableView:
         rows.append(("really: gap between outlines", overlap))
         if math.isfinite(verdict.lead_time_s):
             rows.append(("warned before the conflict by", f"{verdict.lead_time_s:.2f} s"))
-    is_onset = encounter.rule == "cwcli" and encounter.probability < drive.rule.probability
-    hint = "Warned at once, because the other had just begun to brake or to turn in." if is_onset else ""
-    return TableView("In numbers", (("", False), ("", False)), tuple(rows), hint)
+    return TableView("In numbers", (("", False), ("", False)), tuple(rows))
 
 
 def _event_table(drive: Drive, meetings: Meetings) -> TableView:

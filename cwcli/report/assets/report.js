@@ -17,7 +17,7 @@
 
   const withDefaults = (layout, height) => {
     const full = { ...BASE, ...layout };
-    full.legend = { ...BASE.legend, y: -56 / Math.max(200, height - 130) };
+    full.legend = { ...BASE.legend, y: -70 / Math.max(200, height - 130) };
     for (const key of Object.keys(full)) {
       if (/^[xy]axis\d*$/.test(key)) { full[key] = { ...AXIS, ...full[key] }; }
     }
