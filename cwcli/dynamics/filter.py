@@ -162,7 +162,7 @@ def observe_filter(
     return LateralTrack(
         stamp_ns=stamp_ns,
         state=x[:, :4],
-        covariance=p[:, :4, :4],
+        covariance=p[:, :4, :4] + _lasting(noise),
         speed_mps=frame_speed,
         steer_rad=x[:, STEER],
         curvature_1pm=x[:, CURVATURE],
@@ -172,6 +172,11 @@ def observe_filter(
         counts=count_statuses(status),
         notes=tuple(notes),
     )
+
+
+def _lasting(noise: FilterNoise) -> FloatArray:
+    """Covariance (4, 4) of what the lane's values err together over many frames: averaging does not take it away."""
+    return np.diag([0.0, 0.0, noise.lateral_floor_m**2, noise.heading_floor_rad**2])
 
 
 def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
