@@ -1,6 +1,7 @@
 """Writes what is generated in the docs: `python -m cwcli.cli.reference`.
 
-docs/commands.md from the commands, docs/channels.md from the schemas, the output of `cwcli info` in README.md.
+docs/commands.md from the commands, docs/channels.md from the schemas, the lists in docs/evaluation.md, and the output
+of `cwcli info` in README.md.
 """
 
 from __future__ import annotations
@@ -87,11 +88,13 @@ def readme() -> str:
 def pages() -> dict[Path, str]:
     """The generated pages of the checkout, by file."""
     from cwcli.cli.channel_reference import channel_reference
+    from cwcli.cli.metric_reference import evaluation_page
 
     docs = ROOT / "docs"
     return {
         docs / "commands.md": reference(),
         docs / "channels.md": channel_reference(),
+        docs / "evaluation.md": evaluation_page((docs / "evaluation.md").read_text(encoding="utf-8")),
         ROOT / "README.md": readme(),
     }
 

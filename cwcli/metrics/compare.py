@@ -10,7 +10,7 @@ Logs are paired by their id. For each metric every pair gives one change, and th
   change of each log is as likely to be the other way round;
 - many metrics are judged at once, so the p-values are adjusted by Holm's method: the probability that any metric at all
   is called improved or worse by chance is at most 2 %;
-- a change smaller than the tolerance (1 % unless told) is called the same, however certain it is;
+- a change smaller than the tolerance (1 % unless told) is never called improved or worse, however certain it is;
 - where the typical log moves one way and the pooled value the other, by more than the tolerance, it is unclear.
 """
 

@@ -156,7 +156,7 @@ def _lines(parabolas: FloatArray, rows_px: FloatArray, sizes: Image) -> FloatArr
     a, b, c = parabolas.T[:, :, None]
     x_px = (a * y_px + b) * y_px + c
     with np.errstate(invalid="ignore"):
-        outside = (x_px < 1.0) | (x_px > search_w) | (y_px < 1.0)
+        outside = (x_px < 0.5) | (x_px > search_w + 0.5) | (y_px < 0.5)
         meet = x_px[1] - x_px[0] <= MIN_APART_PX
     met_y = y_px[meet].min() if meet.any() else np.inf
     x_px = np.where(outside | (y_px >= met_y), np.nan, x_px)
