@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
@@ -23,15 +23,22 @@ class WorkerDied(Exception):
     """The worker of a log died at every attempt."""
 
 
-def run_local(tasks: Sequence[Task], plan: Plan, jobs: int) -> Iterator[tuple[Task, Done | WorkerDied]]:
+def run_local(
+    tasks: Sequence[Task], plan: Plan, jobs: int, do: Callable[[Task, Plan], Done] = work
+) -> Iterator[tuple[Task, Done | WorkerDied]]:
     """Do the logs on `jobs` processes, in order; yields each as it ends.
 
     When the iterator is closed, or an error passes through it, the workers are gone before it is done.
 
+    Args:
+        tasks, plan: What is to be done.
+        jobs: Number of worker processes.
+        do: What a worker does with a log; a function of a module.
+
     Raises:
         OutputError: The output folder can't be written.
     """
-    workers = _Workers(plan)
+    workers = _Workers(plan, do)
     threads = ThreadPoolExecutor(jobs, thread_name_prefix="log")
     try:
         running: dict[Future[Done], Task] = {}
@@ -57,7 +64,8 @@ def run_local(tasks: Sequence[Task], plan: Plan, jobs: int) -> Iterator[tuple[Ta
 class _Workers:
     """One process per thread, so that it is known whose log killed it."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, do: Callable[[Task, Plan], Done]) -> None:
+        self._do = do
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         if "forkserver" in methods:
@@ -75,7 +83,7 @@ class _Workers:
         """
         for attempt in range(1, ATTEMPTS + 1):
             try:
-                done = self._pool().submit(work, task, self._plan).result()
+                done = self._pool().submit(self._do, task, self._plan).result()
             except BrokenProcessPool:
                 self._mine.pool.shutdown()
                 self._mine.pool = None

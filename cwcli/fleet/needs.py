@@ -92,7 +92,13 @@ class SignalsFor:
 
 def signals_for(calls: Mapping[str, StageCall], ego_station: str | None) -> SignalsFor:
     """The question with these stages' configurations in mind."""
-    required = {}
-    if "warn" in calls and getattr(calls["warn"].config, "source", "v2x") == "targets":
-        required["warn"] = ("ego_state", "ego_path", "targets")
+    required: dict[str, tuple[str, ...]] = {}
+    if "warn" in calls:
+        config = calls["warn"].config
+        if config.rules:  # each of them may need other roles; the stage leaves those out that it lacks
+            required["warn"] = ()
+        elif config.source == "targets":
+            required["warn"] = ("ego_state", "ego_path", "targets")
+    if "predict" in calls and calls["predict"].config.origin == "observer":
+        required["predict"] = ("observer",)
     return SignalsFor(ego_station, required)

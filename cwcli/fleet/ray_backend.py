@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import Any
@@ -13,6 +14,7 @@ from cwcli.fleet.worker import Done, work
 
 RETRIES = 1
 LOCAL = "local"
+CONNECT_S = 5.0
 
 
 def run_ray(
@@ -53,6 +55,17 @@ def run_ray(
         ray.shutdown()
 
 
+def _answers(address: str) -> None:
+    """Fail at once where nobody listens; Ray itself would try for minutes.
+
+    Raises:
+        OSError: Nobody does.
+    """
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if port.isdecimal():
+        socket.create_connection((host.strip("[]"), int(port)), CONNECT_S).close()
+
+
 def _started(address: str, jobs: int | None) -> Any:
     """Ray, connected."""
     try:
@@ -61,6 +74,7 @@ def _started(address: str, jobs: int | None) -> Any:
         raise UsageError("--ray needs a package that is not installed", hint="pip install 'cwcli[ray]'") from error
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     try:
+        _answers(address)
         if address == LOCAL:
             ray.init(address=LOCAL, num_cpus=jobs, include_dashboard=False, **quiet)
         else:

@@ -313,7 +313,8 @@ def test_folder_is_exactly_what_the_run_names(cwcli: Run, many: Path, tmp_path: 
         (["LOG", "-d", "mine"], 6, "something else"),
         (["LOG", "-d", "out", "--stage", "estimat"], 2, "estimate"),
         (["LOG", "-d", "out", "--gate", "import os"], 2, "gate"),
-        (["LOG", "-d", "out", "--ray", "127.0.0.1:1"], 2, "Ray"),
+        (["LOG", "-d", "out", "--ray", "127.0.0.1:1"], 2, "no Ray cluster answers"),
+        (["LOG", "-d", "out", "--ray", "auto"], 2, "no Ray cluster answers"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,
 )

@@ -1,0 +1,78 @@
+"""`cwcli config`: the pipeline file as it will be used."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from cwcli.cli.options.toml import toml
+from tests.cli.conftest import Run
+
+
+def test_defaults_come_back_as_they_were(cwcli: Run, tmp_path: Path) -> None:
+    printed = cwcli("config")
+    assert (printed.returncode, printed.stderr) == (0, b"")
+    (tmp_path / "all.toml").write_bytes(printed.stdout)
+    assert cwcli("config", "all.toml").stdout == printed.stdout
+    document = tomllib.loads(printed.stdout.decode())
+    assert document["run"]["stages"] == ["estimate", "track", "lanes", "observe", "predict", "warn"]
+    assert document["estimate"]["rate"] == 20.0
+
+
+def test_file_and_environment_are_in_it(cwcli: Run, tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_text(
+        'strict = true\ngates = ["a.b < 1"]\n[run]\nstages = ["warn", "estimate"]\n[warn]\nrule = "ttc"\n'
+    )
+    done = cwcli("config", "p.toml", "--json", env={"CWCLI_ESTIMATE_MODEL": "song2016"})
+    document = json.loads(done.stdout)
+    assert document["strict"] is True
+    assert document["gates"] == ["a.b < 1"]
+    assert document["run"]["stages"] == ["estimate", "warn"]
+    assert document["warn"]["rule"] == "ttc"
+    assert document["estimate"]["model"] == "song2016"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[estimate]\nrate = "fast"', ["estimate.rate = 'fast'", "hint:  see --estimate-rate"]),
+        ("[estimate]\nratee = 1", ["unknown key estimate.ratee", "did you mean rate"]),
+        ("[estimate]\nrate = 0", ["--rate 0 must be above 0"]),
+        ('[estimate]\nmodel = "x"', ["estimate.model = 'x'", "cwcli"]),
+        ("[estimate]\nrate = [1]", ["estimate.rate must not be a list"]),
+        ("[estimate]\nrate = {a = 1}", ["estimate.rate must be a value"]),
+        ("[estimat]\nrate = 1", ["unknown key [estimat]", "did you mean estimate"]),
+        ("speed = 1", ["unknown key speed"]),
+        ('gates = "a < 1"', ["gates must be a list"]),
+        ('gates = ["a <"]', ["can't read the gate `a <`", "hint:"]),
+        ('[run]\nstages = ["estimat"]', ["there is no stage estimat", "did you mean estimate"]),
+        ("[run]\njobs = 1.5", ["run.jobs = '1.5'"]),
+        ("[run", ["not TOML"]),
+    ],
+)
+def test_wrong_files_are_one_line_with_file_key_and_hint(
+    cwcli: Run, tmp_path: Path, text: str, words: list[str]
+) -> None:
+    (tmp_path / "p.toml").write_text(text + "\n")
+    done = cwcli("config", "p.toml")
+    shown = done.stderr.decode()
+    assert (done.returncode, done.stdout) == (2, b""), shown
+    assert shown.startswith("error: p.toml: ")
+    assert all(word in shown for word in words), shown
+    assert len(shown.splitlines()) <= 2
+    run = cwcli("run", "drive.mcap", "-d", "out", "--config", "p.toml")
+    assert run.returncode == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_toml_of_awkward_text() -> None:
+    document = {
+        "a": 'quote " back \\ tab \t bell \x07 del \x7f é 🚗',
+        "b": [],
+        "t": {"x": None, "y": [1.5, True], "z": 1e-9},
+    }
+    read = tomllib.loads(toml(document))
+    assert read == {"a": document["a"], "b": [], "t": {"y": [1.5, True], "z": 1e-9}}

@@ -1,0 +1,76 @@
+"""Local workers: one that dies costs its own log only."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+
+import pytest
+
+from cwcli.errors import OutputError
+from cwcli.fleet.local import WorkerDied, run_local
+from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.worker import Done
+
+PLAN = Plan(())
+
+
+def task(name: str) -> Task:
+    return Task(name, f"{name}.mcap", f"/{name}.mcap", "/out")
+
+
+def die_on_b(task: Task, plan: Plan) -> Done:
+    """Stands for a log that kills whoever reads it."""
+    if task.id.startswith("b"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.05)
+    return Done(task.id, "done", float(os.getpid()), 0.0)
+
+
+def leave_on_b(task: Task, plan: Plan) -> Done:
+    """Stands for a library that ends the process."""
+    if task.id.startswith("b"):
+        os._exit(3)
+    return Done(task.id, "done", 0.0, 0.0)
+
+
+def no_disk(task: Task, plan: Plan) -> Done:
+    """Stands for an output folder that is full."""
+    raise OutputError("no space is left on the disk")
+
+
+@pytest.mark.parametrize("do", [die_on_b, leave_on_b])
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_log_that_kills_its_workers_stops_no_other(do: Callable[[Task, Plan], Done], jobs: int) -> None:
+    names = ["a", "b1", "c", "d", "b2", "e"]
+    ended = {each.id: done for each, done in run_local([task(name) for name in names], PLAN, jobs, do)}
+    assert set(ended) == set(names)
+    assert {name for name, done in ended.items() if isinstance(done, WorkerDied)} == {"b1", "b2"}
+
+
+def test_workers_are_kept_from_log_to_log() -> None:
+    ended = [done for _, done in run_local([task(f"a{k}") for k in range(12)], PLAN, 2, die_on_b)]
+    assert len({done.wall_s for done in ended if isinstance(done, Done)}) <= 2
+
+
+def test_an_error_of_the_folder_ends_the_run() -> None:
+    with pytest.raises(OutputError, match="no space"):
+        list(run_local([task("a"), task("c")], PLAN, 2, no_disk))
+
+
+def test_stopping_early_leaves_no_worker() -> None:
+    running = run_local([task(f"a{k}") for k in range(50)], PLAN, 2, die_on_b)
+    _, done = next(running)
+    assert isinstance(done, Done)
+    running.close()
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        try:
+            os.kill(int(done.wall_s), 0)
+        except ProcessLookupError:
+            break
+        time.sleep(0.01)
+    else:
+        pytest.fail("the worker is still there")

@@ -1,0 +1,132 @@
+"""A run in pieces: what is recorded of a log, and what makes two runs the same."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cwcli.cli.commands.run import default_options
+from cwcli.errors import UsageError
+from cwcli.fleet import run as fleet_run
+from cwcli.fleet import worker
+from cwcli.fleet.folder import LogFolder, read_document
+from cwcli.fleet.local import WorkerDied
+from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.run import run_fleet
+from cwcli.fleet.worker import work
+from cwcli.stages.call import Selection, StageCall, with_selection
+
+SAMPLES = Path(__file__).parents[3] / "sample_logs"
+
+
+@pytest.fixture
+def plan() -> Plan:
+    return default_options().plan(replace=False)
+
+
+def test_key_depends_on_what_decides_the_result(plan: Plan) -> None:
+    keys = {
+        plan.key("a"),
+        plan.key("b"),
+        dataclasses.replace(plan, strict=True).key("a"),
+        dataclasses.replace(plan, start="1").key("a"),
+        dataclasses.replace(plan, tables=True).key("a"),
+        dataclasses.replace(plan, stages=plan.stages[:1]).key("a"),
+        dataclasses.replace(
+            plan, stages=(StageCall("estimate", dataclasses.replace(plan.stages[0].config, rate_hz=5)),)
+        ).key("a"),
+    }
+    assert len(keys) == 7
+    assert dataclasses.replace(plan, pipeline={"gates": ["a < 1"]}).key("a") == plan.key("a")
+    assert default_options().plan(replace=False).key("a") == plan.key("a")
+
+
+def test_every_configuration_takes_a_selection(plan: Plan) -> None:
+    selection = Selection({"imu": "/imu"}, 1, 2)
+    for call in plan.stages:
+        config: Any = with_selection(call.config, selection)
+        chosen = getattr(config, "sources", config)
+        assert (chosen.topics, chosen.start_ns, chosen.end_ns) == ({"imu": "/imu"}, 1, 2)
+
+
+def test_a_bug_is_recorded_with_where_it_came_from(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stumble(*arguments: Any, **settings: Any) -> None:
+        raise KeyError("speed")
+
+    monkeypatch.setattr(worker, "run_stages", stumble)
+    task = Task("s", "straight.mcap", str(SAMPLES / "straight.mcap"), str(tmp_path))
+    assert work(task, plan).status == "failed"
+    entry = LogFolder(tmp_path, "s").entry()
+    assert entry is not None
+    assert entry["error"]["exit_code"] == 70
+    assert "KeyError" in entry["error"]["what"]
+    assert any("in stumble" in frame for frame in entry["error"]["found"])
+
+
+def test_a_log_that_fails_leaves_nothing_of_an_earlier_run(plan: Plan, tmp_path: Path) -> None:
+    log = tmp_path / "s.mcap"
+    log.write_bytes((SAMPLES / "straight.mcap").read_bytes())
+    task = Task("s", "s.mcap", str(log), str(tmp_path / "out"))
+    assert work(task, plan).status == "done"
+    log.write_bytes(b"broken now")
+    assert work(task, plan).status == "failed"
+    assert [path.name for path in (tmp_path / "out").rglob("*") if path.is_file()] == ["entry.json"]
+
+
+def test_a_renamed_log_is_not_done_again(plan: Plan, tmp_path: Path) -> None:
+    out = str(tmp_path / "out")
+    assert work(Task("s", "old/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "done"
+    assert work(Task("s", "new/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "unchanged"
+    entry = LogFolder(tmp_path / "out", "s").entry()
+    assert entry is not None and entry["source"] == "new/s.mcap"
+
+
+def test_a_log_whose_worker_died_is_in_the_manifest(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet_run, "run_local", lambda tasks, plan, jobs: ((task, WorkerDied()) for task in tasks))
+    fleet = run_fleet([str(SAMPLES / "straight.mcap")], plan, tmp_path / "out")
+    assert fleet.exit_code == 70
+    manifest = read_document(tmp_path / "out/manifest.json")
+    assert manifest is not None
+    assert "died twice" in manifest["logs"][0]["error"]["what"]
+
+
+def test_twins_from_two_folders_keep_apart(plan: Plan, tmp_path: Path) -> None:
+    for day, sample in (("day1", "straight"), ("day2", "curve")):
+        (tmp_path / day).mkdir()
+        (tmp_path / day / "drive.mcap").write_bytes((SAMPLES / f"{sample}.mcap").read_bytes())
+    plan = dataclasses.replace(plan, stages=plan.stages[:1])
+    fleet = run_fleet([f"{tmp_path}/day1/*.mcap", f"{tmp_path}/day2/*.mcap"], plan, tmp_path / "out", jobs=1)
+    assert list(fleet.statuses) == ["day1_drive", "day2_drive"]
+    hashes = {entry["sha256"] for entry in fleet.manifest["logs"]}
+    assert len(hashes) == 2
+
+
+def test_ambiguous_position_is_an_error_of_the_log(plan: Plan, tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "two.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("foxglove.LocationFix", "jsonschema", b"{}")
+        for topic in ("/a", "/b"):
+            channel = writer.register_channel(topic, "json", schema)
+            fix = {"timestamp": {"sec": 1, "nsec": 0}, "latitude": 51.0, "longitude": 13.0, "altitude": 0.0}
+            writer.add_message(channel, 10**9, json.dumps(fix).encode(), 10**9)
+        writer.finish()
+    assert work(Task("two", "two.mcap", str(path), str(tmp_path / "out")), plan).status == "failed"
+    entry = LogFolder(tmp_path / "out", "two").entry()
+    assert entry is not None
+    assert entry["error"]["exit_code"] == 4
+    assert "--topic ego_position=/a" in entry["error"]["hint"]
+
+
+def test_unfit_output_folder(plan: Plan, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="on this machine"):
+        run_fleet([str(SAMPLES / "straight.mcap")], plan, "s3://bucket/out")
