@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from cwcli.logs.frames import Frame
     from cwcli.logs.message_reader import MessageReader
     from cwcli.signals.columns import Columns, OutputChannel
+    from cwcli.signals.transforms import Transform
 
 __all__ = ["ChannelInfo", "Faults", "Log"]
 
@@ -188,6 +189,24 @@ class Log:
         from cwcli.logs.frames import stream_frames
 
         return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
+
+    def transform_channels(self) -> list[ChannelInfo]:
+        """The file's channels with transforms between frames of reference."""
+        from cwcli.logs.transforms import is_transforms
+
+        return [channel for channel in self._in_file if is_transforms(channel)]
+
+    def transforms(self, topic: str) -> Iterator[tuple[Transform, ...] | None]:
+        """The transforms of a topic's first messages, in log-time order; None for a message that can't be read.
+
+        Raises:
+            MissingSignalError: There is no such topic.
+            InputError: The file is damaged and `recover` is off.
+        """
+        from cwcli.logs.transforms import stream_transforms
+
+        for channel in self._file_channels(topic):
+            yield from stream_transforms(self._message_reader(), channel)
 
     def sha256(self) -> str:
         """Hash of the file, in hexadecimal; computed once."""

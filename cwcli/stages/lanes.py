@@ -21,6 +21,7 @@ from cwcli.signals.roles import bind
 from cwcli.stages.lanes_camera import CameraSource, camera_source
 from cwcli.stages.lanes_channels import LaneFrames, annotations_channel, lanes_channel, rendered_channel
 from cwcli.stages.lanes_motion import Motion, read_motion
+from cwcli.stages.lanes_mounting import MountingChoice, mounting_source
 from cwcli.stages.lanes_summary import lanes_section, lanes_table
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
@@ -49,7 +50,7 @@ class LanesConfig:
         method: A key of `vision.METHODS`.
         seed: Of random searches.
         preview_m: Distance of the preview point ahead of the camera.
-        mounting: Of the camera; None: the stated default.
+        mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.
         field_of_view_rad: Horizontal, for a log without calibration; None: the stated default.
         render: Topic for the frames with the lines burnt in, or None.
         topics: Role -> topic, the user's choices.
@@ -59,7 +60,7 @@ class LanesConfig:
     method: str = DEFAULT_METHOD
     seed: int = 0
     preview_m: float = PREVIEW_M
-    mounting: Mounting | None = None
+    mounting: Mounting | MountingChoice | None = None
     field_of_view_rad: float | None = None
     render: str | None = None
     topics: Mapping[str, str] = field(default_factory=dict)
@@ -81,7 +82,9 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     topic = bound.by_role[Role.CAMERA][0].topic
     if config.render == topic:
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
-    source = camera_source(log, topic, config.topics, config.mounting or Mounting(), config.field_of_view_rad)
+    mount = mounting_source(log, _frame_id(log, topic), config.mounting)
+    config = replace(config, mounting=mount.mounting)
+    source = camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
     motion = read_motion(log, config.topics) if method.uses_motion else Motion()
     run = _Run(method, config.seed, source, motion)
     images = decode_frames(
@@ -95,25 +98,30 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
             run.take(decoded)
     if not run.n_used:
         raise _nothing_usable(f"{log.name}: {topic}", run.rejected)
-    frames = run.frames(config)
+    frames = run.frames(config, is_pitch_known=mount.is_pitch_known)
     channels: list[OutputChannel] = [lanes_channel(frames), annotations_channel(frames)]
     if config.render is not None:
-        frame_id = next(iter(log.frames(topic))).frame_id
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
             frames_of_topic = _frames(log, topic, config)
             return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
-        channels.append(rendered_channel(frames, config.render, frame_id=frame_id, images=in_colour))
+        channels.append(rendered_channel(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))
     count = InputCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected))
     summary = Summary(
         title=f"lanes ({config.method})",
         sections=(lanes_section(frames, n_searches=run.n_searches, search_s=run.search_s),),
-        inputs=(count, *source.counts, *motion.counts),
-        notes=(*bound.notes, *source.notes, *motion.notes, *run.notes, *_default_note(config)),
+        inputs=(count, *source.counts, *mount.counts, *motion.counts),
+        notes=(*bound.notes, *source.notes, *mount.notes, *motion.notes, *run.notes),
     )
     table: Table = lanes_table(frames)
     return StageResult("lanes", tuple(channels), {"lanes": table}, summary, run_record("lanes", log, config, summary))
+
+
+def _frame_id(log: Log, topic: str) -> str:
+    """Of the camera's images, "" if it has none."""
+    first = next(iter(log.frames(topic)), None)
+    return "" if first is None else first.frame_id
 
 
 def _prepare_with(method: Method) -> Callable[[DecodedFrame], object] | None:
@@ -126,8 +134,9 @@ def _checked(config: LanesConfig) -> Method:
         raise UsageError(f"there is no lane method {config.method}", hint=f"known: {', '.join(METHODS)}")
     if not config.preview_m > 0.0:
         raise UsageError(f"--preview {config.preview_m:g} must be positive")
-    if config.mounting is not None and not config.mounting.height_m > 0.0:
-        raise UsageError(f"--camera-height {config.mounting.height_m:g} must be positive")
+    height_m = None if config.mounting is None else config.mounting.height_m
+    if height_m is not None and not height_m > 0.0:
+        raise UsageError(f"--camera-height {height_m:g} must be positive")
     if config.field_of_view_rad is not None and not 0.0 < config.field_of_view_rad < np.pi:
         raise UsageError("--camera-fov must lie between 0 and 180 degrees")
     if not 0 <= config.seed < 2**64:
@@ -156,16 +165,6 @@ def _nothing_usable(where: str, rejected: Mapping[str, int]) -> DataError:
         return DataError("there is no frame in the chosen span", where=where)
     found = tuple(f"{count} frames: {reason}" for reason, count in rejected.items())
     return DataError("no frame can be used", where=where, found=found)
-
-
-def _default_note(config: LanesConfig) -> tuple[str, ...]:
-    if config.mounting is not None:
-        return ()
-    default = Mounting()
-    return (
-        f"the camera's mounting is not known: {default.height_m:g} m above the road, level, straight ahead and in the "
-        "middle of the car are assumed (--camera-height, --camera-pitch, --camera-yaw, --camera-offset)",
-    )
 
 
 class _Run:
@@ -237,7 +236,7 @@ class _Run:
         self._size = size
         self._camera = self._source.camera(*size).resized(image.shape[1], image.shape[0])
 
-    def frames(self, config: LanesConfig) -> LaneFrames:
+    def frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
         """All used frames with their place on the road."""
         numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME)
         fits = self._recorder.columns()
@@ -251,7 +250,7 @@ class _Run:
             image_w, image_h, search_w, search_h = size.tolist()
             camera = self._source.camera(image_w, image_h).resized(search_w, search_h)
             parts.append((rows, lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
-            is_known = not camera.is_default or (config.mounting is not None and config.mounting.pitch_rad != 0.0)
+            is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]
             if is_known:
                 pitch_rad = np.where(np.isnan(pitch_rad), camera.mounting.pitch_rad, pitch_rad)

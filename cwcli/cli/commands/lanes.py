@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
@@ -14,6 +14,9 @@ from cwcli.cli.pipeline import Job, run_job
 from cwcli.stages.call import StageCall
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Mounting
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+
+if TYPE_CHECKING:
+    from cwcli.stages.lanes_mounting import MountingChoice
 
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
@@ -85,17 +88,17 @@ class LanesOptions(StageOptions):
         ),
     ] = None
 
-    def mounting(self) -> Mounting | None:
-        """The camera's mounting; None if no option tells of it."""
-        given = (self.camera_height, self.camera_pitch, self.camera_yaw, self.camera_offset)
-        if all(value is None for value in given):
-            return None
-        return Mounting(
-            height_m=MOUNTING.height_m if self.camera_height is None else self.camera_height,
-            pitch_rad=math.radians(self.camera_pitch or 0.0),
-            yaw_rad=math.radians(self.camera_yaw or 0.0),
-            lateral_offset_m=self.camera_offset or 0.0,
+    def mounting(self) -> MountingChoice | None:
+        """What the options tell of the camera's mounting; None if nothing."""
+        from cwcli.stages.lanes_mounting import MountingChoice
+
+        choice = MountingChoice(
+            height_m=self.camera_height,
+            pitch_rad=None if self.camera_pitch is None else math.radians(self.camera_pitch),
+            yaw_rad=None if self.camera_yaw is None else math.radians(self.camera_yaw),
+            lateral_offset_m=self.camera_offset,
         )
+        return choice if choice.given() else None
 
     def make(self) -> StageCall:
         """The stage with these options."""

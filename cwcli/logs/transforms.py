@@ -1,0 +1,152 @@
+"""Transforms between frames of reference, message by message: `tf2_msgs/TFMessage`, `foxglove.FrameTransform(s)`.
+
+They hold names inside lists of messages, which columns don't, and only the first ones are of interest: a camera stays
+where it is mounted.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
+from typing import Any
+
+from cwcli.logs.channel import ChannelInfo
+from cwcli.logs.codecs.ros2msg import short_name
+from cwcli.logs.message_reader import MessageReader
+from cwcli.signals.transforms import Transform
+
+LISTS = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage", "foxglove_msgs/FrameTransforms", "foxglove.FrameTransforms"})
+SINGLE = frozenset({"foxglove_msgs/FrameTransform", "foxglove.FrameTransform"})
+MAX_MESSAGES = 2000
+"""Of each topic."""
+MAX_LIST = 10_000
+
+
+class BadTransform(ValueError):
+    """A message that can't be read."""
+
+
+def is_transforms(channel: ChannelInfo) -> bool:
+    """Whether a channel holds transforms that can be read."""
+    return _name(channel) in LISTS | SINGLE and channel.message_encoding in _DECODERS
+
+
+def stream_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tuple[Transform, ...] | None]:
+    """The transforms of each message, the first `MAX_MESSAGES`; None for one that can't be read."""
+    decode = _DECODERS[channel.message_encoding]
+    name = _name(channel)
+    payloads = (
+        batch.payloads.data[start:end]
+        for batches in _batches(reader, channel.id)
+        for batch in batches
+        for start, end in zip(batch.payloads.starts.tolist(), batch.payloads.ends.tolist(), strict=True)
+    )
+    for payload in islice(payloads, MAX_MESSAGES):
+        try:
+            yield tuple(decode(bytes(payload), name))
+        except BadTransform:
+            yield None
+
+
+def _batches(reader: MessageReader, channel_id: int) -> Iterator[Iterator[Any]]:
+    yield reader.loose_batches([channel_id], reader.loose_spans())
+    for _, batches in reader.in_time_order([channel_id]):
+        yield batches
+
+
+def _name(channel: ChannelInfo) -> str:
+    return short_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
+
+
+def _cdr(payload: bytes, name: str) -> list[Transform]:
+    """XCDR1. TransformStamped and FrameTransform are laid out alike: time, parent, child, translation, rotation."""
+    if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
+        raise BadTransform("not plain CDR")
+    order = "<" if payload[1] else ">"
+    body, at = memoryview(payload)[4:], 0
+
+    def take(code: str, size: int) -> tuple[Any, ...]:
+        nonlocal at
+        at += -at % size
+        made = struct.unpack_from(order + code, body, at)
+        at += struct.calcsize(order + code)
+        return made
+
+    def text() -> str:
+        nonlocal at
+        (length,) = take("I", 4)
+        if length > len(body) - at:
+            raise BadTransform("cut short")
+        octets = bytes(body[at : at + length])
+        at += length
+        return octets.rstrip(b"\0").decode("utf-8", "replace")
+
+    try:
+        (n,) = take("I", 4) if name in LISTS else (1,)
+        if n > MAX_LIST:
+            raise BadTransform("too many transforms")
+        made = []
+        for _ in range(n):
+            take("iI", 4)
+            parent, child = text(), text()
+            numbers = take("7d", 8)
+            made.append(_transform(parent, child, numbers[:3], numbers[3:]))
+    except struct.error as error:
+        raise BadTransform("cut short") from error
+    return made
+
+
+def _protobuf(payload: bytes, name: str) -> list[Transform]:
+    from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+    from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+    from google.protobuf.message import DecodeError
+
+    try:
+        messages = (
+            FrameTransforms.FromString(payload).transforms if name in LISTS else [FrameTransform.FromString(payload)]
+        )
+    except DecodeError as error:
+        raise BadTransform("damaged") from error
+    return [
+        _transform(
+            each.parent_frame_id,
+            each.child_frame_id,
+            (each.translation.x, each.translation.y, each.translation.z),
+            (each.rotation.x, each.rotation.y, each.rotation.z, each.rotation.w),
+        )
+        for each in messages
+    ]
+
+
+def _json(payload: bytes, name: str) -> list[Transform]:
+    """With foxglove's or ROS's field names."""
+    try:
+        document = json.loads(payload)
+        messages = document["transforms"] if name in LISTS else [document]
+        made = []
+        for each in messages:
+            pose: Mapping[str, Any] = each.get("transform", each)
+            parent = each.get("parent_frame_id") or each.get("header", {}).get("frame_id", "")
+            translation, rotation = pose["translation"], pose["rotation"]
+            made.append(
+                _transform(
+                    str(parent),
+                    str(each["child_frame_id"]),
+                    tuple(float(translation[axis]) for axis in "xyz"),
+                    tuple(float(rotation[axis]) for axis in "xyzw"),
+                )
+            )
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise BadTransform("not a transform") from error
+    return made
+
+
+def _transform(parent: str, child: str, translation: tuple[float, ...], rotation: tuple[float, ...]) -> Transform:
+    x, y, z = translation
+    qx, qy, qz, qw = rotation
+    return Transform(parent.lstrip("/"), child.lstrip("/"), (x, y, z), (qx, qy, qz, qw))
+
+
+_DECODERS: dict[str, Callable[[bytes, str], list[Transform]]] = {"cdr": _cdr, "protobuf": _protobuf, "json": _json}

@@ -1,0 +1,126 @@
+"""Frames of reference that a log describes: who stands how on whom, and how a camera stands on the car."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+BODY_FRAMES = ("base_footprint", "base_link")
+"""The car's frame: on the road below it (REP-105), else that of the body."""
+MAX_DEPTH = 100
+AHEAD = 0.5
+"""Least cosine between the camera's axis and the car's for a camera that looks ahead."""
+
+
+@dataclass(frozen=True)
+class Transform:
+    """Where a frame of reference stands in its parent.
+
+    Attributes:
+        parent, child: Frame ids, without a leading slash.
+        translation_m: x, y, z of the child's origin in the parent.
+        rotation: Quaternion x, y, z, w that turns the child's axes into the parent's.
+    """
+
+    parent: str
+    child: str
+    translation_m: tuple[float, float, float]
+    rotation: tuple[float, float, float, float]
+
+    def matrix(self) -> FloatArray:
+        """Shape (4, 4): parent from child. NaN if the quaternion has no direction."""
+        x, y, z, w = self.rotation
+        size = math.sqrt(x * x + y * y + z * z + w * w)
+        made = np.eye(4)
+        if not 0.0 < size < math.inf:
+            return np.full((4, 4), np.nan)
+        x, y, z, w = x / size, y / size, z / size, w / size
+        made[:3, :3] = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+        made[:3, 3] = self.translation_m
+        return made
+
+
+def by_child(transforms: Iterable[Transform]) -> dict[str, Transform]:
+    """The first transform of each frame of reference."""
+    first: dict[str, Transform] = {}
+    for transform in transforms:
+        first.setdefault(transform.child, transform)
+    return first
+
+
+def body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
+    """The pose of a frame on the car: the body frame's name and (4, 4) body from frame; None without a way there.
+
+    `base_footprint` is taken where the tree has it, whether above or below `base_link`.
+    """
+    up = _to_root(tree, frame)
+    for body in BODY_FRAMES:
+        down = _to_root(tree, body)
+        common = next((name for name in up if name in down), None)
+        if common is None or (body not in tree and body not in up):
+            continue
+        made = np.linalg.inv(down[common]) @ up[common]
+        if np.isfinite(made).all():
+            return body, made
+    return None
+
+
+def _to_root(tree: Mapping[str, Transform], frame: str) -> dict[str, FloatArray]:
+    """Each ancestor, from the frame itself on, with (4, 4) ancestor from frame."""
+    made = {frame: np.eye(4)}
+    at = frame
+    while at in tree and len(made) < MAX_DEPTH:
+        above = tree[at].parent
+        if above in made:
+            break
+        made[above] = tree[at].matrix() @ made[at]
+        at = above
+    return made
+
+
+@dataclass(frozen=True)
+class CameraPose:
+    """How a camera looks ahead from the car; angles as in REP-103.
+
+    Attributes:
+        height_m: Above the body frame's origin.
+        lateral_m: Left of it.
+        pitch_rad, yaw_rad, roll_rad: Nose down, counter-clockwise and right side down positive.
+    """
+
+    height_m: float
+    lateral_m: float
+    pitch_rad: float
+    yaw_rad: float
+    roll_rad: float
+
+
+def camera_pose(body_from_camera: FloatArray) -> CameraPose | None:
+    """A camera's pose from (4, 4) body from camera; None if it does not look ahead.
+
+    The camera's frame is an optical one (z ahead, x to the right, y down) or has the body's axes (x ahead, y to the
+    left, z up). Which one it is shows in where its z and x axes point, whatever its name says.
+    """
+    rotation = body_from_camera[:3, :3]
+    if rotation[0, 2] > AHEAD and rotation[0, 2] > rotation[0, 0]:
+        forward, left, up = rotation[:, 2], -rotation[:, 0], -rotation[:, 1]
+    elif rotation[0, 0] > AHEAD:
+        forward, left, up = rotation[:, 0], rotation[:, 1], rotation[:, 2]
+    else:
+        return None
+    return CameraPose(
+        height_m=float(body_from_camera[2, 3]),
+        lateral_m=float(body_from_camera[1, 3]),
+        pitch_rad=-math.asin(float(np.clip(forward[2], -1.0, 1.0))),
+        yaw_rad=math.atan2(float(forward[1]), float(forward[0])),
+        roll_rad=math.atan2(float(left[2]), float(up[2])),
+    )
