@@ -19,9 +19,11 @@ from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
 from cwcli.report.page import Page, Renderer, Row
 from cwcli.report.paths import PATH_SCHEMA
-from cwcli.report.section import Detail, LogView, log_view, value_text
+from cwcli.report.section import Detail, log_view
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
+from cwcli.report.tables import value_text
+from cwcli.report.views import LogView
 from cwcli.signals.columns import Strings
 from cwcli.stages.channels import WARNINGS_TOPIC
 from cwcli.text import count, printable

@@ -17,8 +17,8 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import UsageError
-from cwcli.report.section import LogView
 from cwcli.report.story import Badge
+from cwcli.report.views import LogView
 from cwcli.text import printable
 
 if TYPE_CHECKING:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from cwcli.errors import CwcliError
 from cwcli.logs.log import Log
-from cwcli.metrics.headline import metric_of
 from cwcli.report.drawing import Figure
 from cwcli.report.drive import Drive
 from cwcli.report.encounter_figures import distance_figure, fan_figure, nearest_figure
@@ -19,14 +16,13 @@ from cwcli.report.map_figure import map_figure
 from cwcli.report.paths import Path2D, path_known_at
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
-from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, name_of, verdict_badge, verdict_sentence
+from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, verdict_badge, verdict_sentence
+from cwcli.report.tables import all_warnings, encounter_facts, log_tables
+from cwcli.report.views import EventView, LogView, Picture, Plot
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_PATH_TOPIC, REMOTE_PATH_TOPIC
-from cwcli.text import number
 
 FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
-LEAD_IN = "the log began"
-MAX_ROWS = 200
 
 
 @dataclass(frozen=True)
@@ -46,71 +42,6 @@ class Detail:
     n_frame_events: int = 4
     n_frames: int = 8
     has_all_metrics: bool = True
-
-
-@dataclass(frozen=True)
-class Plot:
-    """A figure in the page."""
-
-    id: str
-    kind: str
-    title: str
-    hint: str
-    figure: Figure
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A camera frame in the page."""
-
-    uri: str
-    width_px: int
-    height_px: int
-    alt: str
-    caption: str
-
-
-@dataclass(frozen=True)
-class TableView:
-    """A table in the page: columns are (heading, is it of numbers)."""
-
-    title: str
-    columns: tuple[tuple[str, bool], ...]
-    rows: tuple[tuple[str, ...], ...]
-    hint: str = ""
-    is_folded: bool = False
-
-
-@dataclass(frozen=True)
-class EventView:
-    """A warning in the page."""
-
-    number: int
-    badge: Badge
-    sentence: str
-    verdict: str
-    plots: tuple[Plot, ...]
-    table: TableView
-    frames: tuple[Picture, ...]
-
-
-@dataclass(frozen=True)
-class LogView:
-    """A log in the page."""
-
-    anchor: str
-    name: str
-    story: Story
-    badges: tuple[Badge, ...]
-    is_alone: bool
-    is_open: bool
-    first: tuple[Plot, ...] = ()
-    events: tuple[EventView, ...] = ()
-    event_table: TableView | None = None
-    signals: tuple[Plot, ...] = ()
-    frames: tuple[Picture, ...] = ()
-    tables: tuple[TableView, ...] = ()
-    notes: tuple[str, ...] = field(default=())
 
 
 def log_view(
@@ -161,10 +92,10 @@ def log_view(
         is_open=is_open,
         first=tuple(first),
         events=tuple(events),
-        event_table=_event_table(drive, meetings) if len(meetings.encounters) > len(chosen) else None,
+        event_table=all_warnings(drive, meetings) if len(meetings.encounters) > len(chosen) else None,
         signals=tuple(signals),
         frames=tuple(_evenly(drive, pictures)) if not chosen else (),
-        tables=tuple(_tables(drive, entry, detail)),
+        tables=tuple(log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -209,7 +140,7 @@ def _event(
         sentence="" if is_told else encounter_sentence(drive, encounter),
         verdict="" if is_told else verdict_sentence(drive.rule, encounter),
         plots=tuple(plots),
-        table=_facts(drive, encounter),
+        table=encounter_facts(drive, encounter),
         frames=tuple(frames),
     )
 
@@ -240,65 +171,6 @@ def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tu
 def _ego_id(drive: Drive) -> str:
     assert drive.ego is not None
     return drive.ego.ids.values[int(drive.ego.ids.codes[0])]
-
-
-def _facts(drive: Drive, encounter: Encounter) -> TableView:
-    """What was predicted and what happened, side by side."""
-
-    def seconds(stamp_ns: int) -> str:
-        return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.2f} s after {LEAD_IN}"
-
-    def metres(value: float) -> str:
-        return f"{value:.2f} m" if math.isfinite(value) else "-"
-
-    verdict = encounter.verdict
-    rows = [
-        ("warned of", name_of(encounter)),
-        *([("where it was", encounter.direction)] if encounter.direction else []),
-        ("rule", encounter.rule or "-"),
-        ("warning given", seconds(encounter.raised_ns)),
-        ("warning stood until", seconds(encounter.last_ns)),
-    ]
-    if math.isfinite(encounter.time_to_event_s):
-        rows.append(("predicted: nearest in", f"{encounter.time_to_event_s:.2f} s"))
-    if math.isfinite(encounter.predicted_distance_m):
-        rows.append(("predicted: centres apart by", metres(encounter.predicted_distance_m)))
-    if math.isfinite(encounter.probability):
-        rows.append(("predicted: probability", f"{encounter.probability:.2f}"))
-    if verdict is not None:
-        if verdict.closest_ns >= 0:
-            rows.append(("really nearest", seconds(verdict.closest_ns)))
-        rows.append(("really: centres apart by", metres(verdict.closest_m)))
-        gap = encounter.least_gap_m
-        overlap = f"none: they overlapped by {-gap:.2f} m" if gap < 0.0 else metres(gap)
-        rows.append(("really: gap between outlines", overlap))
-        if math.isfinite(verdict.lead_time_s):
-            rows.append(("warned before the conflict by", f"{verdict.lead_time_s:.2f} s"))
-    return TableView("In numbers", (("", False), ("", False)), tuple(rows))
-
-
-def _event_table(drive: Drive, meetings: Meetings) -> TableView:
-    """All warnings, where not all have figures."""
-    rows = []
-    for each in meetings.encounters:
-        verdict = each.verdict
-        nearest = f"{verdict.closest_m:.2f}" if verdict is not None and math.isfinite(verdict.closest_m) else "-"
-        lead = f"{verdict.lead_time_s:.2f}" if verdict is not None and math.isfinite(verdict.lead_time_s) else "-"
-        at = f"{(each.raised_ns - drive.start_ns) / NS_PER_S:.2f}"
-        rows.append((str(each.event_id), name_of(each), at, verdict_badge(each).text, lead, nearest))
-    columns = (
-        ("warning", True),
-        ("of", False),
-        ("at [s]", True),
-        ("verdict", False),
-        ("lead [s]", True),
-        ("nearest [m]", True),
-    )
-    kept = rows[:MAX_ROWS]
-    hint = "the most critical ones have figures above"
-    if len(rows) > len(kept):
-        hint += f"; the first {MAX_ROWS} of {len(rows)} are listed"
-    return TableView("All warnings", columns, tuple(kept), hint)
 
 
 def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, with_first: list[Plot]) -> list[Plot]:
@@ -348,66 +220,3 @@ def _picture(drive: Drive, picture: Thumbnail, what: str) -> Picture:
     if picture.n_lines is not None:
         caption += f", {('no lane boundary', 'one lane boundary', 'both lane boundaries')[picture.n_lines]} found"
     return Picture(picture.data_uri, picture.width_px, picture.height_px, f"Camera frame at {caption}", caption)
-
-
-def _tables(drive: Drive, entry: Entry, detail: Detail) -> list[TableView]:
-    tables = []
-    rows: list[tuple[str, ...]] = []
-    for stage in drive.records:
-        for given in drive.inputs(stage):
-            reasons = [
-                f"{n} {reason} ({kind.replace('_', ' ')})"
-                for kind in ("rejected", "repaired", "set_aside")
-                for reason, n in _counts(given.get(kind)).items()
-            ]
-            totals = [str(sum(_counts(given.get(kind)).values())) for kind in ("rejected", "repaired")]
-            topic, role = str(given.get("topic", "")), str(given.get("role", "")).replace("_", " ")
-            read, used = str(given.get("read", "")), str(given.get("used", ""))
-            rows.append((stage, topic, role, read, used, *totals, "; ".join(reasons)))
-    if rows:
-        columns: tuple[tuple[str, bool], ...] = (
-            ("stage", False),
-            ("channel", False),
-            ("used as", False),
-            ("read", True),
-            ("used", True),
-            ("rejected", True),
-            ("repaired", True),
-            ("reasons", False),
-        )
-        if not any(row[-1] for row in rows):
-            columns, rows = columns[:-1], [row[:-1] for row in rows]
-        tables.append(TableView("What became of the messages", columns, tuple(rows[:MAX_ROWS])))
-    if entry.metrics:
-        tables += _metrics_tables(entry, detail)
-    return tables
-
-
-def _metrics_tables(entry: Entry, detail: Detail) -> list[TableView]:
-    """The metrics that runs are compared by, and behind them, folded, the rest."""
-    main: list[tuple[str, ...]] = []
-    rest: list[tuple[str, ...]] = []
-    for metric in list(entry.metrics.values())[: 2 * MAX_ROWS]:
-        interval = ""
-        if math.isfinite(metric.low) and math.isfinite(metric.high):
-            interval = f"{number(metric.low)} to {number(metric.high)}"
-        known = metric_of(metric.metric)
-        row = (metric.metric, value_text(metric.metric, metric.value), metric.unit, interval, str(metric.n))
-        (main if known is not None and known.is_compared else rest).append(row)
-    columns = (("metric", False), ("value", True), ("unit", False), ("95 % interval", False), ("samples", True))
-    tables = [TableView("Headline metrics", columns, tuple(main))] if main else []
-    if rest and detail.has_all_metrics:
-        tables.append(TableView("Further metrics", columns, tuple(rest), is_folded=True))
-    return tables
-
-
-def value_text(name: str, value: float) -> str:
-    """A metric's value; a count without decimals."""
-    is_count = name.endswith(("_count", ".count")) and math.isfinite(value)
-    return f"{value:.0f}" if is_count else number(value)
-
-
-def _counts(value: Any) -> dict[str, int]:
-    if not isinstance(value, dict):
-        return {}
-    return {str(reason): n for reason, n in value.items() if isinstance(n, int) and n}

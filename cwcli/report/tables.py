@@ -1,0 +1,140 @@
+"""The tables of a log's part of the page."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cwcli.metrics.headline import metric_of
+from cwcli.report.drive import Drive
+from cwcli.report.encounters import Encounter, Meetings
+from cwcli.report.source import Entry
+from cwcli.report.story import name_of, verdict_badge
+from cwcli.report.views import TableView
+from cwcli.signals.units import NS_PER_S
+from cwcli.text import number
+
+LEAD_IN = "the log began"
+MAX_ROWS = 200
+
+
+def encounter_facts(drive: Drive, encounter: Encounter) -> TableView:
+    """What was predicted and what happened, side by side."""
+
+    def seconds(stamp_ns: int) -> str:
+        return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.2f} s after {LEAD_IN}"
+
+    def metres(value: float) -> str:
+        return f"{value:.2f} m" if math.isfinite(value) else "-"
+
+    verdict = encounter.verdict
+    rows = [
+        ("warned of", name_of(encounter)),
+        *([("where it was", encounter.direction)] if encounter.direction else []),
+        ("rule", encounter.rule or "-"),
+        ("warning given", seconds(encounter.raised_ns)),
+        ("warning stood until", seconds(encounter.last_ns)),
+    ]
+    if math.isfinite(encounter.time_to_event_s):
+        rows.append(("predicted: nearest in", f"{encounter.time_to_event_s:.2f} s"))
+    if math.isfinite(encounter.predicted_distance_m):
+        rows.append(("predicted: centres apart by", metres(encounter.predicted_distance_m)))
+    if math.isfinite(encounter.probability):
+        rows.append(("predicted: probability", f"{encounter.probability:.2f}"))
+    if verdict is not None:
+        if verdict.closest_ns >= 0:
+            rows.append(("really nearest", seconds(verdict.closest_ns)))
+        rows.append(("really: centres apart by", metres(verdict.closest_m)))
+        gap = encounter.least_gap_m
+        overlap = f"none: they overlapped by {-gap:.2f} m" if gap < 0.0 else metres(gap)
+        rows.append(("really: gap between outlines", overlap))
+        if math.isfinite(verdict.lead_time_s):
+            rows.append(("warned before the conflict by", f"{verdict.lead_time_s:.2f} s"))
+    return TableView("In numbers", (("", False), ("", False)), tuple(rows))
+
+
+def all_warnings(drive: Drive, meetings: Meetings) -> TableView:
+    """All warnings, where not all have figures."""
+    rows = []
+    for each in meetings.encounters:
+        verdict = each.verdict
+        nearest = f"{verdict.closest_m:.2f}" if verdict is not None and math.isfinite(verdict.closest_m) else "-"
+        lead = f"{verdict.lead_time_s:.2f}" if verdict is not None and math.isfinite(verdict.lead_time_s) else "-"
+        at = f"{(each.raised_ns - drive.start_ns) / NS_PER_S:.2f}"
+        rows.append((str(each.event_id), name_of(each), at, verdict_badge(each).text, lead, nearest))
+    columns = (
+        ("warning", True),
+        ("of", False),
+        ("at [s]", True),
+        ("verdict", False),
+        ("lead [s]", True),
+        ("nearest [m]", True),
+    )
+    kept = rows[:MAX_ROWS]
+    hint = "the most critical ones have figures above"
+    if len(rows) > len(kept):
+        hint += f"; the first {MAX_ROWS} of {len(rows)} are listed"
+    return TableView("All warnings", columns, tuple(kept), hint)
+
+
+def log_tables(drive: Drive, entry: Entry, *, has_all_metrics: bool) -> list[TableView]:
+    tables = []
+    rows: list[tuple[str, ...]] = []
+    for stage in drive.records:
+        for given in drive.inputs(stage):
+            reasons = [
+                f"{n} {reason} ({kind.replace('_', ' ')})"
+                for kind in ("rejected", "repaired", "set_aside")
+                for reason, n in _counts(given.get(kind)).items()
+            ]
+            totals = [str(sum(_counts(given.get(kind)).values())) for kind in ("rejected", "repaired")]
+            topic, role = str(given.get("topic", "")), str(given.get("role", "")).replace("_", " ")
+            read, used = str(given.get("read", "")), str(given.get("used", ""))
+            rows.append((stage, topic, role, read, used, *totals, "; ".join(reasons)))
+    if rows:
+        columns: tuple[tuple[str, bool], ...] = (
+            ("stage", False),
+            ("channel", False),
+            ("used as", False),
+            ("read", True),
+            ("used", True),
+            ("rejected", True),
+            ("repaired", True),
+            ("reasons", False),
+        )
+        if not any(row[-1] for row in rows):
+            columns, rows = columns[:-1], [row[:-1] for row in rows]
+        tables.append(TableView("What became of the messages", columns, tuple(rows[:MAX_ROWS])))
+    if entry.metrics:
+        tables += _metrics_tables(entry, has_all_metrics)
+    return tables
+
+
+def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
+    """The metrics that runs are compared by, and behind them, folded, the rest."""
+    main: list[tuple[str, ...]] = []
+    rest: list[tuple[str, ...]] = []
+    for metric in list(entry.metrics.values())[: 2 * MAX_ROWS]:
+        interval = ""
+        if math.isfinite(metric.low) and math.isfinite(metric.high):
+            interval = f"{number(metric.low)} to {number(metric.high)}"
+        known = metric_of(metric.metric)
+        row = (metric.metric, value_text(metric.metric, metric.value), metric.unit, interval, str(metric.n))
+        (main if known is not None and known.is_compared else rest).append(row)
+    columns = (("metric", False), ("value", True), ("unit", False), ("95 % interval", False), ("samples", True))
+    tables = [TableView("Headline metrics", columns, tuple(main))] if main else []
+    if rest and has_all_metrics:
+        tables.append(TableView("Further metrics", columns, tuple(rest), is_folded=True))
+    return tables
+
+
+def value_text(name: str, value: float) -> str:
+    """A metric's value; a count without decimals."""
+    is_count = name.endswith(("_count", ".count")) and math.isfinite(value)
+    return f"{value:.0f}" if is_count else number(value)
+
+
+def _counts(value: Any) -> dict[str, int]:
+    if not isinstance(value, dict):
+        return {}
+    return {str(reason): n for reason, n in value.items() if isinstance(n, int) and n}

@@ -1,0 +1,73 @@
+"""What the templates are given: plain values, made ready for the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from cwcli.report.drawing import Figure
+from cwcli.report.story import Badge, Story
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure in the page."""
+
+    id: str
+    kind: str
+    title: str
+    hint: str
+    figure: Figure
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A camera frame in the page."""
+
+    uri: str
+    width_px: int
+    height_px: int
+    alt: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class TableView:
+    """A table in the page: columns are (heading, is it of numbers)."""
+
+    title: str
+    columns: tuple[tuple[str, bool], ...]
+    rows: tuple[tuple[str, ...], ...]
+    hint: str = ""
+    is_folded: bool = False
+
+
+@dataclass(frozen=True)
+class EventView:
+    """A warning in the page."""
+
+    number: int
+    badge: Badge
+    sentence: str
+    verdict: str
+    plots: tuple[Plot, ...]
+    table: TableView
+    frames: tuple[Picture, ...]
+
+
+@dataclass(frozen=True)
+class LogView:
+    """A log in the page."""
+
+    anchor: str
+    name: str
+    story: Story
+    badges: tuple[Badge, ...]
+    is_alone: bool
+    is_open: bool
+    first: tuple[Plot, ...] = ()
+    events: tuple[EventView, ...] = ()
+    event_table: TableView | None = None
+    signals: tuple[Plot, ...] = ()
+    frames: tuple[Picture, ...] = ()
+    tables: tuple[TableView, ...] = ()
+    notes: tuple[str, ...] = field(default=())
