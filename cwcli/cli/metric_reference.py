@@ -26,4 +26,4 @@ def _grammar() -> str:
     from cwcli.metrics import gate_syntax
 
     lines = (gate_syntax.__doc__ or "").splitlines()
-    return "\n".join(line for line in lines if line.startswith("    "))
+    return "\n".join(f"    {line.strip()}" for line in lines if " = " in line)

@@ -9,7 +9,6 @@ operand    = number [ "%" ] | metric | function "(" metric ")" | "share" "(" gat
 function   = "mean" | "median" | "min" | "max" | "sum" | "pooled" | "p" digits
 compare    = "<" | "<=" | ">" | ">=" | "==" | "!="
 metric     = a name such as ego.position_rmse_m; * stands for any characters
-
 """
 
 from __future__ import annotations
