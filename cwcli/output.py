@@ -1,183 +1,23 @@
 """Where results go: a file that appears whole or not at all, or standard output.
 
-A file is written under a hidden temporary name in the target's folder, flushed to the disk and renamed. A killed run
-leaves at most that temporary file, never one under the target's name. Devices and named pipes are written directly.
+A file is written without a name, or under a hidden one, in the target's folder (`cwcli.temporary`), flushed to the disk
+and renamed. A killed run never leaves one under the target's name. Devices and named pipes are written directly.
 """
 
 from __future__ import annotations
 
-import errno
 import os
-import secrets
 import stat
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Thread
 
-from cwcli.errors import InputError, OutputError, UsageError
+from cwcli.errors import OutputError, UsageError
+from cwcli.output_stream import Bytes, Output, medium
+from cwcli.temporary import TemporaryFile
 
 STDOUT = "-"
-BUFFER_BYTES = 1 << 20
-WRITEBACK_BYTES = 16 << 20
-MAX_NAME_IN_TEMPORARY = 200
-
-REASONS = {
-    errno.ENOSPC: "no space is left on the disk",
-    errno.EDQUOT: "the disk quota is used up",
-    errno.EFBIG: "the file would be larger than is allowed",
-    errno.EACCES: "permission denied",
-    errno.EROFS: "the disk is read-only",
-    errno.ENAMETOOLONG: "the file name is too long",
-}
-
-NOT_IN_KERNEL = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
-"""Another kind of file or file system: copy through memory instead."""
-
-Bytes = bytes | bytearray | memoryview
-
-
-class Output:
-    """An open target. Errors of the medium become `OutputError`; a closed pipe stays a `BrokenPipeError`.
-
-    Attributes:
-        name: For messages.
-        position: Bytes written so far.
-    """
-
-    def __init__(self, descriptor: int, name: str) -> None:
-        self._descriptor = descriptor
-        self._pending = bytearray()
-        self.name = name
-        self.position = 0
-        self._copies_in_kernel = hasattr(os, "copy_file_range")
-        self._writeback: _Writeback | None = None
-
-    def write(self, data: Bytes) -> int:
-        """Append the data; returns its length in bytes."""
-        view = memoryview(data).cast("B")
-        if len(view) + len(self._pending) < BUFFER_BYTES:
-            self._pending += view
-        else:
-            self.flush()
-            self._write_through(view)
-        self.position += len(view)
-        return len(view)
-
-    def copy(self, source: int, start: int, length: int) -> None:
-        """Append `length` bytes of an open file from `start`, inside the kernel where it can.
-
-        Args:
-            source: File descriptor.
-            start, length: In bytes.
-
-        Raises:
-            InputError: The source ends early or can't be read.
-        """
-        self.flush()
-        self.position += length
-        end = start + length
-        while start < end:
-            n = self._copy_some(source, start, end - start)
-            if n == 0:
-                raise InputError("the input became shorter while it was copied")
-            start += n
-
-    def _copy_some(self, source: int, start: int, length: int) -> int:
-        """Copy some bytes; returns how many."""
-        if self._copies_in_kernel:
-            try:
-                n = os.copy_file_range(source, self._descriptor, length, start)
-                self._moved(n)
-                return n
-            except OSError as error:
-                if error.errno not in NOT_IN_KERNEL:
-                    raise OutputError(_reason(error), where=self.name) from error
-                self._copies_in_kernel = False
-        try:
-            data = os.pread(source, min(BUFFER_BYTES, length), start)
-        except OSError as error:
-            raise InputError(f"the input can't be read: {error.strerror}") from error
-        self._write_through(memoryview(data))
-        return len(data)
-
-    def flush(self) -> None:
-        """Hand everything to the operating system."""
-        pending, self._pending = self._pending, bytearray()
-        self._write_through(memoryview(pending))
-
-    def _write_through(self, view: memoryview) -> None:
-        while view:
-            with _medium(self.name):
-                n = os.write(self._descriptor, view)
-            self._moved(n)
-            view = view[n:]
-
-    def _moved(self, n: int) -> None:
-        if self._writeback is not None:
-            with _medium(self.name):
-                self._writeback.advance(n)
-
-    def sync_in_background(self) -> None:
-        """Let the disk work while the rest is computed, so that `sync` has little left to wait for."""
-        self._writeback = _Writeback(self._descriptor)
-
-    def settle(self) -> None:
-        """Wait until nothing uses the descriptor any more."""
-        if self._writeback is not None:
-            with suppress(OSError):
-                self._writeback.finish()
-
-    def sync(self) -> None:
-        """Flush, and wait until the data is on the disk."""
-        self.flush()
-        with _medium(self.name):
-            if self._writeback is not None:
-                self._writeback.finish()
-            os.fsync(self._descriptor)
-
-
-class _Writeback:
-    """Hands a growing file to the disk, a part at a time, in a thread."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self._waiting_bytes = 0
-        self._thread: Thread | None = None
-        self._error: OSError | None = None
-
-    def advance(self, n: int) -> None:
-        """Note that n more bytes were written.
-
-        Raises:
-            OSError: An earlier part could not be stored.
-        """
-        self._waiting_bytes += n
-        if self._waiting_bytes < WRITEBACK_BYTES or (self._thread is not None and self._thread.is_alive()):
-            return
-        self.finish()
-        self._waiting_bytes = 0
-        self._thread = Thread(target=self._store, daemon=True)
-        self._thread.start()
-
-    def finish(self) -> None:
-        """Wait for the thread.
-
-        Raises:
-            OSError: A part could not be stored.
-        """
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-        if self._error is not None:
-            raise self._error
-
-    def _store(self) -> None:
-        try:
-            os.fsync(self._descriptor)
-        except OSError as error:
-            self._error = error
 
 
 def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Path] = ()) -> None:
@@ -197,7 +37,7 @@ def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Pa
         return
     name = str(target)
     try:
-        with _medium(name):
+        with medium(name):
             _check_file(_real_path(target), name, force, inputs)
     except ValueError as error:  # a zero byte in the name
         raise OutputError(str(error), where=name) from error
@@ -219,9 +59,58 @@ def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> N
         raise OutputError(f"the folder {Path(name).parent} is not writable", where=name)
 
 
+class Together:
+    """Files that appear together: none of them has its name before all are written and the block ends without an error.
+
+    with Together() as together:
+        write_file("a.csv", data, together=together)
+        write_file("b.csv", data, together=together)
+    """
+
+    def __init__(self) -> None:
+        self._files: list[tuple[TemporaryFile, Callable[[], None], bool]] = []
+
+    def __enter__(self) -> Together:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        try:
+            if error is None:
+                self._publish()
+        finally:
+            for file, _, _ in self._files:
+                file.discard()
+
+    def add(self, file: TemporaryFile, check: Callable[[], None], *, durable: bool) -> None:
+        """Take over a file that is written.
+
+        Args:
+            file: Its bytes are where they have to be.
+            check: Raises if the target must not be written after all.
+            durable: Make its name last, too.
+        """
+        self._files.append((file, check, durable))
+
+    def _publish(self) -> None:
+        for _, check, _ in self._files:
+            check()
+        while self._files:
+            file, _, durable = self._files[0]
+            with medium(str(file.target)):
+                file.publish()
+            del self._files[0]
+            if durable:
+                _sync_folder(file.target.parent)
+
+
 @contextmanager
 def open_output(
-    target: str | Path, *, force: bool = False, inputs: Sequence[Path] = (), durable: bool = True
+    target: str | Path,
+    *,
+    force: bool = False,
+    inputs: Sequence[Path] = (),
+    durable: bool = True,
+    together: Together | None = None,
 ) -> Iterator[Output]:
     """Open a target for binary writing; the file appears under its name when the block ends without an error.
 
@@ -229,6 +118,7 @@ def open_output(
         target, force, inputs: As in `check_target`.
         durable: Wait until the file is on the disk. Without, it is whole whatever happens to the process, but may not
             survive a loss of power.
+        together: The file appears with these instead.
 
     Raises:
         OutputError, UsageError: As in `check_target`, or the medium fails (no space, input/output error).
@@ -240,44 +130,70 @@ def open_output(
         yield output
         output.flush()
         return
-    path, name = _real_path(target), str(target)
-    special = _is_special(path)
-    written = path if special else path.parent / f".{path.name[:MAX_NAME_IN_TEMPORARY]}.{secrets.token_hex(4)}.part"
-    flags = os.O_WRONLY | (0 if special else os.O_CREAT | os.O_EXCL)
-    with _medium(name):
-        descriptor = os.open(written, flags | getattr(os, "O_CLOEXEC", 0), 0o666)
-    output = Output(descriptor, name)
+    path = _real_path(target)
+    if _is_special(path):
+        with _open_special(path, str(target)) as output:
+            yield output
+        return
+    if together is not None:
+        with _written(path, str(target), durable=durable) as (file, output):
+            yield output
+        together.add(file, lambda: check_target(target, force=force, inputs=inputs), durable=durable)
+        return
+    with (
+        Together() as alone,
+        open_output(target, force=force, inputs=inputs, durable=durable, together=alone) as output,
+    ):
+        yield output
+
+
+@contextmanager
+def _open_special(path: Path, name: str) -> Iterator[Output]:
+    """A device or a pipe, which takes the bytes as they come."""
+    with medium(name):
+        descriptor = os.open(path, os.O_WRONLY | getattr(os, "O_CLOEXEC", 0))
+    try:
+        output = Output(descriptor, name)
+        yield output
+        output.flush()
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def _written(path: Path, name: str, *, durable: bool) -> Iterator[tuple[TemporaryFile, Output]]:
+    """A temporary file that holds everything when the block ends without an error, and is gone otherwise."""
+    with medium(name):
+        file = TemporaryFile(path)
+    output = Output(file.descriptor, name)
     try:
         try:
-            if durable and not special:
+            if durable:
                 output.sync_in_background()
-            yield output
-            output.sync() if durable and not special else output.flush()
+            yield file, output
+            output.sync() if durable else output.flush()
         finally:
             output.settle()
-            os.close(descriptor)
-        if not special:
-            check_target(target, force=force, inputs=inputs)
-            with _medium(name):
-                written.replace(path)
     except BaseException:
-        if not special:
-            with suppress(OSError):
-                written.unlink()
+        file.discard()
         raise
-    if durable and not special:
-        _sync_folder(path.parent)
 
 
 def write_file(
-    target: str | Path, data: Bytes, *, force: bool = False, inputs: Sequence[Path] = (), durable: bool = True
+    target: str | Path,
+    data: Bytes,
+    *,
+    force: bool = False,
+    inputs: Sequence[Path] = (),
+    durable: bool = True,
+    together: Together | None = None,
 ) -> None:
     """Write a whole file at once.
 
     Raises:
         As `open_output`.
     """
-    with open_output(target, force=force, inputs=inputs, durable=durable) as output:
+    with open_output(target, force=force, inputs=inputs, durable=durable, together=together) as output:
         output.write(data)
 
 
@@ -305,21 +221,6 @@ def _stdout_descriptor() -> int:
             "refusing to write binary data to the terminal", hint="name a file with -o, or send it into a pipe"
         )
     return descriptor
-
-
-@contextmanager
-def _medium(name: str) -> Iterator[None]:
-    """Errors of the operating system, other than a closed pipe, as `OutputError`."""
-    try:
-        yield
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise OutputError(_reason(error), where=name) from error
-
-
-def _reason(error: OSError) -> str:
-    return REASONS.get(error.errno or 0, error.strerror or str(error))
 
 
 def _sync_folder(folder: Path) -> None:

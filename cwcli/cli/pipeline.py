@@ -151,31 +151,34 @@ def make_folder(path: str) -> None:
 
 
 def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
-    """Write the annotated log, then the tables."""
+    """Write the annotated log and the tables: all of them, or none."""
     from cwcli.logs.annotate import annotate
     from cwcli.metrics.table import check_table_target, write_table
+    from cwcli.output import Together
 
     tables = _table_files(job, outcome.results)
     for path in tables:
         if path.parent.is_dir():  # a folder for metrics is made below
             check_table_target(path, force=job.writing.force)
-    if job.writing.output is not None:
-        progress.step(f"writing {job.writing.output}")
-        annotate(
-            log,
-            [channel for result in outcome.results for channel in result.channels],
-            {f"cwcli.run.{result.stage}": result.metadata for result in outcome.results},
-            job.writing.output,
-            replace=job.writing.replace,
-            force=job.writing.force,
-        )
-        if job.writing.output != "-":
-            outcome.written.append(job.writing.output)
-    if job.metrics_dir is not None:
-        make_folder(job.metrics_dir)
-    for path, table in tables.items():
-        write_table(table, path, force=job.writing.force)
-        outcome.written.append(str(path))
+    with Together() as together:
+        if job.writing.output is not None:
+            progress.step(f"writing {job.writing.output}")
+            annotate(
+                log,
+                [channel for result in outcome.results for channel in result.channels],
+                {f"cwcli.run.{result.stage}": result.metadata for result in outcome.results},
+                job.writing.output,
+                replace=job.writing.replace,
+                force=job.writing.force,
+                together=together,
+            )
+        if job.metrics_dir is not None:
+            make_folder(job.metrics_dir)
+        for path, table in tables.items():
+            write_table(table, path, force=job.writing.force, together=together)
+    if job.writing.output not in (None, "-"):
+        outcome.written.append(str(job.writing.output))
+    outcome.written.extend(map(str, tables))
 
 
 def _table_files(job: Job, results: Sequence[StageResult]) -> dict[Path, Table]:

@@ -20,7 +20,7 @@ from cwcli.logs.feeds import column_feed
 from cwcli.logs.layout import Layout, read_layout
 from cwcli.logs.message_merge import MessageMerge
 from cwcli.logs.record_writer import RecordWriter
-from cwcli.output import open_output
+from cwcli.output import Together, open_output
 from cwcli.signals.columns import OutputChannel
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def annotate(
     replace: bool = False,
     force: bool = False,
     durable: bool = True,
+    together: Together | None = None,
 ) -> AnnotateReport:
     """Write the source with more channels.
 
@@ -77,7 +78,7 @@ def annotate(
         replace: Leave the source's channels on the same topics, and its metadata records of the same names, out of the
             copy.
         force: Overwrite a file that exists. The source itself is never overwritten.
-        durable: As in `cwcli.output.open_output`.
+        durable, together: As in `cwcli.output.open_output`.
 
     Raises:
         OutputError: The target can't be written, or the source holds a topic or a record of the same name and
@@ -103,7 +104,8 @@ def annotate(
             written_schema_ids=frozenset(each.schema.id for each in new),
             name=source.name,
         )
-        with open_output(target, force=force, inputs=(source.path,), durable=durable) as output:
+        inputs = (source.path,)
+        with open_output(target, force=force, inputs=inputs, durable=durable, together=together) as output:
             n_added = _write(RecordWriter(output), layout, copy, new, merge, metadata)
             n_bytes = output.position
     return AnnotateReport(

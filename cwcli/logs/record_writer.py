@@ -31,7 +31,7 @@ from mcap.records import (
 
 from cwcli.logs.message_merge import ChunkPayload
 from cwcli.logs.records import MAGIC
-from cwcli.output import Output
+from cwcli.output_stream import Output
 
 if TYPE_CHECKING:
     import zstandard

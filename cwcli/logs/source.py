@@ -6,6 +6,7 @@ import mmap
 import os
 import stat
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -23,25 +24,25 @@ class Source:
 
     Attributes:
         name: For messages.
-        path: The file; a temporary one for a pipe.
+        path: The file; a temporary one for a pipe, open as `spool` and gone when that is closed.
         data: All bytes.
     """
 
-    def __init__(self, name: str, path: Path, *, is_temporary: bool = False) -> None:
+    def __init__(self, name: str, path: Path, spool: IO[bytes] | None = None) -> None:
         self.name = name
         self.path = path
-        self._is_temporary = is_temporary
+        self._spool = spool
         try:
             with path.open("rb") as file:
                 if os.fstat(file.fileno()).st_size == 0:
-                    raise InputError("the file is empty" if not is_temporary else "nothing came in", where=name)
+                    raise InputError("the file is empty" if spool is None else "nothing came in", where=name)
                 self._mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError(f"it can't be read: {reason}", where=name) from error
         finally:
-            if is_temporary and not hasattr(self, "_mapped"):
-                path.unlink(missing_ok=True)
+            if spool is not None and not hasattr(self, "_mapped"):
+                spool.close()
         self.data = memoryview(self._mapped)
 
     def close(self) -> None:
@@ -51,9 +52,8 @@ class Source:
             self._mapped.close()
         except BufferError:
             pass
-        if self._is_temporary:
-            self._is_temporary = False
-            self.path.unlink(missing_ok=True)
+        if self._spool is not None:
+            self._spool.close()
 
 
 def open_source(source: str | Path, name: str | None = None) -> Source:
@@ -73,7 +73,7 @@ def open_source(source: str | Path, name: str | None = None) -> Source:
             raise InputError("standard input is closed", where=STDIN_NAME)
         if sys.stdin.isatty():
             raise UsageError("standard input is a terminal", hint="name a log, or pipe one in")
-        return Source(STDIN_NAME, _spooled(sys.stdin.buffer, STDIN_NAME), is_temporary=True)
+        return _spooled(sys.stdin.buffer, STDIN_NAME)
     path = Path(source)
     name = str(source) if name is None else name
     try:
@@ -88,39 +88,50 @@ def open_source(source: str | Path, name: str | None = None) -> Source:
         return Source(name, path)
     try:
         with path.open("rb") as pipe:
-            return Source(name, _spooled(pipe, name), is_temporary=True)
+            return _spooled(pipe, name)
     except OSError as error:
         raise InputError(f"it can't be read: {error.strerror}", where=name) from error
 
 
-def _spooled(pipe: IO[bytes], name: str) -> Path:
-    """A temporary file with everything that comes out of a pipe."""
+def _spooled(pipe: IO[bytes], name: str) -> Source:
+    """Everything that comes out of a pipe, in a temporary file.
+
+    Where the system can, the file has no name, so that not even a killed run leaves it behind.
+    """
     import tempfile
 
-    path: Path | None = None
+    spool: IO[bytes] | None = None
     try:
-        with tempfile.NamedTemporaryFile(prefix="cwcli-", suffix=".mcap", delete=False) as file:
-            path = Path(file.name)
-            while True:
-                try:
-                    block = pipe.read(COPY_BYTES)
-                except OSError as error:
-                    raise InputError(f"it can't be read: {error.strerror}", where=name) from error
-                if not block:
-                    return path
-                file.write(block)
+        spool = tempfile.TemporaryFile(prefix="cwcli-", suffix=".mcap")  # noqa: SIM115 - the source closes it
+        path = Path(f"/proc/self/fd/{spool.fileno()}")
+        if not path.exists():
+            spool.close()
+            spool = tempfile.NamedTemporaryFile(prefix="cwcli-", suffix=".mcap")  # noqa: SIM115
+            path = Path(spool.name)
+        while True:
+            try:
+                block = pipe.read(COPY_BYTES)
+            except OSError as error:
+                raise InputError(f"it can't be read: {error.strerror}", where=name) from error
+            if not block:
+                break
+            spool.write(block)
+        spool.flush()
     except OSError as error:
-        _remove(path)
+        _close(spool)
         raise OutputError(
             f"the temporary copy of {name} can't be written: {error.strerror}",
             where=tempfile.gettempdir(),
             hint="point TMPDIR to a folder with more room",
         ) from error
     except BaseException:
-        _remove(path)
+        _close(spool)
         raise
+    return Source(name, path, spool)
 
 
-def _remove(path: Path | None) -> None:
-    if path is not None:
-        path.unlink(missing_ok=True)
+def _close(spool: IO[bytes] | None) -> None:
+    """Close a file that can't be written: what is still in its buffer is lost on purpose."""
+    if spool is not None:
+        with suppress(OSError):
+            spool.close()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.output import check_target, write_file
+from cwcli.output import Together, check_target, write_file
 from cwcli.signals.columns import NumericArray, Ragged, Strings
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def check_table_target(target: str | Path, *, force: bool = False) -> None:
     check_target(target, force=force)
 
 
-def write_table(table: Table, target: str | Path, *, force: bool = False) -> None:
+def write_table(table: Table, target: str | Path, *, force: bool = False, together: Together | None = None) -> None:
     """Write a table; the file appears whole or not at all.
 
     In CSV an (n, k) column becomes k columns `name_0` and so on, NaN or an absent string is an empty cell, and a ragged
@@ -143,13 +143,14 @@ def write_table(table: Table, target: str | Path, *, force: bool = False) -> Non
         table: What to write.
         target: File name ending in `.parquet` or `.csv`.
         force: Overwrite a file that exists.
+        together: As in `cwcli.output.open_output`.
 
     Raises:
         UsageError: The suffix is neither `.parquet` nor `.csv`.
         OutputError: The file can't be written.
     """
     check_table_target(target, force=force)
-    write_file(target, table_bytes(table, Path(target).suffix.lower()), force=force)
+    write_file(target, table_bytes(table, Path(target).suffix.lower()), force=force, together=together)
 
 
 def table_bytes(table: Table, suffix: str) -> memoryview:

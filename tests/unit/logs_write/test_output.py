@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-import cwcli.output
+import cwcli.output_stream
+import cwcli.temporary
 from cwcli.errors import EXIT_OUTPUT, InputError, OutputError, UsageError
-from cwcli.output import check_target, open_output, write_file
+from cwcli.output import Together, check_target, open_output, write_file
 
 MEGABYTE = 1 << 20
 
@@ -189,7 +190,7 @@ def test_error_of_background_writing_is_reported(tmp_path: Path, monkeypatch: py
         real(descriptor)
 
     monkeypatch.setattr(os, "fsync", fail_first)
-    monkeypatch.setattr(cwcli.output, "WRITEBACK_BYTES", MEGABYTE)
+    monkeypatch.setattr(cwcli.output_stream, "WRITEBACK_BYTES", MEGABYTE)
     with pytest.raises(OutputError, match="Input/output error"):
         write_file(tmp_path / "out.bin", bytes(2 * MEGABYTE))
     monkeypatch.undo()
@@ -318,3 +319,72 @@ def test_small_writes_are_gathered(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         for _ in range(1000):
             output.write(b"x" * 100)
     assert sizes == [100_000]
+
+
+def test_files_written_together_appear_at_the_end(tmp_path: Path) -> None:
+    with Together() as together:
+        write_file(tmp_path / "a", b"1", together=together)
+        write_file(tmp_path / "b", b"2", together=together)
+        assert not (tmp_path / "a").exists() and not (tmp_path / "b").exists()
+    assert names_in(tmp_path) == ["a", "b"]
+    assert ((tmp_path / "a").read_bytes(), (tmp_path / "b").read_bytes()) == (b"1", b"2")
+
+
+def test_of_files_written_together_none_appears_after_an_error(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"old")
+    with pytest.raises(OutputError, match="does not exist"), Together() as together:
+        write_file(tmp_path / "a", b"new", force=True, together=together)
+        write_file(tmp_path / "no" / "b", b"2", together=together)
+    assert names_in(tmp_path) == ["a"]
+    assert (tmp_path / "a").read_bytes() == b"old"
+
+
+def test_of_files_written_together_none_appears_where_one_name_is_taken_meanwhile(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="the file exists"), Together() as together:
+        write_file(tmp_path / "a", b"1", together=together)
+        write_file(tmp_path / "b", b"2", together=together)
+        (tmp_path / "b").write_bytes(b"other")
+    assert names_in(tmp_path) == ["b"]
+    assert (tmp_path / "b").read_bytes() == b"other"
+
+
+@pytest.fixture
+def no_nameless_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a file system or a system without them."""
+    monkeypatch.setattr(cwcli.temporary, "_open_nameless", lambda folder: None)
+
+
+@pytest.mark.usefixtures("no_nameless_files")
+def test_without_nameless_files_a_hidden_one_is_renamed(tmp_path: Path) -> None:
+    target = tmp_path / "out.bin"
+    with open_output(target) as output:
+        output.write(b"whole")
+        output.flush()
+        [hidden] = names_in(tmp_path)
+        assert hidden.startswith(".out.bin.") and hidden.endswith(".part")
+    assert names_in(tmp_path) == ["out.bin"]
+    with pytest.raises(ValueError, match="no"), open_output(target, force=True) as output:
+        output.write(b"half")
+        raise ValueError("no")
+    assert names_in(tmp_path) == ["out.bin"]
+    assert target.read_bytes() == b"whole"
+
+
+@pytest.mark.skipif(not hasattr(os, "O_TMPFILE"), reason="the system has no files without a name")
+def test_with_nameless_files_the_folder_is_empty_meanwhile(tmp_path: Path) -> None:
+    try:
+        os.close(os.open(tmp_path, os.O_TMPFILE | os.O_WRONLY))
+    except OSError:
+        pytest.skip("the file system has no files without a name")
+    with open_output(tmp_path / "out.bin") as output:
+        output.write(b"whole")
+        output.flush()
+        assert names_in(tmp_path) == []
+    assert (tmp_path / "out.bin").read_bytes() == b"whole"
+    assert (tmp_path / "out.bin").stat().st_mode & 0o777 == 0o666 & ~current_umask()
+
+
+def current_umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,185 @@
+"""An open output: a file descriptor with a buffer, whose troubles are told in plain words."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from threading import Thread
+
+from cwcli.errors import InputError, OutputError
+
+BUFFER_BYTES = 1 << 20
+WRITEBACK_BYTES = 16 << 20
+
+REASONS = {
+    errno.ENOSPC: "no space is left on the disk",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file would be larger than is allowed",
+    errno.EACCES: "permission denied",
+    errno.EROFS: "the disk is read-only",
+    errno.ENAMETOOLONG: "the file name is too long",
+}
+
+NOT_IN_KERNEL = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
+"""Another kind of file or file system: copy through memory instead."""
+
+Bytes = bytes | bytearray | memoryview
+
+
+class Output:
+    """An open target. Errors of the medium become `OutputError`; a closed pipe stays a `BrokenPipeError`.
+
+    Attributes:
+        name: For messages.
+        position: Bytes written so far.
+    """
+
+    def __init__(self, descriptor: int, name: str) -> None:
+        self._descriptor = descriptor
+        self._pending = bytearray()
+        self.name = name
+        self.position = 0
+        self._copies_in_kernel = hasattr(os, "copy_file_range")
+        self._writeback: _Writeback | None = None
+
+    def write(self, data: Bytes) -> int:
+        """Append the data; returns its length in bytes."""
+        view = memoryview(data).cast("B")
+        if len(view) + len(self._pending) < BUFFER_BYTES:
+            self._pending += view
+        else:
+            self.flush()
+            self._write_through(view)
+        self.position += len(view)
+        return len(view)
+
+    def copy(self, source: int, start: int, length: int) -> None:
+        """Append `length` bytes of an open file from `start`, inside the kernel where it can.
+
+        Args:
+            source: File descriptor.
+            start, length: In bytes.
+
+        Raises:
+            InputError: The source ends early or can't be read.
+        """
+        self.flush()
+        self.position += length
+        end = start + length
+        while start < end:
+            n = self._copy_some(source, start, end - start)
+            if n == 0:
+                raise InputError("the input became shorter while it was copied")
+            start += n
+
+    def _copy_some(self, source: int, start: int, length: int) -> int:
+        """Copy some bytes; returns how many."""
+        if self._copies_in_kernel:
+            try:
+                n = os.copy_file_range(source, self._descriptor, length, start)
+                self._moved(n)
+                return n
+            except OSError as error:
+                if error.errno not in NOT_IN_KERNEL:
+                    raise OutputError(reason(error), where=self.name) from error
+                self._copies_in_kernel = False
+        try:
+            data = os.pread(source, min(BUFFER_BYTES, length), start)
+        except OSError as error:
+            raise InputError(f"the input can't be read: {error.strerror}") from error
+        self._write_through(memoryview(data))
+        return len(data)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system."""
+        pending, self._pending = self._pending, bytearray()
+        self._write_through(memoryview(pending))
+
+    def _write_through(self, view: memoryview) -> None:
+        while view:
+            with medium(self.name):
+                n = os.write(self._descriptor, view)
+            self._moved(n)
+            view = view[n:]
+
+    def _moved(self, n: int) -> None:
+        if self._writeback is not None:
+            with medium(self.name):
+                self._writeback.advance(n)
+
+    def sync_in_background(self) -> None:
+        """Let the disk work while the rest is computed, so that `sync` has little left to wait for."""
+        self._writeback = _Writeback(self._descriptor)
+
+    def settle(self) -> None:
+        """Wait until nothing uses the descriptor any more."""
+        if self._writeback is not None:
+            with suppress(OSError):
+                self._writeback.finish()
+
+    def sync(self) -> None:
+        """Flush, and wait until the data is on the disk."""
+        self.flush()
+        with medium(self.name):
+            if self._writeback is not None:
+                self._writeback.finish()
+            os.fsync(self._descriptor)
+
+
+class _Writeback:
+    """Hands a growing file to the disk, a part at a time, in a thread."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._waiting_bytes = 0
+        self._thread: Thread | None = None
+        self._error: OSError | None = None
+
+    def advance(self, n: int) -> None:
+        """Note that n more bytes were written.
+
+        Raises:
+            OSError: An earlier part could not be stored.
+        """
+        self._waiting_bytes += n
+        if self._waiting_bytes < WRITEBACK_BYTES or (self._thread is not None and self._thread.is_alive()):
+            return
+        self.finish()
+        self._waiting_bytes = 0
+        self._thread = Thread(target=self._store, daemon=True)
+        self._thread.start()
+
+    def finish(self) -> None:
+        """Wait for the thread.
+
+        Raises:
+            OSError: A part could not be stored.
+        """
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        if self._error is not None:
+            raise self._error
+
+    def _store(self) -> None:
+        try:
+            os.fsync(self._descriptor)
+        except OSError as error:
+            self._error = error
+
+
+@contextmanager
+def medium(name: str) -> Iterator[None]:
+    """Errors of the operating system, other than a closed pipe, as `OutputError`."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(reason(error), where=name) from error
+
+
+def reason(error: OSError) -> str:
+    return REASONS.get(error.errno or 0, error.strerror or str(error))

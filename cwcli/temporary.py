@@ -1,0 +1,85 @@
+"""A file that is being written and has not got its name yet.
+
+Linux knows files without a name: a killed run leaves nothing behind, and its space is free again. Elsewhere, and on
+file systems that have none, it is a hidden file `.<name>.<random>.part` in the target's folder, which a killed run
+leaves there.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+from contextlib import suppress
+from pathlib import Path
+
+MAX_NAME_IN_TEMPORARY = 200
+MODE = 0o666
+
+
+class TemporaryFile:
+    """A new file in the folder of its target, open for writing.
+
+    Attributes:
+        target: The name that it will get.
+        descriptor: Open until the file is published or discarded.
+
+    Raises:
+        OSError: It can't be made.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self.target = target
+        self._hidden = target.parent / f".{target.name[:MAX_NAME_IN_TEMPORARY]}.{secrets.token_hex(4)}.part"
+        descriptor = _open_nameless(target.parent)
+        self._is_nameless = descriptor is not None
+        if descriptor is None:
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
+            descriptor = os.open(self._hidden, flags, MODE)
+        self.descriptor = descriptor
+
+    def publish(self) -> None:
+        """Give the file its name; one that has it is replaced. Only a moment lies between the hidden name and this one.
+
+        Raises:
+            OSError: It could not be renamed; then it is gone.
+        """
+        try:
+            if self._is_nameless:
+                # a directory descriptor makes Python call `linkat`, which follows the link in /proc
+                os.link(_in_proc(self.descriptor), self._hidden, src_dir_fd=self.descriptor)
+                self._is_nameless = False
+            os.close(self.descriptor)
+            self.descriptor = -1
+            self._hidden.replace(self.target)
+        except BaseException:
+            self.discard()
+            raise
+
+    def discard(self) -> None:
+        """Remove the file, wherever it stands by now."""
+        if self.descriptor >= 0:
+            with suppress(OSError):
+                os.close(self.descriptor)
+            self.descriptor = -1
+        if not self._is_nameless:
+            with suppress(OSError):
+                self._hidden.unlink()
+
+
+def _open_nameless(folder: Path) -> int | None:
+    """A descriptor of a file without a name, None where there are none."""
+    flag = getattr(os, "O_TMPFILE", None)
+    if flag is None:
+        return None
+    try:
+        descriptor = os.open(folder, flag | os.O_WRONLY | os.O_CLOEXEC, MODE)
+    except OSError:
+        return None  # what is really wrong comes out with the hidden file
+    if not os.path.exists(_in_proc(descriptor)):  # noqa: PTH110 - the link itself is meant
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def _in_proc(descriptor: int) -> str:
+    return f"/proc/self/fd/{descriptor}"
