@@ -18,13 +18,8 @@ def code(text: str) -> str:
     shown = printable(text)
     if shown and shown == shown.strip() and not _STRUCTURAL.search(shown):
         return f"`{shown}`"
-    return f"<code>{plain(shown)}</code>"
-
-
-def plain(text: str) -> str:
-    """`text` as words. What could be markup is written as a numeric reference; addresses don't become links."""
-    shown = printable(text)
-    return "".join(char if char.isalnum() or char in " ,%" else f"&#{ord(char)};" for char in shown)
+    inner = "".join(char if char.isalnum() or char in " ,%" else f"&#{ord(char)};" for char in shown)
+    return f"<code>{inner}</code>"
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:

@@ -281,7 +281,7 @@ def _markdown(
     if rest:
         summary = f"<details><summary>{count(len(rest), 'metric')} the same</summary>"
         parts += [summary, _markdown_table(rest), "</details>"]
-    parts += [f"- {markdown.plain(note)}" for note in _notes(comparison, exact=exact)]
+    parts += [f"- {markdown.code(note)}" for note in _notes(comparison, exact=exact)]
     if failed:
         parts.append("\n".join(["Failed:", "", *(f"- {markdown.code(line)}" for line in failed)]))
     return "\n\n".join(parts) + "\n"

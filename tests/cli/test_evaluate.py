@@ -1,0 +1,346 @@
+"""`cwcli evaluate` and `cwcli compare`: exit codes, files, sources, and names that try to break out."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from junitparser import Error, Failure, JUnitXml, Skipped
+from markdown_it import MarkdownIt
+
+from cwcli.cli.junit import junit_xml
+from cwcli.cli.main import run
+from cwcli.cli.markdown import code, table
+from cwcli.metrics.gates import Check, GateResult, Status, check_gates
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.pooling import LogMetrics, rows_of
+from cwcli.metrics.table import Table, write_table
+
+ROOT = Path(__file__).parents[2]
+GATE = "ego.position_rmse_m < 0.5"
+HOSTILE = [
+    "</testcase><testcase name='x'/>",
+    "]]><script>alert(1)</script>",
+    '" onload="x',
+    "a|b|c",
+    "`rm -rf`",
+    "``` ` ```",
+    "\\|\\`",
+    "[x](javascript:alert(1)) ![y](http://evil.example/z.png)",
+    "www.evil.example @everyone #1 <!-- -->",
+    "line\nfeed\r\n| forged | row |",
+    "\x1b[2J\x1b]0;title\x07",
+    "\u202eevil\u2066\u200f",
+    "nul\x00byte",
+    "lone \ud800 \udcff surrogate",
+    "\ufffe\uffff\u2028\u0085",
+    "&amp;&#60;b&#62;",
+    "*bold* _it_ ~~no~~ $x$",
+    " ",
+]
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The output folder of a run over two bundled logs and one that is no log."""
+    folder = tmp_path_factory.mktemp("fleet")
+    logs = [shutil.copy(ROOT / "sample_logs" / f"{name}.mcap", folder) for name in ("intersection", "straight")]
+    subprocess.run(
+        [sys.executable, "-m", "cwcli", "run", *logs, "-d", "out", "--jobs", "1", "--quiet", "--gate", GATE],
+        check=True,
+        cwd=folder,
+        env={"PATH": "", "PYTHONPATH": str(ROOT)},
+    )
+    return folder / "out"
+
+
+def metrics_file(path: Path, logs: dict[str, float]) -> Path:
+    """A table as `--metrics` writes it, with one metric a log."""
+    headline = Headline()
+    for value in logs.values():
+        headline.add("ego.position_rmse_m", value**2 * 10.0, 10.0)
+    table_ = headline.table()
+    write_table(Table("metrics", {"log": list(logs), **table_.columns}), path)
+    return path
+
+
+def document(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, Any]:
+    code_ = run([*map(str, arguments), "--json"])
+    return code_, json.loads(capsys.readouterr().out)
+
+
+def test_a_run_is_scored_and_its_own_gates_are_checked(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code_, found = document(capsys, "evaluate", fleet)
+    assert code_ == 0
+    assert [log["id"] for log in found["logs"]] == ["intersection", "straight"]
+    assert [(gate["gate"], gate["status"]) for gate in found["gates"]] == [(GATE, "passed")]
+    squares = [
+        (log["metrics"]["ego.position_rmse_m"]["value"], log["metrics"]["ego.position_rmse_m"]["n"])
+        for log in found["logs"]
+    ]
+    mean_square = sum(n * value**2 for value, n in squares) / sum(n for _, n in squares)
+    assert found["pooled"]["ego.position_rmse_m"]["value"] == pytest.approx(mean_square**0.5)
+
+
+def test_a_single_log_and_a_folder_of_logs_give_the_runs_numbers(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, of_run = document(capsys, "evaluate", fleet)
+    annotated = fleet / "logs" / "intersection" / "annotated.mcap"
+    _, of_log = document(capsys, "evaluate", annotated)
+    expected, alone = of_run["logs"][0]["metrics"], of_log["logs"][0]["metrics"]
+    assert list(alone) == list(expected)
+    for name, entry in alone.items():
+        assert entry["value"] == pytest.approx(expected[name]["value"], rel=1e-9), name
+    shutil.copy(annotated, tmp_path / "a.mcap")
+    (tmp_path / "broken.mcap").write_bytes(b"no log")
+    code_, of_folder = document(capsys, "evaluate", tmp_path, "--gate", "ego.position_rmse_m < 0.5")
+    assert of_folder["logs"][0]["metrics"] == alone
+    assert of_folder["logs"][1]["error"].startswith(str(tmp_path / "broken.mcap"))
+    assert code_ == 1
+
+
+def test_another_truth_is_computed_again(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code_, found = document(capsys, "evaluate", fleet, "--truth", "none")
+    assert "ego.position_rmse_m" not in found["pooled"] and "ego.gated_share" in found["pooled"]
+    assert code_ == 1  # the run's own gate asks for it
+    assert run(["evaluate", str(fleet), "--truth", "/no/such"]) == 2
+
+
+def test_failed_gates_make_the_exit_code_and_are_listed(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["evaluate", str(fleet), "--gate", "ego.speed_rmse_mps < 0.02", "--gate", "lanes.found_share > 0"]) == 1
+    out = capsys.readouterr().out
+    assert "straight: ego.speed_rmse_mps = 0.02738 m/s" in out
+    assert "intersection: ego.speed" not in out
+    assert "no log has lanes.found_share" in out
+    assert run(["evaluate", str(fleet), "--gate", "lanes.found_share > 0", "--allow-missing"]) == 0
+
+
+def test_gates_come_from_the_configuration_file(fleet: Path, tmp_path: Path) -> None:
+    config = tmp_path / "pipeline.toml"
+    config.write_text('gates = ["ego.position_rmse_m < 0.001"]\n[estimate]\nmodel = "cwcli"\n', encoding="utf-8")
+    assert run(["evaluate", str(fleet), "--config", str(config), "--quiet"]) == 1
+    assert run(["evaluate", str(fleet), "--config", str(config), "--gate", "ego.position_rmse_m < 5", "--quiet"]) == 0
+
+
+def test_what_is_no_gate_is_a_usage_error_before_the_work(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["evaluate", "/no/such/folder", "--gate", "ego.position_rmse_m <"]) == 2
+    assert "expected a metric or a number" in capsys.readouterr().err
+
+
+def test_junit_and_markdown_are_written(fleet: Path, tmp_path: Path) -> None:
+    junit, summary = tmp_path / "report.xml", tmp_path / "summary.md"
+    gates = ["--gate", "ego.speed_rmse_mps < 0.02", "--gate", "lanes.found_share > 0", "--allow-missing"]
+    assert run(["evaluate", str(fleet), *gates, "--junit", str(junit), "--markdown", str(summary), "--quiet"]) == 1
+    parsed = JUnitXml.fromfile(str(junit))
+    assert (parsed.tests, parsed.failures, parsed.skipped, parsed.errors) == (6, 1, 2, 0)
+    suites = {suite.name: suite for suite in parsed}
+    failed = [case for case in suites["ego.speed_rmse_mps < 0.02"] if case.result]
+    assert [(case.name, type(case.result[0])) for case in failed] == [("straight", Failure)]
+    assert all(isinstance(case.result[0], Skipped) for case in suites["lanes.found_share > 0"])
+    text = summary.read_text(encoding="utf-8")
+    assert text.startswith("### cwcli evaluate: 1 of 3 gates failed")
+    assert "| `ego.speed_rmse_mps < 0.02` | `straight` | `ego.speed_rmse_mps = 0.02738 m/s` |" in text
+    assert run(["evaluate", str(fleet), "--junit", str(junit)]) == 6  # it exists
+
+
+def test_metrics_table_holds_every_log_and_serves_as_a_baseline(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = tmp_path / "baseline.parquet"
+    assert run(["evaluate", str(fleet), "--metrics", str(kept), "--quiet"]) == 0
+    code_, found = document(capsys, "compare", kept, fleet, "--fail-on", "worse", "--fail-on", "missing")
+    assert code_ == 0 and found["pairs"] == 2
+    assert {entry["verdict"] for entry in found["metrics"].values()} == {"same", "-"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["evaluate", "/no/such.mcap"], 3),
+        (["evaluate", "."], 3),
+        (["evaluate", "a\0b"], 3),
+        (["evaluate", "x.parquet"], 3),
+        (["compare", "/no/such.mcap", "/no/such.mcap"], 3),
+        (["compare", "a", "b", "--fail-on", "better"], 2),
+        (["compare", "a", "b", "--tolerance", "2"], 2),
+        (["compare", "a", "b", "--seed", "-1"], 2),
+    ],
+)
+def test_wrong_sources_and_options(
+    arguments: list[str], expected: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(arguments) == expected
+
+
+def test_a_manifest_can_not_lead_out_of_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    entry = {"id": "../../etc", "status": "done"}
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": [entry]}), encoding="utf-8")
+    assert run(["evaluate", str(tmp_path)]) == 3
+    assert "no name of a file" in capsys.readouterr().err
+
+
+def test_logs_that_failed_or_were_not_done_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    error = {"exit_code": 3, "what": "it is no MCAP file", "where": "b.mcap", "hint": ""}
+    logs = [
+        {"id": "b", "status": "failed", "error": error},
+        {"id": "c", "status": "pending"},
+        {"id": "d", "status": "done"},
+    ]
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": logs}), encoding="utf-8")
+    code_, found = document(capsys, "evaluate", tmp_path)
+    assert code_ == 0
+    assert [log["error"] for log in found["logs"]] == [
+        "b.mcap: it is no MCAP file",
+        "it was not done",
+        "the log has no readable table of metrics, and no annotated log to make it from",
+    ]
+    code_, found = document(capsys, "evaluate", tmp_path, "--gate", "data.read_count > 0")
+    assert code_ == 1 and found["gates"][-1]["gate"] == "every log was evaluated"
+
+
+def test_compare_finds_a_planted_regression(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = np.linspace(0.5, 2.0, 16)
+    before = metrics_file(tmp_path / "a.parquet", {f"log{k}": float(v) for k, v in enumerate(values)})
+    after = metrics_file(tmp_path / "b.parquet", {f"log{k}": float(v) * 1.05 for k, v in enumerate(values)})
+    assert run(["compare", str(before), str(after)]) == 0
+    assert run(["compare", str(before), str(after), "--fail-on", "worse"]) == 1
+    assert "worse: ego.position_rmse_m" in capsys.readouterr().out
+    assert run(["compare", str(after), str(before), "--fail-on", "worse"]) == 0
+    assert run(["compare", str(before), str(after), "--fail-on", "worse", "--tolerance", "0.1"]) == 0
+    assert run(["compare", str(before), str(before), "--fail-on", "unclear", "--fail-on", "missing"]) == 0
+
+
+def test_compare_is_seeded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(4)
+    names = [f"log{k}" for k in range(12)]
+    files = [
+        metrics_file(tmp_path / f"{k}.parquet", dict(zip(names, rng.uniform(1, 2, 12).tolist(), strict=True)))
+        for k in "ab"
+    ]
+    outputs = [document(capsys, "compare", *files, "--seed", seed) for seed in ("1", "1", "2")]
+    assert outputs[0] == outputs[1] != outputs[2]
+
+
+def test_compare_of_few_logs_says_that_it_can_not_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = metrics_file(tmp_path / "a.parquet", {"x": 1.0, "y": 2.0, "gone": 1.0})
+    after = metrics_file(tmp_path / "b.parquet", {"x": 1.2, "y": 2.4})
+    assert run(["compare", str(before), str(after), "--fail-on", "worse"]) == 0
+    said = capsys.readouterr()
+    assert "unclear" in said.out and "+19.8 %" in said.out
+    assert "2 logs can't tell a change from chance" in " ".join(said.err.split())
+    assert "1 log only in the baseline: gone" in said.err
+    assert run(["compare", str(before), str(after), "--fail-on", "worse", "--exact"]) == 1
+    assert run(["compare", str(before), str(after), "--fail-on", "missing"]) == 1
+    none = metrics_file(tmp_path / "c.parquet", {"other": 1.0})
+    assert run(["compare", str(before), str(none), "--fail-on", "worse"]) == 1
+
+
+def hostile_results(text: str) -> list[GateResult]:
+    checks = [
+        Check(text, Status.FAILED, f"it failed: {text}"),
+        Check("good", Status.PASSED, text),
+        Check("", Status.SKIPPED, text),
+    ]
+    return [GateResult(text, tuple(checks))]
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_junit_stays_as_it_was_meant(text: str) -> None:
+    data = junit_xml(hostile_results(text))
+    parsed = JUnitXml.fromstring(data)
+    (suite,) = parsed
+    cases = list(suite)
+    assert (parsed.tests, parsed.failures, parsed.skipped, len(cases)) == (3, 1, 1, 3)
+    assert [type(result) for result in cases[0].result] == [Failure]
+    assert not any(isinstance(result, Error) for case in cases for result in case.result)
+    decoded = data.decode()
+    assert all(char.isprintable() or char == "\n" for char in decoded)
+    if text.isprintable():
+        assert cases[0].name == text.strip() or cases[0].name == text
+
+
+class Page(HTMLParser):
+    """Collects tags, attributes and text of what a Markdown renderer made."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[str] = []
+        self.cells: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [name for name, _ in attrs]
+        if tag == "td":
+            self.cells.append("")
+
+    def handle_data(self, data: str) -> None:
+        if self.cells:
+            self.cells[-1] += data
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_markdown_stays_a_table_of_text(text: str) -> None:
+    source = table(("a", "b", "c"), [(code(f"- {text}"), code(text), 1.0), ("x", code(f"{text}|{text}"), 2.0)])
+    page = Page()
+    page.feed(MarkdownIt("gfm-like", {"html": True, "linkify": False}).render(source))
+    assert set(page.tags) <= {"table", "thead", "tbody", "tr", "th", "td", "code"}
+    assert set(page.attributes) <= {"style"}
+    assert (page.tags.count("tr"), page.tags.count("td")) == (3, 6)
+    assert all(char.isprintable() or char == "\n" for char in source)
+    if text.isprintable() and text.strip():
+        assert page.cells[1].strip() == text.strip()
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_terminal_and_files_of_a_run_with_hostile_names(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    headline = Headline()
+    headline.add("ego.position_rmse_m", 10.0, 10.0)
+    logs = (LogMetrics(text, rows_of(headline.table())), LogMetrics(f"{text}2", error=text))
+    from cwcli.fleet import results
+
+    monkeypatch.setattr(results, "read_metrics", lambda source, **_: results.RunMetrics(text, logs, (GATE,)))
+    junit, summary = tmp_path / "j.xml", tmp_path / "s.md"
+    assert (
+        run(["evaluate", "x", "--gate", "data.read_count > 1", "--junit", str(junit), "--markdown", str(summary)]) == 1
+    )
+    assert run(["compare", "x", "y", "--fail-on", "missing", "--markdown", str(tmp_path / "c.md")]) == 0
+    said = capsys.readouterr()
+    for words in (
+        said.out,
+        said.err,
+        summary.read_text(encoding="utf-8"),
+        (tmp_path / "c.md").read_text(encoding="utf-8"),
+    ):
+        assert all(char.isprintable() or char == "\n" for char in words)
+    # both logs fail both gates (too large, missing, failed), and the failed one is a gate of its own
+    assert JUnitXml.fromfile(str(junit)).failures == 5
+    page = Page()
+    page.feed(MarkdownIt("gfm-like", {"html": True, "linkify": False}).render(summary.read_text(encoding="utf-8")))
+    assert set(page.tags) <= {"h3", "p", "table", "thead", "tbody", "tr", "th", "td", "code"}
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_a_hostile_gate_is_refused_in_one_line(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    if "\0" in text or not text.strip():
+        return
+    assert run(["evaluate", "x", "--gate", text]) == 2
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) <= 3
+    assert all(char.isprintable() or char == "\n" for char in said)
+
+
+def test_allowing_missing_metrics_skips_a_gate_on_none() -> None:
+    (result,) = check_gates(["lanes.found_share > 0"], [LogMetrics("a")], allow_missing=True)
+    assert result.status is Status.SKIPPED
