@@ -152,7 +152,8 @@ def estimate_track(
     notes += tuned.notes
     for r in reports:
         if r.n_resets and r.kind not in RATES:
-            notes.append(f"{r.source}: {r.kind.name.lower()} believed again after rejections, {r.n_resets} times")
+            often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
+            notes.append(f"{r.source}: {r.kind.name.lower()} believed again after rejections, {often}")
     return Track(
         output_stamp_ns,
         np.ascontiguousarray(result.state[:, :N_MOTION]),

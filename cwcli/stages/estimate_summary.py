@@ -179,7 +179,7 @@ def _noise_section(ego: TrackSummary) -> Section:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "noise", "from", "NIS/dof", "95 % bounds", "")
+    columns = ("source", "quantity", "noise", "from", "NIS/dof", "95 % bounds", "inside")
     return Section("noise", "Ego sources: noise and consistency of the innovations", columns, tuple(rows))
 
 

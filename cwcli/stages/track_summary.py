@@ -151,7 +151,7 @@ def _sensors_section(result: TrackResult) -> Section:
         free = sum(count.rejected.get(reason, 0) for reason in ASSOCIATION)
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
-    columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "")
+    columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "inside")
     return Section("sensors", "Detections, and consistency of the innovations", columns, tuple(rows))
 
 
