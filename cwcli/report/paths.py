@@ -65,7 +65,7 @@ def path_known_at(file: Path, topic: str, vehicle: str, at_ns: int, *, max_age_s
     try:
         with file.open("rb") as stream:
             messages = make_reader(stream).iter_messages(
-                topics=[topic], start_time=max(0, at_ns - round(max_age_s * NS_PER_S)), end_time=at_ns + 1
+                topics=[topic], starting_at=max(0, at_ns - round(max_age_s * NS_PER_S)), ending_at=at_ns
             )
             for schema, _, message in messages:
                 if schema is None or schema.name != PATH_SCHEMA:

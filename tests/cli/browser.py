@@ -1,0 +1,114 @@
+"""Opens a page in headless Chromium and tells what became of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+TIMEOUT_S = 120
+CONSOLE = re.compile(r":CONSOLE[:(]\d+\)?\]\s*(.*)")
+
+
+@dataclass(frozen=True)
+class Visit:
+    """What the browser made of a page.
+
+    Attributes:
+        dom: The document after its scripts have run.
+        console: What was written to the console: errors, warnings, violations of the content security policy.
+        urls: Every address that was asked for, but those of `file:`, `data:` and `blob:`.
+    """
+
+    dom: str
+    console: tuple[str, ...]
+    urls: tuple[str, ...]
+
+
+def browser() -> str:
+    """The browser's program; skips the test where there is none."""
+    found = next((path for path in map(shutil.which, NAMES) if path), None)
+    if found is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
+    return found
+
+
+def visit(page: Path, folder: Path, *, size: str = "1366,768", screenshot: Path | None = None) -> Visit:
+    """Open a page, wait for its scripts, and close the browser again.
+
+    Args:
+        folder: For the browser's own files.
+        size: Width and height of the window.
+        screenshot: Where to put a picture of the window, or None.
+    """
+    net_log = folder / "net.json"
+    command = [
+        browser(),
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--hide-scrollbars",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        f"--user-data-dir={folder / 'profile'}",
+        f"--log-net-log={net_log}",
+        f"--window-size={size}",
+        "--virtual-time-budget=60000",
+        "--enable-logging=stderr",
+        "--dump-dom",
+        *([f"--screenshot={screenshot}"] if screenshot else []),
+        page.resolve().as_uri(),
+    ]
+    done = subprocess.run(command, capture_output=True, check=False, timeout=TIMEOUT_S)
+    talk = done.stderr.decode("utf-8", "replace")
+    assert done.returncode == 0, talk[-2000:]
+    return Visit(done.stdout.decode("utf-8", "replace"), tuple(CONSOLE.findall(talk)), _requested(net_log))
+
+
+def _requested(net_log: Path) -> tuple[str, ...]:
+    """Addresses in the browser's network log that are about the page: not the browser's own to its maker."""
+    text = net_log.read_text(encoding="utf-8", errors="replace")
+    found = set(re.findall(r'"url":"([a-z]+:[^"]*)"', text))
+    own = ("file:", "data:", "blob:", "chrome", "devtools:", "about:")
+    makers = ("google.com", "googleapis.com", "gvt1.com", "gstatic.com")
+    return tuple(
+        sorted(
+            url
+            for url in found
+            if not url.startswith(own) and not any(maker in url.split("/")[2] for maker in makers if "//" in url)
+        )
+    )
+
+
+class Elements(HTMLParser):
+    """The elements of a page: (tag, attributes) each, and the text of each script."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str]]] = []
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, {name: value or "" for name, value in attrs}))
+
+    def of(self, tag: str) -> list[dict[str, str]]:
+        """The attributes of each element of a tag."""
+        return [attributes for name, attributes in self.found if name == tag]
+
+
+def figures(html: str) -> dict[str, dict[str, object]]:
+    """The figures that a page holds, by their ids."""
+    import base64
+    import gzip
+
+    found = re.findall(r'<script type="text/plain" id="(log-[^"]+)">([^<]*)</script>', html)
+    return {name: json.loads(gzip.decompress(base64.b64decode(text))) for name, text in found}

@@ -1,0 +1,153 @@
+"""Where the other came from, and what is said of it: geometry by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cwcli.report.drive import Drive, OtherTrack
+from cwcli.report.encounters import find_meetings
+from cwcli.report.story import tell
+from cwcli.signals.columns import Columns, Strings
+from cwcli.stages.states import VehicleStates
+from cwcli.warning.types import ActualTrack, WarningConfig
+
+S = 1_000_000_000
+NORTH = math.pi / 2.0
+
+
+def straight(x_m: float, y_m: float, speed_mps: float, heading_rad: float) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (n,) and states (n, 4) of 10 s at constant velocity, 20 Hz."""
+    time_s = np.arange(201) * 0.05
+    state = np.column_stack(
+        [
+            x_m + speed_mps * time_s * math.cos(heading_rad),
+            y_m + speed_mps * time_s * math.sin(heading_rad),
+            np.full(201, speed_mps),
+            np.full(201, heading_rad),
+        ]
+    )
+    return np.round(time_s * S).astype(np.int64), state
+
+
+def warning(at_s: float, other: str, rule: str = "cwcli") -> Columns:
+    """A channel with one warning that stands for half a second."""
+    stamp_ns = np.round(np.array([at_s, at_s + 0.5]) * S).astype(np.int64)
+    return Columns(
+        "/cwcli/warnings",
+        "cwcli.v1.Warning",
+        "protobuf",
+        stamp_ns,
+        stamp_ns,
+        np.zeros(2, np.uint32),
+        {
+            "stamp_ns": stamp_ns,
+            "event_id": np.array([1, 1]),
+            "state": np.array([1, 2]),
+            "other_id": Strings(np.zeros(2, np.int32), (other,)),
+            "rule": Strings(np.zeros(2, np.int32), (rule,)),
+            "time_to_event_s": np.array([2.0, 1.5]),
+            "predicted_distance_m": np.array([0.4, 0.3]),
+            "probability": np.array([0.9, 0.9]),
+        },
+    )
+
+
+def drive(other: tuple[np.ndarray, np.ndarray] | None, warnings: Columns | None, *, moves: bool = True) -> Drive:
+    """The ego drives north at 10 m/s from the origin (or stands there)."""
+    stamp_ns, state = straight(0.0, 0.0, 10.0 if moves else 0.0, NORTH)
+    full = np.zeros((201, 8))
+    full[:, :4] = state
+    unknown = np.full(201, np.nan)
+    ids = Strings(np.zeros(201, np.int32), ("ego",))
+    covariance = np.tile(np.eye(8) * 0.01, (201, 1, 1))
+    ego = VehicleStates(ids, stamp_ns, stamp_ns, full, covariance, unknown, unknown)
+    others = (OtherTrack("7", "vehicle", ActualTrack(*other), (4.5, 1.8)),) if other else ()
+    return Drive("x.mcap", 0, 10 * S, ego, others, (), warnings, None, WarningConfig(), {}, "")
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (straight(50.0, 50.0, 10.0, math.pi), "coming from the right"),
+        (straight(-50.0, 50.0, 10.0, 0.0), "coming from the left"),
+        (straight(0.0, 20.0, 6.0, NORTH), "ahead in the same direction"),
+        (straight(0.0, -20.0, 14.0, NORTH), "coming from behind"),
+        (straight(0.0, 100.0, 10.0, -NORTH), "coming towards it"),
+        (straight(-4.0, 0.0, 10.0, NORTH), "beside it on the left"),
+        (straight(4.0, 0.0, 10.0, NORTH), "beside it on the right"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_direction_is_told_from_the_drivers_seat(other: tuple[np.ndarray, np.ndarray], words: str) -> None:
+    (encounter,) = find_meetings(drive(other, warning(2.0, "7"))).encounters
+    assert encounter.direction == words
+
+
+def test_collision_in_words() -> None:
+    # both reach (0, 50) at 5.0 s: centres 2.5 m apart at 5 s - 2.5 / (10 * sqrt 2) s = 4.82 s, so 2.8 s after 2.0 s
+    scene = drive(straight(50.0, 50.0, 10.0, math.pi), warning(2.0, "7"))
+    story = tell(scene, find_meetings(scene))
+    assert story.headline == (
+        "At 2.0 s cwcli warned that the car would collide with vehicle 7, coming from the right; "
+        "they did: at 5.0 s their outlines overlap, with 0.0 m between their centres."
+    )
+    assert story.more[0] == (
+        "The warning was right: it came 2.8 s before the two were closer than 2.5 m, centre to centre."
+    )
+    assert [badge.tone for badge in story.badges] == ["alert"]
+
+
+def test_false_alarm_in_words() -> None:
+    # it passes 10 m ahead of the car's place at 5 s: nearest sqrt(2) / 2 * 10 = 7.07 m
+    scene = drive(straight(60.0, 50.0, 10.0, math.pi), warning(2.0, "7"))
+    story = tell(scene, find_meetings(scene))
+    assert "they came nearest at 5.5 s, with 7.1 m between their centres" in story.headline
+    assert story.more[0].startswith("By what followed it was a false alarm")
+    assert [badge.tone for badge in story.badges] == ["bad"]
+
+
+def test_conflict_without_a_warning_is_told() -> None:
+    other = straight(50.0, 50.0, 10.0, math.pi)
+    nothing = warning(2.0, "7")
+    empty = Columns(
+        nothing.topic,
+        nothing.schema_name,
+        "protobuf",
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+        np.zeros(0, np.uint32),
+        {},
+    )
+    scene = drive(other, empty)
+    story = tell(scene, find_meetings(scene))
+    assert "gave no warning" in story.headline
+    assert any(sentence.startswith("No warning came before 4.8 s") for sentence in story.more)
+    assert any(badge.tone == "bad" for badge in story.badges)
+
+
+def test_warning_of_a_vehicle_without_a_track() -> None:
+    scene = drive(None, warning(2.0, "9"))
+    story = tell(scene, find_meetings(scene))
+    assert story.headline.endswith("vehicle 9. How near they came is not known.")
+
+
+def test_lane_departure_is_not_about_a_vehicle() -> None:
+    scene = drive(None, warning(2.0, "left boundary", "lane-departure"))
+    story = tell(scene, find_meetings(scene))
+    assert story.headline == "At 2.0 s cwcli warned that the car would leave its lane over its left boundary."
+
+
+def test_no_warnings_computed_says_why() -> None:
+    scene = drive(None, None)
+    story = tell(scene, find_meetings(scene))
+    assert story.headline == (
+        "The car's motion was estimated, but no warnings were computed: no other vehicle is in the log."
+    )
+
+
+def test_standing_car_has_a_way_of_nothing() -> None:
+    scene = drive(None, None, moves=False)
+    assert "the car drove 0 m, at most 0 km/h" in " ".join(tell(scene, find_meetings(scene)).more)
