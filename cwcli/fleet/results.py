@@ -182,7 +182,7 @@ def _read_table(path: Path) -> Table:
     from pyarrow import parquet
 
     try:
-        found = parquet.read_table(path, partitioning=None)
+        found = parquet.read_table(path, partitioning=None, use_threads=False)
     except (OSError, ValueError, pa.ArrowException) as error:
         what = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error

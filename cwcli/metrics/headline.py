@@ -174,6 +174,13 @@ METRICS: tuple[Metric, ...] = (
            is_compared=True),
     Metric("lanes.lateral_deviation_rmse_m", "lanes", "m", "rms", "lower",
            "lateral deviation at the preview point minus the truth's", is_compared=True),
+    Metric("observer.lateral_speed_rmse_mps", "observe", "m/s", "rms", "lower",
+           "observed lateral speed minus the truth's, once the observer has settled", is_compared=True),
+    Metric("observer.yaw_rate_rmse_degps", "observe", "deg/s", "rms", "lower", "yaw rate, likewise", is_compared=True),
+    Metric("observer.lateral_deviation_rmse_m", "observe", "m", "rms", "lower",
+           "lateral deviation at the preview point, likewise", is_compared=True),
+    Metric("observer.heading_deviation_rmse_deg", "observe", "deg", "rms", "lower",
+           "heading deviation at the preview point, likewise", is_compared=True),
     Metric("tracking.gospa_m", "track", "m", "mean", "lower",
            "GOSPA (cutoff 5 m, order 2), averaged over the moments of the truth", is_compared=True),
     Metric("tracking.position_rmse_m", "track", "m", "rms", "lower", "of the targets that are tracked",
@@ -272,7 +279,7 @@ class Headline:
         if not len(known) or metric is None:
             return
         if metric.pool == "rms":
-            self.add(name, float(known @ known), len(known))
+            self.add(name, float(np.sum(known * known)), len(known))  # no BLAS: its order of summing varies
         elif metric.pool == "mean":
             self.add(name, float(known.sum()), len(known))
         else:

@@ -15,6 +15,7 @@ from cwcli.metrics.table import Table
 from cwcli.stages.evaluate_data import add_data
 from cwcli.stages.evaluate_estimate import add_estimate
 from cwcli.stages.evaluate_lanes import add_lanes
+from cwcli.stages.evaluate_observer import add_observer
 from cwcli.stages.evaluate_prediction import add_prediction
 from cwcli.stages.evaluate_tracking import add_tracking
 from cwcli.stages.evaluate_warnings import add_warnings
@@ -47,5 +48,6 @@ def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | N
     add_warnings(headline, log)
     add_tracking(headline, log, with_truth=truth != NO_TRUTH)
     add_lanes(headline, log, with_truth=truth != NO_TRUTH)
+    add_observer(headline, log, with_truth=truth != NO_TRUTH)
     add_data(headline, log)
     return headline.table(truth=truth)

@@ -30,12 +30,14 @@ from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.evaluate import evaluate_log
 from cwcli.stages.evaluate_tracking import score_record
 from cwcli.stages.lanes_channels import LANES_TOPIC
+from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict
 from cwcli.stages.track_truth import TruthScores
 from cwcli.stages.warn import WarnConfig, warn
 from cwcli.tracking.gospa import Moments, score
 from cwcli.tracking.tracker import TrackResult
 from cwcli.warning.types import WarningConfig
+from tests.unit.stages.lateral_logs import drive, write_lane_log
 
 ROOT = Path(__file__).parents[3]
 T0_NS = 1_700_000_000_000_000_000
@@ -304,6 +306,16 @@ def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:
     assert found["lanes.truth_missed_share"] == pytest.approx(0.5)
     assert found["lanes.truth_false_share"] == pytest.approx((0.5 + 0.0) / 2.0)
     assert found["lanes.lateral_deviation_rmse_m"] == pytest.approx(math.sqrt((0.1**2 + 0.3**2) / 2.0))
+
+
+def test_lateral_motion_agrees_with_the_stages_own_table(tmp_path: Path) -> None:
+    log = Log.open(write_lane_log(tmp_path / "lane.mcap", drive()))
+    result = observe(log, ObserveConfig())
+    found = values(log.with_channels(result.channels, {"cwcli.run.observe": result.metadata}))
+    own = {row["state"]: row["rms"] for row in result.tables["observer_errors"].records()}
+    assert found["observer.lateral_speed_rmse_mps"] == pytest.approx(own["lateral_speed_mps"])
+    assert found["observer.yaw_rate_rmse_degps"] == pytest.approx(math.degrees(own["yaw_rate_radps"]))
+    assert found["observer.heading_deviation_rmse_deg"] == pytest.approx(math.degrees(own["heading_deviation_rad"]))
 
 
 def test_tracking_scores_come_from_the_record(tmp_path: Path) -> None:
