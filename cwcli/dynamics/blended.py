@@ -21,6 +21,7 @@ from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.matrix_exponential import discretise, discretise_noise
 from cwcli.dynamics.riccati import steady_gain
 from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status, count_statuses
+from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
 from cwcli.dynamics.single_track import preview_matrices
 from cwcli.dynamics.speed import speed_at
 from cwcli.dynamics.steering import correction, steer_from_vision
@@ -34,6 +35,8 @@ STEP_KMH = 10.0
 SPEEDS_KMH = np.arange(10.0, 161.0, STEP_KMH)
 DEFAULT_PERIOD_S = 0.1
 MIN_PERIOD_S = 0.001
+MAX_PERIODS = 1_000_000
+"""A longer pause starts anew anyway."""
 OUTPUT = np.eye(4)[2:]
 """C of eq. 21: y_L and e_L are measured."""
 
@@ -101,12 +104,16 @@ def observe_blended(
         np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad]).astype(np.float64).reshape(n, 2)
     )
     seen = np.asarray(np.isfinite(measured).all(axis=1), dtype=np.bool_)
+    notes = [] if yaw_rate is None else ["the measured yaw rate is not used by zhang2011's observers"]
+    if steer is not None and runs_against(steer, stamp_ns, yaw_rate_from_vision(lanes, v)):
+        notes.append(against_note("steering angle"))
+        steer = None
     steer_rad = _steer(lanes, vehicle, v, config, steer)
     inputs = np.column_stack([_kept(steer_rad), _kept(lanes.curvature_1pm)]).reshape(n, 2)
     begin, status = _life(dt_s, v, seen, config)
     low, weight = neighbours(v)
     state = np.empty((n, 4))
-    periods = np.maximum(np.rint(dt_s / period_s), 1).astype(np.int32)
+    periods = np.clip(np.rint(dt_s / period_s), 1, MAX_PERIODS).astype(np.int32)
     kernel.blended(
         low,
         np.ascontiguousarray(weight),
@@ -130,7 +137,7 @@ def observe_blended(
         mass_sigma_kg=np.full(n, np.nan),
         status=status,
         counts=count_statuses(status),
-        notes=() if yaw_rate is None else ("the measured yaw rate is not used by zhang2011's observers",),
+        notes=tuple(notes),
     )
 
 

@@ -16,13 +16,12 @@ import numpy.typing as npt
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
 from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status, count_statuses
+from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
 from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
 from cwcli.dynamics.speed import speed_at
-from cwcli.dynamics.steering import robust_rate
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
 N_STATES = 9
@@ -31,9 +30,6 @@ MAX_STEP_S = 0.1
 LOAD_RANGE = (0.5, 2.0)
 STILL_MPS = 0.1
 MIN_SIGMA = 1e-9
-OPPOSITE = -0.5
-MIN_FRAMES_OF_SIGN = 50
-MIN_TURNING_RADPS = 0.01
 
 
 def model_vector(vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
@@ -116,15 +112,15 @@ def observe_filter(
     notes: list[str] = []
     frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
     parts = [(stamp_ns, kernel.KIND_LANE, *_lane_rows(lanes, config))]
-    vision = _yaw_rate_from_vision(lanes, frame_speed)
+    vision = yaw_rate_from_vision(lanes, frame_speed)
     for name, samples, kind, default in (
         ("yaw rate", yaw_rate, kernel.KIND_YAW_RATE, noise.yaw_rate_sigma_radps),
         ("steering angle", steer, kernel.KIND_STEER, noise.steer_sigma_rad),
     ):
         if samples is None or not len(samples.values):
             continue
-        if _runs_against(samples, stamp_ns, vision):
-            notes.append(f"the {name} turns the other way than the lane: not used; check its sign or mounting")
+        if runs_against(samples, stamp_ns, vision):
+            notes.append(against_note(name))
             continue
         parts.append((np.asarray(samples.stamp_ns, np.int64), kind, *_scalar_rows(samples, default)))
     stamps = np.concatenate([part[0] for part in parts])
@@ -199,6 +195,7 @@ def _lane_rows(lanes: LaneSamples, config: ObserverConfig) -> tuple[FloatArray, 
         raw = np.where(raw > share, np.sqrt(np.maximum(raw**2 - share**2, 0.0)), raw)
         columns.append(np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_SIGMA), floor), default))
     finite = np.where(np.isfinite(values), values, np.nan).reshape(-1, 3)
+    columns[2] = np.hypot(columns[2], noise.curvature_share * np.nan_to_num(np.abs(finite[:, 2])))
     return finite, np.column_stack(columns).reshape(-1, 3)
 
 
@@ -208,23 +205,6 @@ def _scalar_rows(samples: Samples, default: float) -> tuple[FloatArray, FloatArr
     values[:, 0] = np.where(np.isfinite(samples.values), samples.values, np.nan)
     sigmas[:, 0] = samples.sigmas(default)
     return values, sigmas
-
-
-def _yaw_rate_from_vision(lanes: LaneSamples, v: FloatArray) -> FloatArray:
-    """gamma = de_L/dt - v K_L (eq. 20 in body signs), coarse; shape (n,)."""
-    change = robust_rate(np.asarray(lanes.stamp_ns, np.int64), np.asarray(lanes.heading_deviation_rad, np.float64))
-    return change - v * np.asarray(lanes.curvature_1pm, np.float64)
-
-
-def _runs_against(samples: Samples, stamp_ns: Int64Array, vision: FloatArray) -> bool:
-    """Whether a sensor turns the other way than the camera sees, in what is clearly a turn."""
-    sensor = resample(samples.stamp_ns, samples.values, stamp_ns, max_gap_s=0.5)
-    both = np.isfinite(sensor) & np.isfinite(vision)
-    if np.count_nonzero(both) < MIN_FRAMES_OF_SIGN or np.std(vision[both]) < MIN_TURNING_RADPS:
-        return False
-    a, b = sensor[both], vision[both]
-    scale = float(np.sqrt(np.mean(a**2) * np.mean(b**2)))
-    return scale > 0.0 and float(np.mean(a * b)) / scale < OPPOSITE
 
 
 def _statuses(

@@ -6,32 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
-from cwcli.dynamics.samples import PREVIEW_M, LaneSamples, LateralTrack, Status
+from cwcli.dynamics.samples import LateralTrack, Status
 from cwcli.dynamics.single_track import critical_speed_mps
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.log import Log
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import Columns, Int64Array
-from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.roles import Bindings, bind
 from cwcli.stages.observe_inputs import Inputs, inputs_of
+from cwcli.stages.observe_lanes import read_lanes
 from cwcli.stages.observe_summary import observer_section, observer_table, truth_errors, truth_section
 from cwcli.stages.observer_channel import VEHICLE_ENTRY, observer_channel, vehicle_entry
-from cwcli.stages.result import InputCount, StageResult, Summary
+from cwcli.stages.result import StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.sources import SourceConfig, read_sources
 
-LANE_VALUES = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
-LANE_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
 SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
-REPEATED = "stamp repeated"
-OUT_OF_ORDER = "stamp out of order, sorted"
-NO_VALUE = "no boundary found"
 
 
 @dataclass(frozen=True)
@@ -81,7 +74,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         also=[bindings[0].topic for bindings in own.by_role.values()],
     )
     lanes_topic = own.by_role[Role.LANES][0].topic
-    lanes, log_time_ns, preview_m, lanes_count = read_lanes(sources.columns[lanes_topic], where=log.name)
+    lanes = read_lanes(sources.columns[lanes_topic], where=log.name)
     state_topic = own.topic(Role.EGO_STATE)
     inputs = inputs_of(
         sources,
@@ -93,10 +86,10 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         raise _no_speed(log, config)
     vehicle = config.vehicle or load_vehicle()
     track = observe_lateral(
-        lanes,
+        lanes.samples,
         inputs.speed,
         vehicle,
-        replace(config.observer, preview_m=preview_m),
+        replace(config.observer, preview_m=lanes.preview_m),
         yaw_rate=inputs.yaw_rate,
         steer=inputs.steer,
     )
@@ -117,75 +110,13 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     summary = Summary(
         title=f"observe ({config.observer.method})",
         sections=tuple(sections),
-        inputs=(lanes_count, *inputs.counts),
+        inputs=(lanes.count, *inputs.counts),
         notes=_notes(own, inputs, track, vehicle, config),
     )
     record = run_record("observe", log, config, summary, **{VEHICLE_ENTRY: vehicle_entry(vehicle)})
-    return StageResult("observe", (observer_channel(track, log_time_ns, preview_m),), tables, summary, record)
-
-
-def _yaw_sigma_rad(columns: Columns) -> float:
-    """What the camera's yaw contributes to the sigmas; 0 where the channel does not tell."""
-    if "camera_yaw_sigma_rad" not in columns.fields or not len(columns):
-        return 0.0
-    return float(np.nan_to_num(numbers(columns, "camera_yaw_sigma_rad")).min())
-
-
-def read_lanes(columns: Columns, *, where: str) -> tuple[LaneSamples, Int64Array, float, InputCount]:
-    """The lanes at the preview point by stamp; their log times, the preview distance, and what became of the messages.
-
-    Raises:
-        DataError: A field is missing, or the preview distance changes.
-        MissingSignalError: There is no message.
-    """
-    if not len(columns):
-        raise MissingSignalError("no frame is in the log, or none between --start and --end", where=_at(where, columns))
-    missing = [name for name in ("stamp_ns", *LANE_VALUES, "preview_distance_m") if name not in columns.fields]
-    if missing:
-        raise DataError(
-            f"the channel has no field `{missing[0]}`",
-            where=_at(where, columns),
-            hint="write it again with this version of cwcli (`--replace`)",
-        )
-    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
-    rows, repaired = _in_order(stamp_ns)
-    previews = np.unique(numbers(columns, "preview_distance_m")[rows])
-    if len(previews) > 1:
-        raise DataError(
-            f"the preview distance changes within the channel: {previews[0]:g} and {previews[1]:g} m",
-            where=_at(where, columns),
-        )
-    values = [numbers(columns, name)[rows] for name in LANE_VALUES]
-    sigmas = [numbers(columns, name)[rows] for name in LANE_SIGMAS]
-    lanes = LaneSamples(
-        stamp_ns[rows],
-        *(values[0], values[1], values[2]),
-        *(sigmas[0], sigmas[1], sigmas[2]),
-        yaw_sigma_rad=_yaw_sigma_rad(columns),
+    return StageResult(
+        "observe", (observer_channel(track, lanes.log_time_ns, lanes.preview_m),), tables, summary, record
     )
-    n_empty = int(np.count_nonzero(~np.isfinite(values).any(axis=0)))
-    count = InputCount(
-        columns.topic,
-        Role.LANES.value,
-        len(columns),
-        len(rows) - n_empty,
-        rejected={REPEATED: len(columns) - len(rows)} if len(rows) < len(columns) else {},
-        repaired={OUT_OF_ORDER: repaired} if repaired else {},
-        set_aside={NO_VALUE: n_empty} if n_empty else {},
-    )
-    preview_m = float(previews[0])
-    return lanes, columns.log_time_ns[rows], preview_m if preview_m > 0.0 else PREVIEW_M, count
-
-
-def _at(where: str, columns: Columns) -> str:
-    return f"{where}: {columns.topic}" if where else columns.topic
-
-
-def _in_order(stamp_ns: Int64Array) -> tuple[npt.NDArray[np.intp], int]:
-    """Rows by stamp, the first of each stamp; and how many were not in their place."""
-    order = np.argsort(stamp_ns, kind="stable")
-    n_moved = int(np.count_nonzero(np.diff(stamp_ns) < 0))
-    return order[np.concatenate([[True], np.diff(stamp_ns[order]) > 0])], n_moved
 
 
 def _no_speed(log: Log, config: ObserveConfig) -> MissingSignalError:

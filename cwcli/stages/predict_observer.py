@@ -25,6 +25,7 @@ from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.resample import resample
 from cwcli.signals.roles import bind
 from cwcli.stages.channels import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
+from cwcli.stages.observe_lanes import rows_by_stamp
 from cwcli.stages.observer_channel import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
 from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
@@ -183,7 +184,7 @@ def _own_motion(observed: Observed) -> Poses:
 def _ego_state_poses(columns: Columns, observed: Observed) -> Poses:
     """The estimated track, and the pose at each frame; its heading is where the car goes, not where its axis points."""
     states = read_states(columns)
-    rows = _by_stamp(states.stamp_ns)
+    rows = rows_by_stamp(states.stamp_ns)
     stamp_ns, state = states.stamp_ns[rows], states.state[rows]
     x_m, y_m, course_rad = resample(stamp_ns, state[:, [0, 1, 3]], observed.track.stamp_ns, max_gap_s=MAX_GAP_S).T
     yaw_rad = course_rad - _slip(observed.track.state[:, 0], observed.track.speed_mps)
@@ -204,17 +205,11 @@ def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, 
         lateral_mps = observed.track.state[:, 0]
         if lateral is not None and len(lateral):
             true_ns, _ = whole_numbers(lateral, "stamp_ns")
-            rows = _by_stamp(true_ns)
+            rows = rows_by_stamp(true_ns)
             true_mps = numbers(lateral, "lateral_speed_mps")[rows]
             lateral_mps = resample(true_ns[rows], true_mps, at_ns, max_gap_s=MAX_GAP_S)
         yaw_rad = yaw_rad - _slip(lateral_mps, observed.track.speed_mps)
     return Poses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
-
-
-def _by_stamp(stamp_ns: Int64Array) -> npt.NDArray[np.intp]:
-    """Rows in the order of their stamps, the first of each stamp."""
-    order = np.argsort(stamp_ns, kind="stable")
-    return order[np.concatenate([[True], np.diff(stamp_ns[order]) > 0])] if len(order) else order
 
 
 def _slip(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.roles import Bindings
 from cwcli.signals.units import NS_PER_S
+from cwcli.stages.observe_lanes import rows_by_stamp
 from cwcli.stages.observer_channel import recorded_vehicle
 from cwcli.stages.result import Cell, InputCount, Section
 from cwcli.stages.sources import logged_within
@@ -24,6 +25,8 @@ NEEDED = (Role.OBSERVER_PATH, Role.LANES)
 NO_PATH = "no path from the observer"
 BOUNDARY = ("lateral_m", "slope", "ground_curvature_1pm")
 PLACES = tuple(f"{side}.{name}" for side in ("left", "right") for name in ("found", *BOUNDARY))
+LIMITS = np.array([1e3, 10.0, 1.0])
+"""Of `BOUNDARY`: a line farther away, steeper or more bent is none."""
 MIN_HORIZON_S = 0.05
 
 
@@ -114,12 +117,13 @@ def body_of(paths: Paths) -> Paths:
 def _frames(lanes: Columns, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, Boundaries]:
     """Stamps, log times and boundaries of the frames in the order of their stamps, the first of each stamp."""
     stamp_ns, _ = whole_numbers(lanes, "stamp_ns")
-    order = np.argsort(stamp_ns, kind="stable")
-    rows = order[np.concatenate([[True], np.diff(stamp_ns[order]) > 0])] if len(order) else order
+    rows = rows_by_stamp(stamp_ns)
     sides: list[FloatArray] = []
     for side in ("left", "right"):
         place = np.column_stack([numbers(lanes, f"{side}.{name}") for name in BOUNDARY])[rows]
         found = numbers(lanes, f"{side}.found")[rows] > 0.0
+        with np.errstate(invalid="ignore"):
+            found &= (np.abs(place) <= LIMITS).all(axis=1)
         sides.append(np.where(found[:, None], place, np.nan))
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows]) if len(rows) else lanes.log_time_ns
     return stamp_ns[rows], log_time_ns, Boundaries(sides[0], sides[1], vehicle.camera_forward_m)

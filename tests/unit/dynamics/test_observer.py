@@ -207,6 +207,19 @@ def test_a_gyroscope_with_the_wrong_sign_is_told_and_not_used() -> None:
     np.testing.assert_array_equal(track.state, observe(SENSED.lanes, SENSED.speed, CAR).state)
 
 
+@pytest.mark.parametrize("method", ALL)
+def test_a_steering_angle_with_the_wrong_sign_is_told_and_not_used(method: str) -> None:
+    angle = TRUTH.steer_rad[SENSED.index, 0]
+    right, wrong = (Samples(SENSED.stamp_ns, sign * angle) for sign in (1.0, -1.0))
+    config = ObserverConfig(method)
+    track = observe(SENSED.lanes, SENSED.speed, CAR, config, steer=wrong)
+    assert track.notes == (
+        "the steering angle turns the other way than the lane: not used; check its sign or mounting",
+    )
+    np.testing.assert_array_equal(track.state, observe(SENSED.lanes, SENSED.speed, CAR, config).state)
+    assert observe(SENSED.lanes, SENSED.speed, CAR, config, steer=right).notes == ()
+
+
 def test_a_lane_change_moves_the_place_and_not_the_motion() -> None:
     lanes = SENSED.lanes
     jumped = lanes.lateral_deviation_m.copy()
