@@ -14,7 +14,10 @@ The plain NumPy twin is in tests/unit/vision/naive_search.py.
 ctypedef unsigned int uint32
 ctypedef unsigned long long uint64
 
+from libc.stdlib cimport abs
+
 cdef enum:
+    MAX_WIDTH = 512
     POPULATION = 50
     MAX_BITS = 30
 
@@ -100,39 +103,56 @@ cdef double judge(
     return <double>total / (90.0 * n)
 
 
-cdef inline int magnitude(int value) noexcept nogil:
-    return value if value >= 0 else -value
+cdef void combine(short* out, const short* contrast, const short* diagonal, const short* other, int alpha, int beta,
+                  int beta_other, Py_ssize_t width) noexcept nogil:
+    cdef Py_ssize_t u
+    for u in range(1, width - 1):
+        out[u] = <short>(alpha * contrast[u] + beta * diagonal[u] + beta_other * other[u])
 
 
 def block_responses(const unsigned char[:, ::1] grey, int nine_road, short[:, :, ::1] left, short[:, :, ::1] right):
-    """alpha dM + sum of beta_j T_j of every block (see the stub). Tables 1 and 2, times 90: 10 alpha, 30 beta."""
+    """alpha dM + sum of beta_j T_j of every block (see the stub). Tables 1 and 2, times 90: 10 alpha, 30 beta.
+
+    Row by row through small arrays of 16 bits: nothing overflows, and the compiler makes vector code of each loop.
+    """
     cdef Py_ssize_t height = grey.shape[0]
     cdef Py_ssize_t width = grey.shape[1]
     cdef Py_ssize_t i, u
     cdef const unsigned char* upper
     cdef const unsigned char* middle
     cdef const unsigned char* lower
-    cdef int west, centre, east, contrast, t1, t2, t3, t4
+    cdef short columns[MAX_WIDTH]
+    cdef short contrast[MAX_WIDTH]
+    cdef short t1[MAX_WIDTH]
+    cdef short t2[MAX_WIDTH]
+    cdef short t3[MAX_WIDTH]
+    cdef short t4[MAX_WIDTH]
+    cdef short road = <short>nine_road
+    if width > MAX_WIDTH:
+        raise ValueError(f"{width} columns")
     with nogil:
         for i in range(left.shape[1]):
             upper = &grey[height - 3 * i - 3, 0]
             middle = upper + width
             lower = middle + width
+            for u in range(width):
+                columns[u] = <short>(upper[u] + middle[u] + lower[u])
             for u in range(1, width - 1):
-                west = upper[u - 1] + middle[u - 1] + lower[u - 1]
-                centre = upper[u] + middle[u] + lower[u]
-                east = upper[u + 1] + middle[u + 1] + lower[u + 1]
-                contrast = west + centre + east - nine_road
-                t1 = magnitude(upper[u - 1] + upper[u] + middle[u - 1] - middle[u + 1] - lower[u] - lower[u + 1])
-                t2 = magnitude(upper[u] + upper[u + 1] + middle[u + 1] - middle[u - 1] - lower[u - 1] - lower[u])
-                t3 = magnitude(upper[u - 1] + upper[u] + upper[u + 1] - lower[u - 1] - lower[u] - lower[u + 1])
-                t4 = magnitude(west - east)
-                left[0, i, u] = <short>(4 * contrast + 18 * t1)
-                left[1, i, u] = <short>(2 * contrast + 15 * t1 + 9 * t3)
-                left[2, i, u] = <short>(2 * contrast + 15 * t1 + 9 * t4)
-                right[0, i, u] = <short>(4 * contrast + 18 * t2)
-                right[1, i, u] = <short>(2 * contrast + 15 * t2 + 9 * t3)
-                right[2, i, u] = <short>(2 * contrast + 15 * t2 + 9 * t4)
+                contrast[u] = <short>(columns[u - 1] + columns[u] + columns[u + 1] - road)
+            for u in range(1, width - 1):
+                t4[u] = <short>abs(columns[u - 1] - columns[u + 1])
+            for u in range(1, width - 1):
+                t1[u] = <short>abs(upper[u - 1] + upper[u] + middle[u - 1] - middle[u + 1] - lower[u] - lower[u + 1])
+            for u in range(1, width - 1):
+                t2[u] = <short>abs(upper[u] + upper[u + 1] + middle[u + 1] - middle[u - 1] - lower[u - 1] - lower[u])
+            for u in range(1, width - 1):
+                t3[u] = <short>abs(upper[u - 1] + upper[u] + upper[u + 1] - lower[u - 1] - lower[u] - lower[u + 1])
+            combine(&left[0, i, 0], contrast, t1, t4, 4, 18, 0, width)
+            combine(&left[1, i, 0], contrast, t1, t3, 2, 15, 9, width)
+            combine(&left[2, i, 0], contrast, t1, t4, 2, 15, 9, width)
+            combine(&right[0, i, 0], contrast, t2, t4, 4, 18, 0, width)
+            combine(&right[1, i, 0], contrast, t2, t3, 2, 15, 9, width)
+            combine(&right[2, i, 0], contrast, t2, t4, 2, 15, 9, width)
 
 
 def objective(const short[:, :, ::1] response, const double[:, ::1] parabolas, bint is_left, double[::1] value,

@@ -30,6 +30,8 @@ class Series:
 
     def at(self, stamp_ns: int) -> float:
         """The value at a time, linear between two samples that are both near; NaN elsewhere."""
+        if not len(self.stamp_ns):
+            return float("nan")
         i = int(np.searchsorted(self.stamp_ns, stamp_ns))
         if i < len(self.stamp_ns) and self.stamp_ns[i] == stamp_ns:
             return float(self.values[i])
