@@ -30,6 +30,7 @@ from tests.unit.stages.lateral_logs import (
     TRUTH,
     drive,
     ego_state_channel,
+    lanes_channel,
     write_lane_log,
 )
 
@@ -208,9 +209,28 @@ def test_frames_out_of_order_are_sorted_and_counted(tmp_path: Path) -> None:
     assert (np.diff(result.channels[0].log_time_ns) >= 0).all()
 
 
-def test_a_changing_preview_distance_is_an_error(tmp_path: Path) -> None:
-    from tests.unit.stages.lateral_logs import lanes_channel
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("method", ["cwcli", "zhang2011"])
+@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e300, -1e300])
+def test_absurd_numbers_are_left_out_and_counted(tmp_path: Path, method: str, value: float) -> None:
+    channel = lanes_channel(DRIVE.sensed)
+    fields = {name: np.asarray(values).copy() for name, values in channel.fields.items()}
+    for row, (name, unit) in enumerate(
+        (("lateral_deviation", "m"), ("heading_deviation", "rad"), ("curvature", "1pm"))
+    ):
+        fields[f"{name}_{unit}"][40 + row] = value
+        fields[f"{name}_sigma_{unit}"][50] = value
+    fields["stamp_ns"][[60, 61]] = 0
+    changed = OutputChannel(LANES, channel.schema_name, channel.log_time_ns, fields)
+    path = write_lane_log(tmp_path / "l.mcap", DRIVE, without=(LANES,))
+    result = run(path, ObserveConfig(vehicle=load_vehicle(), observer=ObserverConfig(method)), changed)
+    count = result.summary.inputs[0]
+    assert dict(count.repaired) == {"value out of range, left out": 3}
+    assert dict(count.rejected) == {"no usable stamp": 2}
+    assert np.degrees(errors(result)["yaw_rate_radps"]["rms"]) < 1.0
 
+
+def test_a_changing_preview_distance_is_an_error(tmp_path: Path) -> None:
     channel = lanes_channel(DRIVE.sensed)
     preview = np.asarray(channel.fields["preview_distance_m"]).copy()
     preview[60:] = 20.0
