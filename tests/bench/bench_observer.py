@@ -1,7 +1,12 @@
-"""Speed of the observers and the paths, in frames a second of one core: `python -m tests.bench.bench_observer`."""
+"""Speed of the observers and the paths, in frames a second of one core: `python -m tests.bench.bench_observer`.
+
+With the name of a log that has frames and a speed (`cwcli simulate road --set duration_s=100 -o drive.mcap`): how much
+`observe` adds to `lanes` in one run.
+"""
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 
@@ -27,8 +32,30 @@ def report(name: str, work: Callable[[], object]) -> None:
     print(f"{name:32} {N_FRAMES / min(took):>12,.0f} frames/s")
 
 
+def report_stages(name: str) -> None:
+    """Processor time of `lanes` by each method, and of `observe` behind it."""
+    from cwcli.logs.log import Log
+    from cwcli.stages.lanes import LanesConfig, lanes
+    from cwcli.stages.observe import ObserveConfig, observe
+    from cwcli.vision.methods import METHODS as LANE_METHODS
+
+    for method in LANE_METHODS:
+        with Log.open(name) as log:
+            begin = time.process_time()
+            made = lanes(log, LanesConfig(method=method))
+            between = time.process_time()
+            found = observe(log.with_channels(made.channels), ObserveConfig(vehicle=load_vehicle()))
+            end = time.process_time()
+        took, more = between - begin, end - between
+        n = len(found.tables["observer"])
+        print(f"{n} frames: lanes ({method}) {took:.2f} s, observe {more:.2f} s more: {100.0 * more / took:.1f} %")
+
+
 def main() -> None:
     """Measure and print."""
+    if len(sys.argv) > 1:
+        report_stages(sys.argv[1])
+        return
     random = np.random.default_rng(0)
     stamp_ns = np.arange(N_FRAMES, dtype=np.int64) * 100_000_000
     lanes = LaneSamples(stamp_ns, *(s * random.standard_normal(N_FRAMES) for s in (0.05, 0.003, 2e-4)))
