@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import MANIFEST, LogFolder, read_document, recorded_ids
 from cwcli.metrics.headline import COLUMNS
-from cwcli.metrics.pooling import POOLED_ID, LogMetrics, rows_of
+from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def _of_entry(folder: LogFolder, truth: str, step: Callable[[str], None]) -> Log
     try:
         table = _read_table(folder.metrics)
         if table.metadata.get("truth", "auto") == truth:
-            return LogMetrics(folder.id, rows_of(table))
+            return LogMetrics(folder.id, rows_of(table), notes=notes_of(table))
     except (InputError, ValueError):
         if not folder.annotated.is_file():
             return LogMetrics(folder.id, error=NO_TABLE)
@@ -139,7 +139,8 @@ def _of_log(source: str, name: str, truth: str) -> LogMetrics:
     from cwcli.stages.evaluate import evaluate_log
 
     with Log.open(source) as log:
-        return LogMetrics(name, rows_of(evaluate_log(log, truth=truth)), sha256=_input_sha256(log))
+        table = evaluate_log(log, truth=truth)
+        return LogMetrics(name, rows_of(table), sha256=_input_sha256(log), notes=notes_of(table))
 
 
 def _input_sha256(log: Log) -> str:

@@ -45,12 +45,14 @@ class LogMetrics:
         rows: Metric -> its row.
         error: Why there are none: the log failed; "" if it did not.
         sha256: Of the input, "" where it is not known.
+        notes: What the user should know of its metrics.
     """
 
     id: str
     rows: Mapping[str, MetricRow] = field(default_factory=dict)
     error: str = ""
     sha256: str = ""
+    notes: tuple[str, ...] = ()
 
     def value(self, name: str) -> float:
         """The value of a metric; NaN where there is none."""
@@ -82,6 +84,11 @@ def rows_of(table: Table) -> dict[str, MetricRow]:
         )
         for row in table.records()
     }
+
+
+def notes_of(table: Table) -> tuple[str, ...]:
+    """The notes in a table's metadata."""
+    return tuple(table.metadata.get("notes", "").splitlines())
 
 
 def metric_names(logs: Iterable[LogMetrics]) -> list[str]:

@@ -34,7 +34,8 @@ def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | N
 
     Returns:
         The table `metrics`, in long form: stage, metric, value, unit, n, low, high, and pool, total and weight, from
-        which several logs are pooled (`cwcli.metrics.pooling`). Its metadata names the `truth` option.
+        which several logs are pooled (`cwcli.metrics.pooling`). Its metadata holds the `truth` option and notes for the
+        user.
 
     Raises:
         UsageError: The truth topic is not in the log, or can't be one.
@@ -50,4 +51,5 @@ def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | N
     add_lanes(headline, log, with_truth=truth != NO_TRUTH)
     add_observer(headline, log, with_truth=truth != NO_TRUTH)
     add_data(headline, log)
-    return headline.table(truth=truth)
+    notes = {"notes": "\n".join(ego.notes)} if ego.notes else {}
+    return headline.table(truth=truth, **notes)

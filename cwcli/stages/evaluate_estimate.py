@@ -19,10 +19,11 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
+from cwcli.signals.roles import ROLE_TEXT
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_ID, EGO_STATE_TOPIC
 from cwcli.stages.records import json_entry, number, run_records
-from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.sources import SourceConfig, Sources, read_sources
 from cwcli.stages.states import VehicleStates, read_states
 from cwcli.stages.track_truth import map_of
 from cwcli.stages.truth import truth_xy
@@ -49,10 +50,12 @@ class Ego:
     Attributes:
         states: Its states in stamp order, or None where the log has none.
         truth: Its truth, or None.
+        notes: Why channels were not used, for the user.
     """
 
     states: VehicleStates | None = None
     truth: EgoTruth | None = None
+    notes: tuple[str, ...] = ()
 
 
 def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
@@ -64,7 +67,8 @@ def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
     if not len(states):
         return Ego()
     reports = json_entry(record, "sources", list)
-    sources = _sources(log, json_entry(record, "configuration", dict), truth)
+    read = _sources(log, json_entry(record, "configuration", dict), truth)
+    sources = read.by_role
     local_map = map_of([("cwcli.run.estimate", record)])
     fixes = _fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
     found = _add_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
@@ -75,7 +79,7 @@ def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
     headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
     _add_consistency(headline, reports)
-    return Ego(states, found)
+    return Ego(states, found, _truth_notes(read))
 
 
 def _in_order(states: VehicleStates) -> VehicleStates:
@@ -84,7 +88,15 @@ def _in_order(states: VehicleStates) -> VehicleStates:
     return states if len(rows) == len(states) and (np.diff(rows) == 1).all() else states.rows(rows)
 
 
-def _sources(log: Log, configuration: Mapping[str, Any], truth: str) -> Mapping[Role, tuple[Signal, ...]]:
+def _truth_notes(read: Sources) -> tuple[str, ...]:
+    """Why a log with candidates for the truth has none. The binding's own note names another option."""
+    told = f" channels hold {ROLE_TEXT[Role.TRUTH]}: "
+    return tuple(
+        f"{note.rpartition(';')[0]}; none is used (choose one with --truth)" for note in read.notes if told in note
+    )
+
+
+def _sources(log: Log, configuration: Mapping[str, Any], truth: str) -> Sources:
     """The position and truth signals, chosen and read as `cwcli estimate` did."""
     used = configuration.get("sources")
     used = used if isinstance(used, dict) else {}
@@ -101,7 +113,7 @@ def _sources(log: Log, configuration: Mapping[str, Any], truth: str) -> Mapping[
         start_ns=_whole(used.get("start_ns")),
         end_ns=_whole(used.get("end_ns")),
     )
-    return read_sources(log, config, command="evaluate", required=(), optional=wanted).by_role
+    return read_sources(log, config, command="evaluate", required=(), optional=wanted)
 
 
 def _whole(value: Any) -> int | None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "cwcli compare baseline/ out/",
-    "cwcli compare baseline/ out/ --fail-on worse --fail-on missing --markdown compare.md",
+    "cwcli compare baseline/ out/ --fail-on worse --markdown compare.md",
     "cwcli compare old.mcap new.mcap --exact",
 )
 FAIL_ON = ("worse", "missing", "unclear")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "cwcli evaluate annotated.mcap",
     "cwcli evaluate out/ --gate 'ego.position_rmse_m < 0.5' --junit report.xml",
-    "cwcli evaluate out/ --gate 'pooled(warnings.recall) >= 0.9' --markdown summary.md",
+    "cwcli evaluate out/ --gate 'pooled(warnings.recall) >= 0.9' --markdown -",
 )
 MAX_SHOWN = 20
 MAX_IN_MARKDOWN = 200
@@ -173,6 +173,8 @@ def _show(
         console.summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
     for log in [log for log in run.logs if log.error][:MAX_SHOWN]:
         console.note(f"{log.id} failed: {log.error}")
+    for note, ids in _notes(run).items():
+        console.note(f"{ids[0] if len(ids) == 1 else count(len(ids), 'log')}: {note}")
     if not results:
         return
     console.summary("")
@@ -181,6 +183,15 @@ def _show(
     for result in results:
         _show_failed(console, result)
     console.summary("")
+
+
+def _notes(run: RunMetrics) -> dict[str, list[str]]:
+    """Note -> ids of the logs that it is about."""
+    notes: dict[str, list[str]] = {}
+    for log in run.logs:
+        for note in log.notes:
+            notes.setdefault(note, []).append(log.id)
+    return notes
 
 
 def _metric_cells(row: MetricRow) -> tuple[Cell, ...]:
@@ -221,7 +232,10 @@ def _document(
         "source": run.source,
         "truth": truth,
         "written": list(written),
-        "logs": [{"id": log.id, "error": log.error or None, "metrics": _numbers(log.rows)} for log in run.logs],
+        "logs": [
+            {"id": log.id, "error": log.error or None, "metrics": _numbers(log.rows), "notes": list(log.notes)}
+            for log in run.logs
+        ],
         "pooled": _numbers(pooled),
         "gates": [
             {

@@ -136,6 +136,10 @@ def test_a_truth_topic_can_be_chosen_and_must_be_there(tmp_path: Path) -> None:
     ]
     log = log_of(tmp_path / "a.mcap", channels)
     assert "ego.position_rmse_m" not in values(log)  # two of them
+    assert evaluate_log(log).metadata["notes"] == (
+        "two channels hold the truth: /truth/a (cwcli.v1.VehicleState) and /truth/b (cwcli.v1.VehicleState); "
+        "none is used (choose one with --truth)"
+    )
     assert values(log, truth="/truth/b")["ego.position_rmse_m"] == pytest.approx(2.0, abs=ATOL)
     with pytest.raises(UsageError):
         evaluate_log(log, truth="/truth/c")
