@@ -9,6 +9,7 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -140,7 +141,8 @@ def test_junit_and_markdown_are_written(fleet: Path, tmp_path: Path) -> None:
     gates = ["--gate", "ego.speed_rmse_mps < 0.02", "--gate", "lanes.found_share > 0", "--allow-missing"]
     assert run(["evaluate", str(fleet), *gates, "--junit", str(junit), "--markdown", str(summary), "--quiet"]) == 1
     parsed = JUnitXml.fromfile(str(junit))
-    assert (parsed.tests, parsed.failures, parsed.skipped, parsed.errors) == (6, 1, 2, 0)
+    skipped = sum(suite.skipped for suite in parsed)
+    assert (parsed.tests, parsed.failures, skipped, parsed.errors) == (6, 1, 2, 0)
     suites = {suite.name: suite for suite in parsed}
     failed = [case for case in suites["ego.speed_rmse_mps < 0.02"] if case.result]
     assert [(case.name, type(case.result[0])) for case in failed] == [("straight", Failure)]
@@ -253,13 +255,27 @@ def hostile_results(text: str) -> list[GateResult]:
     return [GateResult(text, tuple(checks))]
 
 
+def test_junit_has_only_what_jenkins_schema_knows() -> None:
+    """Elements and attributes of junit-10.xsd of Jenkins' xunit plugin, as far as they are used here."""
+    known = {
+        "testsuites": {"name", "tests", "failures", "errors", "disabled", "time"},
+        "testsuite": {"name", "tests", "failures", "errors", "skipped", "time", "timestamp", "hostname"},
+        "testcase": {"name", "classname", "time", "assertions", "status"},
+        "failure": {"message", "type"},
+        "skipped": {"message", "type"},
+        "system-out": set(),
+    }
+    for element in ET.fromstring(junit_xml(hostile_results("x"))).iter():
+        assert set(element.attrib) <= known[element.tag], element.tag
+
+
 @pytest.mark.parametrize("text", HOSTILE)
 def test_junit_stays_as_it_was_meant(text: str) -> None:
     data = junit_xml(hostile_results(text))
     parsed = JUnitXml.fromstring(data)
     (suite,) = parsed
     cases = list(suite)
-    assert (parsed.tests, parsed.failures, parsed.skipped, len(cases)) == (3, 1, 1, 3)
+    assert (parsed.tests, parsed.failures, suite.skipped, len(cases)) == (3, 1, 1, 3)
     assert [type(result) for result in cases[0].result] == [Failure]
     assert not any(isinstance(result, Error) for case in cases for result in case.result)
     decoded = data.decode()
