@@ -14,7 +14,7 @@ from cwcli.errors import CwcliError, InputError
 from cwcli.logs.log import Log
 from cwcli.metrics.gates import GateResult, check_gates
 from cwcli.metrics.pooling import LogMetrics, MetricRow, rows_of
-from cwcli.report.drive import read_drive
+from cwcli.report.drive import read_drive, require_results
 from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
 from cwcli.report.page import Page, Renderer, Row
@@ -80,16 +80,20 @@ class _Candidate:
     anchor: str = ""
 
 
-def build_report(source: str, *, gates: Sequence[str] = (), progress: Progress | None = None) -> Report:
+def build_report(
+    source: str, *, gates: Sequence[str] = (), recover: bool = False, progress: Progress | None = None
+) -> Report:
     """Make the page.
 
     Args:
         source: An output folder of `cwcli run -d`, or one annotated log.
         gates: Gate expressions beside those of the pipeline.
+        recover: Read what is intact of a single damaged log.
         progress: Told which log is worked on.
 
     Raises:
         InputError: The source can't be read.
+        MissingSignalError: No stage of cwcli has run on the log.
         UsageError: The extra `report` is not installed, or a gate is malformed.
     """
     say = progress or (lambda text: None)
@@ -97,7 +101,9 @@ def build_report(source: str, *, gates: Sequence[str] = (), progress: Progress |
     run = read_run(source)
     gates = [*run.gates, *gates]
     if len(run.entries) == 1 and not run.entries[0].has_failed and run.entries[0].log is not None:
-        return _of_one_log(run, source if not run.is_folder else str(run.entries[0].log), gates, renderer, say)
+        return _of_one_log(
+            run, source if not run.is_folder else str(run.entries[0].log), gates, renderer, say, recover=recover
+        )
     results = check_gates(gates, [_log_metrics(each) for each in run.entries])
     candidates = sorted((_candidate(each, results) for each in run.entries), key=_order)
     is_few = len(candidates) <= FEW_LOGS
@@ -118,11 +124,14 @@ def build_report(source: str, *, gates: Sequence[str] = (), progress: Progress |
     return _assemble(run, candidates, results, sections, renderer)
 
 
-def _of_one_log(run: Run, source: str, gates: Sequence[str], renderer: Renderer, say: Progress) -> Report:
+def _of_one_log(
+    run: Run, source: str, gates: Sequence[str], renderer: Renderer, say: Progress, *, recover: bool
+) -> Report:
     """The page of one annotated log."""
     say(run.name)
     entry = run.entries[0]
-    with Log.open(source) as log:
+    with Log.open(source, recover=recover) as log:
+        require_results(log)
         if not run.is_folder:
             name = log.name.rpartition("/")[2]
             entry = Entry(entry.id, name, log.name, entry.log, metrics=_evaluated(log, is_needed=bool(gates)))

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from cwcli.errors import CwcliError, DataError
+from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
 from cwcli.logs.log import Log
 from cwcli.signals.canonical import (
@@ -110,6 +110,30 @@ class Drive:
         return [entry for entry in found if isinstance(entry, dict)] if isinstance(found, list) else []
 
 
+TOPICS: Mapping[str, tuple[str, ...] | None] = {
+    EGO_STATE_TOPIC: None,
+    REMOTE_STATE_TOPIC: OTHER_FIELDS,
+    TARGETS_TOPIC: None,
+    WARNINGS_TOPIC: WARNING_FIELDS,
+    LANES_TOPIC: None,
+}
+"""The channels that the report shows, and which of their fields it needs (None: all)."""
+
+
+def require_results(log: Log) -> None:
+    """Refuse a log of which there is nothing to show.
+
+    Raises:
+        MissingSignalError: No stage of cwcli has run on it.
+    """
+    if not any(channel.topic in TOPICS for channel in log.channels):
+        raise MissingSignalError(
+            "the log holds no channel of cwcli: there is nothing to report",
+            where=log.name,
+            hint=f"run `cwcli run {log.name} -o annotated.mcap` first, and report on annotated.mcap",
+        )
+
+
 def read_drive(log: Log) -> Drive:
     """Read what the report shows of a log.
 
@@ -121,16 +145,7 @@ def read_drive(log: Log) -> Drive:
         name.removeprefix(RECORD_PREFIX): entries for name, entries in log.metadata if name.startswith(RECORD_PREFIX)
     }
     there = {channel.topic for channel in log.channels}
-    wanted: dict[str, tuple[str, ...] | None] = {}
-    for topic, needed in (
-        (EGO_STATE_TOPIC, None),
-        (REMOTE_STATE_TOPIC, OTHER_FIELDS),
-        (TARGETS_TOPIC, None),
-        (WARNINGS_TOPIC, WARNING_FIELDS),
-        (LANES_TOPIC, None),
-    ):
-        if topic in there:
-            wanted[topic] = needed
+    wanted = {topic: fields for topic, fields in TOPICS.items() if topic in there}
     columns = log.load(wanted) if wanted else {}
     warn = _configuration(records, "warn")
     ego = read_states(columns[EGO_STATE_TOPIC]) if EGO_STATE_TOPIC in columns else None

@@ -41,25 +41,26 @@ SLANTED = 0.7
 
 
 def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
-    """The map and what was left out of it; None without a track of the ego."""
-    if drive.ego is None:
+    """The map and what was left out of it; None without any track."""
+    if drive.ego is None and not drive.others:
         return None
-    ego = ActualTrack(drive.ego.stamp_ns, drive.ego.state)
-    xy = drive.ego.state[:, :2]
-    tolerance = max(MIN_TOLERANCE_M, float(np.ptp(xy, axis=0).max()) / TRACK_PARTS)
-    data: list[Trace] = _fixes(drive)
-    data.append(_track(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO, "solid"))
     shown = shown_others(drive, meetings)
+    data: list[Trace] = _fixes(drive)
+    tolerance = MIN_TOLERANCE_M
+    if drive.ego is not None:
+        xy = drive.ego.state[:, :2]
+        tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TRACK_PARTS)
+        data.append(_track(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO, "solid"))
     for index, other in enumerate(shown):
         stamps, states = other.track.stamp_ns, other.track.state
         colour, dash = other_style(index)
         track = _track(drive, stamps, states[:, :2], tolerance, other_name(other), colour, dash)
         data.append(track if index < MAX_NAMED else {**track, "showlegend": False})
-    data.append(dots(rounded(xy[:1, 0], 2), rounded(xy[:1, 1], 2), "start", EGO, symbol="circle-open", size=11))
-    data += _marks(drive, meetings, ego)
-    layout: dict[str, Any] = equal_axes(
-        {"xaxis": axis("east of the first fix [m]"), "yaxis": axis("north [m]"), "dragmode": "pan"}
-    )
+    if drive.ego is not None:
+        x, y = (rounded(drive.ego.state[:1, column], 2) for column in (0, 1))
+        data.append(dots(x, y, "start", EGO, symbol="circle-open", size=11))
+        data += _marks(drive, meetings, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
+    layout: dict[str, Any] = equal_axes({"xaxis": axis("east [m]"), "yaxis": axis("north [m]"), "dragmode": "pan"})
     left_out = []
     if len(shown) > MAX_NAMED:
         left_out.append(f"the map's legend names {MAX_NAMED} of the {len(shown)} others; pointing at a line names it")

@@ -254,6 +254,9 @@ def _without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
         if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
             both = int((left.astype(bool) & right.astype(bool)).sum())
             sentences.append(f"Both lane boundaries were found in {both} of {n} camera frames")
+    n_targets = sum(other.kind == "target" for other in drive.others)
+    if n_targets and drive.ego is None:
+        sentences.append(f"{count(n_targets, 'target')} {'was' if n_targets == 1 else 'were'} tracked by the sensors")
     if drive.ego is None:
         sentences.append(f"the car's motion was not estimated{'' if sentences else reason}")
     else:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import os
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
 from cwcli.logs.memory import memory_columns
 from cwcli.report.build import MAX_BYTES
-from cwcli.signals.columns import OutputChannel, Strings
+from cwcli.signals.columns import OutputChannel, Ragged, Strings
+from cwcli.vision.overlay import encode_jpeg
 from tests.cli.browser import Elements, Visit, figures, visit
 from tests.cli.conftest import SAMPLES, Run
 
@@ -216,6 +219,60 @@ def test_hostile_text_runs_nothing(annotated: Path, tmp_path: Path, cwcli: Run) 
     assert all(each["src"].startswith("data:") for each in shown.of("img"))
     assert all(each.get("href", "").startswith("#log-") for each in shown.of("a") if "modebar-btn" not in str(each))
     assert "vehicle &lt;a href=" in visited.dom  # it is shown as what it is
+
+
+def with_camera(source: Path, target: Path) -> None:
+    """The log with a camera at 10 Hz, whose frames get brighter by one grey level each, and lanes found in them."""
+    with Log.open(source) as log:
+        times = log.start_ns + np.arange(100) * 100_000_000
+        files = [encode_jpeg(np.full((96, 128, 3), 100 + k, np.uint8)) for k in range(100)]
+        offsets = np.concatenate([[0], np.cumsum([len(each) for each in files])]).astype(np.int64)
+        images = {
+            "timestamp": times,
+            "data": Ragged(np.concatenate(files), offsets),
+            "format": Strings(np.zeros(100, np.int32), ("jpeg",)),
+        }
+        lanes = {"stamp_ns": times, "search_width_px": np.full(100, 64), "search_height_px": np.full(100, 48)}
+        for side, foot in (("left", 10.0), ("right", 54.0)):
+            for name, value in (("a", 0.0), ("b", 0.0), ("c", foot)):
+                lanes[f"{side}.{name}"] = np.full(100, value)
+            lanes[f"{side}.found"] = np.arange(100) != 47 if side == "left" else np.ones(100, bool)
+        for name in ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm"):
+            lanes[name] = np.zeros(100)
+        channels = [
+            OutputChannel("/camera/image", "foxglove.CompressedImage", times, images),
+            OutputChannel("/cwcli/lanes", "cwcli.v1.Lanes", times, lanes),
+        ]
+        annotate(log, channels, {}, target)
+
+
+def test_camera_frames_around_the_warning_have_their_lanes(annotated: Path, cwcli: Run, tmp_path: Path) -> None:
+    with_camera(annotated, tmp_path / "seen.mcap")
+    assert cwcli("report", "seen.mcap", "-o", "r.html").returncode == 0
+    html = (tmp_path / "r.html").read_text()
+    pictures = Elements(html).of("img")
+    # the warning came at 4.700 s: frames 27, 37, 47, 57, 67
+    assert [each["alt"].split(":")[0] for each in pictures] == [
+        f"Camera frame at {at} s" for at in ("2.70", "3.70", "4.70", "5.70", "6.70")
+    ]
+    assert [each["alt"].rpartition(", ")[2] for each in pictures] == [
+        f"{what} found"
+        for what in ("both lane boundaries", "both lane boundaries", "one lane boundary", *["both lane boundaries"] * 2)
+    ]
+    for each, grey in zip(pictures, (127, 137, 147, 157, 167), strict=True):
+        data = base64.b64decode(each["src"].removeprefix("data:image/jpeg;base64,"))
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        assert image.shape == (240, 320, 3)
+        assert abs(int(image[120, 160].mean()) - grey) <= 3
+        assert image[200, round(54 / 64 * 320)].tolist() != [grey] * 3  # the right line
+        assert int(image[200, round(54 / 64 * 320) - 3 : round(54 / 64 * 320) + 3].max()) > 200
+    assert "log-1-lane" in figures(html)
+
+
+def test_log_without_results_is_refused_with_a_hint(cwcli: Run) -> None:
+    done = cwcli("report", SAMPLES / "straight.mcap", "-o", "r.html")
+    assert done.returncode == EXIT_MISSING_SIGNAL
+    assert b"cwcli run" in done.stderr
 
 
 def test_folder_of_logs_shows_the_failed_one_first(cwcli: Run, tmp_path: Path) -> None:

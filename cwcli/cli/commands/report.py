@@ -41,6 +41,7 @@ GateOption = Annotated[
         help="Judge this too, beside the pipeline's gates, e.g. 'ego.position_rmse_m < 0.5'. Repeatable.",
     ),
 ]
+RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
 
 
 def command(
@@ -48,6 +49,7 @@ def command(
     output: PageOption,
     talk: TalkOptions,
     gate: GateOption = None,
+    recover: RecoverOption = False,
     force: ForceOption = False,
 ) -> None:
     """Make one HTML page of a run, or of one annotated log.
@@ -67,7 +69,9 @@ def command(
     check_target(target, force=force, inputs=inputs)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
-        report = build_report(source, gates=gate or (), progress=lambda name: progress.step(f"report {name}"))
+        report = build_report(
+            source, gates=gate or (), recover=recover, progress=lambda name: progress.step(f"report {name}")
+        )
         write_file(target, report.html, force=force, inputs=inputs)
     document = {
         "written": target,
