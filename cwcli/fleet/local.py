@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from multiprocessing import connection
 from typing import Any
 
@@ -90,7 +91,7 @@ class _Workers:
                 if self._is_stopping:
                     break
             else:
-                return Done(done.id, done.status, done.wall_s, done.cpu_s, attempt)
+                return replace(done, attempts=attempt)
         raise WorkerDied
 
     def stop(self) -> None:

@@ -31,7 +31,7 @@ from cwcli.fleet.folder import (
     write_document,
 )
 from cwcli.fleet.inputs import expand_sources, is_remote
-from cwcli.fleet.local import WorkerDied, run_local
+from cwcli.fleet.local import ATTEMPTS, WorkerDied, run_local
 from cwcli.fleet.names import log_ids
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.worker import Done, record
@@ -108,6 +108,7 @@ def run_fleet(
                         "status": done.status,
                         "wall_s": round(done.wall_s, 4),
                         "cpu_s": round(done.cpu_s, 4),
+                        "peak_mb": round(done.peak_mb, 1),
                         "attempts": done.attempts,
                     }
                     report(task, done.status, len(statuses), len(tasks))
@@ -198,7 +199,7 @@ def _record_death(task: Task, plan: Plan) -> Done:
         "key": None,
     }
     record(LogFolder(Path(task.out), task.id), entry, [])
-    return Done(task.id, "failed", 0.0, 0.0, 2)
+    return Done(task.id, "failed", 0.0, 0.0, attempts=ATTEMPTS)
 
 
 @contextmanager

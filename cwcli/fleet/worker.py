@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 import time
 import traceback
 from collections.abc import Iterator
@@ -34,6 +35,7 @@ class Done:
         id: The log.
         status: `done`, `failed`, or `unchanged` where everything was there from an earlier run.
         wall_s, cpu_s: Run times.
+        peak_mb: Largest memory of the worker up to now.
         attempts: How often the log was begun; more than once where a worker died.
     """
 
@@ -41,6 +43,7 @@ class Done:
     status: str
     wall_s: float
     cpu_s: float
+    peak_mb: float = 0.0
     attempts: int = 1
 
 
@@ -52,7 +55,16 @@ def work(task: Task, plan: Plan) -> Done:
     """
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     status = _work(task, plan)
-    return Done(task.id, status, time.perf_counter() - wall_s, time.process_time() - cpu_s)
+    return Done(task.id, status, time.perf_counter() - wall_s, time.process_time() - cpu_s, _peak_mb())
+
+
+def _peak_mb() -> float:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0.0
+    unit = 1 << 20 if sys.platform == "darwin" else 1 << 10
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 def _work(task: Task, plan: Plan) -> str:
