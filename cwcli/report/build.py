@@ -36,6 +36,8 @@ OPEN_LOGS = 3
 FEW_LOGS = 5
 PER_ROW_BYTES = 900
 MAX_PATHS = 20_000
+MAX_MISFITS = 5
+"""After so many logs that do not fit any more, the others are not tried."""
 MAX_STORY = 400
 COLUMNS = (
     ("data.duration_s", "duration [s]"),
@@ -109,12 +111,16 @@ def build_report(
     is_few = len(candidates) <= FEW_LOGS
     budget = MAX_BYTES - renderer.fixed_bytes - PER_ROW_BYTES * len(candidates) - 20_000
     sections: list[str] = []
+    n_misfits = 0
     shown = [candidate for candidate in candidates if candidate.entry.log is not None]
     for index, candidate in enumerate(shown):
         say(candidate.entry.name)
         is_open = len(shown) <= OPEN_LOGS or index == 0
         made = _section(candidate, f"log-{index + 1}", renderer, budget, is_few=is_few, is_open=is_open)
         if made is None:
+            n_misfits += 1
+            if n_misfits == MAX_MISFITS:
+                break
             continue
         candidate.anchor = f"log-{index + 1}"
         sections.append(made)
