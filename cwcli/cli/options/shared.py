@@ -13,7 +13,7 @@ LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, h
 LogsArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="LOG...", show_default=False, help="MCAP files, patterns or URLs; - is standard input (without -d)."
+        metavar="LOG", show_default=False, help="MCAP files, patterns or URLs; - is standard input (without -d)."
     ),
 ]
 
