@@ -23,6 +23,7 @@ PAPER_BOUND_PERCENT = 10.0
 HALF_LOAD_BOUND_PERCENT = 3.0
 LOAD_BOUND_PERCENT = 5.0
 CONVERGED_S = 1.0
+RENDERED_SEEDS = 2
 STATIC_S = 1.0
 """The static error is the largest of the last second."""
 EQUAL_PERCENT = 0.05
@@ -35,6 +36,7 @@ EXACT_SENSORS = FilterNoise(
     lateral_floor_m=0.0,
     heading_floor_rad=0.0,
     curvature_floor_1pm=0.0,
+    curvature_share=0.0,
     camera_yaw_rad=0.0,
     camera_yaw_walk_rad=0.0,
 )
@@ -184,7 +186,7 @@ def run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
 
 
 def motion_parts(
-    n_seeds: int, tick: Callable[[str], None] = lambda what: None, *, n_rendered: int = 0
+    n_seeds: int, tick: Callable[[str], None] = lambda what: None, *, n_rendered: int = RENDERED_SEEDS
 ) -> list[Part]:
     """All parts of the paper's second half.
 
