@@ -204,10 +204,12 @@ cdef void predict(double* x, double* p, double dt, double v, const double* m) no
         p[i * N + i] += q[i]
     multiply(f, p, work)
     for i in range(N):
-        for j in range(N):
+        for j in range(STEER):
             p[i * N + j] = 0.0
             for k in range(N):
                 p[i * N + j] += work[i * N + k] * f[j * N + k]
+        for j in range(STEER, N):  # these states walk: their rows of F are those of the identity
+            p[i * N + j] = work[i * N + j]
     for i in range(N):
         p[i * N + i] += q[i]
         for j in range(i):

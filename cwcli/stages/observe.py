@@ -17,13 +17,14 @@ from cwcli.logs.log import Log
 from cwcli.signals.codec import Role
 from cwcli.signals.roles import Bindings, bind
 from cwcli.stages.observe_inputs import Inputs, inputs_of
-from cwcli.stages.observe_lanes import read_lanes
+from cwcli.stages.observe_lanes import LANE_FIELDS, read_lanes
 from cwcli.stages.observe_summary import observer_section, observer_table, truth_errors, truth_section
-from cwcli.stages.observer_channel import VEHICLE_ENTRY, observer_channel, vehicle_entry
+from cwcli.stages.observer_channel import STATE_NAMES, VEHICLE_ENTRY, observer_channel, vehicle_entry
 from cwcli.stages.result import StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.sources import SourceConfig, read_sources
 
+FIELDS = {Role.LANES: LANE_FIELDS, Role.LATERAL_TRUTH: ("stamp_ns", *STATE_NAMES)}
 SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
@@ -71,7 +72,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         command="observe",
         required=(),
         optional=SENSORS,
-        also=[bindings[0].topic for bindings in own.by_role.values()],
+        also={bindings[0].topic: FIELDS.get(role) for role, bindings in own.by_role.items()},
     )
     lanes_topic = own.by_role[Role.LANES][0].topic
     lanes = read_lanes(sources.columns[lanes_topic], where=log.name)

@@ -19,6 +19,7 @@ from cwcli.stages.result import InputCount
 LIMITS = {"lateral_deviation_m": 1e3, "heading_deviation_rad": math.pi / 2.0, "curvature_1pm": 1.0}
 """Larger values are no lane; they are left out."""
 SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
+LANE_FIELDS = ("stamp_ns", *LIMITS, *SIGMAS, "preview_distance_m", "camera_yaw_sigma_rad")
 MAX_SIGMA = 1e3
 PREVIEW_RANGE_M = (0.1, 1e3)
 

@@ -89,7 +89,7 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
         command="predict --from observer",
         required=(),
         optional=(Role.TRUTH,),
-        also=[bindings[0].topic for bindings in own.by_role.values()],
+        also={bindings[0].topic: None for bindings in own.by_role.values()},
     )
     topic = own.by_role[Role.OBSERVER][0].topic
     observed = read_observer(sources.columns[topic])

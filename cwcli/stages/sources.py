@@ -67,7 +67,7 @@ def read_sources(
     command: str,
     required: Collection[Role],
     optional: Collection[Role],
-    also: Collection[str] = (),
+    also: Mapping[str, Collection[str] | None] | None = None,
 ) -> Sources:
     """Read the signals that a stage needs.
 
@@ -76,7 +76,7 @@ def read_sources(
         config: Which channels, and how.
         command: For messages.
         required, optional: Roles.
-        also: Further topics, read whole in the same pass; the stage makes of their columns what it likes.
+        also: Further topics -> their leaf fields (None: all), read in the same pass, for the stage's own use.
 
     Raises:
         MissingSignalError: A required role has no channel, or more than one, or no message of the ego.
@@ -97,7 +97,8 @@ def read_sources(
     for bindings in bound.by_role.values():
         for binding in bindings:
             wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
-    loaded = log.load({**wanted, **dict.fromkeys(also)})
+    further = also or {}
+    loaded = log.load({**wanted, **further})
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
     for role, bindings in bound.by_role.items():
@@ -117,8 +118,8 @@ def read_sources(
                 is_cut = config.start_ns is not None or config.end_ns is not None
                 require_rows(quality, where=log.name, is_cut=is_cut)
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
-    columns = {topic: logged_within(loaded[topic], config.start_ns, config.end_ns) for topic in also}
-    return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), columns)
+    others = {topic: logged_within(loaded[topic], config.start_ns, config.end_ns) for topic in further}
+    return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), others)
 
 
 def logged_within(columns: Columns, start_ns: int | None, end_ns: int | None) -> Columns:
