@@ -14,21 +14,24 @@ from libc.stdlib cimport free, malloc
 cdef enum:
     N = 5
 
+cdef double BEND_TAIL = 9.0  # squared sigmas: most roads are straight, and some bend, so the prior of the bend has heavy tails
+
 
 def ridges(
     const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, const double[::1] shape,
     float[:, ::1] evidence
 ):
     """Evidence of a stripe centred at each pixel of the given rows (see the stub)."""
-    cdef Py_ssize_t height = grey.shape[0], width = grey.shape[1]
+    cdef Py_ssize_t width = grey.shape[1]
     cdef Py_ssize_t i, u, v
-    cdef double h, inner, near, far, floor_grey = shape[3], relative = shape[4], rough = shape[5], lopsided = shape[7], dead = shape[8]
+    cdef double h, inner, near, far, floor_grey = shape[3], relative = shape[4], rough = shape[5], lopsided = shape[6], dead = shape[7]
+    cdef double crowd, crowded = shape[8]
     cdef int* sums = <int*>malloc((width + 1) * sizeof(int))
     cdef float* middle = <float*>malloc(width * sizeof(float))
     cdef float* left = <float*>malloc(width * sizeof(float))
     cdef float* right = <float*>malloc(width * sizeof(float))
-    cdef int total, n_rows
-    cdef double scale, texture, side, other, contrast, noise
+    cdef int total
+    cdef double texture, side, other, contrast, noise
     if not (sums and middle and left and right):
         free(sums)
         free(middle)
@@ -41,14 +44,10 @@ def ridges(
             h = v - horizon_v
             if h < 1.0:
                 h = 1.0
-            n_rows = 3 if (h > shape[6] and v > 0 and v + 1 < height) else 1
             total = 0
             sums[0] = 0
             for u in range(width):
-                if n_rows == 3:
-                    total += grey[v - 1, u] + grey[v, u] + grey[v + 1, u]
-                else:
-                    total += grey[v, u]
+                total += grey[v, u]
                 sums[u + 1] = total
             inner = shape[0] * h
             if inner < 1.0:
@@ -59,10 +58,9 @@ def ridges(
             far = near + shape[2] * h
             if far < near + 1.5:
                 far = near + 1.5
-            scale = 1.0 / n_rows
-            box(sums, width, -0.5 * inner, 0.5 * inner, scale, middle)
-            box(sums, width, -far, -near, scale, left)
-            box(sums, width, near, far, scale, right)
+            box(sums, width, -0.5 * inner, 0.5 * inner, middle)
+            box(sums, width, -far, -near, left)
+            box(sums, width, near, far, right)
             texture = 0.0
             for u in range(width):
                 side = left[u] if left[u] < right[u] else right[u]
@@ -82,13 +80,20 @@ def ridges(
                 contrast = contrast * contrast
                 contrast = contrast / (contrast + noise * noise) - dead
                 evidence[i, u] = <float>(contrast / (1.0 - dead)) if contrast > 0.0 else <float>0.0
+            crowd = 0.0
+            for u in range(width):
+                crowd += evidence[i, u]
+            crowd = crowd / (width * crowded)
+            crowd = 1.0 / (1.0 + crowd * crowd)
+            for u in range(width):
+                evidence[i, u] = <float>(evidence[i, u] * crowd)
     free(sums)
     free(middle)
     free(left)
     free(right)
 
 
-cdef void box(const int* sums, Py_ssize_t width, double start, double end, double scale, float* mean) noexcept nogil:
+cdef void box(const int* sums, Py_ssize_t width, double start, double end, float* mean) noexcept nogil:
     """Mean of the row between start and end from each pixel's centre; clipped at the image's sides."""
     cdef double lower = start + 0.5, upper = end + 0.5
     cdef Py_ssize_t i = <Py_ssize_t>lower, j = <Py_ssize_t>upper
@@ -97,7 +102,7 @@ cdef void box(const int* sums, Py_ssize_t width, double start, double end, doubl
     if j > upper:
         j -= 1
     cdef float a = <float>(lower - i), b = <float>(upper - j)
-    cdef float factor = <float>(scale / (end - start))
+    cdef float factor = <float>(1.0 / (end - start))
     cdef Py_ssize_t u, first = -i if i < 0 else 0, last = width - j - 1
     cdef double x0, x1
     if last > width:
@@ -113,12 +118,12 @@ cdef void box(const int* sums, Py_ssize_t width, double start, double end, doubl
             - a * <float>(sums[u + i + 1] - sums[u + i])
         )
     for u in range(0, first):
-        mean[u] = clipped(sums, width, u + lower, u + upper, scale)
+        mean[u] = clipped(sums, width, u + lower, u + upper)
     for u in range(last, width):
-        mean[u] = clipped(sums, width, u + lower, u + upper, scale)
+        mean[u] = clipped(sums, width, u + lower, u + upper)
 
 
-cdef float clipped(const int* sums, Py_ssize_t width, double lower, double upper, double scale) noexcept nogil:
+cdef float clipped(const int* sums, Py_ssize_t width, double lower, double upper) noexcept nogil:
     """Mean from lower to upper, as far as they lie in the row; less than half a pixel: the outermost pixel."""
     cdef Py_ssize_t i, j
     if lower < 0.0:
@@ -139,26 +144,7 @@ cdef float clipped(const int* sums, Py_ssize_t width, double lower, double upper
         total += (upper - j) * (sums[j + 1] - sums[j])
     if i < width:
         total -= (lower - i) * (sums[i + 1] - sums[i])
-    return <float>(total * scale / (upper - lower))
-
-
-def widened(const float[:, ::1] evidence, int reach, float[:, ::1] wide):
-    """The largest value within reach columns."""
-    cdef Py_ssize_t i, u, k, width = evidence.shape[1]
-    cdef float value
-    with nogil:
-        for i in range(evidence.shape[0]):
-            for u in range(width):
-                wide[i, u] = evidence[i, u]
-            for k in range(1, reach + 1):
-                for u in range(width - k):
-                    value = evidence[i, u + k]
-                    if value > wide[i, u]:
-                        wide[i, u] = value
-                for u in range(k, width):
-                    value = evidence[i, u - k]
-                    if value > wide[i, u]:
-                        wide[i, u] = value
+    return <float>(total / (upper - lower))
 
 
 def scan(
@@ -215,7 +201,8 @@ def scan(
                 z = (vanishing[p] - prior[0, 0]) / prior[0, 1]
                 penalty = z * z
                 z = (bends[q] - prior[3, 0]) / prior[3, 1]
-                penalty = weight * (penalty + z * z)
+                z *= z
+                penalty = weight * (penalty + z / (1.0 + z / BEND_TAIL))
                 best[p, q, 0] = -1e30
                 best[p, q, 1] = 0.0
                 best[p, q, 2] = 0.0
@@ -287,7 +274,8 @@ cdef double judge(
         if not (prior[k, 2] <= values[k] <= prior[k, 3]):
             return -1e30
         z = (values[k] - prior[k, 0]) / prior[k, 1]
-        penalty += z * z
+        z *= z
+        penalty += z / (1.0 + z / BEND_TAIL) if k == 3 else z
     for r in range(n):
         h = rows[r] - values[4]
         if h >= min_h:

@@ -1,4 +1,4 @@
-"""How sure a found boundary is: a logistic function of its own evidence, of the other one's, and of the prior.
+"""How sure a found boundary is: a logistic function of its own evidence and of the objective of the whole lane.
 
 The coefficients were fitted on rendered frames (tests/studies/lane_reliability.py); docs/lanes.md shows how reliable
 they are.
@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence
-from cwcli.vision.lane_model import MEAN, MIDDLE, SIGMA, WIDTH, LanePrior
+from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence, judged
+from cwcli.vision.lane_model import MIDDLE, WIDTH, LanePrior
 
-COEFFICIENTS = np.array([-3.0, 16.0, 6.0, -0.3])
-"""Constant, own support, the other boundary's support, squared distance from the prior in sigmas."""
+COEFFICIENTS = np.array([-3.25, 5.52, 6.75, -3.56])
+MOST = 1.0
+"""Of: constant, square root of the own support, objective of the lane and its square."""
 
 
 def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
@@ -34,10 +35,9 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
 
 def features(evidence: Evidence, lane: FloatArray, prior: LanePrior) -> FloatArray:
     """Shape (2, 4): what the probability of each boundary is made of."""
-    own = supports(evidence, lane)
-    z = (lane - prior.table[:, MEAN]) / prior.table[:, SIGMA]
-    far = float(z[[MIDDLE, WIDTH]] @ z[[MIDDLE, WIDTH]])
-    return np.array([[1.0, own[side], own[1 - side], far] for side in range(2)])
+    own = np.sqrt(supports(evidence, lane))
+    value = float(np.clip(judged(evidence, lane[None], prior)[0], 0.0, MOST))
+    return np.array([[1.0, own[side], value, value * value] for side in range(2)])
 
 
 def boundary_probabilities(evidence: Evidence, lane: FloatArray, prior: LanePrior) -> FloatArray:

@@ -18,12 +18,13 @@ Int32Array = npt.NDArray[np.int32]
 
 ROW_STEP = 0.5
 N_SEGMENTS = 9
-MAX_ROWS = 80
-STRIPE = np.array([0.065, 0.085, 0.08, 3.0, 0.05, 2.0])
+MAX_ROWS = 150
+STRIPE = np.array([0.065, 0.085, 0.08, 3.0, 0.07, 2.0])
 LOPSIDED = 0.3
-BESIDE = 0.3
+BESIDE = 0.5
 HALF = 0.3
 DEAD = 0.25
+CROWDED = 0.07
 PRIOR_WEIGHT = 0.02
 MIN_DEPTH = 0.03
 """Of the image height: nearer to the horizon the road is too far away to see a marking."""
@@ -59,28 +60,34 @@ class Evidence:
 
 def rows_of(top_px: float, height_px: int) -> Int32Array:
     """Rows that are judged, evenly spaced from the top to the bottom of the road."""
-    top = max(top_px, 1.0)
+    top = min(max(top_px, 0.0), height_px - 2.0 - 2 * N_SEGMENTS)
     n = int(np.clip(ROW_STEP * (height_px - 2.0 - top), 2 * N_SEGMENTS, MAX_ROWS))
     return np.unique(np.linspace(top, height_px - 2.0, n).round()).astype(np.int32)
 
 
-def evidence_of(grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, *, wide: bool = True) -> Evidence:
+def evidence_of(grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float) -> Evidence:
     """Ridges of the frame for a horizon."""
     from cwcli.kernels import lane_ridge
 
     height, width = grey.shape
     sharp = np.empty((len(rows), width), np.float32)
-    shape = np.concatenate([STRIPE[:3] * stretch, STRIPE[3:], [0.12 * height, LOPSIDED, DEAD]])
+    shape = np.concatenate([STRIPE[:3] * stretch, STRIPE[3:], [LOPSIDED, DEAD, CROWDED]])
     lane_ridge.ridges(np.ascontiguousarray(grey), rows, horizon_px, shape, sharp)
-    spread = sharp
-    if wide:
-        spread = np.empty_like(sharp)
-        lane_ridge.widened(sharp, max(1, round(width / 320)), spread)
-    broad = sharp
-    if BESIDE:
-        broad = np.empty_like(sharp)
-        lane_ridge.widened(sharp, max(2, round(width / 128)), broad)
-    return Evidence(rows, sharp, spread, broad, horizon_px, MIN_DEPTH * height)
+    return Evidence(
+        rows,
+        sharp,
+        _widened(sharp, max(1, round(width / 320))),
+        _widened(sharp, max(2, round(width / 128))),
+        horizon_px,
+        MIN_DEPTH * height,
+    )
+
+
+def _widened(evidence: Float32Array, reach: int) -> Float32Array:
+    """The greatest value within `reach` columns."""
+    import cv2
+
+    return np.asarray(cv2.dilate(evidence, np.ones((1, 2 * reach + 1), np.uint8)), np.float32)
 
 
 def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) -> tuple[FloatArray, FloatArray]:
@@ -133,9 +140,24 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
 
 
 def refined(
-    evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int], *, wide: bool, scale: float = 1.0
+    evidence: Evidence,
+    lanes: FloatArray,
+    prior: LanePrior,
+    size: tuple[int, int],
+    *,
+    wide: bool,
+    scale: float = 1.0,
+    beside: float = BESIDE,
 ) -> tuple[FloatArray, FloatArray]:
-    """Lanes after a pattern search from each, and their objective."""
+    """Lanes after a pattern search from each, and their objective.
+
+    Args:
+        evidence, lanes, prior: Lanes have shape (k, 5) or (5,).
+        size: Width and height of the image.
+        wide: Use the widened evidence.
+        scale: Of the first steps.
+        beside: Weight of the neighbouring lanes' boundaries.
+    """
     from cwcli.kernels import lane_ridge
 
     width_px, height_px = size
@@ -155,7 +177,7 @@ def refined(
         np.ascontiguousarray(prior.table),
         PRIOR_WEIGHT,
         evidence.min_h,
-        BESIDE if wide else 0.0,
+        beside,
         HALF * (len(evidence.rows) // N_SEGMENTS),
         len(evidence.rows) // N_SEGMENTS,
         made,
@@ -209,7 +231,8 @@ def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
         return prior
     table = prior.table.copy()
     table[HORIZON] = point.v_px, VP_HORIZON * height, point.v_px - 0.05 * height, point.v_px + 0.05 * height
-    table[VANISHING, :2] = point.u_px, VP_COLUMN * width
+    sigma = VP_COLUMN * width
+    table[VANISHING] = point.u_px, sigma, point.u_px - 5.0 * sigma, point.u_px + 5.0 * sigma
     return replace(prior, table=table)
 
 
@@ -244,6 +267,19 @@ def acquire(grey: GreyImage, camera: Camera, prior: LanePrior) -> tuple[FloatArr
     value = judged(evidence, lanes, prior)
     order = np.argsort(-value, kind="stable")
     return lanes[order], value[order], evidence
+
+
+def glance(evidence: Evidence, prior: LanePrior, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+    """Other lanes that a frame supports at a known horizon and under a narrow prior of direction and bend.
+
+    Returns:
+        As `acquire`: lanes and objective.
+    """
+    lanes, _ = scan(evidence, prior, *size)
+    lanes, _ = refined(evidence, distinct(lanes, 2), prior, size, wide=True)
+    lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5)
+    lanes = innermost(evidence, lanes, prior, size)
+    return lanes, judged(evidence, lanes, prior)
 
 
 def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:

@@ -86,7 +86,7 @@ def prior_of(camera: Camera) -> LanePrior:
     low, high = (each * per_m for each in LANE_WIDTH_LIMITS_M)
     table[WIDTH] = width_m * per_m, width_sigma_m * per_m, low if is_mounted else 0.65 * low, high
     bend = camera.fx * camera.fy * height_m / 2.0
-    bend *= 1.0 if is_mounted else 3.0
+    bend *= 1.0 if is_mounted else 2.0
     table[BEND] = 0.0, CURVATURE_SIGMA_1PM * bend, -CURVATURE_LIMIT_1PM * bend, CURVATURE_LIMIT_1PM * bend
     if is_mounted:
         v0 = float(camera.horizon_v_px())

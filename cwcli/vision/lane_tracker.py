@@ -2,8 +2,8 @@
 
 Each hypothesis is a lane (`lane_model`). From frame to frame it is predicted from speed and yaw rate, where the log has
 them, and improved on the new frame under a prior that is the product of what is known of any lane and the prediction.
-Every few frames, and whenever nothing is left, the frame is searched as if it were the first; what is found there
-competes. The published one is the hypothesis with the best objective over the last frames.
+Every few frames a look for other lanes brings in rivals; when nothing is left, the frame is searched as if it were the
+first. The published one is the hypothesis with the best objective over the last frames.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from cwcli.vision.camera import Camera
 from cwcli.vision.lane_belief import boundary_probabilities
 from cwcli.vision.lane_detect import (
     MIN_DEPTH,
+    Evidence,
     acquire,
     distinct,
     evidence_of,
+    glance,
     judged,
     refined,
     rows_of,
@@ -47,10 +49,12 @@ from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
 
 MAX_PIXELS = 256_000
 """Of the search image: a camera's image is halved until it has no more."""
-FOUND_PROBABILITY = 0.5
+FOUND_PROBABILITY = 0.2
 N_HYPOTHESES = 3
 RESCAN_FRAMES = 10
-"""A search from scratch every so many frames."""
+"""A look for other lanes every so many frames."""
+GLANCE_SHARE = 0.3
+"""Of the prior's sigmas of direction and bend, for that look."""
 LOST_FRAMES = 5
 MAX_PAUSE_FRAMES = 16
 """While nothing is found, the search from scratch pauses 1, 2, 4, ... frames, at most so many."""
@@ -105,12 +109,11 @@ class LaneTracker:
         assert self._prior is not None
         dt_s = min(max((frame.stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
         self._last_ns = frame.stamp_ns
-        followed = self._follow(frame, camera, dt_s) if self._hypotheses else []
-        due = self._n_frames % RESCAN_FRAMES == 0 if followed else self._pause <= 0
-        if due:
-            followed = self._compete(frame.grey, camera, followed)
+        if self._hypotheses:
+            self._hypotheses = self._follow(frame, camera, dt_s)
+        elif self._pause <= 0:
+            self._hypotheses = self._found_afresh(frame.grey, camera)
         self._n_frames += 1
-        self._hypotheses = followed
         return self._publish(camera)
 
     def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
@@ -126,34 +129,40 @@ class LaneTracker:
             lane = predicted(hypothesis.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
             prior = replace(self._prior, table=narrowed(self._prior.table, lane, camera, dt_s))
             lane = np.clip(lane, prior.table[:, LOW], prior.table[:, HIGH])
-            lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=0.5)
-            lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5)
+            lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=0.5, beside=0.0)
+            lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5, beside=0.0)
             value = MEMORY * hypothesis.value + (1.0 - MEMORY) * float(judged(evidence, lanes, self._prior)[0])
             made.append(Hypothesis(lanes[0], value, boundary_probabilities(evidence, lanes[0], self._prior)))
+        if self._n_frames % RESCAN_FRAMES == 0:
+            made += self._rivals(evidence, camera, made)
         return made
 
-    def _compete(self, grey: GreyImage, camera: Camera, followed: list[Hypothesis]) -> list[Hypothesis]:
-        """The hypotheses with what a search from scratch finds; the best first, the published one with a bonus."""
+    def _rivals(self, evidence: Evidence, camera: Camera, followed: list[Hypothesis]) -> list[Hypothesis]:
+        """Lanes beside those that are followed, at the horizon and in the direction of the published one."""
         assert self._prior is not None
-        prior = self._prior
-        if not prior.is_mounted:
-            prior = with_vanishing_point(grey, prior)
+        table = self._prior.table.copy()
+        table[[VANISHING, BEND], MEAN] = followed[0].lane[[VANISHING, BEND]]
+        table[[VANISHING, BEND], SIGMA] *= GLANCE_SHARE
+        lanes, values = glance(evidence, replace(self._prior, table=table), (camera.width_px, camera.height_px))
+        known = np.array([each.lane for each in followed])
+        return [
+            Hypothesis(lane, float(value), boundary_probabilities(evidence, lane, self._prior))
+            for lane, value in zip(lanes, values, strict=True)
+            if len(distinct(np.vstack([known, lane]), len(known) + 1)) > len(distinct(known, len(known)))
+        ]
+
+    def _found_afresh(self, grey: GreyImage, camera: Camera) -> list[Hypothesis]:
+        """The best lanes of a frame, knowing nothing of the frames before but the horizon."""
+        assert self._prior is not None
+        prior = self._prior if self._prior.is_mounted else with_vanishing_point(grey, self._prior)
         lanes, values, evidence = acquire(grey, camera, prior)
-        if not followed and not self._prior.is_mounted and len(lanes):
+        lanes, values = lanes[:N_HYPOTHESES], values[:N_HYPOTHESES]
+        if not self._prior.is_mounted:
             self._prior = learned(self._prior, float(lanes[0, HORIZON]), camera)
-        known = np.array([hypothesis.lane for hypothesis in followed]).reshape(-1, 5)
-        fresh = [
+        return [
             Hypothesis(lane, float(value), boundary_probabilities(evidence, lane, prior))
             for lane, value in zip(lanes, values, strict=True)
         ]
-        taken = list(followed)
-        for each in fresh:
-            if len(distinct(np.vstack([known, each.lane]), len(known) + 1)) > len(known):
-                known = np.vstack([known, each.lane])
-                taken.append(each)
-            if len(taken) == N_HYPOTHESES + 1:
-                break
-        return taken
 
     def _publish(self, camera: Camera) -> LaneFit:
         """The best hypothesis as a fit."""

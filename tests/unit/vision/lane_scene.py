@@ -1,0 +1,30 @@
+"""The paper's camera for lane methods, and the score of a fit on a rendered frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.metrics.lane_scores import VisualScore, visual_score
+from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.truth import LaneTruth
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.method import LaneFit
+
+SEARCHED_ROWS = 150
+
+
+def mounted() -> Camera:
+    """320 x 240, with its mounting."""
+    paper = paper_camera()
+    mounting = Mounting(height_m=paper.height_m, pitch_rad=paper.pitch_rad)
+    return Camera(320, 240, paper.fx, paper.fy, paper.cx, paper.cy, mounting=mounting)
+
+
+def score(fit: LaneFit, truth: LaneTruth) -> VisualScore:
+    """zhang2011's visual standard; what is not found is wrong."""
+    y_px = 240.0 - np.arange(240)
+    low = y_px <= SEARCHED_ROWS
+    u = [side.x_px(y_px) - 1.0 if side.found else np.full(240, np.nan) for side in (fit.left, fit.right)]
+    return visual_score(
+        u[0], u[1], truth.left_u_px, truth.right_u_px, truth.left_visible & low, truth.right_visible & low
+    )

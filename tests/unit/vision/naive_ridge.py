@@ -1,0 +1,83 @@
+"""The plain twins of `cwcli.kernels.lane_ridge`: evidence and objective, written as they are defined."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+
+
+def mean_between(row: FloatArray, start: float, end: float) -> float:
+    """Mean of a row between two places (pixel u covers u to u + 1), as far as they lie in the row."""
+    start, end = max(start, 0.0), min(end, float(len(row)))
+    if end - start < 0.5:
+        return float(row[0] if start < len(row) / 2 else row[-1])
+    total = 0.0
+    for u in range(len(row)):
+        total += row[u] * max(0.0, min(end, u + 1.0) - max(start, float(u)))
+    return total / (end - start)
+
+
+def ridges(grey: npt.NDArray[np.uint8], rows: npt.NDArray[np.int32], horizon: float, shape: FloatArray) -> FloatArray:
+    """Evidence of a stripe centred at each pixel of the rows."""
+    inner_h, near_h, wide_h, floor, relative, rough, lopsided, dead, crowded = shape.tolist()
+    made = np.zeros((len(rows), grey.shape[1]))
+    for i, v in enumerate(rows.tolist()):
+        h = max(v - horizon, 1.0)
+        inner = max(inner_h * h, 1.0)
+        near = max(near_h * h, 0.5 * inner + 0.5)
+        far = max(near + wide_h * h, near + 1.5)
+        row = grey[v].astype(float)
+        centres = np.arange(len(row)) + 0.5
+        middle = np.array([mean_between(row, u - inner / 2, u + inner / 2) for u in centres])
+        left = np.array([mean_between(row, u - far, u - near) for u in centres])
+        right = np.array([mean_between(row, u + near, u + far) for u in centres])
+        brighter, darker = np.maximum(left, right), np.minimum(left, right)
+        texture = np.maximum(darker - middle, 0.0).mean()
+        contrast = np.maximum(middle - brighter - lopsided * (brighter - darker), 0.0)
+        noise = floor + relative * brighter + rough * texture
+        evidence = np.maximum(contrast**2 / (contrast**2 + noise**2) - dead, 0.0) / (1.0 - dead)
+        made[i] = evidence / (1.0 + (evidence.mean() / crowded) ** 2)
+    return made
+
+
+def objective(
+    evidence: FloatArray,
+    broad: FloatArray,
+    rows: npt.NDArray[np.int32],
+    lane: FloatArray,
+    prior: FloatArray,
+    *,
+    weight: float,
+    min_h: float,
+    beside: float,
+    half: float,
+    segment: int,
+) -> float:
+    """The objective of one lane (u0, middle, width, k, v0)."""
+    if (lane < prior[:, 2]).any() or (lane > prior[:, 3]).any():
+        return -1e30
+    z = ((lane - prior[:, 0]) / prior[:, 1]) ** 2
+    z[3] /= 1.0 + z[3] / 9.0
+    total = 0.0
+    for share, table, scale in ((1.0, evidence, 0.5), (beside, broad, 1.5)):
+        for sign in (-1.0, 1.0):
+            for start in range(0, len(rows), segment):
+                e = 0.0
+                for r in range(start, min(start + segment, len(rows))):
+                    h = rows[r] - lane[4]
+                    if h >= min_h:
+                        e += at(table[r], lane[0] + lane[3] / h + (lane[1] + sign * scale * lane[2]) * h)
+                total += share * e / (e + half)
+    return float(total * segment / len(rows) - weight * z.sum())
+
+
+def at(row: FloatArray, u: float) -> float:
+    """Linear between pixels; nothing outside."""
+    if not 0.0 <= u <= len(row) - 1.0:
+        return 0.0
+    i = min(math.floor(u), len(row) - 2)
+    return float(row[i] + (u - i) * (row[i + 1] - row[i]))

@@ -1,0 +1,119 @@
+"""The kernels of the default lane method against their plain twins; the two optimisers on one objective."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cwcli.kernels import lane_ridge
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.sets import frame
+from cwcli.vision import lane_detect
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.lane_detect import PRIOR_WEIGHT, Evidence, acquire, evidence_of, judged
+from cwcli.vision.lane_model import HIGH, HORIZON, LOW, MEAN, SIGMA, LanePrior, prior_of
+from tests.unit.vision import naive_ridge
+from tests.unit.vision.lane_scene import mounted
+
+SHAPE = np.array([0.065, 0.085, 0.08, 3.0, 0.07, 2.0, 0.3, 0.25, 0.07])
+
+
+def test_evidence_equals_the_plain_twin() -> None:
+    grey = np.ascontiguousarray(frame("complex", 3).grey[:, 60:180])
+    rows = np.array([90, 120, 239], np.int32)
+    made = np.empty((3, 120), np.float32)
+    lane_ridge.ridges(grey, rows, 80.3, SHAPE, made)
+    np.testing.assert_allclose(made, naive_ridge.ridges(grey, rows, 80.3, SHAPE), atol=2e-4)
+
+
+def test_evidence_of_a_stripe_by_hand() -> None:
+    # h = 100: inner window 6.5, sides from 8.5 to 16.5 beyond the centre. Road 50, stripe 150, 9 pixels wide.
+    grey = np.full((101, 101), 50, np.uint8)
+    grey[:, 46:55] = 150
+    made = np.empty((1, 101), np.float32)
+    shape = SHAPE.copy()
+    shape[5] = 0.0  # no texture
+    shape[8] = 1e9  # no crowd
+    lane_ridge.ridges(grey, np.array([100], np.int32), 0.0, shape, made)
+    noise = 3.0 + 0.07 * 50
+    assert made[0, 50] == pytest.approx((100**2 / (100**2 + noise**2) - 0.25) / 0.75, abs=1e-6)
+    assert made[0, 20] == 0.0
+    edge = np.full((101, 101), 50, np.uint8)
+    edge[:, 50:] = 150  # bright on one side only
+    lane_ridge.ridges(edge, np.array([100], np.int32), 0.0, shape, made)
+    assert made.max() == 0.0
+
+
+def test_objective_equals_the_plain_twin() -> None:
+    grey, camera = frame("good", 2).grey, mounted()
+    prior = prior_of(camera)
+    lanes, _, evidence = acquire(grey, camera, prior)
+    lanes = np.vstack([lanes, lanes[0] + np.array([3.0, 0.02, 0.05, 30.0, 1.0])])
+    segment = len(evidence.rows) // lane_detect.N_SEGMENTS
+    for lane, value in zip(lanes, judged(evidence, lanes, prior), strict=True):
+        plain = naive_ridge.objective(
+            evidence.sharp,
+            evidence.broad,
+            evidence.rows,
+            lane,
+            prior.table,
+            weight=PRIOR_WEIGHT,
+            min_h=evidence.min_h,
+            beside=lane_detect.BESIDE,
+            half=lane_detect.HALF * segment,
+            segment=segment,
+        )
+        assert value == pytest.approx(plain, abs=1e-5)
+
+
+def test_outside_the_prior_nothing_counts() -> None:
+    camera = mounted()
+    prior = prior_of(camera)
+    evidence = evidence_of(frame("good", 2).grey, np.arange(100, 238, dtype=np.int32), 80.0, 1.0)
+    lane = prior.table[:, MEAN].copy()
+    lane[2] = prior.table[2, HIGH] + 0.1
+    assert judged(evidence, lane[None], prior)[0] == -1e30
+
+
+@pytest.mark.parametrize("index", [0, 5, 11])
+def test_deterministic_and_genetic_search_reach_the_same_objective(index: int) -> None:
+    """Both within 1 % of each other, though the genetic one may judge 65,000 candidates."""
+    grey, camera = frame("good", index, seed=4).grey, mounted()
+    prior = prior_of(camera)
+    _, values, evidence = acquire(grey, camera, prior)
+    genetic = genetic_best(evidence, prior, np.random.default_rng(index))
+    assert values[0] >= 0.99 * genetic
+    assert genetic >= 0.99 * values[0]
+
+
+def genetic_best(evidence: Evidence, prior: LanePrior, rng: np.random.Generator) -> float:
+    """A plain real-coded genetic search: tournament, blend crossover, shrinking mutation, elitism; three restarts."""
+    table = prior.table
+    low = np.maximum(table[:, LOW], table[:, MEAN] - 3 * table[:, SIGMA])
+    high = np.minimum(table[:, HIGH], table[:, MEAN] + 3 * table[:, SIGMA])
+    best = -np.inf
+    for _ in range(3):
+        people: FloatArray = rng.uniform(low, high, (240, 5))
+        for generation in range(90):
+            fitness = judged(evidence, people, prior)
+            order = np.argsort(-fitness)
+            elite = people[order[:6]]
+            rivals = rng.integers(0, len(people), (2, 2, len(people)))
+            parents = [np.where((fitness[a] > fitness[b])[:, None], people[a], people[b]) for a, b in rivals]
+            share = rng.uniform(-0.2, 1.2, people.shape)
+            children = share * parents[0] + (1 - share) * parents[1]
+            step = (high - low) * 0.15 * 0.94**generation
+            children += rng.normal(size=people.shape) * step * (rng.random(people.shape) < 0.3)
+            people = np.vstack([elite, np.clip(children[: len(people) - 6], low, high)])
+        best = max(best, float(judged(evidence, people, prior).max()))
+    return best
+
+
+def test_a_mounting_that_is_given_fixes_the_horizon() -> None:
+    known = prior_of(mounted())
+    assert known.is_mounted
+    assert known.table[HORIZON, SIGMA] < 4.0
+    camera = mounted()
+    unknown = prior_of(Camera(320, 240, camera.fx, camera.fy, camera.cx, camera.cy, mounting=Mounting()))
+    assert not unknown.is_mounted
+    assert unknown.table[HORIZON, SIGMA] > 20.0

@@ -1,0 +1,164 @@
+"""The default lane method on rendered frames and drives, and on frames that show no lane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
+from cwcli.simulation.road.sets import frame
+from cwcli.vision.camera import Camera, Mounting, default_camera
+from cwcli.vision.fit_columns import columns_of
+from cwcli.vision.ground import lane_geometry
+from cwcli.vision.lane_model import columns_of_lane, parabolas_of_lane, pitch_of, prior_of
+from cwcli.vision.lane_tracker import LaneTracker, predicted, search_size
+from cwcli.vision.method import LaneFit, LaneFrame
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.vanishing import vanishing_point
+from tests.unit.vision.lane_scene import mounted, score
+
+STEP_NS = 100_000_000
+
+
+def alone(grey: np.ndarray, camera: Camera) -> LaneFit:
+    return LaneTracker().step(LaneFrame(grey, camera, 0, 0))
+
+
+def test_it_is_the_default() -> None:
+    assert DEFAULT_METHOD == "cwcli"
+    assert METHODS["cwcli"].uses_motion
+
+
+@pytest.mark.parametrize(("name", "n", "least"), [("good", 30, 30), ("complex", 40, 39)])
+def test_rendered_frames_alone(name: str, n: int, least: int) -> None:
+    """The whole sets: docs/lanes.md."""
+    right = 0
+    for index in range(n):
+        made = frame(name, index)
+        right += score(alone(made.grey, mounted()), made.truth).is_correct
+    assert right >= least
+
+
+def test_without_calibration_or_mounting() -> None:
+    right = 0
+    for index in range(15):
+        made = frame("good", index, seed=7)
+        fit = alone(made.grey, default_camera(320, 240, Mounting()))
+        right += score(fit, made.truth).is_correct
+        horizon_px = default_camera(320, 240, Mounting()).horizon_v_px(np.array(fit.pitch_rad))
+        truth_px = made.truth.camera.cy - made.truth.camera.fy * math.tan(made.truth.camera.pitch_rad)
+        assert horizon_px == pytest.approx(truth_px, abs=6.0)
+    assert right >= 14
+
+
+def test_the_same_fits_on_every_run() -> None:
+    made = [frame("complex", index).grey for index in range(4)]
+
+    def fits() -> list[LaneFit]:
+        search = LaneTracker()
+        return [search.step(LaneFrame(grey, mounted(), k * STEP_NS, k)) for k, grey in enumerate(made)]
+
+    np.testing.assert_array_equal(columns_of(fits()).parabolas, columns_of(fits()).parabolas)
+
+
+def test_a_drive_is_followed_with_and_without_motion() -> None:
+    config = RoadDriveConfig(weather="rain", road="complex", seed=5, duration_s=2.0, rate_hz=10.0)
+    drive = plan_drive(config, paper_camera())
+    for speed_mps in (25.0, math.nan):
+        search = LaneTracker()
+        fits = []
+        for index in range(len(drive)):
+            made = drive.frame(index)
+            fit = search.step(LaneFrame(made.grey, mounted(), index * STEP_NS, index, speed_mps, 0.0 * speed_mps))
+            fits.append(fit)
+            assert score(fit, made.truth).is_correct
+        width_m = lane_geometry(columns_of(fits), mounted(), preview_m=33.5).lane_width_m
+        np.testing.assert_allclose(width_m, drive.truth(0).lane_width_m, rtol=0.05)
+
+
+@pytest.mark.parametrize("size", [(32, 32), (320, 240), (640, 32), (33, 400)])
+@pytest.mark.parametrize("pitch_rad", [0.0, 0.05, 0.9, -0.9])
+def test_frames_that_show_nothing(size: tuple[int, int], pitch_rad: float) -> None:
+    width, height = size
+    camera = Camera(width, height, width, width, width / 2, height / 2, mounting=Mounting(pitch_rad=pitch_rad))
+    ramp = np.broadcast_to(np.arange(width) % 256, (height, width)).astype(np.uint8)
+    for grey in (np.zeros((height, width), np.uint8), np.full((height, width), 255, np.uint8), ramp):
+        search = LaneTracker()
+        for index in range(12):
+            fit = search.step(LaneFrame(grey, camera, index * STEP_NS, index, 20.0, 0.1))
+            assert not fit.left.found
+            assert not fit.right.found
+            assert math.isnan(fit.pitch_rad)
+
+
+@pytest.mark.parametrize("grey", [20, 90, 180])
+def test_sensor_noise_on_a_plain_road_is_no_lane(grey: int) -> None:
+    noisy = np.clip(np.random.default_rng(grey).normal(grey, 3.0, (240, 320)), 0, 255).astype(np.uint8)
+    fit = alone(noisy, mounted())
+    assert max(fit.left.probability, fit.right.probability) < 0.5
+
+
+def test_a_lane_comes_after_darkness() -> None:
+    search, made = LaneTracker(), frame("good", 1)
+    for index in range(20):
+        assert not search.step(LaneFrame(np.zeros((240, 320), np.uint8), mounted(), index * STEP_NS, index)).left.found
+    seen = [search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k)) for k in range(20, 40)]
+    assert score(seen[-1], made.truth).is_correct
+
+
+def test_parabolas_of_a_straight_lane_are_its_lines() -> None:
+    camera = mounted()
+    lane = np.array([150.0, 0.1, 2.2, 0.0, 80.0])
+    v = np.array([100.0, 150.0, 230.0])
+    for side, (a, b, c) in enumerate(parabolas_of_lane(lane, camera)):
+        y = 240.0 - v
+        assert a == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(a * y**2 + b * y + c - 1.0, columns_of_lane(lane, v)[side], atol=1e-6)
+    assert camera.horizon_v_px(np.array(pitch_of(lane, camera))) == pytest.approx(80.0)
+
+
+def test_prediction_by_hand() -> None:
+    camera = mounted()
+    prior = prior_of(camera)
+    straight = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0])
+    # 0.02 rad/s to the left for 0.1 s: the vanishing point moves 0.002 rad x 800 px to the right.
+    made = predicted(straight, camera, 20.0, 0.02, 0.1, prior)
+    np.testing.assert_allclose(made - straight, [1.6, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
+    # The lane points 0.01 rad to the right: after 2 m its middle is 0.02 m farther right, over 1.65 m of height.
+    turned = straight + np.array([8.0, 0.0, 0.0, 0.0, 0.0])
+    made = predicted(turned, camera, 20.0, 0.0, 0.1, prior)
+    assert made[1] == pytest.approx(0.02 / 1.65)
+    # The camera beyond the left boundary is in the next lane.
+    over = straight + np.array([0.0, 1.3, 0.0, 0.0, 0.0])
+    assert predicted(over, camera, math.nan, math.nan, 0.1, prior)[1] == pytest.approx(1.3 - 2.2)
+
+
+def test_vanishing_point_of_drawn_lines() -> None:
+    import cv2
+
+    grey = np.full((360, 640), 90, np.uint8)
+    for u in (-200, 60, 300, 520, 900):
+        cv2.line(grey, (330, 140), (u, 359), 160, 2, cv2.LINE_AA)
+    point = vanishing_point(grey, 320.0)
+    assert point is not None
+    assert point.v_px == pytest.approx(140.0, abs=4.0)
+    assert point.u_px == pytest.approx(330.0, abs=6.0)
+    assert vanishing_point(np.full((360, 640), 90, np.uint8), 320.0) is None
+
+
+def test_search_size_keeps_the_shape() -> None:
+    assert search_size(1280, 720) == (640, 360)
+    assert search_size(960, 540) == (480, 270)
+    assert search_size(640, 480) == (320, 240)
+    assert search_size(320, 240) == (320, 240)
+
+
+def test_a_new_camera_starts_anew() -> None:
+    search, made = LaneTracker(), frame("good", 2)
+    search.step(LaneFrame(made.grey, mounted(), 0, 0))
+    other = replace(mounted(), mounting=Mounting(height_m=1.65, pitch_rad=0.0493))
+    assert score(search.step(LaneFrame(made.grey, other, STEP_NS, 1)), made.truth).is_correct
