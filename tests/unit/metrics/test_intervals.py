@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cwcli.metrics.intervals import bootstrap_interval, normal_interval, poisson_interval, proportion_interval
+from cwcli.metrics.intervals import (
+    bootstrap_interval,
+    clustered_proportion_interval,
+    normal_interval,
+    poisson_interval,
+    proportion_interval,
+)
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 10, 57, 400])
@@ -79,3 +85,30 @@ def test_intervals_refuse_nonsense() -> None:
         normal_interval(np.zeros(3), level=1.0)
     with pytest.raises(ValueError, match="block"):
         bootstrap_interval(np.zeros(3), seed=0, block=0)
+
+
+def test_clusters_that_are_alike_count_as_one_trial_each() -> None:
+    # Ten drives of ten frames, each drive all right or all wrong: what is known is what ten trials tell.
+    assert clustered_proportion_interval([10] * 7 + [0] * 3, [10] * 10) == pytest.approx(proportion_interval(7, 10))
+    assert clustered_proportion_interval([10] * 10, [10] * 10) == pytest.approx(proportion_interval(10, 10))
+
+
+def test_clusters_that_are_not_alike_count_in_full() -> None:
+    # Seven of ten in every drive: less spread than independent trials have, so the design effect is 1.
+    assert clustered_proportion_interval([7] * 10, [10] * 10) == pytest.approx(proportion_interval(70, 100))
+
+
+def test_clustered_interval_lies_between() -> None:
+    # Sums 9, 9, 5, 5 of 10: share 0.7, residuals 2, 2, -2, -2; variance 4/3 * 16; over 40 * 0.7 * 0.3: 2.54.
+    low, high = clustered_proportion_interval([9, 9, 5, 5], [10] * 4)
+    z2, n = stats.norm.ppf(0.975) ** 2, 40 / (64 / 3 / 8.4)
+    half = np.sqrt(z2 * (0.21 / n + z2 / (4 * n * n))) / (1 + z2 / n)
+    assert (low, high) == pytest.approx(
+        ((0.7 + z2 / (2 * n)) / (1 + z2 / n) - half, (0.7 + z2 / (2 * n)) / (1 + z2 / n) + half)
+    )
+
+
+@pytest.mark.parametrize(("successes", "trials"), [([1], [1, 2]), ([3], [2]), ([-1], [2])])
+def test_clustered_interval_refuses_nonsense(successes: list[int], trials: list[int]) -> None:
+    with pytest.raises(ValueError, match="cluster"):
+        clustered_proportion_interval(successes, trials)

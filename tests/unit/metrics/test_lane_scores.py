@@ -214,3 +214,12 @@ def test_detection_rates_by_hand() -> None:
 def test_time_summary_by_hand() -> None:
     times = summarise_times(np.array([1.0, 2.0, 3.0, 10.0]))
     assert (times.n, times.mean_ms, times.median_ms, times.max_ms) == (4, 4.0, 2.5, 10.0)
+
+
+def test_a_line_on_the_paint_is_no_error() -> None:
+    # A stripe of 9 pixels on each side of the truth: 6 pixels beyond its edge are 15 from its middle.
+    truth, visible = np.full(4, 100.0), np.ones(4, np.bool_)
+    found = np.array([91.0, 85.0, 115.0, 115.5])
+    assert share_within(found, truth, visible) == 0.0
+    assert share_within(found, truth, visible, half_width_px=9.0) == 0.75
+    assert share_within(found, truth, visible, half_width_px=np.array([9.0, 8.0, 9.0, 9.5])) == 0.75

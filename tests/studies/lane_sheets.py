@@ -1,0 +1,106 @@
+"""Contact sheets of frames with the lane boundaries that a method found drawn on them.
+
+    python tests/studies/lane_sheets.py                                      # rendered frames, into docs/images
+    python tests/studies/lane_sheets.py --method zhang2011 --folder /tmp/a   # of another method, somewhere else
+    python tests/studies/lane_sheets.py --log ../shared/logs/tusimple-0313-dev.mcap --folder /tmp/a [--every 1]
+
+Rendered: of each set twenty drives, each at its sixteenth frame, so that a method has followed the lane for 1.5 s. The
+frame's number is green where both boundaries are right (6 pixels on 85 % of the rows), else red. With --log: every so
+many frames of a log, as `cwcli lanes --render` draws them; real frames never belong into the project, so their folder
+has to be named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from cwcli.logs.annotate import annotate
+from cwcli.logs.log import Log
+from cwcli.simulation.road.drive import set_drives
+from cwcli.simulation.road.sets import SETS
+from cwcli.stages.lanes import LanesConfig, lanes
+from cwcli.stages.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, columns_px, is_right, vision_camera
+from cwcli.vision.method import LaneFrame
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from tests.studies.road_sheets import DOCS, sheet, write
+
+TILES = 20
+RED, GREEN, BLUE, ORANGE = (60, 60, 255), (90, 230, 90), (255, 160, 40), (0, 150, 255)
+RENDERED = "/sheet"
+
+
+def rendered(name: str, method_name: str) -> list[np.ndarray]:
+    """The tiles of a set."""
+    method = METHODS[method_name]
+    tiles = []
+    for number, drive in enumerate(set_drives(name, TILES, n_frames=FIRST_FRAMES + JUDGED_FRAMES)):
+        search = method.make(number)
+        for k, frame in enumerate(drive.frames()):
+            height, width = frame.grey.shape
+            size = method.search_size(width, height)
+            assert size == (width, height), "the sets are as small as any method wants"
+            prepared = None if method.prepare is None else method.prepare(frame.grey)
+            stamp_ns = round(float(drive.time_s[k]) * 1e9)
+            fit = search.step(LaneFrame(frame.grey, vision_camera(*size), stamp_ns, k, prepared=prepared))
+        image = cv2.cvtColor(frame.grey, cv2.COLOR_GRAY2BGR)
+        for boundary, colour in ((fit.left, ORANGE), (fit.right, BLUE)):
+            for v, u in enumerate(columns_px(boundary, size, size)):
+                if v >= height * 3 // 8 and 0 <= u < width:
+                    cv2.circle(image, (round(float(u)), v), 1, colour, -1)
+        colour = GREEN if is_right(frame, fit, size, by_stripe=True) else RED
+        cv2.putText(
+            image, f"{number} {drive.config.weather}", (5, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA
+        )
+        tiles.append(image)
+    return tiles
+
+
+def of_log(path: Path, method_name: str, every: int) -> list[np.ndarray]:
+    """The tiles of a log, 400 pixels wide."""
+    tiles = []
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "rendered.mcap"
+        with Log.open(path) as log:
+            result = lanes(log, LanesConfig(method=method_name, render=RENDERED))
+            annotate(log, result.channels, {}, target)
+        with Log.open(target) as log:
+            for number, frame in enumerate(log.frames(RENDERED)):
+                if number % every:
+                    continue
+                image = cv2.imdecode(np.frombuffer(frame.data, np.uint8), cv2.IMREAD_COLOR)
+                assert image is not None
+                small = cv2.resize(image, (400, 400 * image.shape[0] // image.shape[1]), interpolation=cv2.INTER_AREA)
+                cv2.putText(small, str(number), (5, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 255, 255), 1, cv2.LINE_AA)
+                tiles.append(np.asarray(small))
+    return tiles
+
+
+def main() -> None:
+    """Make the sheets."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--method", default=DEFAULT_METHOD, choices=list(METHODS))
+    parser.add_argument("--folder", type=Path)
+    parser.add_argument("--log", type=Path)
+    parser.add_argument("--every", type=int, default=1)
+    options = parser.parse_args()
+    if options.log is None:
+        folder = options.folder or DOCS
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in SETS:
+            write(folder / f"lanes-{name}-{options.method}.jpg", sheet(rendered(name, options.method)), 70)
+        return
+    if options.folder is None:
+        parser.error("--folder must be given with --log: real frames stay out of the project")
+    options.folder.mkdir(parents=True, exist_ok=True)
+    tiles = of_log(options.log, options.method, options.every)
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % 5)
+    write(options.folder / f"{options.log.stem}-{options.method}.jpg", sheet(tiles), 80)
+
+
+if __name__ == "__main__":
+    main()
