@@ -84,6 +84,7 @@ class MessageReader:
         self._recover = recover
         self._verify = verify
         self._counted: set[int] = set()
+        self._verified: set[int] = set()
 
     def batches(self, channel_ids: Collection[int]) -> Iterator[Batch]:
         """The messages of some channels, in file order.
@@ -206,7 +207,10 @@ class MessageReader:
         if chunk.chunk_start == self._structure.partial_chunk:
             self._count(chunk.chunk_start, "chunks_partial")
             return partial_payload(self._data, chunk)
-        return chunk_payload(self._data, chunk, verify=self._verify)
+        verify = self._verify and chunk.chunk_start not in self._verified  # the stages of a run read it several times
+        payload = chunk_payload(self._data, chunk, verify=verify)
+        self._verified.add(chunk.chunk_start)
+        return payload
 
     def _lose_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
         at = chunk.chunk_start
