@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import PassResult, Series, run_pass
+from cwcli.estimation.passes import PassResult, Series, TimeOrder, run_pass
 from cwcli.estimation.start import start_with_parameters
 from cwcli.signals.columns import FloatArray
 
@@ -82,8 +82,9 @@ def settle_noise(
         return list(series), parameters
     begin = parameters
     factors = np.ones(len(series))
+    orders: dict[float, TimeOrder] = {}
     for _ in range(ROUNDS):
-        result = _run(window, parameters, walk, prior)
+        result = _run(window, parameters, walk, prior, orders)
         base = result.log_likelihood
         for i, s in enumerate(window):
             factor = noise_factor(s, result.nis[i])
@@ -92,9 +93,9 @@ def settle_noise(
             if factor != 1.0:
                 origin = "message, scaled" if origin.startswith("message") else "log"
             window[i] = replace(s.scaled(factor), noise_origin=origin)
-        base = _run(window, parameters, walk, prior).log_likelihood
+        base = _run(window, parameters, walk, prior, orders).log_likelihood
         for name, limits in LIVELINESS.items():
-            parameters, base = _livelier(window, parameters, walk, prior, name, limits, base, begin)
+            parameters, base = _livelier(window, parameters, walk, prior, name, limits, base, begin, orders)
     settled = [replace(s.scaled(float(f)), gate=0.0) for s, f in zip(series, factors, strict=True)]
     # The window tells of the motion; the noise of the slow sources needs the whole log.
     whole = any(
@@ -112,9 +113,15 @@ def settle_noise(
     return settled, parameters
 
 
-def _run(series: Sequence[Series], parameters: ModelParameters, walk: FloatArray, prior: FloatArray) -> PassResult:
+def _run(
+    series: Sequence[Series],
+    parameters: ModelParameters,
+    walk: FloatArray,
+    prior: FloatArray,
+    orders: dict[float, TimeOrder] | None = None,
+) -> PassResult:
     start = start_with_parameters(series, prior, causal=False)
-    return run_pass(series, start, parameters, walk, np.zeros(0), smooth=False, reset_after=50)
+    return run_pass(series, start, parameters, walk, np.zeros(0), smooth=False, reset_after=50, orders=orders)
 
 
 def _livelier(
@@ -126,10 +133,13 @@ def _livelier(
     limits: tuple[float, float],
     base: float,
     begin: ModelParameters,
+    orders: dict[float, TimeOrder],
 ) -> tuple[ModelParameters, float]:
     """Move one sigma of the motion towards the largest likelihood; returns the model and its likelihood."""
     now, first = float(getattr(parameters, name)), float(getattr(begin, name))
-    likelihood = [_run(series, replace(parameters, **{name: now * f}), walk, prior).log_likelihood for f in (0.5, 2.0)]
+    likelihood = [
+        _run(series, replace(parameters, **{name: now * f}), walk, prior, orders).log_likelihood for f in (0.5, 2.0)
+    ]
     left, right = likelihood
     bend = left - 2.0 * base + right
     if bend < 0.0:
@@ -139,7 +149,7 @@ def _livelier(
         move = SCALE_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
     better = replace(parameters, **{name: first * float(np.exp(scale))})
-    reached = _run(series, better, walk, prior).log_likelihood
+    reached = _run(series, better, walk, prior, orders).log_likelihood
     options = [(base, parameters), (reached, better)]
     options += [(v, replace(parameters, **{name: now * f})) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
     best = max(options, key=lambda option: option[0])

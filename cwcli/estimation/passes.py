@@ -101,6 +101,33 @@ class PassResult:
     status: tuple[npt.NDArray[np.int8], ...]
 
 
+@dataclass(frozen=True)
+class TimeOrder:
+    """What a pass needs of its series' times alone: it stays while only the noise and the motion model change.
+
+    Attributes:
+        in_time: Per series: which rows do not lie before the start.
+        time_s, first, out_row, order, index: See `_merge`.
+        patience: Shape (S,): see `_patience`.
+    """
+
+    in_time: list[npt.NDArray[np.bool_]]
+    time_s: FloatArray
+    first: IntArray
+    out_row: IntArray
+    order: npt.NDArray[np.intp]
+    index: IntArray
+    patience: IntArray
+
+
+def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, reset_after: int) -> TimeOrder:
+    """The time order of a pass from `start_s` on."""
+    in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
+    series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
+    patience = np.array([_patience(s, reset_after) for s in series], np.int32)
+    return TimeOrder(in_time, *_merge(series, start_s, output_s), patience)
+
+
 def run_pass(
     series: Sequence[Series],
     start: Start,
@@ -111,6 +138,7 @@ def run_pass(
     smooth: bool,
     reset_after: int,
     q_matrix: FloatArray | None = None,
+    orders: dict[float, TimeOrder] | None = None,
 ) -> PassResult:
     """Filter (and smooth) all series from `start` on.
 
@@ -123,10 +151,14 @@ def run_pass(
         smooth: Run the smoother too.
         reset_after: See `EstimatorConfig`.
         q_matrix: Shape (6, 6) for song2016's model.
+        orders: Where passes over the same times, outputs and patience keep their time order, by the start's time.
     """
-    in_time = [s.time_s - s.latency_s >= start.time_s - START_TOLERANCE_S for s in series]
+    known = None if orders is None else orders.get(start.time_s)
+    order_of = known or time_order(series, start.time_s, output_s, reset_after)
+    if orders is not None:
+        orders[start.time_s] = order_of
+    in_time, order = order_of.in_time, order_of.order
     series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
-    time, first, out_row, order, index = _merge(series, start.time_s, output_s)
     values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
     noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
     table = SeriesTable(
@@ -134,9 +166,9 @@ def run_pass(
         np.array([s.bias_state for s in series], np.int32),
         np.array([s.latency_state for s in series], np.int32),
         np.array([s.gate for s in series], np.float64),
-        np.array([_patience(s, reset_after) for s in series], np.int32),
+        order_of.patience,
     )
-    events = Events(time, first, out_row, index, values, noise)
+    events = Events(order_of.time_s, order_of.first, order_of.out_row, order_of.index, values, noise)
     result = run_events(events, table, start, parameters, walk, len(output_s), smooth=smooth, q_matrix=q_matrix)
     # From time order back to the rows of each series.
     nis, status = np.empty_like(result.nis[0]), np.empty_like(result.status[0])

@@ -31,6 +31,7 @@ INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 MAX_CHUNK_BYTES = 1 << 20
 BLOCK_BYTES = 4 << 20  # of messages that are encoded at a time
 PROBE_ROWS = 64
+SHORT_ROWS = 512  # so few rows are encoded once: the probe is the block
 LOOK_AHEAD = 1 << 16
 
 
@@ -70,8 +71,11 @@ class Feed:
     def mean_size(self) -> float:
         """Bytes of a message with its header, by the first ones."""
         if not self._mean_size and len(self):
-            probe = self.encode(0, min(self.probe_rows, len(self)))
-            self._mean_size = float(probe.sizes.mean()) + MESSAGE_HEADER.itemsize
+            is_short = self.probe_rows == PROBE_ROWS and len(self) <= SHORT_ROWS
+            probe = self.encode(0, len(self) if is_short else min(self.probe_rows, len(self)))
+            if is_short:
+                self._block = probe
+            self._mean_size = float(probe.sizes[: self.probe_rows].mean()) + MESSAGE_HEADER.itemsize
         return self._mean_size
 
     def take(self, n: int) -> tuple[slice, ByteRows]:

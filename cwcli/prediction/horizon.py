@@ -111,14 +111,15 @@ def _row(error: HorizonErrors, baseline: HorizonErrors, column: int, horizon_s: 
     base = baseline.distance_m[known & baseline.is_known[:, column], column]
     base_mean = float(base.mean()) if len(base) else np.nan
     mean = float(distance.mean())
+    ordered = np.sort(distance)
     return [
         horizon_s,
         n,
         mean,
-        float(np.median(distance)),
+        _quantile(ordered, 0.5),
         float(np.sqrt(np.mean(distance**2))),
-        float(np.percentile(distance, 95)),
-        float(distance.max()),
+        _quantile(ordered, 0.95),
+        float(ordered[-1]),
         float(along.mean()),
         float(np.sqrt(np.mean(along**2))),
         float(cross.mean()),
@@ -127,3 +128,12 @@ def _row(error: HorizonErrors, baseline: HorizonErrors, column: int, horizon_s: 
         float(np.mean(inside <= ELLIPSE_90)) if len(inside) else np.nan,
         100.0 * (mean / base_mean - 1.0) if base_mean > 0.0 else np.nan,
     ]
+
+
+def _quantile(ordered: FloatArray, share: float) -> float:
+    """What `np.quantile` gives for sorted, finite values, at a tenth of its cost: there are a hundred rows a log."""
+    position = share * (len(ordered) - 1)
+    below = int(position)
+    low, high = float(ordered[below]), float(ordered[min(below + 1, len(ordered) - 1)])
+    part = position - below
+    return high - (high - low) * (1.0 - part) if part >= 0.5 else low + (high - low) * part
