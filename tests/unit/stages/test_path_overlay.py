@@ -17,7 +17,9 @@ from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.stages.lanes import LanesConfig, lanes
+from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.path_overlay import ANNOTATIONS_TOPIC, path_overlay
+from cwcli.stages.predict import PredictConfig, predict
 from cwcli.stages.simulate_road import plan, road_config, write_road
 from cwcli.vision.camera import Mounting
 from cwcli.vision.path_overlay import PATH_RGB
@@ -94,6 +96,19 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     expected = np.array([round(255 * part) for part in reversed(PATH_RGB)])
     assert np.abs(with_path[at] - expected).max() < 60
     assert np.ptp(without[at]) < 20, "grey: no path in this frame"
+
+
+def test_predict_publishes_the_observers_path_on_the_frames(log: Log) -> None:
+    made = observe(log, ObserveConfig(use_gyro=False))
+    observed = log.with_channels(made.channels, {"cwcli.run.observe": made.metadata})
+    result = predict(observed, PredictConfig(origin="observer", horizon_s=2.0, render=RENDERED))
+    by_topic = {channel.topic: channel for channel in result.channels}
+    n = len(stamps(log)[0])
+    assert len(by_topic[ANNOTATIONS_TOPIC]) == len(by_topic[RENDERED]) == n
+    plain = predict(observed, PredictConfig(origin="observer", horizon_s=2.0))
+    assert {channel.topic for channel in plain.channels} == set(by_topic) - {RENDERED}
+    with pytest.raises(UsageError, match="--render"):
+        predict(observed, PredictConfig(render=RENDERED))
 
 
 def test_paths_without_a_frame_are_left_out_and_counted(log: Log) -> None:
