@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.prediction.calibrate import calibrated
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.outcome import ELLIPSE_50, ELLIPSE_90, HorizonErrors, horizon_errors
+from cwcli.prediction.outcome import ELLIPSE_50, ELLIPSE_90, HorizonErrors, actual_positions, horizon_errors
 from cwcli.prediction.rollout import Discretisation, rollout
 from cwcli.signals.columns import FloatArray, Int64Array
 
@@ -39,6 +39,7 @@ def compare_models(
     exact. With `calibrate` each model's covariance follows its own record (`prediction.calibrate`).
     """
     errors: dict[str, HorizonErrors] = {}
+    actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
     for name in dict.fromkeys([BASELINE, *models]):
         form: Discretisation = discretisation if name not in MODELS or MODELS[name].in_paper else "exact"
         paths = rollout(
@@ -52,7 +53,7 @@ def compare_models(
         )
         if calibrate:
             paths = calibrated(paths, start_stamp_ns, state[:, :2])
-        errors[name] = horizon_errors(paths, start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
+        errors[name] = horizon_errors(paths, start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, actual)
     return errors
 
 

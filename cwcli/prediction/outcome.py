@@ -16,6 +16,7 @@ ELLIPSE_50 = 2.0 * np.log(2.0)  # chi-square quantiles with two degrees of freed
 ELLIPSE_90 = 2.0 * np.log(10.0)
 
 BoolArray = npt.NDArray[np.bool_]
+Actual = tuple[FloatArray, BoolArray]
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ def horizon_errors(
     track_xy: FloatArray,
     horizons_s: Sequence[float],
     max_gap_s: float = 0.5,
+    actual: Actual | None = None,
 ) -> HorizonErrors:
     """Compare predicted points with a track.
 
@@ -55,6 +57,7 @@ def horizon_errors(
         track_xy: Shape (m, 2), metres, the same map.
         horizons_s: Times from the start; each within the paths.
         max_gap_s: Between track points farther apart than this nothing is interpolated.
+        actual: `actual_positions` of the same starts, track and horizons; None: they are looked up.
 
     Raises:
         ValueError: A horizon outside the paths, or shapes that don't fit.
@@ -64,10 +67,11 @@ def horizon_errors(
     horizon = np.asarray(horizons_s, dtype=np.float64)
     if len(horizon) and (horizon.min() < 0.0 or horizon.max() > paths.time_s[-1] + 1e-9):
         raise ValueError(f"a horizon is outside the paths' 0 to {paths.time_s[-1]:g} s")
-    at_ns = start_stamp_ns[:, None] + np.rint(horizon * NS_PER_S).astype(np.int64)[None, :]
-    actual, is_known = _on_track(at_ns, track_stamp_ns, track_xy, max_gap_s)
+    if actual is None:
+        actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
+    found, is_known = actual
     predicted = _at_horizons(paths, horizon)
-    error_x, error_y = actual[..., 0] - predicted["x"], actual[..., 1] - predicted["y"]
+    error_x, error_y = found[..., 0] - predicted["x"], found[..., 1] - predicted["y"]
     cosine, sine = np.cos(predicted["heading"]), np.sin(predicted["heading"])
     xx, xy, yy = (predicted[name] for name in ("xx", "xy", "yy"))
     determinant = xx * yy - xy**2
@@ -81,6 +85,23 @@ def horizon_errors(
         cross_m=-error_x * sine + error_y * cosine,
         mahalanobis2=squared,
     )
+
+
+def actual_positions(
+    start_stamp_ns: Int64Array,
+    track_stamp_ns: Int64Array,
+    track_xy: FloatArray,
+    horizons_s: Sequence[float],
+    max_gap_s: float = 0.5,
+) -> Actual:
+    """Where the track is at each horizon of each start: the same for every model. See `horizon_errors`.
+
+    Returns:
+        Positions of shape (n, h, 2), NaN where unknown; and where they are known, (n, h).
+    """
+    horizon = np.asarray(horizons_s, dtype=np.float64)
+    at_ns = start_stamp_ns[:, None] + np.rint(horizon * NS_PER_S).astype(np.int64)[None, :]
+    return _on_track(at_ns, track_stamp_ns, track_xy, max_gap_s)
 
 
 def _on_track(

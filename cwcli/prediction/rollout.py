@@ -225,4 +225,5 @@ def _driver_noise(
 
 
 def _spread(moving_s: FloatArray, time_s: FloatArray, variance_s4: FloatArray, sigma_mps2: FloatArray) -> FloatArray:
-    return np.asarray(np.interp(moving_s, time_s, variance_s4) * sigma_mps2[:, None] ** 2)
+    rows = moving_s[:1] if moving_s.strides[0] == 0 else moving_s  # one row for all cars that do not stop
+    return np.asarray(np.interp(rows, time_s, variance_s4) * sigma_mps2[:, None] ** 2)
