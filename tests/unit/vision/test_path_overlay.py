@@ -101,7 +101,9 @@ def test_corridor_as_wide_as_the_lane_lies_on_the_rendered_markings() -> None:
     """A frame of the renderer, which projects by formulas of its own: the corridor's edges are the paint's middle."""
     seen = wide_camera(640, 360)
     curvature, width_m = 0.002, 3.6
-    scene = RoadScene("clear", width_m, Marking(width_m / 2), Marking(-width_m / 2), texture=0.0, tracks=0.0, cracks=0.0)
+    scene = RoadScene(
+        "clear", width_m, Marking(width_m / 2), Marking(-width_m / 2), texture=0.0, tracks=0.0, cracks=0.0
+    )
     grey = render(scene, seen, RoadAhead(clothoid(curvature), 0.0, 0.0), np.random.default_rng(1)).grey.astype(float)
     mounting = Mounting(height_m=seen.height_m, pitch_rad=seen.pitch_rad)
     camera = Camera(640, 360, seen.fx, seen.fy, seen.cx, seen.cy, mounting=mounting)
