@@ -118,15 +118,22 @@ def top_row_px(lane: FloatArray, camera: Camera) -> float:
 
 
 def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
-    """Shape (2, 3): a, b, c of the best parabola of each boundary, at the samples from which `ground` takes it back."""
+    """Shape (2, 3): a, b, c of the best parabola of each boundary; NaN where the road is out of sight.
+
+    It is fitted at the samples from which `ground` takes the road back.
+    """
     y_px = 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * top_row_px(lane, camera)
     x_px = columns_of_lane(lane, camera.height_px - y_px) + 1.0
     scale = camera.height_px
     design = np.stack([(y_px / scale) ** 2, y_px / scale, np.ones_like(y_px)], axis=1)
-    made = np.empty((2, 3))
+    made = np.full((2, 3), np.nan)
     for side in range(2):
         use = np.isfinite(x_px[side]) & (x_px[side] >= 1.0) & (x_px[side] <= camera.width_px)
         if use.sum() < 5:
             use = np.isfinite(x_px[side])
-        made[side] = np.linalg.lstsq(design[use], x_px[side][use], rcond=None)[0] / np.array([scale**2, scale, 1.0])
+        if use.sum() < 3:
+            continue
+        rows, x = design[use], x_px[side][use]
+        normal = (rows[:, :, None] * rows[:, None, :]).sum(axis=0)
+        made[side] = np.linalg.solve(normal, (rows * x[:, None]).sum(axis=0)) / np.array([scale**2, scale, 1.0])
     return made

@@ -174,7 +174,8 @@ class LaneTracker:
         best = max(self._hypotheses, key=lambda each: each.value + (SWITCH_GAIN if each is first else 0.0))
         others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
         self._hypotheses = [best, *others[: N_HYPOTHESES - 1]]
-        found = best.chance >= FOUND_PROBABILITY
+        parabolas = parabolas_of_lane(best.lane, camera)
+        found = (best.chance >= FOUND_PROBABILITY) & np.isfinite(parabolas).all(axis=1)
         if found.any():
             self._n_lost, self._pause = 0, 0
             if not self._prior.is_mounted:
@@ -187,7 +188,6 @@ class LaneTracker:
                 self._hypotheses = []
                 self._pause = min(2 ** (self._n_lost - LOST_FRAMES), MAX_PAUSE_FRAMES)
                 return LaneFit(NOT_FOUND, NOT_FOUND)
-        parabolas = parabolas_of_lane(best.lane, camera)
         sides = []
         for side in range(2):
             a, b, c = parabolas[side].tolist()
