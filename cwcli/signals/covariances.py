@@ -28,7 +28,7 @@ def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
     Returns:
         The same shape: positive and finite, or NaN.
     """
-    table = variance.reshape(len(variance), -1)
+    table = variance[:, None] if variance.ndim == 1 else variance
     is_given = np.isfinite(table) & (table > 0.0)
     is_wrong = np.isinf(table) | (table < 0.0) & (table != -1.0)
     ledger.repair(is_wrong.any(axis=1), UNUSABLE_COVARIANCE)

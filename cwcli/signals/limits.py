@@ -30,7 +30,7 @@ def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unle
         limit: Largest magnitude.
         unless: Shape (n,): rows whose values mean nothing anyway.
     """
-    table = values.reshape(len(values), -1)
+    table = values[:, None] if values.ndim == 1 else values
     is_asked: BoolArray = np.ones(len(values), dtype=np.bool_) if unless is None else ~unless
     ledger.reject(is_asked & ~np.isfinite(table).all(axis=1), NOT_FINITE)
     ledger.reject(is_asked & (np.abs(table) > limit).any(axis=1), OUT_OF_RANGE)

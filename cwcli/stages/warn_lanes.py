@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.dynamics.vehicle import Vehicle
+from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
@@ -59,12 +60,16 @@ def warn_of_lane_departure(
         start_ns, end_ns: Only frames logged in this span are used.
 
     Raises:
+        MissingSignalError: There is no frame.
         UsageError: The paths are shorter than the rule looks ahead.
         DataError: A channel is of another version.
     """
     path_topic, lanes_topic = (bound.by_role[role][0].topic for role in NEEDED)
     loaded = log.load({path_topic: None, lanes_topic: ("stamp_ns", *PLACES)})
     path_columns, lanes = (logged_within(loaded[topic], start_ns, end_ns) for topic in (path_topic, lanes_topic))
+    if not len(lanes):
+        place = f"{log.name}: {lanes_topic}"
+        raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
     vehicle, notes = recorded_vehicle(log.metadata)
     predicted = read_paths(path_columns)
     stamp_ns, log_time_ns, boundaries = _frames(lanes, vehicle)

@@ -101,6 +101,12 @@ def test_a_log_without_lanes_is_exit_code_4(cwcli: Run, intersection: Path) -> N
     assert cwcli("warn", intersection, "--rules", "lane-departure").returncode == 4
 
 
+def test_a_span_without_frames_is_exit_code_4(cwcli: Run, lanes: Path) -> None:
+    done = cwcli("observe", lanes, "--start", "500")
+    assert done.returncode == 4
+    assert "none between --start and --end" in done.stderr.decode()
+
+
 def test_a_speed_on_another_clock_is_exit_code_5(cwcli: Run, tmp_path: Path) -> None:
     path = write_lane_log(tmp_path / "l.mcap", drive(seconds=2.0), clock_offset_ns=10**12, without=(IMU,))
     done = cwcli("observe", path)
@@ -149,6 +155,7 @@ def test_reversed_signs_in_the_cars_file_are_exit_code_2_and_one_line(
     ("arguments", "words"),
     [
         (("observe", "--method", "nonsense"), "nonsense"),
+        (("observe", "--start", "4", "--end", "3"), "--end 3 is not after --start 4"),
         (("observe", "--vehicle", "nothing"), "there is no vehicle 'nothing'"),
         (("observe", "--load", "ballast"), "load 'ballast' is unknown; permitted: empty, half, full"),
         (("observe", "--coast", "-1"), "--coast -1"),

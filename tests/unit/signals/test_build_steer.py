@@ -35,6 +35,19 @@ def test_steering_report_has_its_stamp_without_a_header(package: str) -> None:
     assert quality.rejected == {"value not a number": 1}
 
 
+@pytest.mark.parametrize(
+    ("role", "schema", "names"),
+    [
+        (Role.EGO_SPEED, "autoware_vehicle_msgs/msg/VelocityReport", ("longitudinal_velocity", "heading_rate")),
+        (Role.EGO_STEER, "ackermann_msgs/msg/AckermannDriveStamped", ("drive.steering_angle",)),
+    ],
+)
+def test_a_channel_without_a_row_is_an_empty_signal(role: Role, schema: str, names: tuple[str, ...]) -> None:
+    fields = stamp_fields([]) | {name: np.zeros(0) for name in names}
+    signal, quality = build(role, columns_of(schema, fields))
+    assert (len(signal.stamp_ns), quality.read, quality.used) == (0, 0, 0)  # type: ignore[union-attr]
+
+
 def test_an_angle_beyond_a_right_angle_is_out_of_range() -> None:
     fields = {"stamp.sec": [T0_NS // 10**9] * 2, "stamp.nanosec": [0, 1], "steering_tire_angle": [0.1, 25.0]}
     _, quality = build(Role.EGO_STEER, columns_of("autoware_vehicle_msgs/msg/SteeringReport", fields))
