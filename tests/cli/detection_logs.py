@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -103,3 +104,23 @@ def with_detections(source: Path, target: Path, seed: int = 1, *, is_empty: bool
         add_scans(writer, RADAR, radar)
         writer.finish()
     return target
+
+
+def summary(done: Any) -> Any:
+    assert done.returncode == 0, done.stderr.decode()
+    return json.loads(done.stdout)["stages"]["track"]
+
+
+def rejected(told: Any) -> dict[str, dict[str, int]]:
+    """Topic -> reason -> count, of the detections themselves."""
+    return {entry["topic"]: entry["rejected"] for entry in told["inputs"] if entry["role"] == "each detection"}
+
+
+def counted(told: Any) -> bool:
+    return all(e["read"] == e["used"] + sum(e["rejected"].values()) for e in told["inputs"])
+
+
+def targets_of(path: Path) -> list[tuple[int, bytes]]:
+    """Every message of the targets' channels, by the official reader with CRC validation."""
+    reader = make_reader(io.BytesIO(path.read_bytes()), validate_crcs=True)
+    return [(m.log_time, m.data) for _, _, m in reader.iter_messages(topics=["/cwcli/targets"])]
