@@ -34,6 +34,7 @@ EXAMPLE_FRAME = 150
 MAX_SEEDS = 20
 FRAME_HZ = 10.0
 """The paper's (section 2.1)."""
+PLOT_NAMES = {"zhang2011": "zhang2011", "camera and speed": "camera", "with a gyroscope": "and gyroscope"}
 RENDERED = "rendered frames, "
 
 ROAD = Road(
@@ -191,7 +192,7 @@ def _track_curve(name: str, track: LateralTrack, truth: Truth, sensed: SensedDri
     turn = truth.yaw_rad[at, run] - heading[0]
     dx, dy = x - x[0], y - y[0]
     return Curve(
-        f"observed, {name}",
+        PLOT_NAMES[name],
         truth.x_m[at, run] + np.cos(turn) * dx - np.sin(turn) * dy,
         truth.y_m[at, run] + np.sin(turn) * dx + np.cos(turn) * dy,
     )
@@ -205,8 +206,8 @@ def _road_curves(truth: Truth, sensed: SensedDrive, run: int) -> list[Curve]:
     half = 0.5 * ROAD.lane_width_m
     return [
         Curve("actual", truth.x_m[index, run], truth.y_m[index, run]),
-        Curve("left boundary", centre_x - half * np.sin(along), centre_y + half * np.cos(along)),
-        Curve("right boundary", centre_x + half * np.sin(along), centre_y - half * np.cos(along)),
+        Curve("left", centre_x - half * np.sin(along), centre_y + half * np.cos(along)),
+        Curve("right", centre_x + half * np.sin(along), centre_y - half * np.cos(along)),
     ]
 
 
