@@ -130,9 +130,7 @@ def drive_part(
         for name, each in values.items()
         for what, found in each.items()
     ]
-    title = (
-        f"{seen}{drive.load} load, from {drive.start_kmh:g} km/h at {drive.accel_mps2:g} m/s^2: 2 s of the first seed"
-    )
+    title = f"{drive.load} load, from {drive.start_kmh:g} km/h at {drive.accel_mps2:g} m/s^2: 2 s of the first seed"
     return Part(tuple(findings), (Plot(f"{figure} rendered" if seen else figure, title, "x [m]", "y [m]", curves),))
 
 
