@@ -86,7 +86,8 @@ class LogFolder:
             (self.out / LOGS / self.id / ENTRY).unlink()
         parts = [self.out / LOGS / self.id, self._part(METRICS)]
         for kind in (DETAILS, TABLES):
-            parts += (self.out / kind).glob(f"*/log={self.id}")
+            if (self.out / kind).is_dir():
+                parts += [table / f"log={self.id}" for table in (self.out / kind).iterdir()]
         for part in parts:
             try:
                 if part.exists():

@@ -19,6 +19,9 @@ from cwcli.fleet.worker import Done, work
 ATTEMPTS = 2
 """How often a log is begun whose worker dies: it may have been another process's fault."""
 
+LOGS_PER_WORKER = 500
+"""Then it makes room for a new one: whatever a library keeps does not add up."""
+
 
 class WorkerDied(Exception):
     """The worker of a log died at every attempt."""
@@ -86,13 +89,19 @@ class _Workers:
             try:
                 done = self._pool().submit(self._do, task, self._plan).result()
             except BrokenProcessPool:
-                self._mine.pool.shutdown()
-                self._mine.pool = None
+                self._dismiss()
                 if self._is_stopping:
                     break
             else:
+                self._mine.n_done += 1
+                if self._mine.n_done >= LOGS_PER_WORKER:
+                    self._dismiss()
                 return replace(done, attempts=attempt)
         raise WorkerDied
+
+    def _dismiss(self) -> None:
+        self._mine.pool.shutdown()
+        self._mine.pool = None
 
     def stop(self) -> None:
         """End the workers at once."""
@@ -104,6 +113,7 @@ class _Workers:
             self._mine.pool = ProcessPoolExecutor(
                 1, mp_context=self._context, initializer=_begin, initargs=(self._read_stop,)
             )
+            self._mine.n_done = 0
         pool: ProcessPoolExecutor = self._mine.pool
         return pool
 

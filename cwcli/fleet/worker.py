@@ -16,13 +16,13 @@ from cwcli import __version__
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.fleet.execute import Outcome, run_stages
 from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, make_folders, put_table
-from cwcli.fleet.headline import headline_metrics
 from cwcli.fleet.inputs import is_remote, local_copy
 from cwcli.fleet.needs import signals_for
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.selection import select
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.stages.evaluate import evaluate_log
 
 HASH_BLOCK_BYTES = 1 << 20
 
@@ -136,7 +136,7 @@ def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]
     tables = {name: table for result in outcome.results for name, table in result.tables.items()}
     for name, table in tables.items():
         outputs.append(put_table(table, folder.table(DETAILS, name)))
-    outputs.append(put_table(headline_metrics(annotated, tables), folder.metrics))
+    outputs.append(put_table(evaluate_log(annotated, tables=tables), folder.metrics))
     if plan.tables:
         from cwcli.fleet.channel_tables import channel_tables
 

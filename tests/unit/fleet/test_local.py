@@ -10,6 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from cwcli.errors import OutputError
+from cwcli.fleet import local
 from cwcli.fleet.local import WorkerDied, run_local
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.worker import Done
@@ -53,6 +54,13 @@ def test_a_log_that_kills_its_workers_stops_no_other(do: Callable[[Task, Plan], 
 def test_workers_are_kept_from_log_to_log() -> None:
     ended = [done for _, done in run_local([task(f"a{k}") for k in range(12)], PLAN, 2, die_on_b)]
     assert len({done.wall_s for done in ended if isinstance(done, Done)}) <= 2
+
+
+def test_workers_are_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local, "LOGS_PER_WORKER", 3)
+    ended = [done for _, done in run_local([task(f"a{k}") for k in range(7)], PLAN, 1, die_on_b)]
+    assert len(ended) == 7
+    assert len({done.wall_s for done in ended if isinstance(done, Done)}) == 3
 
 
 def test_an_error_of_the_folder_ends_the_run() -> None:
