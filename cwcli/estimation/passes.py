@@ -121,7 +121,14 @@ class TimeOrder:
 
 
 def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, reset_after: int) -> TimeOrder:
-    """The time order of a pass from `start_s` on."""
+    """The time order of a pass from `start_s` on.
+
+    Args:
+        series: The measurements of each source.
+        start_s: Seconds; what was measured before (latency taken off) is left out.
+        output_s: Shape (m,), increasing, seconds: when a state is wanted.
+        reset_after: Rejections in a row after which a source is believed again.
+    """
     in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
     series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
     patience = np.array([_patience(s, reset_after) for s in series], np.int32)
@@ -225,7 +232,18 @@ def run_events(
     smooth: bool,
     q_matrix: FloatArray | None = None,
 ) -> PassResult:
-    """Run the kernel over prepared events; `nis` and `status` of the result are one array each, in time order."""
+    """Run the kernel over prepared events; `nis` and `status` of the result are one array each, in time order.
+
+    Args:
+        events: Times and measurements in time order.
+        table: What the kernel needs to know of each source.
+        start: State (n,) and covariance (n, n) at the first event.
+        parameters: Of the motion model.
+        walk: Shape (n,): random walk variance per second of the parameter states (first eight unused).
+        n_output: How many of the events want a state.
+        smooth: Run the backward pass too.
+        q_matrix: Shape (6, 6), for the model with six states; else None.
+    """
     n, n_steps, n_updates = len(start.state), len(events.time_s), len(events.series)
     x, p = start.state.copy(), np.ascontiguousarray(start.covariance).copy()
     kept_steps, kept = (n_steps, 2 * n_updates) if smooth else (0, 0)

@@ -46,7 +46,7 @@ def epoch_ns(measurements: Sequence[Measurements]) -> int:
 
 
 def seconds(stamp_ns: Int64Array, epoch: int) -> FloatArray:
-    """Return stamps in seconds since the epoch: subtracted first, then scaled."""
+    """Stamps (n,) in ns as seconds (n,) since `epoch` (ns): subtracted first, then scaled."""
     return (stamp_ns - epoch) / NS_PER_S
 
 

@@ -59,7 +59,7 @@ def heading_from_compass_deg(compass_deg: float) -> float: ...
 @overload
 def heading_from_compass_deg(compass_deg: FloatArray) -> FloatArray: ...
 def heading_from_compass_deg(compass_deg: FloatArray | float) -> FloatArray | float:
-    """Heading (radians ccw from east, in (-pi, pi]) of a compass course (degrees clockwise from north)."""
+    """Heading (radians ccw from east, in (-pi, pi]) of a compass course (degrees clockwise from north); any shape."""
     course = np.asarray(compass_deg, dtype=np.float64)
     heading = wrap_angle(np.deg2rad(90.0 - course))
     return float(heading) if course.ndim == 0 else heading
@@ -70,7 +70,7 @@ def compass_deg_from_heading(heading_rad: float) -> float: ...
 @overload
 def compass_deg_from_heading(heading_rad: FloatArray) -> FloatArray: ...
 def compass_deg_from_heading(heading_rad: FloatArray | float) -> FloatArray | float:
-    """Compass course (degrees clockwise from north, in [0, 360)) of a heading (radians ccw from east)."""
+    """Compass course (degrees clockwise from north, in [0, 360)) of a heading (radians ccw from east), of any shape."""
     heading = np.asarray(heading_rad, dtype=np.float64)
     with np.errstate(invalid="ignore"):
         course = np.mod(90.0 - np.rad2deg(heading), 360.0)

@@ -85,7 +85,13 @@ def yaw_of(columns: Columns, base: str) -> FloatArray:
 
 
 def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
-    """The values, or NaN throughout when every one of them is exactly zero: a field that the sender never fills."""
+    """The values (n,), or NaN throughout when every one of them is exactly 0: a field that the sender never fills.
+
+    Args:
+        ledger: Takes a note if so.
+        values: Shape (n,), any unit; what is not finite becomes NaN.
+        name: Of the field, for the note.
+    """
     if len(values) > 1 and not np.any(values):
         ledger.note(f"{name} is exactly 0 in every message, taken as not measured")
         return np.full(len(values), np.nan)

@@ -61,7 +61,12 @@ def whole_numbers(columns: Columns, *paths: str) -> tuple[Int64Array, BoolArray]
 
 
 def texts(columns: Columns, *paths: str) -> Strings | None:
-    """A field as strings, or None when there is none. Numbers are spelled as integers, byte sequences in hex."""
+    """A field as n strings, or None when there is none. Numbers are spelled as integers, byte sequences in hex.
+
+    Args:
+        columns: n messages.
+        paths: Names of the field; the first that is there counts.
+    """
     field = find(columns, *paths)
     if field is None or isinstance(field, Strings):
         return field
@@ -77,7 +82,7 @@ def texts(columns: Columns, *paths: str) -> Strings | None:
 
 
 def strings_from(rows: list[str]) -> Strings:
-    """Dictionary-code a list of strings, in order of first appearance; an empty one is absent (code -1)."""
+    """Dictionary-code n strings, in order of first appearance; an empty one is absent (code -1)."""
     index: dict[str, int] = {}
     codes = [index.setdefault(row, len(index)) if row else -1 for row in rows]
     return Strings(codes=np.array(codes, dtype=np.int32), values=tuple(index))

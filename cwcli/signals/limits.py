@@ -37,7 +37,14 @@ def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unle
 
 
 def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> FloatArray:
-    """The values, NaN where they are not finite or beyond the limit; those beyond it are counted as left out."""
+    """The values (n,), NaN where they are not finite or beyond the limit; those beyond it are counted as left out.
+
+    Args:
+        ledger: Counts them, row by row.
+        values: Shape (n,), in the unit of `limit`.
+        limit: Largest size that is believed.
+        name: Of the quantity, for the reason.
+    """
     with np.errstate(invalid="ignore"):
         is_beyond = np.isfinite(values) & (np.abs(values) > limit)
     ledger.repair(is_beyond, f"{name} out of range, left out")

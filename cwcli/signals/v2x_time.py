@@ -68,7 +68,7 @@ def its_ms_from_unix_ns(unix_ns: Int64Array) -> Int64Array:
 
 
 def or_log_time(ledger: RowLedger, stamp_ns: Int64Array, has_time: BoolArray) -> Int64Array:
-    """The message times where they can be used, else the log times, counted.
+    """The message times (n,) where they can be used, else the log times, counted; int64 ns.
 
     A message clock that is more than `MAX_DISAGREEMENT_S` from the log time is not used: the age that it would say is
     beyond what a V2X link has, and beyond what the wrapped time can tell.
