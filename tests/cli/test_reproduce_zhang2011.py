@@ -10,7 +10,7 @@ import pytest
 
 from tests.cli.conftest import Run
 
-SMALL = ("reproduce", "zhang2011", "--frames", "10", "--seeds", "2")
+SMALL = ("reproduce", "zhang2011", "--frames", "10", "--seeds", "3")
 
 
 def test_lanes_and_motion_stand_beside_the_paper_s(cwcli: Run, tmp_path: Path) -> None:
@@ -18,7 +18,7 @@ def test_lanes_and_motion_stand_beside_the_paper_s(cwcli: Run, tmp_path: Path) -
     done = cwcli(*SMALL, "--json", "--metrics", "z.csv", "--plots", "figures")
     assert done.returncode == 0, done.stderr.decode()
     document = json.loads(done.stdout)
-    assert (document["paper"], document["seeds"], document["frames"]) == ("zhang2011", 2, 10)
+    assert (document["paper"], document["seeds"], document["frames"]) == ("zhang2011", 3, 10)
     assert [row["paper"] for row in document["sections"]["conclusion_1"] if row["paper"] is not None] == [100.0, 90.0]
     assert {"fig_14", "fig_17", "table_4"} <= set(document["sections"])
     assert [row["paper ms"] for row in document["sections"]["table_4"] if row["paper ms"]] == [210.0, 150.0, 30.0]

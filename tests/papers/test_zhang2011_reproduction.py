@@ -55,8 +55,8 @@ def test_a_frame_is_judged_against_its_truth() -> None:
 
 
 def test_columns_of_a_search_image_of_half_the_size() -> None:
-    # Row v of the image lies at v / 2 - 1/4 in one of half the size, so at y = 120 - (v - 0.5) / 2; x = y + 9.5 is there
-    # column x - 1, which is 2 (x - 0.5) - 0.5 in the image.
+    # Row v of the image lies at v / 2 - 1/4 in one of half the size, so at y = 120 - (v - 0.5) / 2. There x = y + 9.5
+    # is column x - 1, which is 2 (x - 0.5) - 0.5 in the image.
     columns = columns_px(Boundary(0.0, 1.0, 9.5, 0.0, 1.0, True), SIZE, (160, 120))
     for v in (0, 101, 239):
         y = 120.0 - (v - 0.5) / 2.0

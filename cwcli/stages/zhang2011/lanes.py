@@ -150,4 +150,4 @@ def _times(results: Results) -> Section:
             paper = paper_ms if key == PAPER_METHOD else None
             rows.append((key, phase, paper, round(float(search_ms), 3), round(float(prepare_ms), 3)))
     columns = ("method", "phase", "paper ms", "search ms", "before it ms")
-    return Section("table_4", "table 4: time of a frame, both boundaries, median", columns, tuple(rows))
+    return Section("table_4", "table 4: processor time of a frame, both boundaries, median", columns, tuple(rows))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +22,6 @@ PAPER_BOUND_PERCENT = 10.0
 HALF_LOAD_BOUND_PERCENT = 3.0
 LOAD_BOUND_PERCENT = 5.0
 CONVERGED_S = 1.0
-RENDERED_SEEDS = 2
 STATIC_S = 1.0
 """The static error is the largest of the last second."""
 EQUAL_PERCENT = 0.05
@@ -183,34 +181,6 @@ def run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
         "yaw_rate_radps": ColumnDoc(doc="of the car"),
     }
     return Table(figure.replace(" ", "_"), columns, docs)
-
-
-def motion_parts(
-    n_seeds: int, tick: Callable[[str], None] = lambda what: None, *, n_rendered: int = RENDERED_SEEDS
-) -> list[Part]:
-    """All parts of the paper's second half.
-
-    Args:
-        n_seeds: Of figures 17 to 19.
-        tick: Called with the name of each part that is done.
-        n_rendered: Seeds of figures 17 to 19 that are also rendered and seen by the default lane method, at most
-            `n_seeds`; each takes some seconds.
-    """
-    from cwcli.stages.zhang2011.drives import DRIVES, drive_part
-    from cwcli.vision.methods import DEFAULT_METHOD
-
-    parts = [example_part()]
-    tick("worked example")
-    for figure in PAPER_RUNS:
-        parts.append(run_part(figure))
-        tick(figure)
-    for figure in DRIVES:
-        parts.append(drive_part(figure, n_seeds))
-        tick(figure)
-        if n_rendered > 0:
-            parts.append(drive_part(figure, min(n_rendered, n_seeds), lane_method=DEFAULT_METHOD))
-            tick(f"{figure}, rendered")
-    return parts
 
 
 def _compared(figure: str, what: str, unit: str, paper: float, ours: float, tolerance: float) -> Finding:
