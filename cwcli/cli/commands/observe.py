@@ -14,7 +14,7 @@ from cwcli.errors import UsageError
 from cwcli.stages.call import StageCall
 
 EXAMPLES = (
-    "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml --metrics observer.parquet",
+    "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml",
     "cwcli observe lanes.mcap --method zhang2011 --load full",
     "cwcli lanes drive.mcap -o - | cwcli observe - -o observed.mcap",
 )

@@ -16,7 +16,7 @@ from cwcli.stages.call import StageCall
 EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
     "cwcli estimate drive.mcap -o - | cwcli predict - -o predicted.mcap",
-    "cwcli predict observed.mcap --from observer --horizon 2.0 -o predicted.mcap --render /camera/annotated",
+    "cwcli predict observed.mcap --from observer -o p.mcap --render /camera/drawn",
 )
 
 

@@ -15,7 +15,7 @@ from cwcli.cli.text import count
 
 EXAMPLES = (
     "cwcli report out/ -o report.html",
-    "cwcli report annotated.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
+    "cwcli report drive.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
 )
 
 SourceArgument = Annotated[
