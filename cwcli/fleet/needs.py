@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from cwcli.errors import MissingSignalError
 from cwcli.signals.roles import ROLE_TEXT, Role, bind
 from cwcli.stages.call import Selection, StageCall
-from cwcli.stages.needs import NEEDS
+from cwcli.stages.needs import NEEDS, PREDICT_FROM_OBSERVER, STAGES, WARN_OF_TARGETS, Need
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
 
-DEFAULT_STAGES = tuple(stage for stage in NEEDS if stage != "control")
+DEFAULT_STAGES = tuple(stage for stage in STAGES if stage != "control")
 """Replaying warnings with a controller is no part of looking at a drive; it runs when it is asked for."""
 NO_REMOTE = "no channel holds remote vehicles (BSM or CAM messages)"
 NO_REMOTE_MESSAGE = "no message of another vehicle could be used"
@@ -39,11 +39,11 @@ class SignalsFor:
 
     Attributes:
         ego_station: V2X station of the ego, or None.
-        required: Stage -> the roles that it needs with its configuration, where those differ from `NEEDS`.
+        needs: Stage -> what it needs with its configuration, where that differs from `NEEDS`.
     """
 
     ego_station: str | None = None
-    required: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    needs: Mapping[str, Need] = field(default_factory=dict)
 
     def __call__(self, stage: str, log: Log, selection: Selection) -> Missing | None:
         """Why `stage` can't run on the log as it is now; None if it can.
@@ -52,10 +52,10 @@ class SignalsFor:
             MissingSignalError: Two channels could be the ego's position: a choice that the user must make.
             UsageError: An override of a topic does not fit the log.
         """
-        for name in self.required.get(stage, NEEDS[stage].required):
-            role = Role(name)
-            error = self._unbound(role, log, selection)
-            if error is None:
+        for group in self.needs.get(stage, NEEDS[stage]).groups:
+            errors = [self._unbound(Role(name), log, selection) for name in group]
+            role, error = Role(group[0]), errors[0]
+            if error is None or None in errors:
                 continue
             notes = bind(
                 log.channels,
@@ -92,13 +92,13 @@ class SignalsFor:
 
 def signals_for(calls: Mapping[str, StageCall], ego_station: str | None) -> SignalsFor:
     """The question with these stages' configurations in mind."""
-    required: dict[str, tuple[str, ...]] = {}
+    needs: dict[str, Need] = {}
     if "warn" in calls:
         config = calls["warn"].config
         if config.rules:  # each of them may need other roles; the stage leaves those out that it lacks
-            required["warn"] = ()
+            needs["warn"] = Need(required=())
         elif config.source == "targets":
-            required["warn"] = ("ego_state", "ego_path", "targets")
+            needs["warn"] = NEEDS[WARN_OF_TARGETS]
     if "predict" in calls and calls["predict"].config.origin == "observer":
-        required["predict"] = ("observer",)
-    return SignalsFor(ego_station, required)
+        needs["predict"] = NEEDS[PREDICT_FROM_OBSERVER]
+    return SignalsFor(ego_station, needs)

@@ -92,7 +92,7 @@ def _commands(bound: set[str]) -> Document:
     from cwcli.stages.needs import readiness
 
     return {
-        entry.stage: {
+        entry.command: {
             "ready": entry.is_ready,
             "after": list(entry.after),
             "missing": list(entry.missing),
@@ -150,7 +150,8 @@ def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:
     rows: list[tuple[Cell, ...]] = []
     for name, entry in commands.items():
         if entry["missing"]:
-            rows.append((name, "no", f"needs {join_names(entry['missing'])}"))
+            if " " not in name:  # a way that is not the default one is listed where it is open
+                rows.append((name, "no", f"needs {join_names(entry['missing'])}"))
             continue
         answer = "yes" if entry["ready"] else f"after {join_names(entry['after'])}"
         rows.append((name, answer, f"could use {join_names(entry['would_use'])}" if entry["would_use"] else "-"))
