@@ -13,8 +13,8 @@ def ridges(grey: _G, rows: _I, horizon_v: float, shape: _F, evidence: _E) -> Non
 
     The mean of a window of a marking's width, minus the greater mean of the windows on both sides, minus a share of
     their difference, is the contrast C; C^2 / (C^2 + N^2) with the noise N = floor + relative * side + rough * (mean
-    depth of dark stripes in the row), above a dead zone, is the evidence. It is divided by 1 + (mean of the row / crowded)^2: where every other pixel looks
-    like a stripe, none counts.
+    depth of dark stripes in the row), above a dead zone, is the evidence. It is divided by 1 + (mean of the row /
+    crowded)^2: where every other pixel looks like a stripe, none counts.
 
     Args:
         grey: Shape (height, width).
@@ -70,8 +70,8 @@ def objective(
     """The objective of lanes of shape (k, 5) into `value`; -1e30 outside the prior's limits.
 
     For each segment of rows, and each boundary, the summed evidence e counts e / (e + half); the mean over the
-    segments, minus weight times the squared distance z^2 from the prior in sigmas, is the objective; the bend counts z^2 / (1 + z^2 / 9). `broad` is looked up
-    for the neighbouring lanes' boundaries.
+    segments, minus weight times the squared distance z^2 from the prior in sigmas, is the objective; the bend counts
+    z^2 / (1 + z^2 / 9). `broad` is looked up for the neighbouring lanes' boundaries.
     """
 
 def refine(

@@ -1,9 +1,9 @@
 """The sets of frames: `good` and `complex`, as zhang2011 divides its tests (conclusion 1), and `hard`.
 
 The paper gives no numbers of either set; `SETS` is the one place that defines them here. What it does say (section
-1.2.1): in a complex environment there is much noise, and the gradient may be missing in places, but along the boundary as
-a whole it is very clear. So a boundary of `good` is painted all along, and one of `complex` on more than half of its
-rows; dashed lines (25 to 40 % painted) and double ones belong to `hard`, which the paper does not describe
+1.2.1): in a complex environment there is much noise, and the gradient may be missing in places, but along the boundary
+as a whole it is very clear. So a boundary of `good` is painted all along, and one of `complex` on more than half of
+its rows; dashed lines (25 to 40 % painted) and double ones belong to `hard`, which the paper does not describe
 (docs/road-renderer.md explains each value, and tells what was set with zhang2011's results in view).
 """
 
