@@ -23,6 +23,8 @@ TUSIMPLE_TIME_MS = 200.0
 TUSIMPLE_ABSENT = -100.0
 TUSIMPLE_LANES = 4
 """Truth of more lanes than this holds an extra one, of a lane change, that may be missed."""
+TUSIMPLE_SPARE = 2
+"""A frame with more predictions than this beyond the truth's lanes counts for nothing."""
 
 VISUAL_PIXELS = 6.0
 VISUAL_SHARE = 0.85
@@ -40,7 +42,7 @@ class TuSimpleScore:
         accuracy: Share of the rows on which the best prediction is near enough, averaged over the truth's lanes.
         false_positive: Share of the predicted lanes that match no lane of the truth. Negative where one prediction
             matches several lanes: the public scorer counts it for each of them.
-        false_negative: Share of the truth's lanes that no prediction matches.
+        false_negative: Share of the truth's lanes, four at most, that no prediction matches.
     """
 
     accuracy: float
@@ -57,13 +59,16 @@ def tusimple_score(
 ) -> TuSimpleScore:
     """One frame as TuSimple's public scorer judges it (tusimple-benchmark, evaluate/lane.py, `LaneEval.bench`).
 
+    Its last revision, with which published results are made; an early one had neither the limit on the number of
+    predictions nor the four in the false negatives.
+
     A row counts if the columns differ by less than 20 px / cos(angle), the angle that of a straight line through the
     truth's lane; a row on which both are absent counts too. A lane is matched if its best prediction has 85 % of its
     rows. The scorer's special cases are kept:
 
-    - a prediction with another number of rows, or a time above 200 ms, gives 0, 0, 1 for the frame;
-    - of more than four lanes of truth the worst one is left out of the accuracy, which is then a mean of four, and one
-      miss is forgiven;
+    - more than two predictions more than lanes of truth, or a time above 200 ms, give 0, 0, 1 for the frame;
+    - of more than four lanes of truth the worst one is left out of the accuracy, one miss is forgiven, and both are
+      shares of four;
     - without predictions the false positives are 0; without truth the accuracy and the false negatives are 0;
     - several lanes of truth may take the same prediction.
 
@@ -74,14 +79,15 @@ def tusimple_score(
         time_ms: What the prediction took.
 
     Raises:
-        ValueError: There are no rows, or a lane of the truth has another number of them.
+        ValueError: There are no rows, or a lane has another number of them.
     """
     n = len(h_samples)
     if n == 0:
         raise ValueError("h_samples is empty")
-    if any(len(lane) != n for lane in truth):
-        raise ValueError("a lane of the truth does not have a column for every row")
-    if time_ms > TUSIMPLE_TIME_MS or any(len(lane) != n for lane in predicted):
+    for name, lines in (("truth", truth), ("prediction", predicted)):
+        if any(len(lane) != n for lane in lines):
+            raise ValueError(f"a lane of the {name} does not have a column for every row")
+    if time_ms > TUSIMPLE_TIME_MS or len(predicted) > len(truth) + TUSIMPLE_SPARE:
         return TuSimpleScore(0.0, 0.0, 1.0)
     rows = np.asarray(h_samples, np.float64)
     lanes = [np.asarray(lane, np.float64) for lane in truth]
@@ -97,31 +103,24 @@ def tusimple_score(
     if len(lanes) > TUSIMPLE_LANES:
         missed -= missed > 0
         total -= min(best)
+    n_lanes = max(min(TUSIMPLE_LANES, len(lanes)), 1)
     return TuSimpleScore(
-        accuracy=total / max(min(TUSIMPLE_LANES, len(lanes)), 1),
+        accuracy=total / n_lanes,
         false_positive=unmatched / len(guesses) if guesses else 0.0,
-        false_negative=missed / max(len(lanes), 1),
+        false_negative=missed / n_lanes,
     )
 
 
-def tusimple_total(scores: Sequence[TuSimpleScore], n_frames: int | None = None) -> TuSimpleScore:
-    """The mean over the frames (`LaneEval.bench_one_submit`).
-
-    Args:
-        scores: Of the frames that have a prediction.
-        n_frames: Frames of the truth; as the scorer does it, those without a prediction add nothing to any of the sums.
+def tusimple_total(scores: Sequence[TuSimpleScore]) -> TuSimpleScore:
+    """The mean over all frames of the truth (`LaneEval.bench_one_submit`, which refuses to judge only some of them).
 
     Raises:
-        ValueError: There is no frame, or there are more scores than frames.
+        ValueError: There is no frame.
     """
-    n = len(scores) if n_frames is None else n_frames
-    if n < 1 or len(scores) > n:
-        raise ValueError(f"{len(scores)} scores of {n} frames")
-    return TuSimpleScore(
-        sum(score.accuracy for score in scores) / n,
-        sum(score.false_positive for score in scores) / n,
-        sum(score.false_negative for score in scores) / n,
-    )
+    if not scores:
+        raise ValueError("there is no frame")
+    names = ("accuracy", "false_positive", "false_negative")
+    return TuSimpleScore(*(sum(getattr(score, name) for score in scores) / len(scores) for name in names))
 
 
 def _angle(lane: FloatArray, rows: FloatArray) -> float:

@@ -52,7 +52,8 @@ def shifted(lane: list[float], px: float, rows: int = 20) -> list[float]:
         pytest.param([UPRIGHT], [[-2] * 10 + [300] * 10], (0.5, 1, 1), id="predicted-where-absent"),
         # Two lanes of truth 10 px apart take the same prediction: 1 - 2 matched of 1 predicted.
         pytest.param([UPRIGHT], [UPRIGHT, shifted(UPRIGHT, 10)], (1, -1, 0), id="one-prediction-matches-two"),
-        pytest.param([UPRIGHT[:-1]], [UPRIGHT], (0, 0, 1), id="another-number-of-rows"),
+        pytest.param([UPRIGHT, FAR, FAR], [UPRIGHT], (1, 2 / 3, 0), id="two-too-many"),
+        pytest.param([UPRIGHT, FAR, FAR, FAR], [UPRIGHT], (0, 0, 1), id="three-too-many-count-for-nothing"),
     ],
 )
 def test_tusimple_by_hand(
@@ -80,8 +81,8 @@ def test_tusimple_five_lanes_forgive_the_worst() -> None:
     lanes = [[200.0 * k] * 20 for k in range(5)]
     # Four found, one missed: accuracy (1+1+1+1+0 - 0)/4, one miss forgiven.
     assert tusimple_score(lanes[:4], lanes, H) == TuSimpleScore(1.0, 0.0, 0.0)
-    # Three found: 3/4; two missed, one forgiven: 1/5.
-    assert tusimple_score(lanes[:3], lanes, H) == TuSimpleScore(0.75, 0.0, 0.2)
+    # Three found: 3/4; two missed, one forgiven, out of four: 1/4.
+    assert tusimple_score(lanes[:3], lanes, H) == TuSimpleScore(0.75, 0.0, 0.25)
 
 
 def test_tusimple_slow_prediction_scores_nothing() -> None:
@@ -91,6 +92,8 @@ def test_tusimple_slow_prediction_scores_nothing() -> None:
 
 def _plain_rules(pred: np.ndarray, gt: np.ndarray, rows: np.ndarray) -> tuple[float, float, float]:
     """TuSimple's rules written point by point, the line by `np.polyfit`."""
+    if len(pred) > len(gt) + 2:
+        return 0.0, 0.0, 1.0
     best = []
     for lane in gt:
         points = [(y, x) for y, x in zip(rows, lane, strict=True) if x >= 0]
@@ -108,7 +111,7 @@ def _plain_rules(pred: np.ndarray, gt: np.ndarray, rows: np.ndarray) -> tuple[fl
         missed = max(missed - 1, 0)
         best.remove(min(best))
     n = min(4, len(gt))
-    return sum(best) / n, (len(pred) - matched) / len(pred), missed / len(gt)
+    return sum(best) / n, (len(pred) - matched) / len(pred), missed / n
 
 
 def test_tusimple_as_the_plain_rules_on_random_lanes() -> None:
@@ -125,17 +128,23 @@ def test_tusimple_as_the_plain_rules_on_random_lanes() -> None:
         assert (score.accuracy, score.false_positive, score.false_negative) == pytest.approx(expected)
 
 
-def test_tusimple_total_is_the_mean_over_the_truths_frames() -> None:
+def test_tusimple_total_is_the_mean_over_the_frames() -> None:
     scores = [TuSimpleScore(1.0, 0.0, 0.0), TuSimpleScore(0.5, 0.5, 1.0)]
     assert tusimple_total(scores) == TuSimpleScore(0.75, 0.25, 0.5)
-    assert tusimple_total(scores, 4) == TuSimpleScore(0.375, 0.125, 0.25)
-    with pytest.raises(ValueError, match="2 scores of 1 frames"):
-        tusimple_total(scores, 1)
+    with pytest.raises(ValueError, match="no frame"):
+        tusimple_total([])
 
 
 def test_tusimple_refuses_a_truth_without_rows() -> None:
     with pytest.raises(ValueError, match="empty"):
         tusimple_score([], [], [])
+
+
+def test_tusimple_refuses_a_lane_with_another_number_of_rows() -> None:
+    with pytest.raises(ValueError, match="prediction does not have"):
+        tusimple_score([UPRIGHT[:-1]], [UPRIGHT], H)
+    with pytest.raises(ValueError, match="truth does not have"):
+        tusimple_score([UPRIGHT], [UPRIGHT[:-1]], H)
 
 
 def test_visual_standard_needs_85_percent_of_the_visible_rows_of_both() -> None:
