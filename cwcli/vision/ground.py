@@ -124,11 +124,12 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     mount[:, 0] = np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad)
     mount[:, 1] = np.where(np.isnan(fits.yaw_rad), camera.mounting.yaw_rad, fits.yaw_rad)
     mount[:, 2] = camera.mounting.height_m
-    body = _body(parabolas, mount, camera)
+    body, use = _body(parabolas, mount, camera)
     values = _preview(body, preview_m)
     assumed = parabola_covariance(camera, sigmas.pixel_px)
     variance = np.zeros_like(values)
-    moved_bodies = [_body(parabolas + step, mount, camera) for step in np.diag(PARABOLA_STEPS)]
+    # With the same samples: one that enters or leaves within a step would look like an infinite slope.
+    moved_bodies = [_body(parabolas + step, mount, camera, use)[0] for step in np.diag(PARABOLA_STEPS)]
     for side in range(2):
         jacobian = np.empty((n, 3, 3))
         for k, moved_body in enumerate(moved_bodies):
@@ -142,7 +143,7 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
         moved_mount = mount.copy()
         moved_mount[:, k] += MOUNTING_STEP
-        slope = (_preview(_body(parabolas, moved_mount, camera), preview_m) - values) / MOUNTING_STEP
+        slope = (_preview(_body(parabolas, moved_mount, camera, use)[0], preview_m) - values) / MOUNTING_STEP
         variance += (slope * sigma) ** 2
     sigma_of = np.where(np.isnan(values), np.nan, np.sqrt(variance))
     return LaneGeometry(
@@ -158,12 +159,15 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     )
 
 
-def _body(parabolas: FloatArray, mount: FloatArray, camera: Camera) -> FloatArray:
-    """Shape (n, 2, 3): y0, slope, curvature of each boundary on the ground.
+def _body(
+    parabolas: FloatArray, mount: FloatArray, camera: Camera, use: BoolArray | None = None
+) -> tuple[FloatArray, BoolArray]:
+    """Shape (n, 2, 3): y0, slope, curvature of each boundary on the ground; and the samples that were used.
 
     Args:
         parabolas: Shape (n, 2, 3).
         mount: Shape (n, 3): pitch, yaw, height.
+        use: Shape (n, 2, `N_SAMPLES`): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
     top = _top_y_px(camera, mount[:, 0])
@@ -178,12 +182,12 @@ def _body(parabolas: FloatArray, mount: FloatArray, camera: Camera) -> FloatArra
         scale = np.where(directions[..., 2] < 0.0, -mount[:, 2, None, None] / directions[..., 2], np.nan)
     x_m = scale * directions[..., 0]
     y_m = scale * directions[..., 1] + camera.mounting.lateral_offset_m
-    in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
-    in_image |= (
-        in_image.sum(axis=-1, keepdims=True) < MIN_SAMPLES
-    )  # hardly anything is seen of it: take what is outside
-    use = is_there & in_image & (x_m > NEAR_M) & (x_m < 2.0 * FAR_M)
-    return _fit_roads(x_m, y_m, y_px / camera.height_px, use)
+    if use is None:
+        in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
+        # Where hardly anything is seen of it, take what is outside.
+        in_image |= in_image.sum(axis=-1, keepdims=True) < MIN_SAMPLES
+        use = is_there & in_image & (x_m > NEAR_M) & (x_m < 2.0 * FAR_M)
+    return _fit_roads(x_m, y_m, y_px / camera.height_px, use), use
 
 
 def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:

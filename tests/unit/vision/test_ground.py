@@ -121,5 +121,19 @@ def test_sigmas_are_those_of_a_monte_carlo_run() -> None:
     np.testing.assert_allclose(expected, spread, rtol=0.15)
 
 
+def test_sigmas_do_not_jump_where_a_sample_leaves_the_image() -> None:
+    # The boundary moves sideways in steps of 0.02 pixels, less than the steps of the finite differences.
+    camera = replace(CAMERA, mounting=Mounting(height_m=1.3, pitch_rad=0.02))
+    fits = [
+        LaneFit(
+            Boundary(0.001, 1.2, -30.0 + shift, 1.0, 0.9, True), Boundary(0.001, -1.2, 350.0 - shift, 1.0, 0.9, True)
+        )
+        for shift in np.arange(0.0, 30.0, 0.02)
+    ]
+    made = lane_geometry(columns_of(fits), camera, preview_m=33.5)
+    for sigma in (made.lateral_deviation_sigma_m, made.heading_deviation_sigma_rad, made.curvature_sigma_1pm):
+        assert sigma.max() < 1.5 * np.median(sigma)
+
+
 def test_no_frames_give_no_rows() -> None:
     assert len(lane_geometry(columns_of([]), CAMERA, preview_m=PREVIEW_M).lane_width_m) == 0
