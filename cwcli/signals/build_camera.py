@@ -11,19 +11,39 @@ from cwcli.signals.leaves import find, frame_id, numbers
 from cwcli.signals.quality import Quality, RowLedger
 
 CHANGED = "calibration differs from the first one, not used"
+NO_LENS = "calibration that no lens has"
+MAX_SIDE_PX = 100_000
+FOCAL_SHARES = (0.02, 200.0)
+"""Of a focal length in pixels over the larger side: from a fisheye's to a telescope's."""
+MAX_CENTRE_SHARE = 10.0
+"""Of the principal point's distance from the image's corner over the larger side."""
+MAX_STRETCH = 3.0
+"""Between both focal lengths."""
 
 
 def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSignal, Quality]:
     """Build the calibration from the first message with an image size and a focal length; later ones must agree.
 
+    A focal length, principal point, size or distortion beyond what any lens has (`FOCAL_SHARES` and so on) is rejected.
     ROS names its matrices `d`, `k`, `r`, `p` (ROS 1 and some JSON in capitals), foxglove `D`, `K`, `R`, `P`. An R or P
-    of all zeros or of no length is not given: R becomes the identity, P is K with a fourth column of zeros.
+    of all zeros or of no length, or a P that no lens has, is not given: R becomes the identity, P is K with a fourth
+    column of zeros.
     """
     ledger = RowLedger(columns, reading.role)
     width_px, height_px = numbers(columns, "width"), numbers(columns, "height")
     k = [_row(find(columns, "k", "K"), row) for row in range(len(columns))]
     has_focal_length = np.array([len(matrix) == 9 and matrix[0] > 0.0 for matrix in k], dtype=np.bool_)
     ledger.reject(~has_focal_length | ~(width_px > 0) | ~(height_px > 0), "calibration without size or focal length")
+    d = [_row(find(columns, "d", "D"), row) for row in range(len(columns))]
+    sides = np.column_stack([width_px, height_px]).astype(np.float64)
+    known: dict[bytes, bool] = {}  # most logs repeat one message
+    is_lens = np.zeros(len(columns), dtype=np.bool_)
+    for row, (matrix, size, each) in enumerate(zip(k, sides, d, strict=True)):
+        key = matrix.tobytes() + size.tobytes() + each.tobytes()
+        if key not in known:
+            known[key] = _is_lens(matrix, size) and bool(np.isfinite(each).all())
+        is_lens[row] = known[key]
+    ledger.reject(~is_lens, NO_LENS)
     rows = ledger.rows
     first = int(rows[0]) if len(rows) else -1
     differs = np.zeros(len(columns), dtype=np.bool_)
@@ -33,6 +53,7 @@ def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSig
     ledger.quality.used = len(ledger.rows)
     intrinsic = k[first].reshape(3, 3) if first >= 0 else np.full((3, 3), np.nan)
     r, p = _row(find(columns, "r", "R"), first), _row(find(columns, "p", "P"), first)
+    has_projection = len(p) == 12 and _is_lens(p, sides[first])
     model = find(columns, "distortion_model")
     named = isinstance(model, Strings) and first >= 0 and model.codes[first] >= 0
     signal = CameraInfoSignal(
@@ -41,12 +62,26 @@ def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSig
         width_px=int(width_px[first]) if first >= 0 else 0,
         height_px=int(height_px[first]) if first >= 0 else 0,
         distortion_model=model.values[model.codes[first]] if isinstance(model, Strings) and named else "",
-        distortion=_row(find(columns, "d", "D"), first),
+        distortion=d[first] if first >= 0 else np.zeros(0),
         intrinsic=intrinsic,
         rectification=r.reshape(3, 3) if len(r) == 9 and np.any(r) else np.eye(3),
-        projection=p.reshape(3, 4) if len(p) == 12 and np.any(p) else np.hstack([intrinsic, np.zeros((3, 1))]),
+        projection=p.reshape(3, 4) if has_projection else np.hstack([intrinsic, np.zeros((3, 1))]),
     )
     return signal, ledger.quality
+
+
+def _is_lens(matrix: FloatArray, size: FloatArray) -> bool:
+    """Whether a lens may have the intrinsics in K (9 numbers) or P (12) for images of (width, height)."""
+    if len(matrix) not in (9, 12) or not np.isfinite(matrix).all() or not (size <= MAX_SIDE_PX).all():
+        return False
+    table, longer = matrix.reshape(3, -1), float(size.max())
+    focal, centre = np.array([table[0, 0], table[1, 1]]), table[:2, 2]
+    has_focal = bool((focal >= FOCAL_SHARES[0] * longer).all() and (focal <= FOCAL_SHARES[1] * longer).all())
+    return (
+        has_focal
+        and bool(focal.max() <= MAX_STRETCH * focal.min())
+        and bool((np.abs(centre) <= MAX_CENTRE_SHARE * longer).all())
+    )
 
 
 def _row(field: Field | None, row: int) -> FloatArray:

@@ -24,6 +24,7 @@ from cwcli.vision.video import VIDEO_FORMATS, decode_video
 
 MIN_SIDE_PX = 32
 MAX_PIXELS = 50_000_000
+MAX_SIDES_RATIO = 10
 REDUCTIONS = (8, 4, 2)
 MAX_THREADS = 4
 QUEUED_PER_THREAD = 3
@@ -241,6 +242,8 @@ def _unfit(width_px: int, height_px: int) -> str:
         return f"more than {MAX_PIXELS // 1_000_000} megapixels"
     if width_px < MIN_SIDE_PX or height_px < MIN_SIDE_PX:
         return f"smaller than {MIN_SIDE_PX} x {MIN_SIDE_PX} pixels"
+    if max(width_px, height_px) > MAX_SIDES_RATIO * min(width_px, height_px):
+        return f"one side more than {MAX_SIDES_RATIO} times as long as the other"
     return ""
 
 

@@ -69,7 +69,8 @@ def raw_colour(frame: FrameLike) -> Image:
     encoding = frame.encoding.lower()
     if encoding in YUV422:
         name = "YUV2BGR_YUY2" if YUV422[encoding] == 0 else "YUV2BGR_UYVY"
-        return _converted(_pixels(frame, 2), getattr(cv2, f"COLOR_{name}"))
+        image = _converted(_even(_pixels(frame, 2)), getattr(cv2, f"COLOR_{name}"))
+        return np.ascontiguousarray(image[:, : frame.width])
     if encoding in BAYER:
         return _converted(_pixels(frame, 1)[:, :, 0], getattr(cv2, f"COLOR_BAYER_{BAYER[encoding]}2BGR"))
     if encoding in MONO16 or PACKED.get(encoding, (0, ""))[1] == "":
@@ -77,6 +78,11 @@ def raw_colour(frame: FrameLike) -> Image:
     n_bytes, order = _packed(encoding)
     pixels = _pixels(frame, n_bytes)
     return pixels.copy() if order == "BGR" else _converted(pixels, getattr(cv2, f"COLOR_{order}2BGR"))
+
+
+def _even(pixels: Image) -> Image:
+    """Two-byte pixels with an even number of columns: colour is shared by two; the last one of an odd row is alone."""
+    return pixels if pixels.shape[1] % 2 == 0 else np.concatenate([pixels, pixels[:, -2:-1]], axis=1)
 
 
 def _packed(encoding: str) -> tuple[int, str]:

@@ -201,6 +201,37 @@ def test_camera_info_that_changes_or_is_empty_is_counted() -> None:
     assert (quality.read, quality.used, sum(quality.rejected.values())) == (3, 1, 2)
 
 
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [(0, np.inf), (4, 0.0), (4, -500.0), (4, np.nan), (2, np.nan), (5, 1e300), (0, 1e300), (0, 1e-300), (4, 5.0)],
+)
+def test_camera_info_that_no_lens_has_is_rejected(place: int, value: float) -> None:
+    k = np.array([[500.0, 0, 320, 0, 500, 240, 0, 0, 1]])
+    k[0, place] = value
+    fields = {"width": [640], "height": [480], "K": k}
+    signal, quality = build(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
+    assert isinstance(signal, CameraInfoSignal)
+    assert signal.width_px == 0
+    assert sum(quality.rejected.values()) == 1
+
+
+@pytest.mark.parametrize(("width", "height", "d"), [(1e12, 1e12, [0.0] * 5), (640, 480, [0.1, np.nan, 0, 0, 0])])
+def test_camera_info_of_impossible_size_or_distortion_is_rejected(width: float, height: float, d: list[float]) -> None:
+    k = np.array([[0.8 * width, 0, width / 2, 0, 0.8 * width, height / 2, 0, 0, 1]])
+    fields: dict[str, Any] = {"width": [width], "height": [height], "K": k, "D": np.array([d])}
+    _, quality = build(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
+    assert (quality.used, sum(quality.rejected.values())) == (0, 1)
+
+
+def test_projection_of_no_lens_is_not_given() -> None:
+    k = np.array([[500.0, 0, 320, 0, 500, 240, 0, 0, 1]])
+    p = np.array([[500.0, 0, 320, 0, 0, 0.0, 240, 0, 0, 0, 1, 0]])
+    fields = {"width": [640], "height": [480], "K": k, "P": p}
+    signal, _ = build(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
+    assert isinstance(signal, CameraInfoSignal)
+    np.testing.assert_array_equal(signal.projection[:, :3], k.reshape(3, 3))
+
+
 @pytest.mark.parametrize("value", [1e4, -3e38, 1e300])
 def test_speed_that_no_car_drives_is_rejected(value: float) -> None:
     fields = stamp_fields(STEADY_NS[:3]) | {

@@ -134,6 +134,7 @@ def test_damage_is_a_reason_not_an_error() -> None:
         "damaged": FakeFrame(png[:40] + b"\x00" * 100 + png[140:]),
         "smaller than 32 x 32 pixels": FakeFrame(encoded(gradient(1, 1))),
         f"more than {MAX_PIXELS // 1_000_000} megapixels": FakeFrame(png_header(10_000, 10_000)),
+        "one side more than 10 times as long as the other": FakeFrame(encoded(gradient(2000, 32))),
         "the encoding 32fc1 is not supported": FakeFrame(b"\x00" * 40_000, width=100, height=100, encoding="32FC1"),
         "fewer bytes than width, height and encoding need": FakeFrame(
             b"\x00" * 9, width=64, height=48, encoding="mono8"
@@ -143,6 +144,18 @@ def test_damage_is_a_reason_not_an_error() -> None:
         decoded = decode_frame(0, frame, same_size)
         assert decoded.image is None
         assert decoded.rejected == reason
+
+
+@pytest.mark.parametrize("encoding", ["yuyv", "uyvy", "bayer_rggb8", "rgb8", "mono16"])
+def test_raw_images_of_odd_sizes_come_in_colour_too(encoding: str) -> None:
+    width_px, height_px = 65, 49
+    row_bytes = width_px * {"yuyv": 2, "uyvy": 2, "rgb8": 3, "mono16": 2}.get(encoding, 1)
+    data = np.full(row_bytes * height_px, 128, np.uint8).tobytes()
+    decoded = decode_frame(0, FakeFrame(data, width=width_px, height=height_px, encoding=encoding), None)
+    assert decoded.image is not None
+    assert decoded.image.shape == (height_px, width_px, 3)
+    if encoding != "rgb8":
+        assert np.abs(decoded.image.astype(int) - 128).max() <= 4
 
 
 def test_bomb_costs_no_time_and_no_memory() -> None:
