@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 MANIFEST, RUN_TIMES, ENTRY, ANNOTATED = "manifest.json", "run_times.json", "entry.json", "annotated.mcap"
+NOT_DONE = "it was not done"
 LOGS, METRICS, DETAILS, TABLES, SCRATCH = "logs", "metrics", "details", "tables", ".scratch"
 
 Document = dict[str, Any]
@@ -103,6 +104,78 @@ class LogFolder:
 
     def _sizes(self, paths: list[str]) -> list[int]:
         return [path.stat().st_size if path.is_file() else -1 for path in (self.out / name for name in paths)]
+
+
+@dataclass(frozen=True)
+class RecordedLog:
+    """What is known of one log of a run.
+
+    Attributes:
+        id: As it is recorded.
+        folder: Its part of the output folder; None where the id is no name of a file: it could lead elsewhere.
+        entry: Its own, else the manifest's, or {}.
+    """
+
+    id: str
+    folder: LogFolder | None
+    entry: Document
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """What is known of a run.
+
+    Attributes:
+        logs: In order of id.
+        gates: Gate expressions of its pipeline.
+    """
+
+    logs: tuple[RecordedLog, ...]
+    gates: tuple[str, ...]
+
+
+def read_output(out: Path) -> RecordedRun | None:
+    """The run whose output folder this is: the logs that the manifest names; without one, those that have a folder.
+
+    A killed run's manifest calls every log pending, so a log's own entry counts more. None of it is believed further
+    than its types go: the files may be anybody's.
+
+    Returns:
+        The run, or None if the folder holds none.
+    """
+    manifest = read_document(out / MANIFEST) or {}
+    listed = manifest.get("logs")
+    if not isinstance(listed, list):
+        listed = [{"id": name} for name in recorded_ids(out)]
+        if not listed:
+            return None
+    given = {each["id"]: each for each in listed if isinstance(each, dict) and isinstance(each.get("id"), str)}
+    logs = []
+    for name, entry in sorted(given.items()):
+        is_plain = name not in {"", ".", ".."} and not set(name) & {"/", "\\", "\0"}
+        folder = LogFolder(out, name) if is_plain else None
+        logs.append(RecordedLog(name, folder, (folder and folder.entry()) or entry))
+    pipeline = manifest.get("pipeline")
+    gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
+    kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
+    return RecordedRun(tuple(logs), kept)
+
+
+def new_entry(id: str, source: str) -> Document:
+    """The entry of a log of which nothing is known yet but that it is there."""
+    return {
+        "id": id,
+        "source": source,
+        "sha256": None,
+        "status": "failed",
+        "stages": [],
+        "left_out": {},
+        "error": None,
+        "faults": {},
+        "inputs": [],
+        "tables": {},
+        "key": None,
+    }
 
 
 def put_table(table: Table, path: Path) -> Path:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cwcli.errors import CwcliError, InputError, UsageError
-from cwcli.fleet.folder import MANIFEST, LogFolder, read_document, recorded_ids
+from cwcli.fleet.folder import MANIFEST, NOT_DONE, LogFolder, RecordedRun, read_output
 from cwcli.metrics.headline import COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
@@ -68,13 +68,9 @@ def read_metrics(source: str, *, truth: str = "auto", step: Callable[[str], None
 
 
 def _of_folder(source: str, path: Path, truth: str, step: Callable[[str], None]) -> RunMetrics:
-    manifest = read_document(path / MANIFEST)
-    if manifest is not None or any(True for _ in recorded_ids(path)):
-        logs = list(_of_output(path, manifest or {}, truth, step))
-        pipeline = (manifest or {}).get("pipeline")
-        gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
-        kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
-        return RunMetrics(source, tuple(sorted(logs, key=lambda log: log.id)), kept)
+    run = read_output(path)
+    if run is not None:
+        return RunMetrics(source, tuple(_of_output(path, run, truth, step)), run.gates)
     found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
     if not found:
         raise InputError(
@@ -94,24 +90,20 @@ def _of_folder(source: str, path: Path, truth: str, step: Callable[[str], None])
     return RunMetrics(source, tuple(logs))
 
 
-def _of_output(path: Path, manifest: dict[str, Any], truth: str, step: Callable[[str], None]) -> Iterator[LogMetrics]:
-    """The logs that the manifest names; of a run that was killed, those that have a folder."""
-    listed = manifest.get("logs")
-    entries = {each["id"]: each for each in listed or () if isinstance(each, dict) and isinstance(each.get("id"), str)}
-    for name in entries or recorded_ids(path):
-        if Path(name).name != name or name in {"", ".", ".."}:
-            raise InputError(f"the log id {name!r} is no name of a file", where=str(path / MANIFEST))
-        folder = LogFolder(path, name)
-        entry = folder.entry() or entries.get(name) or {}
-        if entry.get("status") != "done":
-            yield LogMetrics(name, error=_error(entry))
+def _of_output(path: Path, run: RecordedRun, truth: str, step: Callable[[str], None]) -> Iterator[LogMetrics]:
+    """The logs of an output folder."""
+    for log in run.logs:
+        if log.folder is None:
+            raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST))
+        if log.entry.get("status") != "done":
+            yield LogMetrics(log.id, error=_error(log.entry))
             continue
-        yield replace(_of_entry(folder, truth, step), sha256=str(entry.get("sha256") or ""))
+        yield replace(_of_entry(log.folder, truth, step), sha256=str(log.entry.get("sha256") or ""))
 
 
 def _of_entry(folder: LogFolder, truth: str, step: Callable[[str], None]) -> LogMetrics:
     try:
-        table = _read_table(folder.metrics)
+        table = read_metrics_table(folder.metrics)
         if table.metadata.get("truth", "auto") == truth:
             return LogMetrics(folder.id, rows_of(table), notes=notes_of(table))
     except (InputError, ValueError):
@@ -129,7 +121,7 @@ def _of_entry(folder: LogFolder, truth: str, step: Callable[[str], None]) -> Log
 def _error(entry: dict[str, Any]) -> str:
     error = entry.get("error")
     if not isinstance(error, dict):
-        return "it was not done"
+        return NOT_DONE
     where, what = error.get("where"), error.get("what")
     return f"{where}: {what}" if where else str(what)
 
@@ -153,7 +145,7 @@ def _input_sha256(log: Log) -> str:
 
 def _of_table(path: Path) -> list[LogMetrics]:
     """The logs of a table with a column `log`."""
-    table = _read_table(path)
+    table = read_metrics_table(path)
     ids = table.columns.get("log")
     if not isinstance(ids, list):
         raise InputError("the table has no column log", where=str(path), hint="make one: cwcli evaluate --metrics")
@@ -173,8 +165,8 @@ def _part(table: Table, rows: list[int]) -> Table:
     return Table(table.name, columns)
 
 
-def _read_table(path: Path) -> Table:
-    """A Parquet file of ours.
+def read_metrics_table(path: Path) -> Table:
+    """A table of headline metrics, as a run and `cwcli evaluate --metrics` write it.
 
     Raises:
         InputError: It can't be read, or lacks a column.

@@ -26,6 +26,7 @@ from cwcli.fleet.folder import (
     Document,
     LogFolder,
     make_folders,
+    new_entry,
     read_document,
     recorded_ids,
     write_document,
@@ -179,24 +180,13 @@ def _manifest(out: Path, plan: Plan, tasks: list[Task], statuses: dict[str, str]
 
 def _record_death(task: Task, plan: Plan) -> Done:
     """Record a log whose worker died at every attempt."""
-    entry: Document = {
-        "id": task.id,
-        "source": task.source,
-        "sha256": None,
-        "status": "failed",
-        "stages": [],
-        "left_out": {},
-        "error": {
-            "exit_code": EXIT_BUG,
-            "what": "the worker process died twice: killed, out of memory, or a crash",
-            "where": task.source,
-            "found": [],
-            "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
-        },
-        "faults": {},
-        "inputs": [],
-        "tables": {},
-        "key": None,
+    entry = new_entry(task.id, task.source)
+    entry["error"] = {
+        "exit_code": EXIT_BUG,
+        "what": "the worker process died twice: killed, out of memory, or a crash",
+        "where": task.source,
+        "found": [],
+        "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
     }
     record(LogFolder(Path(task.out), task.id), entry, [])
     return Done(task.id, "failed", 0.0, 0.0, attempts=ATTEMPTS)

@@ -15,7 +15,7 @@ from typing import Any
 from cwcli import __version__
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.fleet.execute import Outcome, run_stages
-from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, make_folders, put_table
+from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, make_folders, new_entry, put_table
 from cwcli.fleet.inputs import is_remote, local_copy
 from cwcli.fleet.needs import signals_for
 from cwcli.fleet.plan import Plan, Task
@@ -70,19 +70,7 @@ def _peak_mb() -> float:
 def _work(task: Task, plan: Plan) -> str:
     folder = LogFolder(Path(task.out), task.id)
     before = folder.entry()
-    entry: Document = {
-        "id": task.id,
-        "source": task.source,
-        "sha256": None,
-        "status": "failed",
-        "stages": [],
-        "left_out": {},
-        "error": None,
-        "faults": {},
-        "inputs": [],
-        "tables": {},
-        "key": None,
-    }
+    entry = new_entry(task.id, task.source)
     if plan.tables:
         entry["without_table"] = {}
     try:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from cwcli.errors import InputError
-from cwcli.metrics.headline import COLUMNS
+from cwcli.fleet.folder import MANIFEST, NOT_DONE, RecordedLog, read_output
+from cwcli.fleet.results import read_metrics_table
 from cwcli.metrics.pooling import MetricRow, rows_of
-from cwcli.metrics.table import Table
-
-MANIFEST = "manifest.json"
-ANNOTATED = "annotated.mcap"
-ENTRY = "entry.json"
 
 
 @dataclass(frozen=True)
@@ -76,75 +70,52 @@ def read_run(source: str) -> Run:
         raise InputError(str(error), where=source) from error
     if not is_folder:
         return Run(Path(source).name, (Entry(path.stem, path.name, source, path),), (), is_folder=False)
-    manifest = _manifest(path)
-    entries = [_entry(path, each) for each in manifest["logs"] if isinstance(each, dict)]
-    if not entries:
-        raise InputError("the folder holds no log", where=source, hint="fill it with `cwcli run logs/*.mcap -d out/`")
-    pipeline = manifest.get("pipeline")
-    gates = pipeline.get("gates", []) if isinstance(pipeline, dict) else []
-    gates = [gate for gate in gates if isinstance(gate, str)] if isinstance(gates, list) else []
-    return Run(path.resolve().name, tuple(sorted(entries, key=lambda each: each.id)), tuple(gates), is_folder=True)
-
-
-def _manifest(folder: Path) -> dict[str, Any]:
-    """The manifest; of a run that was killed, what its finished logs tell."""
-    file = folder / MANIFEST
-    if file.is_file():
-        found = _read_json(file)
-        if isinstance(found, dict) and isinstance(found.get("logs"), list):
-            return found
-        raise InputError("the manifest is not one of `cwcli run`", where=str(file))
-    logs = [_read_json(each) for each in sorted(folder.glob(f"logs/*/{ENTRY}"))]
-    if not logs:
+    run = read_output(path)
+    if run is None:
         raise InputError(
-            f"the folder has no {MANIFEST}: it is no output of `cwcli run -d`",
-            where=str(folder),
+            f"the folder has no readable {MANIFEST}: it is no output of `cwcli run -d`",
+            where=source,
             hint="name such a folder, or one annotated log",
         )
-    return {"logs": logs}
+    if not run.logs:
+        raise InputError("the folder holds no log", where=source, hint="fill it with `cwcli run logs/*.mcap -d out/`")
+    return Run(path.resolve().name, tuple(_entry(log) for log in run.logs), run.gates, is_folder=True)
 
 
-def _read_json(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"can't be read: {error}", where=str(file)) from error
+def _entry(log: RecordedLog) -> Entry:
+    """One log of the folder.
 
-
-def _entry(folder: Path, given: Mapping[str, Any]) -> Entry:
-    """One entry. What it says of paths is not believed: a log's files are in the folder of its id."""
-    number = str(given.get("id", ""))
-    is_plain = number not in {"", ".", ".."} and not set(number) & {"/", "\\", "\0"}
-    log = folder / "logs" / number / ANNOTATED if is_plain else None
-    error = given.get("error")
-    left_out = given.get("left_out")
+    Raises:
+        InputError: Its metrics are damaged.
+    """
+    annotated = None if log.folder is None else log.folder.annotated
+    has_failed = log.entry.get("status") != "done"
+    error, left_out = log.entry.get("error"), log.entry.get("left_out")
+    if has_failed and not isinstance(error, dict):
+        error = {"what": NOT_DONE}
     return Entry(
-        id=number,
-        name=number,
-        source=str(given.get("source") or ""),
-        log=log if log is not None and log.is_file() else None,
-        has_failed=given.get("status") != "done",
+        id=log.id,
+        name=log.id,
+        source=str(log.entry.get("source") or ""),
+        log=annotated if annotated is not None and annotated.is_file() else None,
+        has_failed=has_failed,
         error={key: str(error[key]) for key in ("what", "where", "hint") if error.get(key)}
         if isinstance(error, dict)
         else {},
         left_out={str(stage): str(reason) for stage, reason in left_out.items()} if isinstance(left_out, dict) else {},
-        metrics=_metrics(folder / "metrics" / f"log={number}" / "metrics.parquet") if is_plain else {},
+        metrics={} if log.folder is None else _metrics(log.folder.metrics),
     )
 
 
 def _metrics(file: Path) -> dict[str, MetricRow]:
-    """The log's rows of the metrics dataset.
+    """The log's rows of the metrics dataset; none where there is no file.
 
     Raises:
         InputError: The file is damaged.
     """
     if not file.is_file():
         return {}
-    from pyarrow import ArrowException, parquet
-
     try:
-        columns = parquet.ParquetFile(file).read().to_pydict()
-        table = Table("metrics", {name: column for name, column in columns.items() if name in COLUMNS})
-        return rows_of(table)
-    except (ArrowException, OSError, ValueError, TypeError) as error:
+        return rows_of(read_metrics_table(file))
+    except (ValueError, TypeError) as error:
         raise InputError(f"can't be read: {error}", where=str(file)) from error

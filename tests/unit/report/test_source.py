@@ -35,6 +35,18 @@ def test_folder_of_a_killed_run_tells_what_is_done(tmp_path: Path) -> None:
     assert [entry.id for entry in read_run(str(out)).entries] == ["a"]
 
 
+def test_a_logs_own_entry_counts_more_than_the_manifest_of_a_killed_run(tmp_path: Path) -> None:
+    out = folder(tmp_path, {"id": "a", "status": "done"}, {"id": "b", "status": "failed"})
+    pending = [{"id": name, "status": "pending", "error": None} for name in ("a", "b", "c")]
+    (out / "manifest.json").write_text(json.dumps({"format": 1, "pipeline": {}, "logs": pending}))
+    assert [(entry.id, entry.has_failed) for entry in read_run(str(out)).entries] == [
+        ("a", False),
+        ("b", True),
+        ("c", True),
+    ]
+    assert read_run(str(out)).entries[2].error == {"what": "it was not done"}
+
+
 @pytest.mark.parametrize("name", ["../other", "..", "", "a/b", "a\\b", "a\0b", "/etc"])
 def test_id_cannot_lead_out_of_the_folder(tmp_path: Path, name: str) -> None:
     (tmp_path / "other").mkdir()
@@ -61,8 +73,8 @@ def test_other_folder_is_refused_with_a_hint(tmp_path: Path) -> None:
 
 
 def test_manifest_of_odd_types_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
-    entry = {"id": 7, "source": None, "status": None, "error": "text", "left_out": [1], "metrics": 4}
-    (tmp_path / "manifest.json").write_text(json.dumps({"pipeline": {"gates": 5}, "logs": [entry, 3]}))
+    entry = {"id": "7", "source": None, "status": None, "error": "text", "left_out": [1], "metrics": 4}
+    (tmp_path / "manifest.json").write_text(json.dumps({"pipeline": {"gates": 5}, "logs": [entry, 3, {"id": 8}]}))
     run = read_run(str(tmp_path))
     assert [each.id for each in run.entries] == ["7"]
     assert run.gates == ()
