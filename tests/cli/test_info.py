@@ -11,7 +11,10 @@ import pytest
 
 from tests.cli.conftest import Run
 
-HEAVY = ("numpy", "pyarrow", "pydantic", "rich", "mcap", "google.protobuf", "cv2", "pyproj", "scipy")
+HEAVY = (
+    *("numpy", "pyarrow", "pydantic", "rich", "mcap", "google.protobuf", "cv2", "pyproj", "scipy"),
+    *("matplotlib", "plotly", "jinja2", "ray", "fsspec"),
+)
 
 
 def test_info_tells_channels_rates_roles_and_commands(cwcli: Run, intersection: Path) -> None:
