@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import stat
 import sys
 import time
 import traceback
@@ -183,6 +184,11 @@ def _sha256(path: Path, name: str) -> str:
 
     digest = hashlib.sha256()
     try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InputError("it is a directory", where=name, hint="name an .mcap file in it")
+        if not stat.S_ISREG(mode):  # it may never end, and can't be read twice
+            raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
         with path.open("rb") as file:
             while block := file.read(HASH_BLOCK_BYTES):
                 digest.update(block)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -130,3 +131,15 @@ def test_ambiguous_position_is_an_error_of_the_log(plan: Plan, tmp_path: Path) -
 def test_unfit_output_folder(plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="on this machine"):
         run_fleet([str(SAMPLES / "straight.mcap")], plan, "s3://bucket/out")
+
+
+def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: Plan, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mcap")
+    (tmp_path / "folder.mcap").mkdir()
+    fleet = run_fleet(
+        [str(tmp_path / "pipe.mcap"), str(tmp_path / "folder.mcap"), "/dev/zero"], plan, tmp_path / "out", jobs=1
+    )
+    assert fleet.exit_code == 3
+    what = {entry["id"]: entry["error"]["what"] for entry in fleet.manifest["logs"]}
+    pipe = "it is a pipe or a device, no file"
+    assert what == {"pipe": pipe, "zero": pipe, "folder": "it is a directory"}
