@@ -65,10 +65,9 @@ class LogFolder:
 
     def is_done(self, entry: Document | None, key: str) -> bool:
         """Whether the log was done with this key, and every file of it is still there in full."""
-        if entry is None or entry.get("status") != "done" or entry.get("key") != key:
+        if entry is None or entry.get("status") != "done" or entry.get("key") != key or not _is_whole(entry):
             return False
-        sizes = entry.get("bytes")
-        return isinstance(sizes, list) and self._sizes(entry.get("outputs", [])) == sizes
+        return bool(self._sizes(entry["outputs"]) == entry["bytes"])
 
     def finish(self, entry: Mapping[str, Any], outputs: list[Path]) -> Document:
         """Record what became of the log; returns the whole entry."""
@@ -178,6 +177,28 @@ def new_entry(id: str, source: str) -> Document:
     }
 
 
+def _is_whole(entry: Document) -> bool:
+    """Whether an entry of a log that is done has what is read of it: nobody may have changed it since."""
+    return (
+        entry.get("error") is None
+        and all(isinstance(entry.get(key), str) for key in ("id", "source", "sha256"))
+        and all(isinstance(entry.get(key), list) for key in ("stages", "outputs", "bytes", "inputs"))
+        and all(isinstance(entry.get(key), dict) for key in ("left_out", "faults", "tables"))
+        and all(isinstance(each, str) for each in (*entry["stages"], *entry["outputs"], *entry["left_out"].values()))
+        and all(isinstance(each, int) for each in entry["tables"].values())
+        and all(isinstance(each, dict) and _is_count(each) for each in entry["inputs"])
+    )
+
+
+def _is_count(count: Document) -> bool:
+    rejected = count.get("rejected")
+    return (
+        isinstance(count.get("read"), int)
+        and isinstance(rejected, dict)
+        and all(isinstance(each, int) for each in rejected.values())
+    )
+
+
 def put_table(table: Table, path: Path) -> Path:
     """Write one table, with its folders."""
     from cwcli.metrics.table import table_bytes
@@ -195,7 +216,7 @@ def make_folders(path: Path) -> None:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+    except (OSError, ValueError, RecursionError) as error:  # a zero byte in the name; a thousand folders in each other
         reason = getattr(error, "strerror", None) or str(error)
         raise OutputError(f"the folder can't be made: {reason}", where=str(path)) from error
 
@@ -204,7 +225,7 @@ def read_document(path: Path) -> Document | None:
     """A JSON file of ours; None if it is not there or is no JSON object."""
     try:
         document = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None
 

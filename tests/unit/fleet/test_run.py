@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -11,10 +12,10 @@ from typing import Any
 import pytest
 
 from cwcli.cli.commands.run import default_options
-from cwcli.errors import UsageError
+from cwcli.errors import OutputError, UsageError
 from cwcli.fleet import run as fleet_run
 from cwcli.fleet import worker
-from cwcli.fleet.folder import LogFolder, read_document
+from cwcli.fleet.folder import LogFolder, new_entry, read_document, write_document
 from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.run import run_fleet
@@ -22,6 +23,7 @@ from cwcli.fleet.worker import work
 from cwcli.stages.call import Selection, StageCall, with_selection
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
+EMPTY_SHA256 = hashlib.sha256(b"").hexdigest()
 
 
 @pytest.fixture
@@ -143,3 +145,42 @@ def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: Plan,
     what = {entry["id"]: entry["error"]["what"] for entry in fleet.manifest["logs"]}
     pipe = "it is a pipe or a device, no file"
     assert what == {"pipe": pipe, "zero": pipe, "folder": "it is a directory"}
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"outputs": None},
+        {"outputs": [1]},
+        {"bytes": "x"},
+        {"stages": None},
+        {"left_out": {"warn": ["<b>"]}},
+        {"inputs": [1]},
+        {"inputs": [{"read": 1, "rejected": None}]},
+        {"tables": {"events": "many"}},
+        {"source": 7},
+        {"error": {"what": "?"}},
+    ],
+    ids=json.dumps,
+)
+def test_a_log_whose_entry_was_tampered_with_is_done_again(plan: Plan, tmp_path: Path, damage: dict[str, Any]) -> None:
+    log = tmp_path / "log.mcap"
+    log.write_bytes(b"")
+    folder = LogFolder(tmp_path, "log")
+    folder.annotated.parent.mkdir(parents=True)
+    folder.annotated.write_bytes(b"annotated")
+    entry = {**new_entry("log", str(log)), "status": "done", "sha256": EMPTY_SHA256, "key": plan.key(EMPTY_SHA256)}
+    whole = folder.finish(entry, [folder.annotated])
+    assert folder.is_done(whole, plan.key(EMPTY_SHA256))
+    write_document({**whole, **damage}, folder.annotated.parent / "entry.json")
+    assert work(Task("log", str(log), str(log), str(tmp_path)), plan).status == "failed"  # it is an empty file
+
+
+def test_json_of_thousands_of_lists_is_no_document(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text("[" * 100_000)
+    assert read_document(tmp_path / "manifest.json") is None
+
+
+def test_a_folder_too_deep_to_make_is_an_output_error(plan: Plan, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="can't be made"):
+        run_fleet([str(tmp_path / "log.mcap")], plan, tmp_path / ("b/" * 2000))
