@@ -194,7 +194,7 @@ def scan(
                             x = base + places[j] * h
                             if 0.0 <= x < width:
                                 stretch[j] += evidence[r, <Py_ssize_t>x]
-                    if (i + 1) * step % segment == 0 or i == used - 1:
+                    if (r + step) // segment != r // segment or i == used - 1:  # the next row is of another segment
                         for j in range(n):
                             sums[j] += stretch[j] / (stretch[j] + half / step)
                             stretch[j] = 0.0

@@ -66,6 +66,22 @@ def test_objective_equals_the_plain_twin() -> None:
         assert value == pytest.approx(plain, abs=1e-5)
 
 
+@pytest.mark.parametrize("segment", [6, 7, 8, 9])
+def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None:
+    # Paint everywhere: a stretch of s sampled rows counts s / (s + half / 2) for each side. The sampled rows of an odd
+    # stretch are by turns one more and one less than half of its rows.
+    n = 9 * segment
+    prior = np.array([[80.0, 10, 0, 160], [0.0, 1, -9, 9], [2.0, 1, 0.1, 9], [0.0, 1, -9, 9], [0.0, 1, -9, 9]])
+    depths, best = np.arange(n) * 0.1 + 5.0, np.empty((1, 1, 3))
+    one, half = np.ones(1), 0.3 * segment
+    places = 0.5 + np.arange(-4.0, 4.0)
+    lane_ridge.scan(
+        np.ones((n, 160), np.float32), depths, 2, 80.0 * one, 0.0 * one, places, prior, 0.0, 0.0, half, segment, best
+    )
+    rows = [len(range(start + start % 2, start + segment, 2)) for start in range(0, n, segment)]
+    assert best[0, 0, 0] == pytest.approx(2.0 * np.mean([k / (k + half / 2) for k in rows]))
+
+
 def test_outside_the_prior_nothing_counts() -> None:
     camera = mounted()
     prior = prior_of(camera)
