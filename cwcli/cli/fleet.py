@@ -7,15 +7,19 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
-from cwcli.cli.console import Console
+from cwcli.cli.console import Console, report_error
 from cwcli.cli.options.shared import TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.tables import Cell, table
+from cwcli.errors import CwcliError
 from cwcli.text import count, printable
 
 if TYPE_CHECKING:
     from cwcli.fleet.plan import Plan, Task
     from cwcli.fleet.run import Fleet
+
+MAX_TOLD = 20
+"""Reasons for which logs failed; the others are in the manifest."""
 
 
 def run_many(
@@ -41,6 +45,8 @@ def run_many(
         console.data(json.dumps(document(fleet, directory), indent=2, allow_nan=False))
     else:
         tell(console, fleet, directory)
+    for error in errors(fleet.manifest["logs"]):
+        report_error(error)
     return fleet.exit_code
 
 
@@ -59,7 +65,7 @@ def document(fleet: Fleet, directory: str) -> dict[str, Any]:
 
 
 def tell(console: Console, fleet: Fleet, directory: str) -> None:
-    """The table of logs, and why some failed."""
+    """The table of logs, and why stages were left out."""
     entries = fleet.manifest["logs"]
     rows: list[tuple[Cell, ...]] = [
         (
@@ -76,15 +82,29 @@ def tell(console: Console, fleet: Fleet, directory: str) -> None:
     console.summary("")
     console.summary(table(("log", "status", "stages", "messages", "rejected", "warnings"), rows))
     console.summary("")
-    for entry in entries:
-        if entry["error"]:
-            where = entry["error"]["where"]
-            console.note(f"{entry['id']} failed: {f'{where}: ' if where else ''}{entry['error']['what']}")
     for reason, ids in _left_out(entries).items():
         console.note(f"{reason} ({count(len(ids), 'log')}, {ids[0]}{' and others' if len(ids) > 1 else ''})")
     statuses = list(fleet.statuses.values())
     facts = [f"{statuses.count(name)} {name}" for name in ("done", "unchanged", "failed") if name in statuses]
     console.summary(f"{', '.join(facts)}; see {printable(directory.rstrip('/'))}/manifest.json")
+
+
+def errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
+    """Why logs failed: each reason once, with the first log that failed for it."""
+    failed: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+    for entry in entries:
+        if error := entry["error"]:
+            failed.setdefault((error["what"], error["hint"], *error["found"]), []).append(entry)
+    told = []
+    for (what, hint, *found), same in failed.items():
+        source, where = same[0]["source"], same[0]["error"]["where"]
+        place = where if where.startswith(source) else ": ".join(filter(None, (source, where)))
+        others = f" (and {count(len(same) - 1, 'other log')})" if len(same) > 1 else ""
+        told.append(CwcliError(f"{what}{others}", where=place, found=tuple(found), hint=hint))
+    if len(told) > MAX_TOLD:
+        rest = CwcliError(f"{len(told) - MAX_TOLD} more reasons are in the manifest")
+        told = [*told[:MAX_TOLD], rest]
+    return told
 
 
 def _left_out(entries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:

@@ -1,0 +1,40 @@
+"""`cwcli run` over many logs, when things go wrong: one line each, before the work where that is possible."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cwcli.cli.fleet import MAX_TOLD, errors
+from tests.cli.conftest import ROOT, Run
+from tests.cli.fleet_logs import cut
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two seconds of the intersection."""
+    return cut(ROOT / "sample_logs/intersection.mcap", tmp_path_factory.mktemp("short") / "short.mcap", seconds=2.0)
+
+
+@pytest.mark.parametrize("options", [["--quiet"], ["--json"], []], ids=str)
+def test_each_reason_is_told_once_even_when_quiet(cwcli: Run, tmp_path: Path, options: list[str]) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"")
+    for name in ("b", "c\x1b[31m\n", "d"):
+        (tmp_path / f"{name}.mcap").write_bytes(b"no log at all")
+    done = cwcli("run", "*.mcap", "-d", "out", "--jobs", "1", *options)
+    told = [line for line in done.stderr.decode().splitlines() if line.startswith("error: ")]
+    assert done.returncode == 3
+    assert told == ["error: a.mcap: the file is empty", "error: b.mcap: it is not an MCAP file (and 2 other logs)"]
+    assert b"\x1b" not in done.stdout + done.stderr
+
+
+def test_many_reasons_are_not_all_told() -> None:
+    entries = [
+        {"id": f"{k}", "source": "s", "error": {"what": f"it is {k}", "where": "/gps", "found": ["x"], "hint": "h"}}
+        for k in range(MAX_TOLD + 5)
+    ]
+    told = errors(entries)
+    assert len(told) == MAX_TOLD + 1
+    assert (told[0].where, told[0].what, told[0].found, told[0].hint) == ("s: /gps", "it is 0", ("x",), "h")
+    assert told[-1].what == "5 more reasons are in the manifest"
