@@ -104,8 +104,8 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
     n = int(np.ceil(reach / step))
     vanishing: FloatArray = np.asarray(table[VANISHING, MEAN] + step * np.arange(-n, n + 1), np.float64)
     reference = 0.1 * height_px
-    bend_step = 0.012 * width_px * reference
-    n = int(np.clip(np.ceil(2.5 * table[BEND, SIGMA] / bend_step), 1, 8))
+    bend_step = 0.024 * width_px * reference
+    n = int(np.clip(np.ceil(3.3 * table[BEND, SIGMA] / bend_step), 1, 24))
     bends: FloatArray = np.asarray(table[BEND, MEAN] + bend_step * np.arange(-n, n + 1), np.float64)
     most = (1.5 if BESIDE else 0.5) * table[WIDTH, HIGH] + max(abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH]))
     n = int(np.ceil(most / PLACE_STEP))

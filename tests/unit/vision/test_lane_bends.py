@@ -1,0 +1,33 @@
+"""A sharp bend is seen as sharp as it is: the first look covers every curvature that the prior allows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.geometry import RoadAhead, clothoid
+from cwcli.simulation.road.render import render
+from cwcli.simulation.road.sets import SETS, draw_scene
+from cwcli.vision.fit_columns import columns_of
+from cwcli.vision.ground import lane_geometry
+from cwcli.vision.lane_tracker import LaneTracker
+from cwcli.vision.method import LaneFrame
+from tests.unit.vision.lane_scene import mounted
+
+PREVIEW_M = 33.5
+N_FRAMES = 8
+MEDIAN_SHARE = 0.06
+
+
+@pytest.mark.parametrize("curvature_1pm", [-0.003, 0.001, 0.003])
+def test_curvature_of_a_bend(curvature_1pm: float) -> None:
+    found_1pm = []
+    for k in range(N_FRAMES):
+        rng = np.random.default_rng(k)
+        scene = draw_scene(SETS["good"], "clear", rng)
+        road = RoadAhead(clothoid(curvature_1pm, 0.0), offset_m=0.0, heading_rad=0.0, vertical_1pm=0.0)
+        frame = render(scene, paper_camera(), road, rng)
+        fit = LaneTracker().step(LaneFrame(frame.grey, mounted(), stamp_ns=0, number=0))
+        found_1pm.append(-lane_geometry(columns_of([fit]), mounted(), preview_m=PREVIEW_M).curvature_1pm[0])
+    assert np.median(found_1pm) == pytest.approx(curvature_1pm, rel=MEDIAN_SHARE)
