@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.limits import MAX_POSITION_M
 
 BODY_FRAMES = ("base_footprint", "base_link")
 """The car's frame: on the road below it (REP-105), else that of the body."""
@@ -33,11 +34,11 @@ class Transform:
     rotation: tuple[float, float, float, float]
 
     def matrix(self) -> FloatArray:
-        """Shape (4, 4): parent from child. NaN if the quaternion has no direction."""
+        """Shape (4, 4): parent from child. NaN if the quaternion has no direction, or the place is not on Earth."""
         x, y, z, w = self.rotation
         size = math.sqrt(x * x + y * y + z * z + w * w)
         made = np.eye(4)
-        if not 0.0 < size < math.inf:
+        if not (0.0 < size < math.inf and all(abs(each) <= MAX_POSITION_M for each in self.translation_m)):
             return np.full((4, 4), np.nan)
         x, y, z, w = x / size, y / size, z / size, w / size
         made[:3, :3] = [

@@ -15,14 +15,16 @@ from cwcli.errors import DataError, UsageError
 from cwcli.logs.frames import Frame
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table
+from cwcli.signals.clocks import NO_STAMP
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.roles import bind
 from cwcli.stages.lanes_camera import CameraSource, camera_source
 from cwcli.stages.lanes_channels import LaneFrames, annotations_channel, lanes_channel, rendered_channel
 from cwcli.stages.lanes_motion import Motion, read_motion
-from cwcli.stages.lanes_mounting import MountingChoice, mounting_source
+from cwcli.stages.lanes_mounting import MountingChoice, check_mounting, mounting_source
 from cwcli.stages.lanes_summary import lanes_section, lanes_table
+from cwcli.stages.render_topic import check_render_topic
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.vision.camera import Camera, Mounting
@@ -35,6 +37,8 @@ from cwcli.vision.video import VIDEO_FORMATS
 
 PREVIEW_M = 33.5
 """Distance of the paper's preview point."""
+MAX_PREVIEW_M = 1000.0
+FIELD_OF_VIEW_RAD = (np.radians(1.0), np.radians(175.0))
 MAX_GAP_NS = 500_000_000
 """A longer gap between two frames starts a new search."""
 NUMBERS_PER_FRAME = 8
@@ -80,8 +84,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     method = _checked(config)
     bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
-    if config.render == topic:
-        raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
+    check_render_topic(log, config.render, topic)
     mount = mounting_source(log, _frame_id(log, topic), config.mounting)
     config = replace(config, mounting=mount.mounting)
     source = camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
@@ -107,7 +110,8 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
             return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(rendered_channel(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))
-    count = InputCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected))
+    repaired = {NO_STAMP: run.n_without_stamp} if run.n_without_stamp else {}
+    count = InputCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected), repaired)
     summary = Summary(
         title=f"lanes ({config.method})",
         sections=(lanes_section(frames, n_searches=run.n_searches, search_s=run.search_s),),
@@ -132,13 +136,14 @@ def _prepare_with(method: Method) -> Callable[[DecodedFrame], object] | None:
 def _checked(config: LanesConfig) -> Method:
     if config.method not in METHODS:
         raise UsageError(f"there is no lane method {config.method}", hint=f"known: {', '.join(METHODS)}")
-    if not config.preview_m > 0.0:
-        raise UsageError(f"--preview {config.preview_m:g} must be positive")
-    height_m = None if config.mounting is None else config.mounting.height_m
-    if height_m is not None and not height_m > 0.0:
-        raise UsageError(f"--camera-height {height_m:g} must be positive")
-    if config.field_of_view_rad is not None and not 0.0 < config.field_of_view_rad < np.pi:
-        raise UsageError("--camera-fov must lie between 0 and 180 degrees")
+    if not 0.0 < config.preview_m <= MAX_PREVIEW_M:
+        raise UsageError(f"--preview {config.preview_m:g} must be positive, and at most {MAX_PREVIEW_M:g} m")
+    if config.mounting is not None:
+        check_mounting(config.mounting)
+    low_rad, high_rad = FIELD_OF_VIEW_RAD
+    if config.field_of_view_rad is not None and not low_rad <= config.field_of_view_rad <= high_rad:
+        degrees = f"{np.degrees(low_rad):.0f} and {np.degrees(high_rad):.0f} degrees"
+        raise UsageError(f"--camera-fov must lie between {degrees}")
     if not 0 <= config.seed < 2**64:
         raise UsageError(f"--seed {config.seed} must lie between 0 and 2^64 - 1")
     return METHODS[config.method]
@@ -183,6 +188,7 @@ class _Run:
         self._numbers = array("q")
         self.n_read = 0
         self.n_used = 0
+        self.n_without_stamp = 0
         self.n_searches = 0
         self.search_s = 0.0
         self.rejected: Counter[str] = Counter()
@@ -219,6 +225,7 @@ class _Run:
             (decoded.index, decoded.log_time_ns, decoded.stamp_ns, self.n_used, *size, width_px, height_px)
         )
         self.n_used += 1
+        self.n_without_stamp += not decoded.has_stamp
 
     def _start(self, size: tuple[int, int], image: GreyImage) -> None:
         self._search = self._method.make(self._seed)

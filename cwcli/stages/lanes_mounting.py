@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.signals.roles import OWN_TOPIC_PREFIX, is_truth_topic
 from cwcli.signals.transforms import BODY_FRAMES, CameraPose, Transform, body_from_frame, camera_pose
@@ -13,6 +14,10 @@ from cwcli.vision.camera import Mounting
 
 HEIGHTS_M = (0.2, 5.0)
 """Of a camera above the road; another height in a transform is not one above the road."""
+MAX_OFFSET_M = 5.0
+"""Of a camera from the car's centre line."""
+MAX_TURN_RAD = math.radians(45.0)
+"""Pitch, yaw and roll of a camera that looks ahead and stands upright."""
 OPTIONS = {
     "height_m": "--camera-height",
     "pitch_rad": "--camera-pitch",
@@ -54,6 +59,25 @@ class MountingSource:
     is_pitch_known: bool
     counts: tuple[InputCount, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+def check_mounting(choice: MountingChoice | Mounting) -> None:
+    """Refuse what no camera on a car has.
+
+    Raises:
+        UsageError: A value is out of its range; names the option.
+    """
+    degrees = math.degrees(MAX_TURN_RAD)
+    ranges = {
+        "height_m": (*HEIGHTS_M, 1.0, "m"),
+        "pitch_rad": (-degrees, degrees, math.degrees(1.0), "degrees"),
+        "yaw_rad": (-degrees, degrees, math.degrees(1.0), "degrees"),
+        "lateral_offset_m": (-MAX_OFFSET_M, MAX_OFFSET_M, 1.0, "m"),
+    }
+    for name, (low, high, scale, unit) in ranges.items():
+        value = getattr(choice, name)
+        if value is not None and not low <= scale * value <= high:
+            raise UsageError(f"{OPTIONS[name]} {scale * value:g} must lie between {low:g} and {high:g} {unit}")
 
 
 def mounting_source(log: Log, frame_id: str, choice: MountingChoice | Mounting | None) -> MountingSource:
@@ -106,13 +130,9 @@ def _from_transforms(log: Log, frame_id: str) -> tuple[CameraPose | None, tuple[
         return None, tuple(counts), (note,)
     body, matrix = found
     pose = camera_pose(matrix)
-    if pose is None:
-        return None, tuple(counts), (f"{frame_id} does not look ahead from {body}: the transforms are not used",)
-    if not HEIGHTS_M[0] <= pose.height_m <= HEIGHTS_M[1]:
-        note = (
-            f"{frame_id} is {pose.height_m:.2f} m above {body}: no height above the road, the transforms are not used"
-        )
-        return None, tuple(counts), (note,)
+    fault = _fault(pose, frame_id, body)
+    if pose is None or fault:
+        return None, tuple(counts), (f"{fault}: the transforms are not used",)
     degrees = [math.degrees(angle) for angle in (pose.pitch_rad, pose.yaw_rad, pose.roll_rad)]
     note = (
         f"the camera's mounting is that of {frame_id} in {body}: height {pose.height_m:.2f} m, offset "
@@ -121,6 +141,19 @@ def _from_transforms(log: Log, frame_id: str) -> tuple[CameraPose | None, tuple[
     if body != BODY_FRAMES[0]:
         note += f" ({body} is taken to lie on the road)"
     return pose, tuple(counts), (note,)
+
+
+def _fault(pose: CameraPose | None, frame_id: str, body: str) -> str:
+    """Why a pose is not that of a camera that looks ahead from a car, else ""."""
+    if pose is None:
+        return f"{frame_id} does not look ahead from {body}"
+    if not HEIGHTS_M[0] <= pose.height_m <= HEIGHTS_M[1]:
+        return f"{frame_id} is {pose.height_m:.3g} m above {body}, no height above the road"
+    if abs(pose.lateral_m) > MAX_OFFSET_M:
+        return f"{frame_id} is {pose.lateral_m:.3g} m beside {body}, not on the car"
+    if abs(pose.roll_rad) > MAX_TURN_RAD:
+        return f"{frame_id} is rolled by {math.degrees(pose.roll_rad):.0f} degrees in {body}, not upright"
+    return ""
 
 
 def _read(log: Log, topic: str, tree: dict[str, Transform], frame_id: str) -> InputCount:

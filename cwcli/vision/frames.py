@@ -18,6 +18,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
 from cwcli.vision.raw_images import Image, RawImageError, raw_colour, raw_grey
 from cwcli.vision.video import VIDEO_FORMATS, decode_video
@@ -59,10 +60,11 @@ class DecodedFrame:
 
     Attributes:
         index: 0, 1, 2, ... of the frame in its channel.
-        log_time_ns, stamp_ns: As recorded; the stamp is the log time where the message has none.
+        log_time_ns, stamp_ns: As recorded; the stamp is the log time where the message has none that is a time.
         width_px, height_px: Of the camera's image, whatever the size of `image`; 0 where rejected.
         image: Grey (height, width) or colour (height, width, 3), uint8; None where rejected.
         rejected: The reason, else "".
+        has_stamp: The message has a stamp that is a time.
         prepared: What `prepare` made of the frame.
     """
 
@@ -74,6 +76,7 @@ class DecodedFrame:
     image: Image | None
     rejected: str = ""
     prepared: object = None
+    has_stamp: bool = True
 
 
 SizeOf = Callable[[int, int], tuple[int, int]]
@@ -153,6 +156,8 @@ def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[R
 
 def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> DecodedFrame:
     """Decode one frame; `size_of` as in `decode_frames`. Never raises for what the data holds."""
+    if not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
+        return _rejected(index, frame, LOG_TIME_OUT)
     if frame.encoding:
         width_px, height_px = frame.width, frame.height
         header = None
@@ -211,6 +216,7 @@ def _video_frame(
     import cv2
 
     reason = _unfit(*size) if any(size) else "no picture comes out of the video"
+    reason = reason if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT
     if reason or image is None:
         return _rejected(index, frame, reason)
     wanted = size_of(*size) if size_of else None
@@ -234,7 +240,7 @@ def _finished(
         shrinks = image.shape[1] >= wanted[0] and image.shape[0] >= wanted[1]
         scaled = cv2.resize(image, wanted, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
         image = np.asarray(scaled, np.uint8)
-    return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), *size, image)
+    return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), *size, image, has_stamp=_is_time(frame.stamp_ns))
 
 
 def _unfit(width_px: int, height_px: int) -> str:
@@ -252,4 +258,8 @@ def _rejected(index: int, frame: FrameLike, reason: str) -> DecodedFrame:
 
 
 def _stamp_ns(frame: FrameLike) -> int:
-    return frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns
+    return frame.stamp_ns if frame.stamp_ns is not None and _is_time(frame.stamp_ns) else frame.log_time_ns
+
+
+def _is_time(time_ns: int | None) -> bool:
+    return time_ns is not None and MIN_STAMP_NS <= time_ns <= MAX_STAMP_NS

@@ -30,6 +30,8 @@ MIN_DEPTH = 0.03
 """Of the image height: nearer to the horizon the road is too far away to see a marking."""
 SCAN_STEP = 2
 PLACE_STEP = 0.06
+MAX_PLACES = 400
+"""To each side: a camera less than 0.4 m above the road sees a lane of very many of its heights."""
 N_KEPT = 12
 INNER_SHIFTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
 """Over the camera's height: where the inner stripe of a double marking may be."""
@@ -108,8 +110,9 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
     n = int(np.clip(np.ceil(3.3 * table[BEND, SIGMA] / bend_step), 1, 24))
     bends: FloatArray = np.asarray(table[BEND, MEAN] + bend_step * np.arange(-n, n + 1), np.float64)
     most = (1.5 if BESIDE else 0.5) * table[WIDTH, HIGH] + max(abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH]))
-    n = int(np.ceil(most / PLACE_STEP))
-    places: FloatArray = np.asarray(PLACE_STEP * (np.arange(-n, n) + 0.5), np.float64)
+    place_step = max(PLACE_STEP, most / MAX_PLACES)
+    n = int(np.ceil(most / place_step))
+    places: FloatArray = np.asarray(place_step * (np.arange(-n, n) + 0.5), np.float64)
     depths: FloatArray = np.asarray(evidence.rows - evidence.horizon_px, np.float64)
     depths[depths < evidence.min_h] = -1.0
     best = np.empty((len(vanishing), len(bends), 3))

@@ -60,6 +60,18 @@ def test_lanes_tells_what_it_assumed(cwcli: Run, tmp_path: Path) -> None:
     [
         (("--method", "nonsense"), 2, "no lane method nonsense"),
         (("--camera-fov", "200"), 2, "--camera-fov"),
+        (("--camera-fov", "1e-9"), 2, "--camera-fov"),
+        (("--camera-height", "1e-6"), 2, "--camera-height 1e-06 must lie between 0.2 and 5 m"),
+        (("--camera-offset", "1e6"), 2, "--camera-offset 1e+06 must lie between -5 and 5 m"),
+        (("--camera-pitch", "90"), 2, "--camera-pitch 90 must lie between -45 and 45 degrees"),
+        (("--camera-yaw", "-180"), 2, "--camera-yaw -180 must lie between -45 and 45 degrees"),
+        (("--preview", "1e300"), 2, "--preview"),
+        (("--render", ""), 2, "no topic's name"),
+        (("--render", "nonsense"), 2, "no topic's name"),
+        (("--render", "/a b"), 2, "no topic's name"),
+        (("--render", "/camera/image"), 2, "the camera's own topic"),
+        (("--render", "/cwcli/lanes"), 2, "the topic of cwcli.v1.Lanes"),
+        (("--render", "/camera/camera_info", "--replace"), 2, "the topic of foxglove.CameraCalibration"),
         (("--topic", "camera=/nothing"), 2, "the log has no topic /nothing"),
         (("--start", "100"), 5, "no frame in the chosen span"),
     ],
@@ -67,7 +79,8 @@ def test_lanes_tells_what_it_assumed(cwcli: Run, tmp_path: Path) -> None:
 def test_wrong_options_have_their_exit_codes(
     cwcli: Run, tmp_path: Path, arguments: tuple[str, ...], code: int, words: str
 ) -> None:
-    done = cwcli("lanes", write_log(tmp_path / "road.mcap", road_frames(2)), *arguments, "-o", "out.mcap")
+    source = write_log(tmp_path / "road.mcap", road_frames(2), calibrations=[("/camera/camera_info", calibration())])
+    done = cwcli("lanes", source, *arguments, "-o", "out.mcap")
     assert done.returncode == code, done.stderr.decode()
     assert words in done.stderr.decode()
     assert not (tmp_path / "out.mcap").exists()

@@ -171,6 +171,21 @@ def test_frame_without_stamp_has_its_log_time() -> None:
     assert decode_frame(0, frame, same_size).stamp_ns == 5
 
 
+@pytest.mark.parametrize("stamp_ns", [None, 0, -5, 2**63, 10**30, -(10**30)])
+def test_stamp_that_is_no_time_gives_way_to_the_log_time(stamp_ns: int | None) -> None:
+    decoded = decode_frame(0, FakeFrame(encoded(gradient()), stamp_ns=stamp_ns), same_size)
+    assert decoded.stamp_ns == 5
+    assert not decoded.has_stamp
+
+
+@pytest.mark.parametrize("log_time_ns", [-1, 2**63, 2**64 - 1])
+def test_log_time_that_is_no_time_is_a_reason(log_time_ns: int) -> None:
+    frame = FakeFrame(encoded(gradient()), log_time_ns=log_time_ns)
+    assert decode_frame(0, frame, same_size).rejected == "log time before 1970 or after 2261"
+    key = FakeFrame(parameters(4, 3) + key_picture(4, 3, 99), format="h264", log_time_ns=log_time_ns)
+    assert [each.rejected for each in decode_frames([key], size_of=same_size)] == ["log time before 1970 or after 2261"]
+
+
 def test_frames_come_in_order_with_what_was_prepared() -> None:
     frames = [FakeFrame(encoded(np.full((40, 40, 3), k, np.uint8)), log_time_ns=k) for k in range(30)]
     frames[4] = FakeFrame(b"rubbish", log_time_ns=4)
