@@ -38,7 +38,7 @@ FLIPS_AT_ONCE = 1111
 EQUAL = 1e-9
 """Relative differences up to here are the rounding of another processor."""
 FLOOR = 0.01
-"""Added to both values of a ratio, times the pooled baseline: the error of a parked car must not decide."""
+"""Added to both values of a ratio, times the pooled value of both runs: the error of a parked car must not decide."""
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -218,7 +218,7 @@ def _changes(
 ) -> tuple[FloatArray, bool, float]:
     """Changes (n,), whether they are relative, and the tolerance in their unit."""
     equal = np.abs(after - before) <= EQUAL * np.maximum(np.abs(before), np.abs(after))
-    reference = abs(pooled_value([a for a, _ in rows]))
+    reference = abs(pooled_value([row for pair in rows for row in pair]))  # of both: the flips exchange them
     if metric is not None and metric.better == "near":
         found = np.abs(after - metric.target) - np.abs(before - metric.target)
         return np.where(equal, 0.0, found), False, tolerance * abs(metric.target)

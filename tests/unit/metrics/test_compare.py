@@ -61,13 +61,24 @@ def test_a_few_logs_are_unclear_but_exact_judges_them() -> None:
     before, after = run({RMSE: [1.0, 2.0, 3.0]}), run({RMSE: [1.1, 2.2, 3.3]})
     change = only(compare_runs(before, after).changes)
     assert change.verdict is Verdict.UNCLEAR
-    # each grew by a tenth; the floor is 1 % of the pooled sqrt(14 / 3) = 2.160
-    floor = 0.01 * math.sqrt(14.0 / 3.0)
+    # each grew by a tenth; the floor is 1 % of both runs' pooled sqrt((14 + 1.21 * 14) / 6) = 2.271
+    floor = 0.01 * math.sqrt(14.0 * (1.0 + 1.1**2) / 6.0)
     ratios = [(1.1 * x + floor) / (x + floor) for x in (1.0, 2.0, 3.0)]
     assert change.change == pytest.approx(math.prod(ratios) ** (1.0 / 3.0) - 1.0)
     assert only(compare_runs(before, after, exact=True).changes).verdict is Verdict.WORSE
     assert only(compare_runs(before, after, exact=True, tolerance=0.2).changes).verdict is Verdict.SAME
     assert only(compare_runs(after, before, exact=True).changes).verdict is Verdict.IMPROVED
+
+
+def test_exchanged_runs_give_the_opposite_change() -> None:
+    # what the sign-flip test rests on: nothing may depend on which of the two runs is called the baseline
+    one, other = np.exp(np.random.default_rng(1).normal(0.0, 1.5, (2, 15)))
+    forth, back = (
+        only(compare_runs(run({RMSE: before}), run({RMSE: after}), seed=3).changes)
+        for before, after in ((one, other), (other, one))
+    )
+    assert (1.0 + forth.change) * (1.0 + back.change) == pytest.approx(1.0, abs=1e-12)
+    assert forth.p == back.p
 
 
 def test_p_value_of_twelve_changes_to_one_side() -> None:
