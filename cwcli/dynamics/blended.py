@@ -4,6 +4,7 @@ What the paper leaves open, and how it is read here (the reasons are in docs/pap
 - Both neighbours start each period from the blended state, so that neither drifts away with the other's speed.
 - R1 is the noise intensity of the continuous model and is discretised with it.
 - Below 10 km/h there is no state. Above 160 km/h the observer of 160 km/h is used alone.
+- A period is predicted with the inputs of the frame that ends it: eq. 10's steering angle is that period's mean.
 - A frame without boundaries is predicted with the inputs of the frame before.
 - f(v) is that of half load; the observers' mass is that of the chosen load.
 """

@@ -3,7 +3,8 @@
 The paper leaves three things open, its fig. 2 being lost in the text; the choices (docs/papers/zhang2011-lanes.md):
 
 - T_j is the magnitude of the difference between the two parts of the block, each of three pixels; the line between them
-  is left out. So both edges of a marking score, and the fitness on the roulette wheel is rarely negative.
+  is left out. So both edges of a marking score, and the fitness on the roulette wheel is rarely negative. The print
+  has neither bars nor a direction of the difference.
 - The mean road grey is the mean of a patch in front of the car (`ROAD_ROWS`, `ROAD_COLUMNS`).
 - Centres lie in rows 2, 5, ..., 149 from the bottom, so that 50 blocks tile the lower 150 rows.
 """
