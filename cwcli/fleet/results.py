@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from cwcli.logs.log import Log
 
 STDIN = "-"
+TEXTS = ("stage", "metric", "unit", "pool")
+"""The columns of the metrics that hold text; the others hold numbers."""
 NO_TABLE = "the log has no readable table of metrics, and no annotated log to make it from"
 
 
@@ -185,7 +187,11 @@ def read_metrics_table(path: Path) -> Table:
     columns: dict[str, Any] = {}
     for name in found.column_names:
         column = found.column(name)
-        is_number = pa.types.is_floating(column.type) or pa.types.is_integer(column.type)
+        is_integer = pa.types.is_integer(column.type)
+        is_number = pa.types.is_floating(column.type) or is_integer
+        is_count = is_integer and not column.null_count
+        if name in COLUMNS and (is_number == (name in TEXTS) or (name == "n" and not is_count)):
+            raise InputError(f"its column {name} does not hold what it should: {column.type}", where=str(path))
         columns[name] = column.to_numpy() if is_number else [str(value) for value in column.to_pylist()]
     metadata = {
         key.decode(errors="replace"): value.decode(errors="replace")

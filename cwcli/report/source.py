@@ -83,16 +83,18 @@ def read_run(source: str) -> Run:
 
 
 def _entry(log: RecordedLog) -> Entry:
-    """One log of the folder.
-
-    Raises:
-        InputError: Its metrics are damaged.
-    """
+    """One log of the folder. If its metrics are damaged, that is its error."""
     annotated = None if log.folder is None else log.folder.annotated
     has_failed = log.entry.get("status") != "done"
     error, left_out = log.entry.get("error"), log.entry.get("left_out")
     if has_failed and not isinstance(error, dict):
         error = {"what": NOT_DONE}
+    metrics: dict[str, MetricRow] = {}
+    try:
+        metrics = {} if log.folder is None else _metrics(log.folder.metrics)
+    except InputError as damage:
+        if not has_failed:
+            has_failed, error = True, {"what": damage.what, "where": damage.where, "hint": "do the run again"}
     return Entry(
         id=log.id,
         name=log.id,
@@ -103,7 +105,7 @@ def _entry(log: RecordedLog) -> Entry:
         if isinstance(error, dict)
         else {},
         left_out={str(stage): str(reason) for stage, reason in left_out.items()} if isinstance(left_out, dict) else {},
-        metrics={} if log.folder is None else _metrics(log.folder.metrics),
+        metrics=metrics,
     )
 
 

@@ -1,0 +1,69 @@
+"""Tables of metrics that are not what they should be: one line, and never another log's trouble."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+from cwcli.errors import InputError
+from cwcli.fleet.results import read_metrics
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.table import Table, write_table
+from cwcli.report.source import read_run
+
+
+def metrics_table(path: Path, **changed: Any) -> Path:
+    """A table with one metric of one log; `changed` columns hold one other value."""
+    headline = Headline()
+    headline.add("ego.position_rmse_m", 1.0, 10.0)
+    table = headline.table()
+    write_table(Table("metrics", {"log": ["a"], **table.columns}), path, force=True)
+    found = parquet.read_table(path, partitioning=None)
+    for name, value in changed.items():
+        found = found.set_column(found.column_names.index(name), name, pa.array([value]))
+    parquet.write_table(found, path)
+    return path
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"value": "<b>"},
+        {"value": [1.0]},
+        {"value": None},
+        {"n": 1.5},
+        {"n": None},
+        {"total": "1"},
+        {"metric": 5},
+        {"pool": 1.0},
+    ],
+    ids=str,
+)
+def test_columns_of_another_type_are_one_line(tmp_path: Path, changed: dict[str, Any]) -> None:
+    path = metrics_table(tmp_path / "m.parquet", **changed)
+    with pytest.raises(InputError, match="does not hold what it should") as error:
+        read_metrics(str(path))
+    assert error.value.where == str(path)
+
+
+def test_numbers_beyond_all_bounds_are_read(tmp_path: Path) -> None:
+    for value in (float("nan"), float("inf"), 1e308, -1.0):
+        path = metrics_table(tmp_path / "m.parquet", value=value, total=value, weight=value)
+        assert len(read_metrics(str(path)).logs) == 1
+
+
+def test_damaged_metrics_of_one_log_do_not_stop_the_report(tmp_path: Path) -> None:
+    entries = [{"id": name, "source": name, "status": "done"} for name in ("a", "b")]
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": entries}))
+    for name in "ab":
+        (tmp_path / f"metrics/log={name}").mkdir(parents=True)
+    metrics_table(tmp_path / "metrics/log=a/metrics.parquet")
+    (tmp_path / "metrics/log=b/metrics.parquet").write_bytes(b"PAR1")
+    whole, damaged = read_run(str(tmp_path)).entries
+    assert (whole.has_failed, list(whole.metrics)) == (False, ["ego.position_rmse_m"])
+    assert damaged.has_failed and "the metrics can't be read" in damaged.error["what"]
