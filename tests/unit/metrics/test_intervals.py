@@ -1,5 +1,7 @@
 """Confidence intervals against SciPy, published numbers and simulated coverage."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -20,6 +22,13 @@ def test_poisson_interval_is_garwoods(count: int, level: float) -> None:
     low = stats.chi2.ppf(tail, 2 * count) / 2.0 if count else 0.0
     high = stats.chi2.ppf(1.0 - tail, 2 * count + 2) / 2.0
     assert poisson_interval(count, level) == pytest.approx((low, high), abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [1000, 1001, 20_000, 10**9])
+def test_poisson_interval_of_many_events_takes_no_longer(count: int) -> None:
+    expected = stats.chi2.ppf(0.025, 2 * count) / 2.0, stats.chi2.ppf(0.975, 2 * count + 2) / 2.0
+    assert poisson_interval(count) == pytest.approx(expected, rel=1e-6)
+    assert all(map(math.isfinite, poisson_interval(10**300)))
 
 
 def test_poisson_interval_of_no_events_is_the_rule_of_three() -> None:
