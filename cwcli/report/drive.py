@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, get_args
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,19 +21,18 @@ from cwcli.signals.canonical import (
 )
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
-from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
 from cwcli.stages.lanes_channels import LANES_TOPIC
 from cwcli.stages.measurements import ego_measurements
-from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.records import configuration_of, inputs_of, map_of, rule_of, run_records, sources_of
+from cwcli.stages.sources import read_sources
 from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
 from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
-from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, ActualTrack, Conflict, Use, WarningConfig
+from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, ActualTrack, WarningConfig
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
-RECORD_PREFIX = "cwcli.run."
 OTHER_FIELDS = ("id", "stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "length_m", "width_m")
 WARNING_FIELDS = (
     "stamp_ns",
@@ -48,7 +45,6 @@ WARNING_FIELDS = (
     "ttc_s",
     "probability",
 )
-CHOICES = {"use": get_args(Use), "conflict": get_args(Conflict)}
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
@@ -106,8 +102,7 @@ class Drive:
 
     def inputs(self, stage: str) -> list[dict[str, Any]]:
         """What became of the stage's input messages, as its record tells; [] where it does not."""
-        found = _json(self.records.get(stage, {}).get("counts", "[]"))
-        return [entry for entry in found if isinstance(entry, dict)] if isinstance(found, list) else []
+        return inputs_of(self.records.get(stage, {}))
 
 
 TOPICS: Mapping[str, tuple[str, ...] | None] = {
@@ -141,17 +136,15 @@ def read_drive(log: Log) -> Drive:
         InputError: The log is damaged.
         DataError: A channel of cwcli's was written by another version.
     """
-    records = {
-        name.removeprefix(RECORD_PREFIX): entries for name, entries in log.metadata if name.startswith(RECORD_PREFIX)
-    }
+    records = run_records(log)
     there = {channel.topic for channel in log.channels}
     wanted = {topic: fields for topic, fields in TOPICS.items() if topic in there}
     columns = log.load(wanted) if wanted else {}
-    warn = _configuration(records, "warn")
+    warn = records.get("warn", {})
     ego = read_states(columns[EGO_STATE_TOPIC]) if EGO_STATE_TOPIC in columns else None
     notes: list[str] = []
     others = [*_remotes(columns), *_targets(columns, notes)]
-    if warn.get("source") == "targets":
+    if configuration_of(warn).get("source") == "targets":
         others.sort(key=lambda other: other.kind != "target")
     measured = _measured(log, records, notes) if ego is not None and len(ego) else ()
     return Drive(
@@ -163,7 +156,7 @@ def read_drive(log: Log) -> Drive:
         measured=measured,
         warnings=columns.get(WARNINGS_TOPIC),
         lanes=columns.get(LANES_TOPIC),
-        rule=_rule(warn),
+        rule=rule_of(warn),
         records=records,
         camera=_camera(log, records),
         notes=tuple(notes),
@@ -228,8 +221,8 @@ def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[st
     """The ego's sensors as the estimator read them: same topics, same clock, same span."""
     record = records.get("estimate", {})
     try:
-        sources = read_sources(log, _source_config(record), command="report", required=(), optional=EGO_ROLES)
-        local_map = _local_map(record)
+        sources = read_sources(log, sources_of(record), command="report", required=(), optional=EGO_ROLES)
+        local_map = map_of(record)
         found: list[Measurements] = []
         for role in EGO_ROLES:
             for signal in sources.by_role.get(role, ()):
@@ -242,65 +235,12 @@ def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[st
     return tuple(found)
 
 
-def _source_config(record: Mapping[str, str]) -> SourceConfig:
-    """The reading options of the estimate. The record may be anybody's: what does not fit is left at its default."""
-    given = _configuration({"estimate": record}, "estimate").get("sources")
-    given = given if isinstance(given, dict) else {}
-    topics, station = given.get("topics"), given.get("ego_station")
-    start_ns, end_ns = (
-        given.get(name) if isinstance(given.get(name), int) else None for name in ("start_ns", "end_ns")
-    )
-    return SourceConfig(
-        topics={str(role): str(topic) for role, topic in topics.items()} if isinstance(topics, dict) else {},
-        clock="log" if given.get("clock") == "log" else "stamp",
-        ego_station=station if isinstance(station, str) else None,
-        start_ns=start_ns,
-        end_ns=end_ns,
-    )
-
-
-def _local_map(record: Mapping[str, str]) -> LocalMap | None:
-    names = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
-    try:
-        return LocalMap(*(float(record[name]) for name in names))
-    except (KeyError, ValueError):
-        return None
-
-
-def _rule(warn: Mapping[str, Any]) -> WarningConfig:
-    """The settings of the warnings; what does not fit is left at its default."""
-    given = warn.get("rule")
-    given = given if isinstance(given, dict) else {}
-    fitting: dict[str, Any] = {}
-    for entry in fields(WarningConfig):
-        value = given.get(entry.name)
-        if isinstance(entry.default, str):
-            is_fit = isinstance(value, str) and (entry.name == "rule" or value in CHOICES[entry.name])
-        else:
-            is_fit = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
-        if is_fit:
-            fitting[entry.name] = value
-    return WarningConfig(**fitting)
-
-
 def _camera(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
     """The camera's topic: the one of the lanes, else the first channel of frames."""
     from cwcli.logs.frames import is_camera
 
     topics = [channel.topic for channel in log.channels if is_camera(channel)]
-    for entry in _json(records.get("lanes", {}).get("counts", "[]")) or ():
-        if isinstance(entry, dict) and entry.get("topic") in topics:
+    for entry in inputs_of(records.get("lanes", {})):
+        if entry.get("topic") in topics:
             return str(entry["topic"])
     return topics[0] if topics else ""
-
-
-def _configuration(records: Mapping[str, Mapping[str, str]], stage: str) -> dict[str, Any]:
-    found = _json(records.get(stage, {}).get("configuration", "{}"))
-    return found if isinstance(found, dict) else {}
-
-
-def _json(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        return None

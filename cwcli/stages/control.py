@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -14,11 +13,11 @@ from cwcli.logs.log import Log
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.codec import Role
-from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.roles import bind
 from cwcli.stages.control_channels import control_channels
 from cwcli.stages.control_summary import Replayed, control_table, sections, series_table
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
+from cwcli.stages.records import Record, configuration_of, map_of, run_records
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.states import PredictedPaths, VehicleStates, read_states, require_ego
@@ -100,14 +99,14 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     replayed, notes = _replays(host, others, events, config.span)
     if not events:
         notes.append(f"no warning arises (predictor {model}, rule {config.rule.rule}): nothing is braked")
-    notes += _about_states(log)
+    notes += _about_states(run_records(log).get("estimate", {}))
     summary = Summary(
         "control", sections(replayed, log.start_ns, model, config.rule.rule), tuple(inputs), (*bound.notes, *notes)
     )
     tables = (control_table(replayed, model, config.rule.rule), series_table(replayed))
     return StageResult(
         "control",
-        control_channels(replayed, host, _local_map(log)) if replayed else (),
+        control_channels(replayed, host, map_of(run_records(log).get("estimate", {}))) if replayed else (),
         {table.name: table for table in tables},
         summary,
         run_record("control", log, config, summary),
@@ -181,28 +180,9 @@ def _raised_ns(event: Mapping[str, object]) -> int:
     return int(raised)
 
 
-def _estimate_record(log: Log) -> Mapping[str, str]:
-    """The record of the run that wrote the states, {} where there is none."""
-    return next((entries for name, entries in reversed(log.metadata) if name == "cwcli.run.estimate"), {})
-
-
-def _about_states(log: Log) -> list[str]:
-    """A note if the states know what comes."""
-    try:
-        is_causal = json.loads(_estimate_record(log)["configuration"])["estimator"]["causal"]
-    except (KeyError, TypeError, ValueError):
+def _about_states(record: Record) -> list[str]:
+    """A note if the states know what comes, from the record of `estimate`."""
+    estimator = configuration_of(record).get("estimator")
+    if not isinstance(estimator, dict) or estimator.get("causal", True):
         return []
-    return (
-        [] if is_causal else ["the states are smoothed: they know a little of what comes (`cwcli estimate --causal`)"]
-    )
-
-
-def _local_map(log: Log) -> LocalMap | None:
-    """Where the map frame of the states lies, None if the log does not say."""
-    record = _estimate_record(log)
-    try:
-        return LocalMap(
-            *(float(record[f"map_origin_{name}"]) for name in ("latitude_deg", "longitude_deg", "altitude_m"))
-        )
-    except (KeyError, ValueError):
-        return None
+    return ["the states are smoothed: they know a little of what comes (`cwcli estimate --causal`)"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,9 @@ from cwcli.signals.resample import resample
 from cwcli.signals.roles import ROLE_TEXT
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_ID, EGO_STATE_TOPIC
-from cwcli.stages.records import json_entry, number, run_records
-from cwcli.stages.sources import SourceConfig, Sources, read_sources
+from cwcli.stages.records import Record, json_entry, map_of, number, run_records, sources_of
+from cwcli.stages.sources import Sources, read_sources
 from cwcli.stages.states import VehicleStates, read_states
-from cwcli.stages.track_truth import map_of
 from cwcli.stages.truth import truth_xy
 
 MAX_GAP_S = 0.5
@@ -67,9 +66,9 @@ def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
     if not len(states):
         return Ego()
     reports = json_entry(record, "sources", list)
-    read = _sources(log, json_entry(record, "configuration", dict), truth)
+    read = _sources(log, record, truth)
     sources = read.by_role
-    local_map = map_of([("cwcli.run.estimate", record)])
+    local_map = map_of(record)
     fixes = _fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
     found = _add_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
     if fixes is not None:
@@ -96,28 +95,15 @@ def _truth_notes(read: Sources) -> tuple[str, ...]:
     )
 
 
-def _sources(log: Log, configuration: Mapping[str, Any], truth: str) -> Sources:
+def _sources(log: Log, record: Record, truth: str) -> Sources:
     """The position and truth signals, chosen and read as `cwcli estimate` did."""
-    used = configuration.get("sources")
-    used = used if isinstance(used, dict) else {}
-    topics = used.get("topics")
+    used = sources_of(record)
     wanted = (Role.EGO_POSITION,) if truth == "none" else (Role.EGO_POSITION, Role.TRUTH)
-    chosen = {role.value: str(topics[role.value]) for role in wanted if isinstance(topics, dict) and role in topics}
+    chosen = {role.value: used.topics[role.value] for role in wanted if role in used.topics}
     if truth not in ("auto", "none"):
         chosen[Role.TRUTH.value] = truth
-    station = used.get("ego_station")
-    config = SourceConfig(
-        topics=chosen,
-        clock="log" if used.get("clock") == "log" else "stamp",
-        ego_station=station if isinstance(station, str) else None,
-        start_ns=_whole(used.get("start_ns")),
-        end_ns=_whole(used.get("end_ns")),
-    )
+    config = replace(used, topics=chosen)
     return read_sources(log, config, command="evaluate", required=(), optional=wanted)
-
-
-def _whole(value: Any) -> int | None:
-    return value if isinstance(value, int) else None
 
 
 def _fixes(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaves import texts, whole_numbers
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
-from cwcli.stages.records import json_entry, run_records
+from cwcli.stages.records import Record, configuration_of, rule_of, run_records, whole
 from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
 from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
 from cwcli.warning.actual import Motion, relative_motion
@@ -59,13 +59,13 @@ def add_warnings(headline: Headline, log: Log) -> None:
     """
     if all(channel.topic != WARNINGS_TOPIC for channel in log.channels):
         return
-    configuration = json_entry(run_records(log).get("warn", {}), "configuration", dict)
+    record = run_records(log).get("warn", {})
     columns = log.columns(WARNINGS_TOPIC)
-    rules = _rules(configuration)
+    rules = _rules(configuration_of(record))
     if LANE_DEPARTURE in rules:
         headline.count("warnings.lane_departure_count", sum(map(len, _events(columns, LANE_DEPARTURE).values())))
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
-    for k, (rule, scores) in enumerate(judge_warnings(log, columns, configuration, collision_rules).items()):
+    for k, (rule, scores) in enumerate(judge_warnings(log, columns, record, collision_rules).items()):
         if k == 0:
             _add_scores(headline, "warnings", scores)
         if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
@@ -98,23 +98,22 @@ def _add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
     headline.add(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
 
 
-def judge_warnings(
-    log: Log, warnings: Columns, configuration: Mapping[str, Any], rules: Sequence[str]
-) -> dict[str, WarningScores]:
+def judge_warnings(log: Log, warnings: Columns, record: Record, rules: Sequence[str]) -> dict[str, WarningScores]:
     """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores. Empty where states are missing."""
+    configuration = configuration_of(record)
     others_topic = TARGETS_TOPIC if configuration.get("source") == "targets" else REMOTE_STATE_TOPIC
     if not rules or not {EGO_STATE_TOPIC, others_topic} <= {channel.topic for channel in log.channels}:
         return {}
     columns = log.load(dict.fromkeys((EGO_STATE_TOPIC, others_topic)))
     host = read_states(columns[EGO_STATE_TOPIC])
     others = (read_targets if others_topic == TARGETS_TOPIC else read_states)(columns[others_topic])
-    start_ns, end_ns = (_whole(configuration.get(name)) for name in ("start_ns", "end_ns"))
+    start_ns, end_ns = (whole(configuration.get(name)) for name in ("start_ns", "end_ns"))
     host, others = host.logged_within(start_ns, end_ns), others.logged_within(start_ns, end_ns)
     if not len(host):
         return {}
-    config = _config(configuration.get("rule"))
-    whole = np.arange(len(host))
-    own, host_size = _track(host, whole), _size(host, whole)
+    config = rule_of(record)
+    all_rows = np.arange(len(host))
+    own, host_size = _track(host, all_rows), _size(host, all_rows)
     hours = float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H
     motions = {
         vehicle: relative_motion(
@@ -198,21 +197,3 @@ def _size(states: VehicleStates, rows: npt.NDArray[np.intp]) -> tuple[float, flo
         return middle if middle > 0.0 else default
 
     return of(states.length_m[rows], DEFAULT_LENGTH_M), of(states.width_m[rows], DEFAULT_WIDTH_M)
-
-
-def _config(given: object) -> WarningConfig:
-    """The rule's configuration as the record has it; the default where an entry is missing or of another kind."""
-    default = WarningConfig()
-    if not isinstance(given, dict):
-        return default
-    values: dict[str, Any] = {}
-    for entry in fields(WarningConfig):
-        value, usual = given.get(entry.name), getattr(default, entry.name)
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if (isinstance(usual, float) and is_number) or (isinstance(usual, str) and isinstance(value, str)):
-            values[entry.name] = value
-    return WarningConfig(**values)
-
-
-def _whole(value: object) -> int | None:
-    return value if isinstance(value, int) else None

@@ -5,10 +5,9 @@ The camera is that of `cwcli lanes`, whose record in the log tells the mounting;
 
 from __future__ import annotations
 
-import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +21,7 @@ from cwcli.signals.roles import bind
 from cwcli.stages.lanes_camera import CameraSource, camera_source
 from cwcli.stages.lanes_channels import LANES_TOPIC, LINE_STRIP, PIXELS_PER_THICKNESS
 from cwcli.stages.painted_frames import painted_channel
+from cwcli.stages.records import configuration_of, inputs_of, number, run_records
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame, decode_frames
@@ -30,7 +30,7 @@ from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, P
 from cwcli.vision.raw_images import Image
 
 ANNOTATIONS_TOPIC = "/cwcli/observer/path/annotations"
-LANES_RECORD = "cwcli.run.lanes"
+LANES_STAGE = "lanes"
 LINE_LOOP = 2  # foxglove.PointsAnnotation.Type
 LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
 NO_COLOUR = (0.0, 0.0, 0.0, 0.0)
@@ -147,7 +147,8 @@ def path_overlay(
     notes = []
     if len(scene.stamp_ns) < len(stamp_ns):
         notes.append(
-            f"{len(stamp_ns) - len(scene.stamp_ns)} of {len(stamp_ns)} paths are not drawn: no frame has their stamp"
+            f"{len(stamp_ns) - len(scene.stamp_ns)} of {len(stamp_ns)} paths are not drawn: no frame of a known size "
+            "has their stamp"
         )
     channels = [_annotations(scene)]
     if render is not None:
@@ -165,17 +166,17 @@ class _LanesRecord:
 
 def _lanes_record(log: Log) -> _LanesRecord:
     """How `cwcli lanes` was run on this log; its defaults where the log does not tell."""
-    document: dict[str, Any] = {}
-    inputs: list[dict[str, Any]] = []
-    for name, entries in log.metadata:
-        if name == LANES_RECORD:
-            document = json.loads(entries.get("configuration", "{}"))
-            inputs = json.loads(entries.get("counts", "[]"))
-    cameras = [entry["topic"] for entry in inputs if entry.get("role") == Role.CAMERA.value]
+    record = run_records(log).get(LANES_STAGE, {})
+    configuration = configuration_of(record)
+    mounting, topics = (configuration.get(name) for name in ("mounting", "topics"))
+    given = mounting if isinstance(mounting, dict) else {}
+    names = [entry.name for entry in fields(Mounting) if math.isfinite(number(given, entry.name))]
+    angle = number(configuration, "field_of_view_rad")
+    cameras = [str(entry.get("topic")) for entry in inputs_of(record) if entry.get("role") == Role.CAMERA.value]
     return _LanesRecord(
-        mounting=Mounting(**(document.get("mounting") or {})),
-        field_of_view_rad=document.get("field_of_view_rad"),
-        topics=document.get("topics") or {},
+        mounting=Mounting(**{name: number(given, name) for name in names}),
+        field_of_view_rad=angle if 0.0 < angle < math.pi else None,
+        topics={str(role): str(topic) for role, topic in topics.items()} if isinstance(topics, dict) else {},
         camera_topic=cameras[0] if cameras else "",
     )
 
@@ -209,6 +210,9 @@ def _scene(
     at = np.minimum(np.searchsorted(lane_stamp_ns, stamp_ns[rows]), max(len(lane_stamp_ns) - 1, 0))
     has_frame = lane_stamp_ns[at] == stamp_ns[rows] if len(lane_stamp_ns) else np.zeros(len(rows), np.bool_)
     rows, lanes = rows[has_frame], lane_row[at[has_frame]] if len(lane_stamp_ns) else rows[:0]
+    image_size, search_size = _sizes(columns, "image", lanes), _sizes(columns, "search", lanes)
+    has_size = (image_size > 0).all(axis=1) & (search_size > 0).all(axis=1)
+    rows, lanes, image_size, search_size = (each[has_size] for each in (rows, lanes, image_size, search_size))
     found = np.stack([np.stack([numbers(f"{side}.{k}") for k in "abc"], axis=-1) for side in ("left", "right")], axis=1)
     return _Scene(
         stamp_ns=stamp_ns[rows],
@@ -219,8 +223,8 @@ def _scene(
         source=source,
         pitch_rad=numbers("camera_pitch_rad")[lanes],
         yaw_rad=numbers("camera_yaw_rad")[lanes],
-        image_size=_sizes(columns, "image", lanes),
-        search_size=_sizes(columns, "search", lanes),
+        image_size=image_size,
+        search_size=search_size,
         parabolas=found[lanes],
     )
 

@@ -1,22 +1,35 @@
-"""The metadata records `cwcli.run.<stage>`, read back: how a log was annotated."""
+"""The metadata records `cwcli.run.<stage>`, read back: how a log was annotated.
+
+A log may come from anybody, so nothing in a record is believed: what is missing or does not fit is as if it were not
+there.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import fields
+from typing import Any, get_args
 
 from cwcli.logs.log import Log
+from cwcli.signals.geodesy import LocalMap
+from cwcli.stages.sources import SourceConfig
+from cwcli.warning.types import Conflict, Use, WarningConfig
 
 PREFIX = "cwcli.run."
+ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
+CHOICES: dict[str, tuple[str, ...]] = {"use": get_args(Use), "conflict": get_args(Conflict)}
+
+Record = Mapping[str, str]
 
 
-def run_records(log: Log) -> dict[str, Mapping[str, str]]:
+def run_records(log: Log) -> dict[str, Record]:
     """Stage -> its record, the last one of each."""
     return {name.removeprefix(PREFIX): entries for name, entries in log.metadata if name.startswith(PREFIX)}
 
 
-def json_entry(record: Mapping[str, str], key: str, kind: type) -> Any:
+def json_entry(record: Record, key: str, kind: type) -> Any:
     """An entry that holds JSON of a kind (`dict` or `list`); an empty one where it is missing, broken or another."""
     try:
         value = json.loads(record.get(key, ""))
@@ -29,3 +42,57 @@ def number(entries: Mapping[str, Any], key: str) -> float:
     """A number of a JSON object; NaN where there is none."""
     value = entries.get(key)
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else float("nan")
+
+
+def whole(value: object) -> int | None:
+    """A whole number of a JSON object; None where there is none."""
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+def configuration_of(record: Record) -> dict[str, Any]:
+    """The stage's resolved configuration."""
+    found: dict[str, Any] = json_entry(record, "configuration", dict)
+    return found
+
+
+def inputs_of(record: Record) -> list[dict[str, Any]]:
+    """What became of the stage's input messages: `stages.result.InputCount` as JSON."""
+    return [entry for entry in json_entry(record, "counts", list) if isinstance(entry, dict)]
+
+
+def map_of(record: Record) -> LocalMap | None:
+    """Where the map frame lies on the earth, from the record of `estimate`."""
+    try:
+        return LocalMap(*(float(record[name]) for name in ORIGIN_NAMES))
+    except (KeyError, ValueError):
+        return None
+
+
+def sources_of(record: Record) -> SourceConfig:
+    """Which channels `estimate` read, and how."""
+    given = configuration_of(record).get("sources")
+    given = given if isinstance(given, dict) else {}
+    topics, station = given.get("topics"), given.get("ego_station")
+    return SourceConfig(
+        topics={str(role): str(topic) for role, topic in topics.items()} if isinstance(topics, dict) else {},
+        clock="log" if given.get("clock") == "log" else "stamp",
+        ego_station=station if isinstance(station, str) else None,
+        start_ns=whole(given.get("start_ns")),
+        end_ns=whole(given.get("end_ns")),
+    )
+
+
+def rule_of(record: Record) -> WarningConfig:
+    """The thresholds of `warn`."""
+    given = configuration_of(record).get("rule")
+    given = given if isinstance(given, dict) else {}
+    fitting: dict[str, Any] = {}
+    for entry in fields(WarningConfig):
+        value = given.get(entry.name)
+        if isinstance(entry.default, str):
+            is_fit = isinstance(value, str) and (entry.name == "rule" or value in CHOICES[entry.name])
+        else:
+            is_fit = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
+        if is_fit:
+            fitting[entry.name] = value
+    return WarningConfig(**fitting)

@@ -14,6 +14,7 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.roles import bind
 from cwcli.stages.evaluate_tracking import score_record
+from cwcli.stages.records import map_of, run_records
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.sources import SourceConfig, read_sources
@@ -27,7 +28,7 @@ from cwcli.stages.track_sensors import (
     sensor_models,
 )
 from cwcli.stages.track_summary import detection_counts, sections, track_tables
-from cwcli.stages.track_truth import map_of, scores_of
+from cwcli.stages.track_truth import scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, EgoStates, SensorModel
 from cwcli.tracking.tracker import TrackResult, track_many, track_one
@@ -80,7 +81,7 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     truth = sources.by_role.get(Role.TARGET_TRUTH, ())
     if truth and isinstance(truth[0], TargetTruthSignal):
         moments_ns = known_ns[0] if how == "many" else np.unique(np.concatenate([d.stamp_ns for d in detections]))
-        local_map = map_of(log.metadata) if ego is not None else None
+        local_map = map_of(run_records(log).get("estimate", {})) if ego is not None else None
         errors, more = scores_of(truth[0], result, moments_ns, in_map=in_map, local_map=local_map)
         notes.extend(more)
     kinds = {d.source: d.kind for d in detections}

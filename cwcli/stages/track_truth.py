@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +13,6 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.tracking.gospa import Moments, TrackingScores, score
 from cwcli.tracking.tracker import TrackResult
 
-ESTIMATE_RECORD = "cwcli.run.estimate"
-ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
 CUTOFF_M = 5.0
 
 
@@ -76,14 +73,6 @@ def scores_of(
         return None, (f"{truth.source}: no truth at the times of the scans",)
     scores = score(true, Moments.of(result.tracks).at(true.stamp_ns), cutoff_m=CUTOFF_M)
     return TruthScores(truth.source, truth.id.values, scores), tuple(notes)
-
-
-def map_of(metadata: Iterable[tuple[str, Mapping[str, str]]]) -> LocalMap | None:
-    """The map's place on the earth, from the record of `cwcli estimate`."""
-    for name, record in metadata:
-        if name == ESTIMATE_RECORD and all(part in record for part in ORIGIN_NAMES):
-            return LocalMap(*(float(record[part]) for part in ORIGIN_NAMES))
-    return None
 
 
 def _driven(truth: TargetTruthSignal, xy: FloatArray) -> FloatArray:

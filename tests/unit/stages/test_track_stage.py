@@ -10,10 +10,11 @@ from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.channels import constant_strings
+from cwcli.stages.records import map_of
 from cwcli.stages.track import TrackConfig, _tracks
 from cwcli.stages.track_channels import read_targets, target_channels
 from cwcli.stages.track_sensors import SensorSetting, check_carriers, detections_of, sensor_models
-from cwcli.stages.track_truth import map_of, scores_of
+from cwcli.stages.track_truth import scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, Kind, SensorModel
 from cwcli.tracking.tracker import track_many, track_one
@@ -208,12 +209,12 @@ def test_a_truth_in_another_frame_is_not_compared():
 
 def test_a_truth_on_the_globe_is_brought_into_the_map_of_the_ego():
     result, _ = made()
-    local_map = map_of([("cwcli.run.estimate", {"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0",
-                                                "map_origin_altitude_m": "500.0"})])  # fmt: skip
+    local_map = map_of({"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0",
+                        "map_origin_altitude_m": "500.0"})  # fmt: skip
     assert isinstance(local_map, LocalMap)
     (track,) = result.tracks
     lat, lon, _ = local_map.wgs84_from_map(track.state[:, 0] + 1.0, track.state[:, 1], np.zeros(len(track)))
     truth = truth_of(result, latitude_deg=lat, longitude_deg=lon)  # its x, y count from elsewhere
     errors, _ = scores_of(truth, result, track.stamp_ns, in_map=True, local_map=local_map)
     assert errors.scores.targets[0].rmse[:2] == pytest.approx((1.0, 0.0), abs=1e-3)
-    assert map_of([("provenance", {})]) is None
+    assert map_of({}) is None
