@@ -33,7 +33,7 @@ MIN_SIGMA = 1e-9
 
 
 def model_vector(vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
-    """The kernel's parameters, shape (36,), in the order of its P_* names."""
+    """The kernel's parameters, shape (37,), in the order of its P_* names."""
     m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
     kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
     lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
@@ -59,6 +59,7 @@ def model_vector(vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
         MAX_STEP_S,
         *LOAD_RANGE,
         STILL_MPS,
+        config.preview_m,
     ]
     return np.array([*physics, *_walks(noise, config.estimate_load), *_starts(noise, config.estimate_load), *rest])
 

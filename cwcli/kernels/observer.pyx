@@ -28,7 +28,7 @@ cdef enum:
     P_MOMENT_I = 3      # (l_r k_r - l_f k_f) / I
     P_DAMP_I = 4        # (l_f^2 k_f + l_r^2 k_r) / I
     P_FRONT_I = 5       # l_f k_f / I
-    P_PREVIEW = 6
+    P_PREVIEW = 6       # from the centre of gravity to the preview point
     P_MIN_SPEED = 7
     P_Q = 8             # 9 noise intensities, in the order of the states; that of K_L per metre
     P_START = 17        # 9 standard deviations at the start; those of y_L and e_L are the measurement's
@@ -42,7 +42,8 @@ cdef enum:
     P_ETA_LOW = 33
     P_ETA_HIGH = 34
     P_STILL = 35        # speed below which the car's yaw rate and lateral speed are known to be near zero
-    P_COUNT = 36
+    P_CAMERA = 36       # from the camera to the preview point: about the camera its yaw turns it
+    P_COUNT = 37
 
 cdef enum:
     LANE = 0
@@ -343,7 +344,7 @@ def follow(
                     if not isnan(values[i, 0]):
                         memset(h, 0, N * sizeof(double))
                         h[YL] = 1.0
-                        h[CAM] = m[P_PREVIEW]
+                        h[CAM] = m[P_CAMERA]
                         tried += 1
                         if update(x, p, h, values[i, 0], sigmas[i, 0] * sigmas[i, 0], gate):
                             believed += 1
@@ -352,7 +353,7 @@ def follow(
                             for j in range(N):
                                 p[YL * N + j] = 0.0
                                 p[j * N + YL] = 0.0
-                            x[YL] = values[i, 0] - m[P_PREVIEW] * x[CAM]
+                            x[YL] = values[i, 0] - m[P_CAMERA] * x[CAM]
                             p[YL * N + YL] = sigmas[i, 0] * sigmas[i, 0]
                     if tried > 0:
                         status[i] = IS_USED if believed == tried else IS_REJECTED

@@ -88,7 +88,7 @@ def follow(dt, speed, kind, values, sigmas, model, car, preview_m):
         n = max(1, int(np.ceil(dt[i] / model[32] - 1e-9)))
         for _ in range(n if dt[i] > 0 else 0):
             x, p = predict(x, p, dt[i] / n, speed[i], car, preview_m, q, min_speed)
-        rows = {0: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: preview_m})]}
+        rows = {0: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: model[36]})]}
         for column, entries in rows.get(int(kind[i]), [(0, {G: 1.0, GYRO: 1.0} if kind[i] == 1 else {STEER: 1.0})]):
             if np.isnan(values[i, column]):
                 continue

@@ -254,6 +254,17 @@ def test_a_turned_camera_is_found_and_its_uncertainty_is_no_noise() -> None:
     np.testing.assert_allclose(track.state[100:, 1], straight.state[100:, 1], atol=0.001)
 
 
+def test_a_turned_camera_far_ahead_moves_the_lane_by_its_own_distance() -> None:
+    """Turning the camera moves the preview point about the camera, 33.5 m from it, not about the centre of gravity."""
+    n, yaw_rad, place_m = 300, 0.005, 0.3
+    stamp_ns = np.arange(n) * 100_000_000
+    lanes = LaneSamples(stamp_ns, np.full(n, place_m + 33.5 * yaw_rad), np.full(n, yaw_rad), np.zeros(n))
+    told = ObserverConfig(noise=FilterNoise(camera_yaw_rad=0.02))
+    track = observe(lanes, Samples(stamp_ns, np.full(n, 25.0)), replace(CAR, camera_forward_m=10.0), told)
+    assert track.state[-1, 3] == pytest.approx(0.0, abs=3e-4)
+    assert track.state[-1, 2] == pytest.approx(place_m, abs=0.01)
+
+
 def test_one_wrong_frame_is_left_out() -> None:
     heading = SENSED.lanes.heading_deviation_rad.copy()
     heading[150] += 0.2
