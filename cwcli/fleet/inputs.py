@@ -21,25 +21,40 @@ def is_remote(source: str) -> bool:
     return "://" in source and not source.startswith(FILE_SCHEME)
 
 
-def expand_sources(arguments: Sequence[str]) -> list[tuple[str, str]]:
+def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> list[tuple[str, str]]:
     """Every log once, as (source, path): the name for people, and the absolute path or the URL.
 
     Patterns (`*`, `?`, `[...]`, `**`) are expanded here where the shell has not done it. A file of that very name comes
     first. What is named twice, also through a link, is one log.
 
+    Args:
+        arguments: Files, patterns and URLs.
+        results: Folders that the run writes, and removes: a pattern passes by what lies in them.
+
     Raises:
-        UsageError: A pattern matches nothing, or a URL needs a package that is not installed.
+        UsageError: A pattern matches nothing, a name is empty or lies in `results`, or a URL needs a package that is
+            not installed.
         InputError: A remote store does not answer.
     """
+    kept = [os.path.realpath(folder) + os.sep for folder in results]
     found: dict[str, tuple[str, str]] = {}
     for argument in arguments:
-        for source in _expanded(argument):
-            path = source if is_remote(source) else os.path.realpath(source.removeprefix(FILE_SCHEME))
+        named = {source: _path(source) for source in _expanded(argument)}
+        outside = {source: path for source, path in named.items() if not path.startswith(tuple(kept))}
+        if not outside:
+            raise UsageError("the log lies in the output folder", where=argument, hint="name another folder with -d")
+        for source, path in outside.items():
             found.setdefault(path, (source, path))
     return list(found.values())
 
 
+def _path(source: str) -> str:
+    return source if is_remote(source) else os.path.realpath(source.removeprefix(FILE_SCHEME))
+
+
 def _expanded(argument: str) -> list[str]:
+    if not argument:
+        raise UsageError("the name of a log is empty", hint="is a variable of the shell not set?")
     if argument == "-":
         raise UsageError(
             "standard input holds one log; a run over many needs files", hint="leave -d away, or name files"

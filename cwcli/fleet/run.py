@@ -82,7 +82,8 @@ def run_fleet(
         report: Told of each log that ended: the task, its status, how many have ended, of how many.
 
     Raises:
-        UsageError: A pattern matches nothing, or the folder holds logs that this run does not name.
+        UsageError: A pattern matches nothing, a log lies in the output folder, or that holds logs that this run does
+            not name.
         InputError: A remote store does not answer.
         OutputError: The folder is something else, is in use, or can't be written.
     """
@@ -90,8 +91,10 @@ def run_fleet(
     began = datetime.now(UTC).isoformat(timespec="seconds")
     if is_remote(str(out)):
         raise UsageError("the output folder must lie on this machine", where=str(out), hint="copy it there afterwards")
-    found = expand_sources(sources)
+    if str(out) in {"", "-"}:
+        raise UsageError(f"the output folder can't be '{out}'", hint="name it with -d")
     folder = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+    found = expand_sources(sources, [str(folder / part) for part in (LOGS, METRICS, DETAILS, TABLES, SCRATCH)])
     ids = log_ids([source for source, _ in found])
     tasks = [Task(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]
     tasks.sort(key=lambda task: task.id)

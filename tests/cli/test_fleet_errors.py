@@ -38,3 +38,20 @@ def test_many_reasons_are_not_all_told() -> None:
     assert len(told) == MAX_TOLD + 1
     assert (told[0].where, told[0].what, told[0].found, told[0].hint) == ("s: /gps", "it is 0", ("x",), "h")
     assert told[-1].what == "5 more reasons are in the manifest"
+
+
+def test_force_never_removes_what_the_run_reads(cwcli: Run, short: Path, tmp_path: Path) -> None:
+    again = ("run", f"{short.parent}/*.mcap", "-d", "out", "-q", "--stage", "estimate")
+    assert cwcli(*again).returncode == 0
+    done = cwcli("run", "out/logs/*/annotated.mcap", "-d", "out", "--force")
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"lies in the output folder" in done.stderr
+    assert (tmp_path / "out/logs/short/annotated.mcap").is_file()
+
+
+@pytest.mark.parametrize("name", ["", "-"])
+def test_a_folder_without_a_name_is_refused(cwcli: Run, short: Path, tmp_path: Path, name: str) -> None:
+    done = cwcli("run", short, "-d", name)
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"error: the output folder can't be")
+    assert not list(tmp_path.iterdir())

@@ -57,10 +57,20 @@ def test_a_log_that_is_named_twice_is_one(logs: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize("argument", ["none/*.mcap", "-", "memory://nothing/*.mcap", "nosuch://a/b.mcap"])
+@pytest.mark.parametrize("argument", ["", "none/*.mcap", "-", "memory://nothing/*.mcap", "nosuch://a/b.mcap"])
 def test_refusals(logs: Path, argument: str) -> None:
     with pytest.raises(UsageError):
         expand_sources([argument])
+
+
+def test_results_are_no_inputs(logs: Path) -> None:
+    """A run again over the same pattern would take its own results; with --force it would remove its own inputs."""
+    results = [str(logs / "logs/deep")]
+    assert expand_sources(["logs/**/*.mcap"], results) == expand_sources(["logs/*.mcap"])
+    (logs / "link.mcap").symlink_to(logs / "logs/deep/c.mcap")
+    for argument in ("logs/deep/c.mcap", "logs/deep/*", "link.mcap", f"file://{logs}/logs/deep/c.mcap"):
+        with pytest.raises(UsageError, match="lies in the output folder"):
+            expand_sources(["logs/a.mcap", argument], results)
 
 
 def test_a_file_that_is_not_there_is_left_to_its_worker(logs: Path) -> None:
