@@ -1,29 +1,11 @@
-"""Stripes in image rows and the pair of parallel boundaries that they support best."""
+"""The pair of parallel boundaries that the stripes of a frame support best."""
 
 import numpy as np
 import numpy.typing as npt
 
-_G = npt.NDArray[np.uint8]
 _E = npt.NDArray[np.float32]
 _F = npt.NDArray[np.float64]
 _I = npt.NDArray[np.int32]
-
-def ridges(grey: _G, rows: _I, horizon_v: float, shape: _F, evidence: _E) -> None:
-    """Evidence of a stripe centred at each pixel of some rows.
-
-    The mean of a window of a marking's width, minus the greater mean of the windows on both sides, minus a share of
-    their difference, is the contrast C; C^2 / (C^2 + N^2) with the noise N = floor + relative * side + rough * (mean
-    depth of dark stripes in the row), above a dead zone, is the evidence. It is divided by 1 + (mean of the row /
-    crowded)^2: where every other pixel looks like a stripe, none counts.
-
-    Args:
-        grey: Shape (height, width).
-        rows: Shape (n,): from the top.
-        horizon_v: Row of the horizon; windows grow with the rows h below it.
-        shape: Width of the inner window over h, where the side windows begin, their width, floor (grey levels),
-            relative, rough, share of the sides' difference, dead zone, crowded.
-        evidence: Shape (n, width): filled, 0 to 1.
-    """
 
 def scan(
     evidence: _E,
@@ -99,3 +81,18 @@ def refine(
 
 def along(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float, values: _F) -> None:
     """Evidence in each row along the lines at `places` (k,), into `values` (k, n); -1 outside the image or the road."""
+
+def supports(evidence: _E, rows: _I, lane: _F, min_h: float, half: float, segment: int, value: _F) -> None:
+    """How much of each boundary of a lane shows paint, 0 to 1, into `value` (2,).
+
+    In each segment of rows the summed evidence e counts e / (e + half); their mean, weighted by how many rows of the
+    segment lie in the image and at least min_h below the horizon.
+    """
+
+def parabolas(lane: _F, top_y: float, height: float, width: float, made: _F) -> None:
+    """a, b, c of the best parabola of each boundary of a lane into `made` (2, 3); NaN where it can't be seen.
+
+    x = a y^2 + b y + c with x and y as in `cwcli.vision.boundary`, fitted with least squares at sixteen heights, as
+    many as `ground.N_SAMPLES`, spread evenly from 0.5 to 0.5 + top_y: those in the image, or all below the horizon if
+    fewer than five are.
+    """

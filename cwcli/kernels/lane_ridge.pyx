@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Bright stripes in image rows, and the pair of parallel boundaries that they support best.
+"""The pair of parallel boundaries that the stripes of a frame (`lane_stripes`) support best.
 
 A boundary of a flat road of constant curvature is, h rows below the horizon, u = u0 + m h + k / h: u0 is the vanishing
 point, m the lateral place over the camera's height (right positive), k the curvature; u0, k and the horizon are common
@@ -9,142 +9,19 @@ Arithmetic is +, -, *, / and comparisons in a fixed order (compiled with -ffp-co
 NumPy twin is in tests/unit/vision/naive_ridge.py.
 """
 
+from libc.math cimport NAN, fabs
 from libc.stdlib cimport free, malloc
 
 cdef enum:
     N = 5
+    SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_SAMPLES
+
+cdef struct Pair:
+    int left
+    int right
+    double penalty
 
 cdef double BEND_TAIL = 9.0  # squared sigmas: most roads are straight, and some bend, so the prior of the bend has heavy tails
-
-
-def ridges(
-    const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, const double[::1] shape,
-    float[:, ::1] evidence
-):
-    """Evidence of a stripe centred at each pixel of the given rows (see the stub)."""
-    cdef Py_ssize_t width = grey.shape[1]
-    cdef Py_ssize_t i, u, v
-    cdef double h, inner, near, far, floor_grey = shape[3], relative = shape[4], rough = shape[5], lopsided = shape[6], dead = shape[7]
-    cdef double crowd, crowded = shape[8]
-    cdef int* sums = <int*>malloc((width + 1) * sizeof(int))
-    cdef float* middle = <float*>malloc(width * sizeof(float))
-    cdef float* left = <float*>malloc(width * sizeof(float))
-    cdef float* right = <float*>malloc(width * sizeof(float))
-    cdef int total
-    cdef double texture, side, other, contrast, noise
-    if not (sums and middle and left and right):
-        free(sums)
-        free(middle)
-        free(left)
-        free(right)
-        raise MemoryError
-    with nogil:
-        for i in range(rows.shape[0]):
-            v = rows[i]
-            h = v - horizon_v
-            if h < 1.0:
-                h = 1.0
-            total = 0
-            sums[0] = 0
-            for u in range(width):
-                total += grey[v, u]
-                sums[u + 1] = total
-            inner = shape[0] * h
-            if inner < 1.0:
-                inner = 1.0
-            near = shape[1] * h
-            if near < 0.5 * inner + 0.5:
-                near = 0.5 * inner + 0.5
-            far = near + shape[2] * h
-            if far < near + 1.5:
-                far = near + 1.5
-            box(sums, width, -0.5 * inner, 0.5 * inner, middle)
-            box(sums, width, -far, -near, left)
-            box(sums, width, near, far, right)
-            texture = 0.0
-            for u in range(width):
-                side = left[u] if left[u] < right[u] else right[u]
-                if side > middle[u]:
-                    texture += side - middle[u]
-            texture = texture / width
-            for u in range(width):
-                side = left[u]
-                other = right[u]
-                if other > side:
-                    side, other = other, side
-                contrast = middle[u] - side - lopsided * (side - other)
-                if contrast <= 0.0:
-                    evidence[i, u] = 0.0
-                    continue
-                noise = floor_grey + relative * side + rough * texture
-                contrast = contrast * contrast
-                contrast = contrast / (contrast + noise * noise) - dead
-                evidence[i, u] = <float>(contrast / (1.0 - dead)) if contrast > 0.0 else <float>0.0
-            crowd = 0.0
-            for u in range(width):
-                crowd += evidence[i, u]
-            crowd = crowd / (width * crowded)
-            crowd = 1.0 / (1.0 + crowd * crowd)
-            for u in range(width):
-                evidence[i, u] = <float>(evidence[i, u] * crowd)
-    free(sums)
-    free(middle)
-    free(left)
-    free(right)
-
-
-cdef void box(const int* sums, Py_ssize_t width, double start, double end, float* mean) noexcept nogil:
-    """Mean of the row between start and end from each pixel's centre; clipped at the image's sides."""
-    cdef double lower = start + 0.5, upper = end + 0.5
-    cdef Py_ssize_t i = <Py_ssize_t>lower, j = <Py_ssize_t>upper
-    if i > lower:
-        i -= 1
-    if j > upper:
-        j -= 1
-    cdef float a = <float>(lower - i), b = <float>(upper - j)
-    cdef float factor = <float>(1.0 / (end - start))
-    cdef Py_ssize_t u, first = -i if i < 0 else 0, last = width - j - 1
-    cdef double x0, x1
-    if last > width:
-        last = width
-    if first > width:
-        first = width
-    if last < first:
-        last = first
-    for u in range(first, last):
-        mean[u] = factor * (
-            <float>(sums[u + j] - sums[u + i])
-            + b * <float>(sums[u + j + 1] - sums[u + j])
-            - a * <float>(sums[u + i + 1] - sums[u + i])
-        )
-    for u in range(0, first):
-        mean[u] = clipped(sums, width, u + lower, u + upper)
-    for u in range(last, width):
-        mean[u] = clipped(sums, width, u + lower, u + upper)
-
-
-cdef float clipped(const int* sums, Py_ssize_t width, double lower, double upper) noexcept nogil:
-    """Mean from lower to upper, as far as they lie in the row; less than half a pixel: the outermost pixel."""
-    cdef Py_ssize_t i, j
-    if lower < 0.0:
-        lower = 0.0
-    if upper > width:
-        upper = width
-    if upper - lower < 0.5:
-        if lower < 0.5 * width:
-            lower = 0.0
-            upper = 1.0
-        else:
-            lower = width - 1.0
-            upper = width
-    i = <Py_ssize_t>lower
-    j = <Py_ssize_t>upper
-    cdef double total = sums[j] - sums[i]
-    if j < width:
-        total += (upper - j) * (sums[j + 1] - sums[j])
-    if i < width:
-        total -= (lower - i) * (sums[i + 1] - sums[i])
-    return <float>(total / (upper - lower))
 
 
 def scan(
@@ -154,32 +31,40 @@ def scan(
 ):
     """The best pair of boundaries for each vanishing point and bend (see the stub)."""
     cdef Py_ssize_t n_rows = evidence.shape[0], width = evidence.shape[1], n = places.shape[0]
-    cdef Py_ssize_t i, p, q, r, j, left, right
+    cdef Py_ssize_t i, p, q, r, j, left, right, n_pairs = 0
+    cdef const float* row
     cdef double h, base, x, value, z, penalty, middle, wide
     cdef double* sums = <double*>malloc(n * sizeof(double))
     cdef double* stretch = <double*>malloc(n * sizeof(double))
     cdef double* broad = <double*>malloc(n * sizeof(double))
-    cdef double* pair = <double*>malloc(n * n * sizeof(double))
+    cdef Pair* pairs = <Pair*>malloc(n * n * sizeof(Pair))
+    cdef Pair* pair
     cdef Py_ssize_t used = (n_rows + step - 1) // step
     cdef double n_segments = <double>n_rows / segment
-    if not (sums and pair and broad and stretch):
+    if not (sums and pairs and broad and stretch):
         free(sums)
         free(broad)
         free(stretch)
-        free(pair)
+        free(pairs)
         raise MemoryError
     with nogil:
         for left in range(n):
-            for right in range(n):
+            if places[left] >= 0.0:
+                break
+            for right in range(left + 1, n):
                 middle = 0.5 * (places[left] + places[right])
                 wide = places[right] - places[left]
-                pair[left * n + right] = 1e30
-                if places[left] < 0.0 < places[right] and prior[2, 2] <= wide <= prior[2, 3]:
-                    if prior[1, 2] <= middle <= prior[1, 3]:
-                        z = (middle - prior[1, 0]) / prior[1, 1]
-                        penalty = z * z
-                        z = (wide - prior[2, 0]) / prior[2, 1]
-                        pair[left * n + right] = weight * (penalty + z * z)
+                if wide > prior[2, 3]:
+                    break
+                if places[right] > 0.0 and prior[2, 2] <= wide and prior[1, 2] <= middle <= prior[1, 3]:
+                    pair = &pairs[n_pairs]
+                    n_pairs += 1
+                    pair.left = <int>left
+                    pair.right = <int>right
+                    z = (middle - prior[1, 0]) / prior[1, 1]
+                    penalty = z * z
+                    z = (wide - prior[2, 0]) / prior[2, 1]
+                    pair.penalty = weight * (penalty + z * z)
         for p in range(vanishing.shape[0]):
             for q in range(bends.shape[0]):
                 for j in range(n):
@@ -190,10 +75,13 @@ def scan(
                     h = depths[r]
                     if h > 0.0:
                         base = vanishing[p] + bends[q] / h + 0.5
+                        row = &evidence[r, 0]
                         for j in range(n):
                             x = base + places[j] * h
-                            if 0.0 <= x < width:
-                                stretch[j] += evidence[r, <Py_ssize_t>x]
+                            if x >= width:
+                                break
+                            if x >= 0.0:
+                                stretch[j] += row[<int>x]
                     if (r + step) // segment != r // segment or i == used - 1:  # the next row is of another segment
                         for j in range(n):
                             sums[j] += stretch[j] / (stretch[j] + half / step)
@@ -211,26 +99,24 @@ def scan(
                     for i in range(j - 2 if j > 1 else 0, j + 3 if j + 3 < n else n):
                         if sums[i] > broad[j]:
                             broad[j] = sums[i]
-                for left in range(n):
-                    if places[left] >= 0.0:
-                        break
-                    for right in range(left + 1, n):
-                        if pair[left * n + right] > 1e29:
-                            continue
-                        value = sums[left] + sums[right]
-                        if 2 * left - right >= 0:
-                            value += beside * broad[2 * left - right]
-                        if 2 * right - left < n:
-                            value += beside * broad[2 * right - left]
-                        value = value / n_segments - pair[left * n + right]
-                        if value - penalty > best[p, q, 0]:
-                            best[p, q, 0] = value - penalty
-                            best[p, q, 1] = places[left]
-                            best[p, q, 2] = places[right]
+                for i in range(n_pairs):
+                    pair = &pairs[i]
+                    left = pair.left
+                    right = pair.right
+                    value = sums[left] + sums[right]
+                    if 2 * left - right >= 0:
+                        value += beside * broad[2 * left - right]
+                    if 2 * right - left < n:
+                        value += beside * broad[2 * right - left]
+                    value = value / n_segments - pair.penalty
+                    if value - penalty > best[p, q, 0]:
+                        best[p, q, 0] = value - penalty
+                        best[p, q, 1] = places[left]
+                        best[p, q, 2] = places[right]
     free(sums)
     free(broad)
     free(stretch)
-    free(pair)
+    free(pairs)
 
 
 cdef inline float at(const float* row, Py_ssize_t width, double x) noexcept nogil:
@@ -267,8 +153,11 @@ cdef double judge(
     const double[:, ::1] prior, double weight, double min_h, double beside, double half,
     int segment
 ) noexcept nogil:
-    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r
-    cdef double total = 0.0, h, base, z, penalty = 0.0, left = 0.0, right = 0.0, outer_left = 0.0, outer_right = 0.0
+    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r = 0, stop
+    cdef double total = 0.0, h, base, z, penalty = 0.0, left, right, outer_left, outer_right
+    cdef double place_left = values[1] - 0.5 * values[2], place_right = values[1] + 0.5 * values[2]
+    cdef double far_left = values[1] - 1.5 * values[2], far_right = values[1] + 1.5 * values[2]
+    cdef const float* row
     cdef int k
     for k in range(N):
         if not (prior[k, 2] <= values[k] <= prior[k, 3]):
@@ -276,20 +165,35 @@ cdef double judge(
         z = (values[k] - prior[k, 0]) / prior[k, 1]
         z *= z
         penalty += z / (1.0 + z / BEND_TAIL) if k == 3 else z
-    for r in range(n):
-        h = rows[r] - values[4]
-        if h >= min_h:
-            base = values[0] + values[3] / h
-            left += at(&evidence[r, 0], width, base + (values[1] - 0.5 * values[2]) * h)
-            right += at(&evidence[r, 0], width, base + (values[1] + 0.5 * values[2]) * h)
-            if beside > 0.0:
-                outer_left += at(&broad[r, 0], width, base + (values[1] - 1.5 * values[2]) * h)
-                outer_right += at(&broad[r, 0], width, base + (values[1] + 1.5 * values[2]) * h)
-        if (r + 1) % segment == 0 or r == n - 1:
-            total += left / (left + half) + right / (right + half)
-            if beside > 0.0:
-                total += beside * (outer_left / (outer_left + half) + outer_right / (outer_right + half))
-            left = right = outer_left = outer_right = 0.0
+    while r < n and not rows[r] - values[4] >= min_h:
+        r += 1
+    stop = (r // segment) * segment
+    while stop < n:
+        stop += segment
+        if stop > n:
+            stop = n
+        left = right = 0.0
+        if beside > 0.0:
+            outer_left = outer_right = 0.0
+            for r in range(r, stop):
+                h = rows[r] - values[4]
+                base = values[0] + values[3] / h
+                row = &evidence[r, 0]
+                left += at(row, width, base + place_left * h)
+                right += at(row, width, base + place_right * h)
+                row = &broad[r, 0]
+                outer_left += at(row, width, base + far_left * h)
+                outer_right += at(row, width, base + far_right * h)
+            total += beside * (outer_left / (outer_left + half) + outer_right / (outer_right + half))
+        else:
+            for r in range(r, stop):
+                h = rows[r] - values[4]
+                base = values[0] + values[3] / h
+                row = &evidence[r, 0]
+                left += at(row, width, base + place_left * h)
+                right += at(row, width, base + place_right * h)
+        total += left / (left + half) + right / (right + half)
+        r = stop
     return total * segment / n - weight * penalty
 
 
@@ -391,3 +295,95 @@ def along(
                 x = base + places[p] * h
                 if 0.0 <= x <= width - 1.0:
                     values[p, r] = at(&evidence[r, 0], width, x)
+
+
+def supports(
+    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, double min_h, double half, int segment,
+    double[::1] value
+):
+    """How much of each boundary shows paint (see the stub)."""
+    cdef Py_ssize_t r, k, side, width = evidence.shape[1], n = rows.shape[0] // segment
+    cdef double h, x, place, painted, part, total
+    cdef int seen, n_seen
+    with nogil:
+        for side in range(2):
+            place = lane[1] + (side - 0.5) * lane[2]
+            total = part = 0.0
+            for k in range(n):
+                painted = 0.0
+                seen = 0
+                for r in range(k * segment, (k + 1) * segment):
+                    h = rows[r] - lane[4]
+                    if h < min_h:
+                        continue
+                    x = lane[0] + lane[3] / h + place * h
+                    if 0.0 <= x <= width - 1.0:
+                        painted += at(&evidence[r, 0], width, x)
+                        seen += 1
+                total += painted / (painted + half) * (<double>seen / segment)
+                part += <double>seen / segment
+            value[side] = total / (part if part > 1.0 else 1.0)
+
+
+def parabolas(const double[::1] lane, double top_y, double height, double width, double[:, ::1] made):
+    """The best parabola of each boundary (see the stub)."""
+    cdef double normal[3][4]
+    cdef double powers[3]
+    cdef double x[SAMPLES]
+    cdef double y, h
+    cdef Py_ssize_t side, k, i, j
+    cdef int n_in, n_below
+    cdef bint inside
+    with nogil:
+        for side in range(2):
+            n_in = n_below = 0
+            for k in range(SAMPLES):
+                h = height - (0.5 + (k + 0.5) / SAMPLES * top_y) - lane[4]
+                x[k] = NAN
+                if h > 0.0:
+                    x[k] = lane[0] + lane[1] * h + lane[3] / h + (side - 0.5) * lane[2] * h + 1.0
+                    n_below += 1
+                    n_in += 1.0 <= x[k] <= width
+            for j in range(3):
+                made[side, j] = NAN
+                for i in range(4):
+                    normal[j][i] = 0.0
+            inside = n_in >= 5
+            if not inside and n_below < 3:
+                continue
+            for k in range(SAMPLES):
+                if (1.0 <= x[k] <= width) if inside else x[k] == x[k]:
+                    y = (0.5 + (k + 0.5) / SAMPLES * top_y) / height
+                    powers[0] = y * y
+                    powers[1] = y
+                    powers[2] = 1.0
+                    for j in range(3):
+                        for i in range(3):
+                            normal[j][i] += powers[j] * powers[i]
+                        normal[j][3] += powers[j] * x[k]
+            solve(normal)
+            made[side, 0] = normal[0][3] / (height * height)
+            made[side, 1] = normal[1][3] / height
+            made[side, 2] = normal[2][3]
+
+
+cdef void solve(double[4]* rows) noexcept nogil:
+    """Three equations by Gauss with pivots; the last column becomes the solution."""
+    cdef Py_ssize_t i, j, k, pivot
+    cdef double factor
+    for k in range(3):
+        pivot = k
+        for i in range(k + 1, 3):
+            if fabs(rows[i][k]) > fabs(rows[pivot][k]):
+                pivot = i
+        for j in range(4):
+            factor = rows[k][j]
+            rows[k][j] = rows[pivot][j]
+            rows[pivot][j] = factor
+        for i in range(3):
+            if i != k:
+                factor = rows[i][k] / rows[k][k]
+                for j in range(k, 4):
+                    rows[i][j] -= factor * rows[k][j]
+    for k in range(3):
+        rows[k][3] = rows[k][3] / rows[k][k]

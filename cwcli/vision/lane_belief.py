@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence, judged
-from cwcli.vision.lane_model import MIDDLE, WIDTH, LanePrior
+from cwcli.vision.lane_model import LanePrior
 
 COEFFICIENTS = np.array([-3.25, 5.52, 6.75, -3.56])
 MOST = 1.0
@@ -21,16 +21,10 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
     """Shape (2,): how much of each boundary shows paint, 0 to 1, by stretches of the image's height."""
     from cwcli.kernels import lane_ridge
 
-    values = np.empty((2, len(evidence.rows)))
-    places = lane[MIDDLE] + np.array([-0.5, 0.5]) * lane[WIDTH]
-    lane_ridge.along(evidence.sharp, evidence.rows, lane, places, evidence.min_h, values)
+    made = np.empty(2)
     segment = len(evidence.rows) // N_SEGMENTS
-    n = len(evidence.rows) // segment
-    parts = values[:, : n * segment].reshape(2, n, segment)
-    seen = (parts >= 0.0).mean(axis=2)
-    painted = np.maximum(parts, 0.0).sum(axis=2)
-    part = painted / (painted + HALF * segment)
-    return np.asarray((part * seen).sum(axis=1) / np.maximum(seen.sum(axis=1), 1.0))
+    lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.min_h, HALF * segment, segment, made)
+    return made
 
 
 def features(evidence: Evidence, lane: FloatArray, prior: LanePrior) -> FloatArray:

@@ -19,7 +19,7 @@ Int32Array = npt.NDArray[np.int32]
 ROW_STEP = 0.5
 N_SEGMENTS = 9
 MAX_ROWS = 150
-STRIPE = np.array([0.065, 0.085, 0.08, 3.0, 0.07, 2.0])
+STRIPE = (0.065, 0.085, 0.08, 3.0, 0.07, 2.0)
 LOPSIDED = 0.3
 BESIDE = 0.5
 HALF = 0.3
@@ -47,7 +47,7 @@ class Evidence:
 
     Attributes:
         rows: Shape (n,): sampled rows from the top.
-        sharp, wide: Shape (n, width), 0 to 1; `wide` is the greatest value near by.
+        sharp, wide, broad: Shape (n, width), 0 to 1; `wide` and `broad` are the greatest values near by.
         horizon_px: For which stripes' widths were taken.
         min_h: Rows less than this below a lane's horizon are not judged.
     """
@@ -62,34 +62,24 @@ class Evidence:
 
 def rows_of(top_px: float, height_px: int) -> Int32Array:
     """Rows that are judged, evenly spaced from the top to the bottom of the road."""
-    top = min(max(top_px, 0.0), height_px - 2.0 - 2 * N_SEGMENTS)
-    n = int(np.clip(ROW_STEP * (height_px - 2.0 - top), 2 * N_SEGMENTS, MAX_ROWS))
-    return np.unique(np.linspace(top, height_px - 2.0, n).round()).astype(np.int32)
+    last = height_px - 2.0
+    top = min(max(top_px, 0.0), last - 2 * N_SEGMENTS)
+    n = min(max(int(ROW_STEP * (last - top)), 2 * N_SEGMENTS), MAX_ROWS)
+    step = (last - top) / (n - 1)  # more than one row
+    return np.array([round(top + k * step) for k in range(n)], np.int32)
 
 
 def evidence_of(grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float) -> Evidence:
-    """Ridges of the frame for a horizon."""
-    from cwcli.kernels import lane_ridge
+    """Stripes of the frame for a horizon."""
+    from cwcli.kernels import lane_stripes
 
     height, width = grey.shape
-    sharp = np.empty((len(rows), width), np.float32)
-    shape = np.concatenate([STRIPE[:3] * stretch, STRIPE[3:], [LOPSIDED, DEAD, CROWDED]])
-    lane_ridge.ridges(np.ascontiguousarray(grey), rows, horizon_px, shape, sharp)
-    return Evidence(
-        rows,
-        sharp,
-        _widened(sharp, max(1, round(width / 320))),
-        _widened(sharp, max(2, round(width / 128))),
-        horizon_px,
-        MIN_DEPTH * height,
-    )
-
-
-def _widened(evidence: Float32Array, reach: int) -> Float32Array:
-    """The greatest value within `reach` columns."""
-    import cv2
-
-    return np.asarray(cv2.dilate(evidence, np.ones((1, 2 * reach + 1), np.uint8)), np.float32)
+    evidence = np.empty((3, len(rows), width), np.float32)
+    window, rest = STRIPE[:3], STRIPE[3:]
+    shape = np.array([*(stretch * each for each in window), *rest, LOPSIDED, DEAD, CROWDED])
+    reach, broad_reach = max(1, round(width / 320)), max(2, round(width / 128))
+    lane_stripes.stripes(np.ascontiguousarray(grey), rows, horizon_px, shape, reach, broad_reach, evidence)
+    return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height)
 
 
 def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) -> tuple[FloatArray, FloatArray]:
@@ -166,9 +156,10 @@ def refined(
     width_px, height_px = size
     made = np.array(lanes, np.float64, ndmin=2)
     value = np.empty(len(made))
-    horizon = float(made[:, HORIZON].mean())
+    horizon = float(made[0, HORIZON]) if len(made) == 1 else float(made[:, HORIZON].mean())
     depth = height_px - horizon
-    steps = scale * np.array([0.012, 0.012, 0.008, 0.008, 0.008]) * np.array([width_px] * 4 + [height_px])
+    near, far, down = 0.012 * scale * width_px, 0.008 * scale * width_px, 0.008 * scale * height_px
+    steps = np.array([near, near, far, far, down])
     lane_ridge.refine(
         evidence.wide if wide else evidence.sharp,
         evidence.broad,

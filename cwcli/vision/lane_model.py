@@ -21,7 +21,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX, N_SAMPLES
+from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX
 
 VANISHING, MIDDLE, WIDTH, BEND, HORIZON = range(5)
 """Places in the five numbers of a lane: u0 (px), middle, width (both over the camera's height), k (px^2), v0 (px)."""
@@ -114,7 +114,7 @@ def top_row_px(lane: FloatArray, camera: Camera) -> float:
     """Height above the image's bottom up to which the lane's parabolas are fitted: the road at 60 m, or `HIGHEST`."""
     below_rad = math.atan(camera.mounting.height_m / FAR_M) - pitch_of(lane, camera)
     y_px = camera.height_px - (camera.cy + camera.fy * math.tan(below_rad))
-    return float(np.clip(y_px, LOWEST_TOP_PX, HIGHEST * camera.height_px))
+    return min(max(y_px, LOWEST_TOP_PX), HIGHEST * camera.height_px)
 
 
 def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
@@ -122,18 +122,8 @@ def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
 
     It is fitted at the samples from which `ground` takes the road back.
     """
-    y_px = 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * top_row_px(lane, camera)
-    x_px = columns_of_lane(lane, camera.height_px - y_px) + 1.0
-    scale = camera.height_px
-    design = np.stack([(y_px / scale) ** 2, y_px / scale, np.ones_like(y_px)], axis=1)
-    made = np.full((2, 3), np.nan)
-    for side in range(2):
-        use = np.isfinite(x_px[side]) & (x_px[side] >= 1.0) & (x_px[side] <= camera.width_px)
-        if use.sum() < 5:
-            use = np.isfinite(x_px[side])
-        if use.sum() < 3:
-            continue
-        rows, x = design[use], x_px[side][use]
-        normal = (rows[:, :, None] * rows[:, None, :]).sum(axis=0)
-        made[side] = np.linalg.solve(normal, (rows * x[:, None]).sum(axis=0)) / np.array([scale**2, scale, 1.0])
+    from cwcli.kernels import lane_ridge
+
+    made = np.empty((2, 3))
+    lane_ridge.parabolas(lane, top_row_px(lane, camera), camera.height_px, camera.width_px, made)
     return made

@@ -1,4 +1,4 @@
-"""The plain twins of `cwcli.kernels.lane_ridge`: evidence and objective, written as they are defined."""
+"""The plain twins of `cwcli.kernels.lane_stripes` and `lane_ridge`, written as they are defined."""
 
 from __future__ import annotations
 
@@ -81,3 +81,40 @@ def at(row: FloatArray, u: float) -> float:
         return 0.0
     i = min(math.floor(u), len(row) - 2)
     return float(row[i] + (u - i) * (row[i + 1] - row[i]))
+
+
+def widened(evidence: FloatArray, reach: int) -> FloatArray:
+    """The greatest value within `reach` columns."""
+    columns = range(evidence.shape[1])
+    return np.stack([evidence[:, max(u - reach, 0) : u + reach + 1].max(axis=1) for u in columns], axis=1)
+
+
+def supports(
+    evidence: FloatArray, rows: npt.NDArray[np.int32], lane: FloatArray, *, min_h: float, half: float, segment: int
+) -> list[float]:
+    """How much of each boundary shows paint."""
+    made = []
+    for place in (lane[1] - 0.5 * lane[2], lane[1] + 0.5 * lane[2]):
+        total = weight = 0.0
+        for start in range(0, len(rows) // segment * segment, segment):
+            h = rows[start : start + segment] - lane[4]
+            u = lane[0] + lane[3] / h + place * h
+            seen = (h >= min_h) & (u >= 0.0) & (u <= evidence.shape[1] - 1.0)
+            e = sum(at(evidence[start + k], u[k]) for k in np.flatnonzero(seen))
+            total += e / (e + half) * seen.mean()
+            weight += seen.mean()
+        made.append(float(total / max(weight, 1.0)))
+    return made
+
+
+def parabola(lane: FloatArray, side: int, top_y: float, height: int, width: int) -> FloatArray:
+    """a, b, c with NumPy's least squares."""
+    y = 0.5 + (np.arange(16) + 0.5) / 16 * top_y
+    h = height - y - lane[4]
+    below = h > 0.0
+    h = np.where(below, h, 1.0)
+    x = lane[0] + (lane[1] + (side - 0.5) * lane[2]) * h + lane[3] / h + 1.0
+    use = below & (x >= 1.0) & (x <= width)
+    if use.sum() < 5:
+        use = below
+    return np.asarray(np.polyfit(y[use], x[use], 2)) if use.sum() > 2 else np.full(3, np.nan)

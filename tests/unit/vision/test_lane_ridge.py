@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.kernels import lane_ridge
+from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.sets import frame
 from cwcli.vision import lane_detect
 from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.lane_belief import supports
 from cwcli.vision.lane_detect import PRIOR_WEIGHT, Evidence, acquire, evidence_of, judged
 from cwcli.vision.lane_model import HIGH, HORIZON, LOW, MEAN, SIGMA, LanePrior, prior_of
 from tests.unit.vision import naive_ridge
@@ -21,26 +22,28 @@ SHAPE = np.array([0.065, 0.085, 0.08, 3.0, 0.07, 2.0, 0.3, 0.25, 0.07])
 def test_evidence_equals_the_plain_twin() -> None:
     grey = np.ascontiguousarray(frame("complex", 3).grey[:, 60:180])
     rows = np.array([90, 120, 239], np.int32)
-    made = np.empty((3, 120), np.float32)
-    lane_ridge.ridges(grey, rows, 80.3, SHAPE, made)
-    np.testing.assert_allclose(made, naive_ridge.ridges(grey, rows, 80.3, SHAPE), atol=2e-4)
+    made = np.empty((3, 3, 120), np.float32)
+    lane_stripes.stripes(grey, rows, 80.3, SHAPE, 2, 5, made)
+    np.testing.assert_allclose(made[0], naive_ridge.ridges(grey, rows, 80.3, SHAPE), atol=2e-4)
+    for reach, wide in zip((2, 5), made[1:], strict=True):
+        np.testing.assert_array_equal(wide, naive_ridge.widened(made[0], reach))
 
 
 def test_evidence_of_a_stripe_by_hand() -> None:
     # h = 100: inner window 6.5, sides from 8.5 to 16.5 beyond the centre. Road 50, stripe 150, 9 pixels wide.
     grey = np.full((101, 101), 50, np.uint8)
     grey[:, 46:55] = 150
-    made = np.empty((1, 101), np.float32)
+    made = np.empty((3, 1, 101), np.float32)
     shape = SHAPE.copy()
     shape[5] = 0.0  # no texture
     shape[8] = 1e9  # no crowd
-    lane_ridge.ridges(grey, np.array([100], np.int32), 0.0, shape, made)
+    lane_stripes.stripes(grey, np.array([100], np.int32), 0.0, shape, 1, 2, made)
     noise = 3.0 + 0.07 * 50
-    assert made[0, 50] == pytest.approx((100**2 / (100**2 + noise**2) - 0.25) / 0.75, abs=1e-6)
-    assert made[0, 20] == 0.0
+    assert made[0, 0, 50] == pytest.approx((100**2 / (100**2 + noise**2) - 0.25) / 0.75, abs=1e-6)
+    assert made[0, 0, 20] == 0.0
     edge = np.full((101, 101), 50, np.uint8)
     edge[:, 50:] = 150  # bright on one side only
-    lane_ridge.ridges(edge, np.array([100], np.int32), 0.0, shape, made)
+    lane_stripes.stripes(edge, np.array([100], np.int32), 0.0, shape, 1, 2, made)
     assert made.max() == 0.0
 
 
@@ -80,6 +83,40 @@ def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None
     )
     rows = [len(range(start + start % 2, start + segment, 2)) for start in range(0, n, segment)]
     assert best[0, 0, 0] == pytest.approx(2.0 * np.mean([k / (k + half / 2) for k in rows]))
+
+
+def test_supports_equal_the_plain_twin() -> None:
+    grey, camera = frame("complex", 2).grey, mounted()
+    lanes, _, evidence = acquire(grey, camera, prior_of(camera))
+    aside = lanes[0] + np.array([0.0, 1.5, 0.0, 0.0, 0.0])  # one boundary leaves the image
+    segment = len(evidence.rows) // lane_detect.N_SEGMENTS
+    for lane in (*lanes, aside):
+        plain = naive_ridge.supports(
+            evidence.sharp,
+            evidence.rows,
+            lane,
+            min_h=evidence.min_h,
+            half=lane_detect.HALF * segment,
+            segment=segment,
+        )
+        assert supports(evidence, lane) == pytest.approx(plain, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "lane",
+    [
+        (150.0, 0.1, 2.2, 0.0, 80.0),
+        (150.0, 0.1, 2.2, 900.0, 80.0),
+        (150.0, 2.5, 2.2, -400.0, 80.0),  # one boundary outside the image
+        (150.0, 0.1, 2.2, 900.0, 236.0),  # two samples below the horizon
+    ],
+)
+def test_parabolas_are_those_of_least_squares(lane: tuple[float, ...]) -> None:
+    made = np.empty((2, 3))
+    lane_ridge.parabolas(np.array(lane), 120.0, 240.0, 320.0, made)
+    for side in range(2):
+        plain = naive_ridge.parabola(np.array(lane), side, 120.0, 240, 320)
+        np.testing.assert_allclose(made[side], plain, rtol=1e-7, atol=1e-9)
 
 
 def test_outside_the_prior_nothing_counts() -> None:

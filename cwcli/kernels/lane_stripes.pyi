@@ -1,0 +1,28 @@
+"""Bright stripes of a marking's width in image rows."""
+
+import numpy as np
+import numpy.typing as npt
+
+_G = npt.NDArray[np.uint8]
+_E = npt.NDArray[np.float32]
+_F = npt.NDArray[np.float64]
+_I = npt.NDArray[np.int32]
+
+def stripes(grey: _G, rows: _I, horizon_v: float, shape: _F, reach: int, broad_reach: int, evidence: _E) -> None:
+    """Evidence of a stripe centred at each pixel of some rows, and the greatest evidence near by.
+
+    The mean of a window of a marking's width, minus the greater mean of the windows on both sides, minus a share of
+    their difference, is the contrast C; C^2 / (C^2 + N^2) with the noise N = floor + relative * side + rough * (mean
+    depth of dark stripes in the row), above a dead zone, is the evidence. It is divided by 1 + (mean of the row /
+    crowded)^2: where every other pixel looks like a stripe, none counts.
+
+    Args:
+        grey: Shape (height, width).
+        rows: Shape (n,): from the top.
+        horizon_v: Row of the horizon; windows grow with the rows h below it.
+        shape: Width of the inner window over h, where the side windows begin, their width, floor (grey levels),
+            relative, rough, share of the sides' difference, dead zone, crowded.
+        reach, broad_reach: Columns to each side for the greatest values.
+        evidence: Shape (3, n, width): filled, 0 to 1: the evidence, the greatest within `reach` columns, and within
+            `broad_reach`.
+    """

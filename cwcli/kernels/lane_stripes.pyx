@@ -1,0 +1,190 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Bright stripes of a marking's width in image rows.
+
+Arithmetic is +, -, *, / and comparisons in a fixed order (compiled with -ffp-contract=off): the same bits everywhere. The
+loops over a row are plain single-precision ones, so that compilers turn them into vector code. The plain NumPy twin is in
+tests/unit/vision/naive_ridge.py.
+"""
+
+from libc.stdlib cimport free, malloc
+
+cdef enum:
+    LANES = 8  # sums are taken in so many parts
+
+cdef struct Shape:
+    float floor_grey
+    float relative
+    float rough
+    float lopsided
+    float dead
+    float crowded
+
+
+def stripes(
+    const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, const double[::1] shape, int reach,
+    int broad_reach, float[:, :, ::1] evidence
+):
+    """Evidence of a stripe centred at each pixel of the given rows, and the greatest values near by (see the stub)."""
+    cdef Py_ssize_t width = grey.shape[1], i
+    cdef double h, inner, near, far
+    cdef Shape form
+    cdef int* sums = <int*>malloc((width + 1) * sizeof(int))
+    cdef float* middle = <float*>malloc(5 * width * sizeof(float))
+    if not (sums and middle):
+        free(sums)
+        free(middle)
+        raise MemoryError
+    cdef float* left = middle + width
+    cdef float* right = middle + 2 * width
+    cdef float* brighter = middle + 3 * width
+    cdef float* spare = middle + 4 * width
+    form.floor_grey = <float>shape[3]
+    form.relative = <float>shape[4]
+    form.rough = <float>shape[5]
+    form.lopsided = <float>shape[6]
+    form.dead = <float>shape[7]
+    form.crowded = <float>shape[8]
+    with nogil:
+        for i in range(rows.shape[0]):
+            h = rows[i] - horizon_v
+            if h < 1.0:
+                h = 1.0
+            add_up(&grey[rows[i], 0], width, sums)
+            inner = shape[0] * h
+            if inner < 1.0:
+                inner = 1.0
+            near = shape[1] * h
+            if near < 0.5 * inner + 0.5:
+                near = 0.5 * inner + 0.5
+            far = near + shape[2] * h
+            if far < near + 1.5:
+                far = near + 1.5
+            box(sums, width, -0.5 * inner, 0.5 * inner, middle)
+            box(sums, width, -far, -near, left)
+            box(sums, width, near, far, right)
+            judge_row(middle, left, right, brighter, spare, width, &form, &evidence[0, i, 0])
+            widen(&evidence[0, i, 0], width, reach, &evidence[1, i, 0])
+            widen(&evidence[0, i, 0], width, broad_reach, &evidence[2, i, 0])
+    free(sums)
+    free(middle)
+
+
+cdef void add_up(const unsigned char* row, Py_ssize_t width, int* sums) noexcept nogil:
+    cdef Py_ssize_t u
+    cdef int total = 0
+    sums[0] = 0
+    for u in range(width):
+        total += row[u]
+        sums[u + 1] = total
+
+
+cdef void judge_row(
+    const float* middle, const float* left, const float* right, float* brighter, float* spare, Py_ssize_t width,
+    const Shape* form, float* evidence
+) noexcept nogil:
+    """The evidence of one row from the means of the windows."""
+    cdef Py_ssize_t u
+    cdef float zero = 0.0, one = 1.0, darker, contrast, noise, base, share, lopsided = form.lopsided, dead = form.dead
+    cdef float relative = form.relative, rest = one / (one - form.dead)
+    for u in range(width):
+        brighter[u] = left[u] if left[u] > right[u] else right[u]
+        darker = left[u] if left[u] < right[u] else right[u]
+        contrast = darker - middle[u]
+        spare[u] = contrast if contrast > zero else zero
+        contrast = middle[u] - brighter[u] - lopsided * (brighter[u] - darker)
+        evidence[u] = contrast if contrast > zero else zero
+    base = form.floor_grey + form.rough * (total_of(spare, width) / <float>width)
+    for u in range(width):
+        noise = base + relative * brighter[u]
+        contrast = evidence[u] * evidence[u]
+        contrast = (contrast / (contrast + noise * noise) - dead) * rest
+        evidence[u] = contrast if contrast > zero else zero
+    share = total_of(evidence, width) / (<float>width * form.crowded)
+    share = one / (one + share * share)
+    for u in range(width):
+        evidence[u] = evidence[u] * share
+
+
+cdef float total_of(const float* values, Py_ssize_t n) noexcept nogil:
+    """The sum, in `LANES` interleaved parts."""
+    cdef float parts[LANES]
+    cdef float total = 0.0
+    cdef Py_ssize_t i, k, whole = n - n % LANES
+    for k in range(LANES):
+        parts[k] = 0.0
+    i = 0
+    while i < whole:
+        for k in range(LANES):
+            parts[k] += values[i + k]
+        i += LANES
+    for i in range(whole, n):
+        parts[i - whole] += values[i]
+    for k in range(LANES):
+        total += parts[k]
+    return total
+
+
+cdef void widen(const float* values, Py_ssize_t width, Py_ssize_t reach, float* made) noexcept nogil:
+    """The greatest value within `reach` columns."""
+    cdef Py_ssize_t u, by
+    for u in range(width):
+        made[u] = values[u]
+    for by in range(1, (reach if reach < width else width - 1) + 1):
+        for u in range(width - by):
+            made[u] = values[u + by] if values[u + by] > made[u] else made[u]
+        for u in range(by, width):
+            made[u] = values[u - by] if values[u - by] > made[u] else made[u]
+
+
+cdef void box(const int* sums, Py_ssize_t width, double start, double end, float* mean) noexcept nogil:
+    """Mean of the row between start and end from each pixel's centre; clipped at the image's sides."""
+    cdef double lower = start + 0.5, upper = end + 0.5
+    cdef Py_ssize_t i = <Py_ssize_t>lower, j = <Py_ssize_t>upper
+    if i > lower:
+        i -= 1
+    if j > upper:
+        j -= 1
+    cdef float a = <float>(lower - i), b = <float>(upper - j)
+    cdef float factor = <float>(1.0 / (end - start))
+    cdef Py_ssize_t u, first = -i if i < 0 else 0, last = width - j - 1
+    cdef double x0, x1
+    if last > width:
+        last = width
+    if first > width:
+        first = width
+    if last < first:
+        last = first
+    for u in range(first, last):
+        mean[u] = factor * (
+            <float>(sums[u + j] - sums[u + i])
+            + b * <float>(sums[u + j + 1] - sums[u + j])
+            - a * <float>(sums[u + i + 1] - sums[u + i])
+        )
+    for u in range(0, first):
+        mean[u] = clipped(sums, width, u + lower, u + upper)
+    for u in range(last, width):
+        mean[u] = clipped(sums, width, u + lower, u + upper)
+
+
+cdef float clipped(const int* sums, Py_ssize_t width, double lower, double upper) noexcept nogil:
+    """Mean from lower to upper, as far as they lie in the row; less than half a pixel: the outermost pixel."""
+    cdef Py_ssize_t i, j
+    if lower < 0.0:
+        lower = 0.0
+    if upper > width:
+        upper = width
+    if upper - lower < 0.5:
+        if lower < 0.5 * width:
+            lower = 0.0
+            upper = 1.0
+        else:
+            lower = width - 1.0
+            upper = width
+    i = <Py_ssize_t>lower
+    j = <Py_ssize_t>upper
+    cdef double total = sums[j] - sums[i]
+    if j < width:
+        total += (upper - j) * (sums[j + 1] - sums[j])
+    if i < width:
+        total -= (lower - i) * (sums[i + 1] - sums[i])
+    return <float>(total / (upper - lower))
