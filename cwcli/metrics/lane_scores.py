@@ -1,4 +1,4 @@
-"""Scores of lane boundaries: TuSimple's, zhang2011's visual standard made exact, errors in metres, rates and times.
+"""Scores of lane boundaries: TuSimple's, zhang2011's visual standard made exact, and how steady a lane is.
 
 Plain arrays in. NaN means 'not found' in estimates and 'no truth' in truth. Nothing here knows of cameras or methods.
 """
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -30,8 +29,6 @@ VISUAL_PIXELS = 6.0
 VISUAL_SHARE = 0.85
 VISUAL_WIDTH_PX = 320
 """zhang2011's visual standard made exact: both boundaries within 6 pixels on 85 % of the visible rows at 320 x 240."""
-
-ERROR_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
 
 
 @dataclass(frozen=True)
@@ -213,87 +210,6 @@ def visual_score(
 
 
 @dataclass(frozen=True)
-class ErrorSummary:
-    """Errors of one quantity, in its unit; NaN in a summary of nothing.
-
-    Attributes:
-        n: Errors that are known.
-        n_missing: NaN among them.
-        mean, rms: Of the errors.
-        median_abs, p95_abs, max_abs: Of their magnitudes.
-    """
-
-    n: int
-    n_missing: int
-    mean: float
-    rms: float
-    median_abs: float
-    p95_abs: float
-    max_abs: float
-
-
-def summarise_errors(errors: FloatArray) -> ErrorSummary:
-    """Summarise errors of shape (n,), estimate minus truth."""
-    known = errors[np.isfinite(errors)]
-    n_missing = len(errors) - len(known)
-    if not len(known):
-        return ErrorSummary(0, n_missing, *[math.nan] * 5)
-    size = np.abs(known)
-    return ErrorSummary(
-        n=len(known),
-        n_missing=n_missing,
-        mean=float(known.mean()),
-        rms=float(np.sqrt(np.mean(known**2))),
-        median_abs=float(np.median(size)),
-        p95_abs=float(np.quantile(size, 0.95)),
-        max_abs=float(size.max()),
-    )
-
-
-def lateral_error_table(
-    estimate_y_m: FloatArray,
-    truth_y_m: FloatArray,
-    *,
-    side: str,
-    distances_m: Sequence[float] = ERROR_DISTANCES_M,
-) -> Table:
-    """Lateral errors of a boundary at distances ahead.
-
-    Args:
-        estimate_y_m, truth_y_m: Shape (frames, len(distances_m)): lateral place in the body frame, left positive.
-        side: `left` or `right`, for the table.
-        distances_m: Of the columns.
-
-    Raises:
-        ValueError: The shapes differ.
-    """
-    if estimate_y_m.shape != truth_y_m.shape or estimate_y_m.shape[1:] != (len(distances_m),):
-        raise ValueError(f"shapes {estimate_y_m.shape} and {truth_y_m.shape} for {len(distances_m)} distances")
-    found = [summarise_errors(estimate_y_m[:, k] - truth_y_m[:, k]) for k in range(len(distances_m))]
-    return Table(
-        f"lateral_errors_{side}",
-        {
-            "side": [side] * len(found),
-            "distance_m": np.asarray(distances_m, np.float64),
-            "n": np.array([each.n for each in found]),
-            "n_missing": np.array([each.n_missing for each in found]),
-            "error_mean_m": np.array([each.mean for each in found]),
-            "error_rms_m": np.array([each.rms for each in found]),
-            "error_median_abs_m": np.array([each.median_abs for each in found]),
-            "error_p95_abs_m": np.array([each.p95_abs for each in found]),
-            "error_max_abs_m": np.array([each.max_abs for each in found]),
-        },
-        docs={"error_mean_m": ColumnDoc(frame="body", doc="estimate minus truth, left positive")},
-    )
-
-
-def angle_errors(estimate_rad: FloatArray, truth_rad: FloatArray) -> FloatArray:
-    """Estimate minus truth of shape (n,), between -pi and pi."""
-    difference = estimate_rad - truth_rad
-    return np.asarray(np.arctan2(np.sin(difference), np.cos(difference)))
-
-
-@dataclass(frozen=True)
 class WidthScore:
     """How steady the lane's width is over a drive.
 
@@ -332,71 +248,3 @@ def max_jump(values: FloatArray) -> float:
     steps = np.abs(np.diff(values))
     steps = steps[np.isfinite(steps)]
     return float(steps.max()) if len(steps) else math.nan
-
-
-@dataclass(frozen=True)
-class DetectionRates:
-    """What became of boundaries: shares of those that are there, and of those that are not.
-
-    Attributes:
-        n_present, n_absent: Boundaries in the truth, and places without one.
-        detected: Found and right.
-        wrong: Found, but wrong.
-        not_found: There, and 'not found' was said.
-        false_alarm: Not there, but found. NaN if n_absent is 0; the others if n_present is 0.
-    """
-
-    n_present: int
-    n_absent: int
-    detected: float
-    wrong: float
-    not_found: float
-    false_alarm: float
-
-
-def detection_rates(found: BoolArray, correct: BoolArray, present: BoolArray | None = None) -> DetectionRates:
-    """Count detections.
-
-    Args:
-        found: Shape (n,): the method says that there is a boundary.
-        correct: Shape (n,): it is right (of interest where found).
-        present: Shape (n,): there is one in the truth; everywhere if not given.
-    """
-    there = np.ones(len(found), np.bool_) if present is None else present
-    n_present, n_absent = int(there.sum()), int((~there).sum())
-
-    def share(which: BoolArray, n: int) -> float:
-        return float(which.sum()) / n if n else math.nan
-
-    return DetectionRates(
-        n_present=n_present,
-        n_absent=n_absent,
-        detected=share(there & found & correct, n_present),
-        wrong=share(there & found & ~correct, n_present),
-        not_found=share(there & ~found, n_present),
-        false_alarm=share(~there & found, n_absent),
-    )
-
-
-@dataclass(frozen=True)
-class TimeSummary:
-    """Time per frame, ms."""
-
-    n: int
-    mean_ms: float
-    median_ms: float
-    p95_ms: float
-    max_ms: float
-
-
-def summarise_times(times_ms: FloatArray) -> TimeSummary:
-    """Summarise times of shape (n,)."""
-    if not len(times_ms):
-        return TimeSummary(0, *[math.nan] * 4)
-    return TimeSummary(
-        len(times_ms),
-        float(times_ms.mean()),
-        float(np.median(times_ms)),
-        float(np.quantile(times_ms, 0.95)),
-        float(times_ms.max()),
-    )

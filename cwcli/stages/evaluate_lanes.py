@@ -18,10 +18,21 @@ from cwcli.stages.lanes_channels import LANES_TOPIC
 
 LANES_SCHEMA = "cwcli.v1.Lanes"
 SIDES = ("left", "right")
+GROUND_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
+"""A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
 MATCH_NS = 5_000_000
 """A label and a frame are of one image if their stamps differ by no more."""
 MIN_APART_PX = 4.0
 PREVIEW_ATOL_M = 1e-6
+
+PREVIEW_METRICS: dict[str, tuple[str, float]] = {
+    "lateral_deviation_m": ("lanes.lateral_deviation_rmse_m", 1.0),
+    "heading_deviation_rad": ("lanes.heading_deviation_rmse_deg", math.degrees(1.0)),
+    "curvature_1pm": ("lanes.curvature_rmse_1pm", 1.0),
+}
+"""Quantity at the preview point -> metric, and its unit's size in that of the metric."""
+GROUND_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
+"""Where the truth of a rendered road tells the boundaries' places, and the metrics are of them."""
 
 Image = tuple[float, float, float, float]
 """Width and height of the image that was searched, and of the camera's."""
@@ -57,21 +68,41 @@ def _add_truth(
     names = {row[1] for row in headline.rows}
     if channel.schema_name == LANES_SCHEMA and "lanes.lateral_deviation_rmse_m" not in names:
         truth = log.columns(channel.topic)
-        error = _deviation_errors(columns, truth)
-        headline.errors("lanes.lateral_deviation_rmse_m", error)
+        for quantity, (name, scale) in PREVIEW_METRICS.items():
+            headline.errors(name, scale * _preview_errors(columns, truth, quantity))
     if channel.message_encoding == "json" and "lanes.truth_accuracy" not in names:
         truth = log.columns(channel.topic)
         if "h_samples" in truth.fields and "lanes" in truth.fields:
             _add_labels(headline, columns, found, truth)
+            _add_places(headline, columns, found, truth)
 
 
-def _deviation_errors(columns: Columns, truth: Columns) -> FloatArray:
-    """Lateral deviation minus the truth's, at the frames that both have and at the same preview distance."""
+def _preview_errors(columns: Columns, truth: Columns, quantity: str) -> FloatArray:
+    """A quantity minus the truth's, at the frames that both have and at the same preview distance."""
     ours_ns, theirs_ns = whole_numbers(columns, "stamp_ns")[0], whole_numbers(truth, "stamp_ns")[0]
     mine, other = _matches(ours_ns, theirs_ns)
     preview = numbers(columns, "preview_distance_m")[mine] - numbers(truth, "preview_distance_m")[other]
-    error = numbers(columns, "lateral_deviation_m")[mine] - numbers(truth, "lateral_deviation_m")[other]
+    error = numbers(columns, quantity)[mine] - numbers(truth, quantity)[other]
     return np.where(np.abs(preview) <= PREVIEW_ATOL_M, error, np.nan)
+
+
+def _add_places(headline: Headline, columns: Columns, found: npt.NDArray[np.bool_], truth: Columns) -> None:
+    """Places of both boundaries on the road against a rendered truth, which tells them at some distances."""
+    label_ns, has_stamp = stamps(truth)
+    mine, other = _matches(whole_numbers(columns, "stamp_ns")[0], np.where(has_stamp, label_ns, truth.log_time_ns))
+    errors: dict[float, list[float]] = {distance_m: [] for distance_m in GROUND_DISTANCES_M}
+    for k, side in enumerate(SIDES):
+        if "ground_x_m" not in truth.fields or f"ground_{side}_y_m" not in truth.fields:
+            return
+        places, slope, bend = (numbers(columns, f"{side}.{name}") for name in GROUND_LINE)
+        for row, label in zip(mine[found[mine, k]].tolist(), other[found[mine, k]].tolist(), strict=True):
+            x_m, y_m = (_row(truth.fields[name], label) for name in ("ground_x_m", f"ground_{side}_y_m"))
+            for distance_m, true_m in zip(x_m.tolist(), y_m.tolist(), strict=False):
+                if distance_m in errors:
+                    place_m = places[row] + (slope[row] + 0.5 * bend[row] * distance_m) * distance_m
+                    errors[distance_m].append(place_m - true_m)
+    for distance_m, found_errors in errors.items():
+        headline.errors(f"lanes.lateral_{distance_m:g}m_rmse_m", np.array(found_errors))
 
 
 def _matches(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:

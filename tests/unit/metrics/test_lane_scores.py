@@ -9,12 +9,7 @@ import pytest
 
 from cwcli.metrics.lane_scores import (
     TuSimpleScore,
-    angle_errors,
-    detection_rates,
-    lateral_error_table,
     share_within,
-    summarise_errors,
-    summarise_times,
     tusimple_score,
     tusimple_total,
     visual_score,
@@ -174,55 +169,12 @@ def test_visual_standard_not_found_is_a_miss_and_an_unseen_boundary_is_not_judge
     assert not visual_score(truth, truth, truth, truth, none, none).is_correct
 
 
-def test_error_summary_by_hand() -> None:
-    summary = summarise_errors(np.array([3.0, -4.0, NAN, 0.0, 5.0]))
-    assert (summary.n, summary.n_missing, summary.mean, summary.max_abs) == (4, 1, 1.0, 5.0)
-    assert summary.rms == pytest.approx(math.sqrt(50 / 4))
-    assert summary.median_abs == 3.5
-    # magnitudes 0 3 4 5: the 95 % quantile lies 0.85 of the way from 4 to 5.
-    assert summary.p95_abs == pytest.approx(4.85)
-    nothing = summarise_errors(np.array([NAN]))
-    assert nothing.n == 0
-    assert math.isnan(nothing.rms)
-
-
-def test_lateral_error_table_by_hand() -> None:
-    truth = np.array([[1.8, 1.8, 1.9, 2.0], [1.8, 1.8, 1.9, 2.0]])
-    estimate = truth + np.array([[0.1, 0.0, 0.0, NAN], [-0.1, 0.0, 0.2, 0.3]])
-    table = lateral_error_table(estimate, truth, side="left")
-    np.testing.assert_array_equal(table.columns["distance_m"], [5, 10, 20, 30])
-    np.testing.assert_array_equal(table.columns["n_missing"], [0, 0, 0, 1])
-    np.testing.assert_allclose(table.columns["error_rms_m"], [0.1, 0.0, 0.2 / math.sqrt(2), 0.3])
-    np.testing.assert_allclose(table.columns["error_mean_m"], [0.0, 0.0, 0.1, 0.3], atol=1e-12)
-    with pytest.raises(ValueError, match="shapes"):
-        lateral_error_table(estimate[:, :2], truth, side="left")
-
-
-def test_angle_errors_wrap() -> None:
-    np.testing.assert_allclose(angle_errors(np.array([3.1, 0.2]), np.array([-3.1, 0.1])), [6.2 - 2 * math.pi, 0.1])
-
-
 def test_width_stability_by_hand() -> None:
     score = width_stability(np.array([3.5, 3.6, NAN, 3.9, 3.6, 3.6]))
     assert (score.n, score.median_m) == (5, 3.6)
     assert score.share_near == 0.8  # 3.9 is 8 % off
     assert score.max_jump_m == pytest.approx(0.3)  # 3.9 -> 3.6; the gap is not bridged
     assert width_stability(np.array([NAN])).n == 0
-
-
-def test_detection_rates_by_hand() -> None:
-    found = np.array([1, 1, 0, 1, 0, 1], bool)
-    correct = np.array([1, 0, 0, 1, 0, 0], bool)
-    present = np.array([1, 1, 1, 1, 0, 0], bool)
-    rates = detection_rates(found, correct, present)
-    assert (rates.n_present, rates.n_absent) == (4, 2)
-    assert (rates.detected, rates.wrong, rates.not_found, rates.false_alarm) == (0.5, 0.25, 0.25, 0.5)
-    assert math.isnan(detection_rates(found, correct).false_alarm)
-
-
-def test_time_summary_by_hand() -> None:
-    times = summarise_times(np.array([1.0, 2.0, 3.0, 10.0]))
-    assert (times.n, times.mean_ms, times.median_ms, times.max_ms) == (4, 4.0, 2.5, 10.0)
 
 
 def test_a_line_on_the_paint_is_no_error() -> None:

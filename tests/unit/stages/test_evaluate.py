@@ -275,6 +275,8 @@ def lanes_channel(*, right_found: list[bool], width_m: list[float]) -> OutputCha
         "lane_width_m": np.array(width_m),
         "preview_distance_m": np.full(n, 33.5),
         "lateral_deviation_m": np.linspace(0.1, 0.3, n),
+        "heading_deviation_rad": np.full(n, 0.02),
+        "curvature_1pm": np.full(n, -0.001),
     }
     sizes = {"search_width_px": 160, "search_height_px": 120, "image_width_px": 320, "image_height_px": 240}
     fields |= {name: np.full(n, size) for name, size in sizes.items()}
@@ -286,19 +288,22 @@ def lanes_channel(*, right_found: list[bool], width_m: list[float]) -> OutputCha
             f"{side}.c": np.full(n, (u_px + 0.5) / 2.0 + 0.5),
         }
         fields[f"{side}.found"] = np.array(is_found)
+    for side, line in (("left", (1.75, 0.01, 0.002)), ("right", (-1.75, 0.0, 0.0))):
+        for name, value in zip(("lateral_m", "slope", "ground_curvature_1pm"), line, strict=True):
+            fields[f"{side}.{name}"] = np.full(n, value)
     return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", stamp_ns, fields)
 
 
 def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:
     rows_px = [120, 160, 200, 239]
     label = {"h_samples": rows_px, "lanes": [[20] * 4, [100] * 4, [205, 205, 205, -2], [310] * 4]}
+    label |= {"ground_x_m": [5.0, 10.0, 20.0, 30.0], "ground_left_y_m": [1.75] * 4, "ground_right_y_m": [-1.75] * 4}
     labels = [
         (T0_NS + 10**9 * k, {"timestamp": {"sec": (T0_NS + 10**9 * k) // 10**9, "nsec": 0}, **label}) for k in range(2)
     ]
     own = lanes_channel(right_found=[True, False], width_m=[3.5, 3.7])
-    truth = OutputChannel(
-        "/truth/boundaries", "cwcli.v1.Lanes", own.log_time_ns, {**own.fields, "lateral_deviation_m": np.zeros(2)}
-    )
+    straight = dict.fromkeys(("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm"), np.zeros(2))
+    truth = OutputChannel("/truth/boundaries", "cwcli.v1.Lanes", own.log_time_ns, {**own.fields, **straight})
     found = values(log_of(tmp_path / "a.mcap", [own, truth], **{"/truth/lanes": labels}))
     assert found["lanes.found_share"] == 0.5
     assert (found["lanes.left_found_share"], found["lanes.right_found_share"]) == (1.0, 0.5)
@@ -310,6 +315,12 @@ def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:
     assert found["lanes.truth_missed_share"] == pytest.approx(0.5)
     assert found["lanes.truth_false_share"] == pytest.approx((0.5 + 0.0) / 2.0)
     assert found["lanes.lateral_deviation_rmse_m"] == pytest.approx(math.sqrt((0.1**2 + 0.3**2) / 2.0))
+    assert found["lanes.heading_deviation_rmse_deg"] == pytest.approx(math.degrees(0.02))
+    assert found["lanes.curvature_rmse_1pm"] == pytest.approx(0.001)
+    # left in both frames: 0.01 x + 0.002 x^2 / 2 beside the truth; right in the first one only, and exact
+    for distance_m, error_m in ((5, 0.075), (10, 0.2), (20, 0.6), (30, 1.2)):
+        expected = pytest.approx(error_m * math.sqrt(2.0 / 3.0))
+        assert found[f"lanes.lateral_{distance_m}m_rmse_m"] == expected
 
 
 def test_lateral_motion_agrees_with_the_stages_own_table(tmp_path: Path) -> None:
