@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,14 +48,6 @@ class Transform:
         ]
         made[:3, 3] = self.translation_m
         return made
-
-
-def by_child(transforms: Iterable[Transform]) -> dict[str, Transform]:
-    """The first transform of each frame of reference."""
-    first: dict[str, Transform] = {}
-    for transform in transforms:
-        first.setdefault(transform.child, transform)
-    return first
 
 
 def body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:

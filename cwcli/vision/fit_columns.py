@@ -80,14 +80,6 @@ class FitRecorder:
         )
 
 
-def columns_of(fits: list[LaneFit]) -> FitColumns:
-    """The given fits as columns."""
-    recorder = FitRecorder()
-    for fit in fits:
-        recorder.append(fit)
-    return recorder.columns()
-
-
 def _numbers(side: Boundary) -> tuple[float, ...]:
     nan = float("nan")
     abc = (side.a, side.b, side.c) if side.found else (nan, nan, nan)

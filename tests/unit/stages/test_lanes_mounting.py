@@ -15,7 +15,7 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from scipy.spatial.transform import Rotation
 
 from cwcli.logs.log import Log
-from cwcli.signals.transforms import Transform, body_from_frame, by_child, camera_pose
+from cwcli.signals.transforms import Transform, body_from_frame, camera_pose
 from cwcli.stages.lanes_mounting import MountingChoice, mounting_source
 from cwcli.stages.simulate_road import CAMERA_FRAME, plan, road_config, write_road
 from cwcli.vision.camera import Camera, Mounting
@@ -223,7 +223,8 @@ def test_transforms_that_are_not_used(edges: tuple[Transform, ...], says: str, t
 
 def test_base_footprint_below_base_link_counts() -> None:
     # Some cars publish base_link -> base_footprint.
-    tree = by_child([edge("base_link", "base_footprint", (0.0, 0.0, -0.3)), edge("base_link", "cam", (1.0, 0.0, 1.0))])
+    edges = (edge("base_link", "base_footprint", (0.0, 0.0, -0.3)), edge("base_link", "cam", (1.0, 0.0, 1.0)))
+    tree = {each.child: each for each in edges}
     found = body_from_frame(tree, "cam")
     assert found is not None
     assert found[0] == "base_footprint"
