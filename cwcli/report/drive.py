@@ -28,9 +28,9 @@ from cwcli.stages.lanes_channels import LANES_TOPIC
 from cwcli.stages.measurements import ego_measurements
 from cwcli.stages.records import configuration_of, inputs_of, map_of, rule_of, run_records, sources_of
 from cwcli.stages.sources import read_sources
-from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
+from cwcli.stages.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
 from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
-from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, ActualTrack, WarningConfig
+from cwcli.warning.types import ActualTrack, WarningConfig, outline_of
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 OTHER_FIELDS = ("id", "stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "length_m", "width_m")
@@ -198,23 +198,15 @@ def _tracks(
 ) -> list[OtherTrack]:
     found = []
     for vehicle, unordered in vehicle_rows(ids):
-        rows = unordered[np.argsort(stamp_ns[unordered], kind="stable")]
-        rows = rows[np.concatenate(([True], np.diff(stamp_ns[rows]) > 0))]
-        size = (_size(length_m[rows], DEFAULT_LENGTH_M), _size(width_m[rows], DEFAULT_WIDTH_M))
+        rows = rows_by_stamp(stamp_ns, unordered)
+        size = outline_of(length_m[rows], width_m[rows])
         found.append(OtherTrack(vehicle, kind, ActualTrack(stamp_ns[rows], state[rows]), size))
     return found
 
 
-def _size(values_m: FloatArray, default_m: float) -> float:
-    """The median of what the vehicle said of its size, as the warnings take it."""
-    given = values_m[np.isfinite(values_m)]
-    median = float(np.median(given)) if len(given) else 0.0
-    return median if median > 0.0 else default_m
-
-
 def ego_size(ego: VehicleStates) -> tuple[float, float]:
     """Length and width of the ego, the warnings' defaults where they are not told."""
-    return _size(ego.length_m, DEFAULT_LENGTH_M), _size(ego.width_m, DEFAULT_WIDTH_M)
+    return outline_of(ego.length_m, ego.width_m)
 
 
 def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[str]) -> tuple[Measurements, ...]:

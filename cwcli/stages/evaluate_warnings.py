@@ -12,18 +12,18 @@ import numpy.typing as npt
 
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
-from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.columns import Columns
 from cwcli.signals.leaves import texts, whole_numbers
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
 from cwcli.stages.records import Record, configuration_of, rule_of, run_records, whole
-from cwcli.stages.states import VehicleStates, read_states, vehicle_rows
+from cwcli.stages.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
 from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
 from cwcli.warning.actual import Motion, relative_motion
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.output import HELD, RAISED
-from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, ActualTrack, WarningConfig
+from cwcli.warning.types import ActualTrack, WarningConfig, outline_of
 
 NS_PER_H = 3600 * NS_PER_S
 NO_EVENT = 0
@@ -113,7 +113,7 @@ def judge_warnings(log: Log, warnings: Columns, record: Record, rules: Sequence[
         return {}
     config = rule_of(record)
     all_rows = np.arange(len(host))
-    own, host_size = _track(host, all_rows), _size(host, all_rows)
+    own, host_size = _track(host, all_rows), outline_of(host.length_m, host.width_m)
     hours = float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H
     motions = {
         vehicle: relative_motion(
@@ -121,7 +121,7 @@ def judge_warnings(log: Log, warnings: Columns, record: Record, rules: Sequence[
             _track(others, rows),
             max_gap_s=config.max_gap_s,
             host_size=host_size,
-            other_size=_size(others, rows),
+            other_size=outline_of(others.length_m[rows], others.width_m[rows]),
         )
         for vehicle, rows in vehicle_rows(others.ids)
     }
@@ -184,16 +184,5 @@ def _events(columns: Columns, rule: str) -> dict[str, list[tuple[int, int]]]:
 
 def _track(states: VehicleStates, rows: npt.NDArray[np.intp]) -> ActualTrack:
     """In stamp order, the first row of each stamp."""
-    stamp_ns, first = np.unique(states.stamp_ns[rows], return_index=True)
-    return ActualTrack(stamp_ns, states.state[rows[first]])
-
-
-def _size(states: VehicleStates, rows: npt.NDArray[np.intp]) -> tuple[float, float]:
-    """Length and width: the median of what the vehicle said, or the default."""
-
-    def of(values_m: FloatArray, default: float) -> float:
-        given = values_m[np.isfinite(values_m)]
-        middle = float(np.median(given)) if len(given) else math.nan
-        return middle if middle > 0.0 else default
-
-    return of(states.length_m[rows], DEFAULT_LENGTH_M), of(states.width_m[rows], DEFAULT_WIDTH_M)
+    ordered = rows_by_stamp(states.stamp_ns, rows)
+    return ActualTrack(states.stamp_ns[ordered], states.state[ordered])

@@ -15,6 +15,7 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.stages.result import InputCount
+from cwcli.stages.states import rows_by_stamp
 
 LIMITS = {"lateral_deviation_m": 1e3, "heading_deviation_rad": math.pi / 2.0, "curvature_1pm": 1.0}
 """Larger values are no lane; they are left out."""
@@ -90,12 +91,6 @@ def read_lanes(columns: Columns, *, where: str) -> ReadLanes:
     )
     preview_m = _preview(numbers(columns, "preview_distance_m")[rows], place)
     return ReadLanes(samples, columns.log_time_ns[rows], preview_m, count)
-
-
-def rows_by_stamp(stamp_ns: Int64Array) -> npt.NDArray[np.intp]:
-    """Rows in the order of their stamps, the first of each stamp."""
-    order = np.argsort(stamp_ns, kind="stable")
-    return order[np.concatenate([[True], np.diff(stamp_ns[order]) > 0])] if len(order) else order
 
 
 def _within(columns: Columns, rows: npt.NDArray[np.intp]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:

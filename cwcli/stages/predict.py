@@ -23,7 +23,7 @@ from cwcli.stages.channels import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, pre
 from cwcli.stages.path_scene import path_scene
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
-from cwcli.stages.states import VehicleStates, read_states, require_ego, vehicle_rows
+from cwcli.stages.states import VehicleStates, read_states, require_ego, rows_by_stamp, vehicle_rows
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 MAX_MESSAGE_AGE_S = 1.0
@@ -152,9 +152,7 @@ def _errors(states: VehicleStates, config: PredictConfig) -> list[dict[str, Any]
     horizons = error_horizons(config.horizon_s)
     records = []
     for vehicle, unordered in vehicle_rows(states.ids):
-        rows = unordered[np.argsort(states.stamp_ns[unordered], kind="stable")]
-        stamp_ns = states.stamp_ns[rows]
-        rows = rows[np.concatenate(([True], np.diff(stamp_ns) > 0))]
+        rows = rows_by_stamp(states.stamp_ns, unordered)
         stamp_ns = states.stamp_ns[rows]
         compared = compare_models(
             list(MODELS),

@@ -25,7 +25,6 @@ from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.resample import resample
 from cwcli.signals.roles import bind
 from cwcli.stages.channels import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
-from cwcli.stages.observe_lanes import rows_by_stamp
 from cwcli.stages.observer_channel import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
 from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
@@ -33,7 +32,7 @@ from cwcli.stages.predict import MAX_GAP_S, PredictConfig, error_horizons
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.stages.sources import SourceConfig, read_sources
-from cwcli.stages.states import read_states
+from cwcli.stages.states import read_states, rows_by_stamp
 
 STAGE = "predict_observer"
 """Not `predict`: a run may hold both."""

@@ -100,6 +100,13 @@ def vehicle_rows(ids: Strings) -> Iterator[tuple[str, npt.NDArray[np.intp]]]:
         yield ids.values[code], rows
 
 
+def rows_by_stamp(stamp_ns: Int64Array, rows: npt.NDArray[np.intp] | None = None) -> npt.NDArray[np.intp]:
+    """Rows, or those of `rows`, in the order of their stamps, the first of each stamp."""
+    chosen = np.arange(len(stamp_ns)) if rows is None else rows
+    ordered = chosen[np.argsort(stamp_ns[chosen], kind="stable")]
+    return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))] if len(ordered) else ordered
+
+
 def read_states(columns: Columns) -> VehicleStates:
     """Take the columns of a state channel as arrays.
 

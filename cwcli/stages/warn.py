@@ -21,14 +21,22 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.stages.run_record import run_record
-from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, require_ego, vehicle_rows
+from cwcli.stages.states import (
+    PredictedPaths,
+    VehicleStates,
+    read_paths,
+    read_states,
+    require_ego,
+    rows_by_stamp,
+    vehicle_rows,
+)
 from cwcli.stages.track_channels import read_targets
 from cwcli.stages.warn_output import RuleOutcome, channels_of, numbered, tables_of
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.lane_departure import LaneDepartureConfig
 from cwcli.warning.rules import RULES
-from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
+from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult, outline_of
 
 ALL_RULES = (*RULES, LANE_DEPARTURE)
 ONSET = "onset"
@@ -198,14 +206,15 @@ def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_ons
         candidates = path_rows.get(vehicle)
         if candidates is None:
             continue
-        rows = _by_stamp(states.stamp_ns, unordered)
-        candidates = _by_stamp(predicted.stamp_ns, candidates)
+        rows = rows_by_stamp(states.stamp_ns, unordered)
+        candidates = rows_by_stamp(predicted.stamp_ns, candidates)
         _, mine, theirs = np.intersect1d(
             states.stamp_ns[rows], predicted.stamp_ns[candidates], assume_unique=True, return_indices=True
         )
         if not len(mine):
             continue
         rows, candidates = rows[mine], candidates[theirs]
+        length_m, width_m = outline_of(states.length_m[rows], states.width_m[rows])
         tracks.append(
             VehicleTrack(
                 id=vehicle,
@@ -213,8 +222,8 @@ def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_ons
                 log_time_ns=states.log_time_ns[rows],
                 state=states.state[rows],
                 paths=predicted.paths.take(candidates),
-                length_m=_outline(states.length_m[rows]),
-                width_m=_outline(states.width_m[rows]),
+                length_m=length_m,
+                width_m=width_m,
                 onset_paths=_onset(states, rows, predicted.paths.time_s) if with_onset else None,
             )
         )
@@ -236,22 +245,10 @@ def _paths_of(states: VehicleStates, *, like: PredictedPaths, where: str) -> Pre
     return PredictedPaths(states.ids, states.stamp_ns, states.log_time_ns, like.model, paths)
 
 
-def _by_stamp(stamp_ns: npt.NDArray[np.int64], rows: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """The rows in stamp order, the first of each stamp."""
-    ordered = rows[np.argsort(stamp_ns[rows], kind="stable")]
-    return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))]
-
-
 def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> Paths:
     """Paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
     return rollout(ONSET, states.state[rows], states.covariance[rows], horizon_s=float(time_s[-1]), step_s=step_s)
-
-
-def _outline(values_m: FloatArray) -> float | None:
-    """The median of what the vehicle said of its size, or None."""
-    given = values_m[np.isfinite(values_m)]
-    return float(np.median(given)) if len(given) else None
 
 
 def _sections(result: WarningResult, start_ns: int) -> tuple[Section, ...]:

@@ -15,11 +15,10 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.roles import Bindings
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.observe_lanes import rows_by_stamp
 from cwcli.stages.observer_channel import recorded_vehicle
 from cwcli.stages.result import Cell, InputCount, Section
 from cwcli.stages.sources import logged_within
-from cwcli.stages.states import read_paths
+from cwcli.stages.states import read_paths, rows_by_stamp
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDepartureResult, evaluate_lane_departure
 
 NEEDED = (Role.OBSERVER_PATH, Role.LANES)

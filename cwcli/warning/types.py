@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
+import numpy as np
+
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import Field, FloatArray, Int64Array
 
@@ -64,6 +66,16 @@ class VehicleTrack:
     def outline_m(self) -> tuple[float, float]:
         """Length and width, the defaults where they are not told."""
         return _or(self.length_m, DEFAULT_LENGTH_M), _or(self.width_m, DEFAULT_WIDTH_M)
+
+
+def outline_of(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
+    """Length and width of a vehicle from what it said of them, each of shape (n,): the medians, else the defaults."""
+    return _median(lengths_m, DEFAULT_LENGTH_M), _median(widths_m, DEFAULT_WIDTH_M)
+
+
+def _median(values_m: FloatArray, default_m: float) -> float:
+    given = values_m[np.isfinite(values_m)]
+    return _or(float(np.median(given)) if len(given) else None, default_m)
 
 
 def _or(value: float | None, default: float) -> float:
