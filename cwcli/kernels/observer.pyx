@@ -241,6 +241,17 @@ cdef int update(double* x, double* p, const double* h, double z, double r, doubl
     return 1
 
 
+cdef void place(double* x, double* p, int state, double lever, double z, double sigma) noexcept nogil:
+    """Begin a state anew from z = state + lever * (yaw of the camera) + noise: it is known no better than that yaw."""
+    cdef int j
+    x[state] = z - lever * x[CAM]
+    for j in range(N):
+        if j != state:
+            p[state * N + j] = -lever * p[CAM * N + j]
+            p[j * N + state] = p[state * N + j]
+    p[state * N + state] = sigma * sigma - lever * p[state * N + CAM]
+
+
 cdef void start(double* x, double* p, const double[:, ::1] values, const double[:, ::1] sigmas, Py_ssize_t at, double v,
                 const double* m, bint keep) noexcept nogil:
     """The car follows the road steadily, as far as it is known. `keep`: what the log has taught of load and biases stays."""
@@ -257,8 +268,6 @@ cdef void start(double* x, double* p, const double[:, ::1] values, const double[
         k = 0.0
     x[G] = -v * k
     x[VY] = (m[P_REAR] - m[P_SLIP] * v * v) * x[G] if v > m[P_MIN_SPEED] else m[P_REAR] * x[G]
-    x[YL] = values[at, 0]
-    x[EL] = values[at, 1]
     x[STEER] = -(m[P_WHEELBASE] + m[P_GRADIENT] * v * v) * k
     x[KL] = k
     x[ETA] = kept_x[0] if keep else 1.0
@@ -269,13 +278,13 @@ cdef void start(double* x, double* p, const double[:, ::1] values, const double[
     if v < m[P_STILL]:
         p[VY * N + VY] *= 1e-4
         p[G * N + G] *= 1e-4
-    p[YL * N + YL] = sigmas[at, 0] * sigmas[at, 0]
-    p[EL * N + EL] = sigmas[at, 1] * sigmas[at, 1]
     if not isnan(values[at, 2]):
         p[KL * N + KL] = sigmas[at, 2] * sigmas[at, 2]
     if keep:
         for i in range(3):
             p[(ETA + i) * N + ETA + i] = kept_p[i]
+    place(x, p, EL, 1.0, values[at, 1], sigmas[at, 1])
+    place(x, p, YL, m[P_CAMERA], values[at, 0], sigmas[at, 0])
 
 
 def follow(
@@ -350,11 +359,7 @@ def follow(
                             believed += 1
                         else:
                             # Another lane, or a wrong boundary: its place says nothing of the motion; begin it anew.
-                            for j in range(N):
-                                p[YL * N + j] = 0.0
-                                p[j * N + YL] = 0.0
-                            x[YL] = values[i, 0] - m[P_CAMERA] * x[CAM]
-                            p[YL * N + YL] = sigmas[i, 0] * sigmas[i, 0]
+                            place(x, p, YL, m[P_CAMERA], values[i, 0], sigmas[i, 0])
                     if tried > 0:
                         status[i] = IS_USED if believed == tried else IS_REJECTED
                         streak = 0 if believed == tried else streak + 1

@@ -83,6 +83,11 @@ def follow(dt, speed, kind, values, sigmas, model, car, preview_m):
     x[STEER] = -(car.wheelbase_m + model[31] * v**2) * k
     p = np.diag(start**2)
     p[YL, YL], p[EL, EL], p[KL, KL] = sigmas[0] ** 2
+    lever = np.zeros(9)
+    lever[[YL, EL]] = model[36], 1.0
+    shear = np.eye(9)
+    shear[:, CAM] -= lever
+    p = shear @ p @ shear.T
     xs, ps = [x], [p]
     for i in range(1, len(dt)):
         n = max(1, int(np.ceil(dt[i] / model[32] - 1e-9)))

@@ -265,6 +265,34 @@ def test_a_turned_camera_far_ahead_moves_the_lane_by_its_own_distance() -> None:
     assert track.state[-1, 2] == pytest.approx(place_m, abs=0.01)
 
 
+def test_the_start_knows_that_the_camera_may_be_turned() -> None:
+    """At the first frame a place is as uncertain as the frame, and 33.5 m times the camera's yaw, make it."""
+    yaw_rad, lateral_m, heading_rad = 0.01, 0.05, 0.003
+    config = ObserverConfig(noise=FilterNoise(camera_yaw_rad=yaw_rad, lateral_floor_m=0.0, heading_floor_rad=0.0))
+    lanes = LaneSamples(
+        np.zeros(1, np.int64), np.full(1, 0.3), np.zeros(1), np.zeros(1), np.full(1, lateral_m), np.full(1, heading_rad)
+    )
+    covariance = observe(lanes, Samples(np.zeros(1, np.int64), np.full(1, 25.0)), CAR, config).covariance[0]
+    np.testing.assert_allclose(
+        covariance[2:, 2:],
+        [
+            [lateral_m**2 + (33.5 * yaw_rad) ** 2, 33.5 * yaw_rad**2],
+            [33.5 * yaw_rad**2, heading_rad**2 + yaw_rad**2],
+        ],
+    )
+
+
+def test_another_lane_does_not_make_the_camera_known() -> None:
+    """After a jump of y_L the place is uncertain by the camera's yaw again, though every frame saw the same."""
+    n, config = 60, ObserverConfig(noise=FilterNoise(camera_yaw_rad=0.01, lateral_floor_m=0.0))
+    stamp_ns = np.arange(n) * 100_000_000
+    speed = Samples(stamp_ns, np.full(n, 25.0))
+    same = LaneSamples(stamp_ns, np.zeros(n), np.zeros(n), np.zeros(n), np.full(n, 0.05), np.full(n, 0.003))
+    jumped = observe(replace(same, lateral_deviation_m=3.6 * (np.arange(n) >= 40)), speed, CAR, config)
+    assert jumped.status[40] == Status.REJECTED
+    assert (jumped.covariance[40:, 2, 2] >= observe(same, speed, CAR, config).covariance[40:, 2, 2]).all()
+
+
 def test_one_wrong_frame_is_left_out() -> None:
     heading = SENSED.lanes.heading_deviation_rad.copy()
     heading[150] += 0.2
