@@ -74,6 +74,7 @@ class _Workers:
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         if "forkserver" in methods:
             self._context.set_forkserver_preload([__name__, "cwcli.fleet.warm"])
+            _start_server()
         self._plan = plan
         self._mine = threading.local()
         self._is_stopping = False
@@ -116,6 +117,18 @@ class _Workers:
             self._mine.n_done = 0
         pool: ProcessPoolExecutor = self._mine.pool
         return pool
+
+
+def _start_server() -> None:
+    """Start the process that forks the workers, deaf to Ctrl-C: it would print a traceback while it imports."""
+    from multiprocessing import forkserver, resource_tracker
+
+    resource_tracker.ensure_running()  # first, because it unblocks the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(read_stop: Any) -> None:

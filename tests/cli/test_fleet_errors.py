@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -55,3 +60,22 @@ def test_a_folder_without_a_name_is_refused(cwcli: Run, short: Path, tmp_path: P
     assert done.returncode == 2
     assert done.stderr.startswith(b"error: the output folder can't be")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.3, 0.6])
+def test_ctrl_c_while_workers_start_is_one_line(short: Path, tmp_path: Path, delay_s: float) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cwcli", "run", str(short), "-d", "out", "--jobs", "1"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    while process.poll() is None and not (tmp_path / "out/manifest.json").exists():
+        time.sleep(0.01)
+    time.sleep(delay_s)
+    os.killpg(process.pid, signal.SIGINT)
+    out, error = process.communicate(timeout=30)
+    assert (out, error) == (b"", b"interrupted\n")
+    assert process.returncode in (130, -signal.SIGINT)  # as Python was importing; a shell calls both 130
