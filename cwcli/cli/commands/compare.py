@@ -12,14 +12,12 @@ import typer
 from cwcli import __version__
 from cwcli.cli import markdown
 from cwcli.cli.commands.evaluate import (
-    AllOption,
-    MarkdownOption,
-    TruthOption,
     check_targets,
     finite,
     interval,
 )
 from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.runs import AllOption, MarkdownOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written

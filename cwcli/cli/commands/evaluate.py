@@ -13,6 +13,7 @@ import typer
 from cwcli import __version__
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
@@ -43,37 +44,13 @@ RunArgument = Annotated[
         help="Output folder of `cwcli run -d`, folder of annotated logs, or one annotated log; - is standard input.",
     ),
 ]
-TruthOption = Annotated[
-    str,
-    typer.Option(
-        "--truth", metavar="auto|none|/TOPIC", help="The ego's truth: the log's own truth channel, none, or this topic."
-    ),
-]
-MarkdownOption = Annotated[
-    str | None,
-    typer.Option(
-        "--markdown",
-        metavar="FILE",
-        show_default=False,
-        help="Write a summary in GitHub's Markdown here; - is standard output.",
-    ),
-]
-AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the most telling ones.")]
 
 
 def command(
     source: RunArgument,
     talk: TalkOptions,
     truth: TruthOption = "auto",
-    gates: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--gate",
-            metavar="EXPR",
-            show_default=False,
-            help="A condition that must hold, for each log unless it says otherwise (docs/evaluation.md). Repeatable.",
-        ),
-    ] = None,
+    gates: GatesOption = None,
     allow_missing: Annotated[
         bool,
         typer.Option("--allow-missing", help="A gate on a metric that a log does not have is skipped, not failed."),

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.runs import GatesOption
 from cwcli.cli.options.shared import ForceOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
@@ -32,15 +33,6 @@ PageOption = Annotated[
         "--output", "-o", metavar="FILE", show_default=False, help="Write the page here; - is standard output."
     ),
 ]
-GateOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--gate",
-        metavar="EXPR",
-        show_default=False,
-        help="Judge this too, beside the pipeline's gates, e.g. 'ego.position_rmse_m < 0.5'. Repeatable.",
-    ),
-]
 RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
 
 
@@ -48,7 +40,7 @@ def command(
     source: SourceArgument,
     output: PageOption,
     talk: TalkOptions,
-    gate: GateOption = None,
+    gates: GatesOption = None,
     recover: RecoverOption = False,
     force: ForceOption = False,
 ) -> None:
@@ -70,7 +62,7 @@ def command(
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
         report = build_report(
-            source, gates=gate or (), recover=recover, progress=lambda name: progress.step(f"report {name}")
+            source, gates=gates or (), recover=recover, progress=lambda name: progress.step(f"report {name}")
         )
         write_file(target, report.html, force=force, inputs=inputs)
     document = {

@@ -55,7 +55,7 @@ class PipelineOptions:
         list[str],
         typer.Option(
             "--gate",
-            metavar="EXPRESSION",
+            metavar="EXPR",
             show_default=False,
             help="With -d: a condition for `cwcli evaluate`, kept in the manifest. Repeatable.",
         ),

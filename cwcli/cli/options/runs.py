@@ -1,0 +1,34 @@
+"""Options of the commands that look at what a run has made: evaluate, compare, report."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+GatesOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--gate",
+        metavar="EXPR",
+        show_default=False,
+        help="A condition that must hold, beside those of the run's manifest; for each log unless it says otherwise "
+        "(docs/evaluation.md). Repeatable.",
+    ),
+]
+TruthOption = Annotated[
+    str,
+    typer.Option(
+        "--truth", metavar="auto|none|/TOPIC", help="The ego's truth: the log's own truth channel, none, or this topic."
+    ),
+]
+MarkdownOption = Annotated[
+    str | None,
+    typer.Option(
+        "--markdown",
+        metavar="FILE",
+        show_default=False,
+        help="Write a summary in GitHub's Markdown here; - is standard output.",
+    ),
+]
+AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the most telling ones.")]
