@@ -6,7 +6,6 @@ wrong, what is permitted.
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -97,7 +96,7 @@ def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = Non
     text, where = _text_of(source)
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=where) from None
     vehicle = vehicle_from_table(table, where)
     return vehicle if load is None else vehicle.loaded(load)
@@ -124,7 +123,7 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
     first = next(iter(loads))
     chosen = {key: use.get(key, use.get("load", first)) for key in USE}
     for key, load in chosen.items():
-        if load not in loads:
+        if not isinstance(load, str) or load not in loads:
             raise _bad(where, f"use.{key}", f"is {load!r}", ", ".join(loads))
     return Vehicle(
         name=str(table.get("name", where)),
@@ -145,8 +144,8 @@ def _text_of(source: str | Path) -> tuple[str, str]:
         raise UsageError(f"there is no vehicle '{source}'", hint=hint)
     try:
         return path.read_text(encoding="utf-8"), str(source)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        reason = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", str(error))
         raise InputError(f"can't be read: {reason}", where=str(source)) from None
 
 
@@ -170,7 +169,7 @@ def _loads(table: Any, where: str) -> dict[str, float]:
 
 def _checked(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value) or not low <= value <= high:
+    if not is_number or not low <= value <= high:  # not a number is out of range too
         raise _bad(where, key, f"is {value!r}", permitted)
     return float(value)
 

@@ -22,6 +22,8 @@ from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
+MAX_HORIZON_S = 60.0
+MAX_STEPS = 2000
 LATERAL_MODELS = ("cwcli", "zhang2011")
 Z_90 = 1.6448536269514722
 ACCEL_FRAMES = 11
@@ -64,6 +66,11 @@ class LateralPathConfig:
         ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s, self.preview_m))
         if not ok or self.step_s > self.horizon_s:
             raise UsageError(f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is not possible")
+        if self.horizon_s > MAX_HORIZON_S or self.horizon_s > MAX_STEPS * self.step_s:
+            raise UsageError(
+                f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is too long from the observer; "
+                f"permitted: {MAX_HORIZON_S:g} s, {MAX_STEPS} steps"
+            )
 
 
 def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConfig | None = None) -> Paths:

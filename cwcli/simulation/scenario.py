@@ -126,7 +126,7 @@ def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
         source, text = path.name, _read_text(path)
     try:
         return source.removesuffix(".toml"), tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=source) from error
 
 
@@ -296,5 +296,5 @@ def _index(place: list[Any], key: str, text: str) -> int:
 def _toml_value(text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text

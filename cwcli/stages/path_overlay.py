@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import MissingSignalError, UsageError
+from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
@@ -22,6 +22,7 @@ from cwcli.stages.lanes_camera import CameraSource, camera_source
 from cwcli.stages.lanes_channels import LANES_TOPIC, LINE_STRIP, PIXELS_PER_THICKNESS
 from cwcli.stages.painted_frames import painted_channel
 from cwcli.stages.records import configuration_of, inputs_of, number, run_records
+from cwcli.stages.render_topic import check_render_topic
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame, decode_frames
@@ -128,7 +129,7 @@ def path_overlay(
 
     Raises:
         MissingSignalError: The log has no lanes, or no camera where `render` needs one.
-        UsageError: `render` is the camera's own topic.
+        UsageError: `render` is no topic for frames.
     """
     record = _lanes_record(log)
     chosen = {**record.topics, **(topics or {})}
@@ -140,8 +141,7 @@ def path_overlay(
         )
     columns = log.columns(LANES_TOPIC)
     camera_topic = _camera_topic(log, chosen, record.camera_topic, is_needed=render is not None)
-    if render is not None and render == camera_topic:
-        raise UsageError(f"--render {render} is the camera's own topic", hint="name another one")
+    check_render_topic(log, render, camera_topic)
     source = camera_source(log, camera_topic, chosen, record.mounting, record.field_of_view_rad)
     scene = _scene(columns, paths, stamp_ns, log_time_ns, width_m, camera_forward_m, source)
     notes = []

@@ -86,6 +86,13 @@ def test_wrong_options_have_their_exit_codes(
     assert not (tmp_path / "out.mcap").exists()
 
 
+def test_seed_of_400_digits_in_a_configuration_is_exit_code_2(cwcli: Run, tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_text(f"[lanes]\nseed = {10**400}\n")
+    done = cwcli("lanes", write_log(tmp_path / "road.mcap", road_frames(1)), "--config", "p.toml")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert b"--seed 1000" in done.stderr
+
+
 def test_no_camera_is_exit_code_4(cwcli: Run, intersection: Path) -> None:
     done = cwcli("lanes", intersection)
     assert done.returncode == 4

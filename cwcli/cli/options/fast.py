@@ -52,7 +52,7 @@ def _plain_number(kind: type[int] | type[float], value: Any) -> Any:
         result = kind(value)
     except (ValueError, OverflowError):
         return _NOT_PLAIN
-    if not math.isfinite(result):
+    if isinstance(result, float) and not math.isfinite(result):
         raise typer.BadParameter(f"{value} is not a finite number")
     return result if kind is float or str(result) == str(value) else _NOT_PLAIN
 

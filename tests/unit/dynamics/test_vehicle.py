@@ -49,6 +49,12 @@ def test_a_file_of_ones_own(tmp_path: Path) -> None:
         pytest.param("= 1.2", '= "1.2"', "front_axle_m is '1.2'; permitted", id="text"),
         pytest.param("= 1.2", "= true", "front_axle_m is True; permitted", id="boolean"),
         pytest.param("= 1.2", "= nan", "front_axle_m is nan; permitted", id="not a number"),
+        pytest.param("= 1.2", f"= {10**400}", "front_axle_m is 1000", id="too long for a float"),
+        pytest.param("= 1.2", f"= 1{'0' * 5000}", "not TOML", id="too long for an integer"),
+        pytest.param("= 1.2", f"= {'[' * 5000}{']' * 5000}", "not TOML", id="too deep"),
+        pytest.param(
+            "[load_kg]", "[use]\nload = []\n[load_kg]", "use.load is []; permitted: usual", id="a list to use"
+        ),
         pytest.param("usual = 1500.0", "", "load_kg is missing or empty", id="no load"),
         pytest.param("usual = 1500.0", "usual = -1.0", "load_kg.usual is -1.0; permitted: 50 to", id="negative mass"),
         pytest.param("yaw_inertia_kgm2 = 2500.0", "", "yaw_inertia_kgm2 is missing", id="missing key"),
@@ -73,5 +79,7 @@ def test_unknown_names_and_files(tmp_path: Path) -> None:
         load_vehicle("tank")
     with pytest.raises(InputError, match="can't be read"):
         load_vehicle(tmp_path / "absent.toml")
+    with pytest.raises(InputError, match="can't be read"):
+        load_vehicle("zero\0byte.toml")
     with pytest.raises(UsageError, match="load 'laden' is unknown; permitted: empty, half, full"):
         load_vehicle(load="laden")

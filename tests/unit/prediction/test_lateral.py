@@ -108,7 +108,17 @@ def test_no_state_no_path() -> None:
     assert np.isfinite(paths.y_m[[0, 2]]).all()
 
 
-@pytest.mark.parametrize("changes", [{"model": "spline"}, {"horizon_s": 0.0}, {"step_s": 3.0}, {"adapt_s": -1.0}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"model": "spline"},
+        {"horizon_s": 0.0},
+        {"horizon_s": 1e9},
+        {"step_s": 3.0},
+        {"step_s": 1e-9},
+        {"adapt_s": -1.0},
+    ],
+)
 def test_wrong_options_are_refused(changes: dict[str, object]) -> None:
     with pytest.raises(UsageError):
         LateralPathConfig(**changes)  # type: ignore[arg-type]

@@ -89,6 +89,14 @@ def test_scenario_from_a_file(tmp_path: Path) -> None:
     assert scenario.vehicles["host"].profile.speed[0].coefficients == (6.0,)
 
 
+@pytest.mark.parametrize("text", [f"duration_s = 1{'0' * 5000}", f"a = {'[' * 5000}{']' * 5000}", "a ="])
+def test_scenario_file_that_is_not_toml(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(text)
+    with pytest.raises(UsageError, match="not TOML"):
+        load_scenario(path)
+
+
 @pytest.mark.parametrize(
     ("setting", "message"),
     [

@@ -125,5 +125,7 @@ def test_missing_lanes_and_the_cameras_own_topic_are_refused(log: Log) -> None:
     given = {"stamp_ns": stamp_ns, "log_time_ns": log_time_ns, "width_m": 1.6}
     with pytest.raises(UsageError, match="own topic"):
         path_overlay(log, straight(len(stamp_ns)), **given, render="/camera/image")
+    with pytest.raises(UsageError, match=r"the topic of cwcli\.v1\.PredictedPath"):
+        path_overlay(log, straight(len(stamp_ns)), **given, render="/cwcli/observer/path")
     with Log.open(log.path) as bare, pytest.raises(MissingSignalError, match="/cwcli/lanes"):
         path_overlay(bare, straight(len(stamp_ns)), **given)
