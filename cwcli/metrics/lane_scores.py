@@ -54,10 +54,7 @@ def tusimple_score(
     *,
     time_ms: float = 0.0,
 ) -> TuSimpleScore:
-    """One frame as TuSimple's public scorer judges it (tusimple-benchmark, evaluate/lane.py, `LaneEval.bench`).
-
-    Its last revision, with which published results are made; an early one had neither the limit on the number of
-    predictions nor the four in the false negatives.
+    """One frame as TuSimple's public scorer judges it (tusimple-benchmark, evaluate/lane.py, last revision, `bench`).
 
     A row counts if the columns differ by less than 20 px / cos(angle), the angle that of a straight line through the
     truth's lane; a row on which both are absent counts too. A lane is matched if its best prediction has 85 % of its

@@ -13,8 +13,9 @@ from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence, judged
 from cwcli.vision.lane_model import LanePrior
 
 COEFFICIENTS = np.array([-3.25, 5.52, 6.75, -3.56])
-MOST = 1.0
 """Of: constant, square root of the own support, objective of the lane and its square."""
+MOST = 1.0
+"""A greater objective counts as this."""
 
 
 def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
