@@ -14,7 +14,6 @@ SMALL = ("reproduce", "zhang2011", "--frames", "10", "--seeds", "3")
 
 
 def test_lanes_and_motion_stand_beside_the_paper_s(cwcli: Run, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     done = cwcli(*SMALL, "--json", "--metrics", "z.csv", "--plots", "figures")
     assert done.returncode == 0, done.stderr.decode()
     document = json.loads(done.stdout)
