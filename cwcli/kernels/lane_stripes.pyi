@@ -22,7 +22,7 @@ def stripes(grey: _G, rows: _I, horizon_v: float, shape: _F, reach: int, broad_r
         horizon_v: Row of the horizon; windows grow with the rows h below it.
         shape: Width of the inner window over h, where the side windows begin, their width, floor (grey levels),
             relative, rough, share of the sides' difference, dead zone, crowded.
-        reach, broad_reach: Columns to each side for the greatest values.
+        reach, broad_reach: Columns to each side for the greatest values; the second is not the smaller one.
         evidence: Shape (3, n, width): filled, 0 to 1: the evidence, the greatest within `reach` columns, and within
             `broad_reach`.
     """

@@ -63,8 +63,8 @@ def stripes(
             box(sums, width, -far, -near, left)
             box(sums, width, near, far, right)
             judge_row(middle, left, right, brighter, spare, width, &form, &evidence[0, i, 0])
-            widen(&evidence[0, i, 0], width, reach, &evidence[1, i, 0])
-            widen(&evidence[0, i, 0], width, broad_reach, &evidence[2, i, 0])
+            widen(&evidence[0, i, 0], width, 0, reach, spare, &evidence[1, i, 0])
+            widen(&evidence[1, i, 0], width, reach, broad_reach, spare, &evidence[2, i, 0])
     free(sums)
     free(middle)
 
@@ -124,16 +124,45 @@ cdef float total_of(const float* values, Py_ssize_t n) noexcept nogil:
     return total
 
 
-cdef void widen(const float* values, Py_ssize_t width, Py_ssize_t reach, float* made) noexcept nogil:
-    """The greatest value within `reach` columns."""
+cdef void widen(
+    const float* values, Py_ssize_t width, Py_ssize_t done, Py_ssize_t reach, float* spare, float* made
+) noexcept nogil:
+    """The greatest value within `reach` columns, from the greatest within `done` ones."""
     cdef Py_ssize_t u, by
-    for u in range(width):
-        made[u] = values[u]
-    for by in range(1, (reach if reach < width else width - 1) + 1):
-        for u in range(width - by):
-            made[u] = values[u + by] if values[u + by] > made[u] else made[u]
-        for u in range(by, width):
-            made[u] = values[u - by] if values[u - by] > made[u] else made[u]
+    cdef const float* source = values
+    cdef float* target = made
+    while done < reach:
+        by = reach - done
+        if by > 2 * done + 1:
+            by = 2 * done + 1
+        done += by
+        greatest_of_three(source, width, by, target)
+        source = target
+        target = spare if target == made else made
+    if source != made:
+        for u in range(width):
+            made[u] = source[u]
+
+
+cdef void greatest_of_three(const float* values, Py_ssize_t width, Py_ssize_t by, float* made) noexcept nogil:
+    """The greatest of each value and those `by` columns to both sides, or the outermost ones."""
+    cdef Py_ssize_t u, first = by if by < width else width, last = width - by if width - by > first else first
+    cdef float greatest
+    for u in range(first, last):
+        greatest = values[u - by] if values[u - by] > values[u] else values[u]
+        made[u] = values[u + by] if values[u + by] > greatest else greatest
+    for u in range(first):
+        made[u] = greatest_at(values, width, u, by)
+    for u in range(last, width):
+        made[u] = greatest_at(values, width, u, by)
+
+
+cdef float greatest_at(const float* values, Py_ssize_t width, Py_ssize_t u, Py_ssize_t by) noexcept nogil:
+    cdef float greatest = values[u], left = values[u - by if u > by else 0]
+    cdef float right = values[u + by if u + by < width else width - 1]
+    if left > greatest:
+        greatest = left
+    return right if right > greatest else greatest
 
 
 cdef void box(const int* sums, Py_ssize_t width, double start, double end, float* mean) noexcept nogil:

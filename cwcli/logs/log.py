@@ -216,9 +216,10 @@ class Log:
             import hashlib
 
             digest = hashlib.sha256()
-            data = self._source.data
-            for at in range(0, len(data), HASH_BLOCK_BYTES):
-                digest.update(data[at : at + HASH_BLOCK_BYTES])
+            with memoryview(self._source.data) as data:
+                for at in range(0, len(data), HASH_BLOCK_BYTES):
+                    with data[at : at + HASH_BLOCK_BYTES] as block:
+                        digest.update(block)
             self._digest = digest.hexdigest()
         return self._digest
 

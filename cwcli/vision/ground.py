@@ -177,11 +177,16 @@ def _body(
     is_there = np.isfinite(x_px)
     rays = camera.rays_from_image(np.where(is_there, x_px - 1.0, 0.0).ravel(), v_px.ravel()).reshape(n, 2, N_SAMPLES, 3)
     turns = _turns(mount[:, :2], camera)
-    directions = np.einsum("nij,nskj->nski", turns, rays)
+    forward, left, up = (
+        turns[:, i, 0, None, None] * rays[..., 0]
+        + turns[:, i, 1, None, None] * rays[..., 1]
+        + turns[:, i, 2, None, None] * rays[..., 2]
+        for i in range(3)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(directions[..., 2] < 0.0, -mount[:, 2, None, None] / directions[..., 2], np.nan)
-    x_m = scale * directions[..., 0]
-    y_m = scale * directions[..., 1] + camera.mounting.lateral_offset_m
+        scale = np.where(up < 0.0, -mount[:, 2, None, None] / up, np.nan)
+    x_m = scale * forward
+    y_m = scale * left + camera.mounting.lateral_offset_m
     if use is None:
         in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
         # Where hardly anything is seen of it, take what is outside.
@@ -191,13 +196,17 @@ def _body(
 
 
 def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
-    """Shape (n, 3, 3): body from optical, for each pitch and yaw; few of them differ."""
-    distinct, at = np.unique(pitch_and_yaw, axis=0, return_inverse=True)
-    straight = camera.body_from_optical()
-    old = rotation(camera.mounting.yaw_rad, camera.mounting.pitch_rad, camera.mounting.roll_rad)
-    axes = old.T @ straight
-    made = [rotation(yaw, pitch, camera.mounting.roll_rad) @ axes for pitch, yaw in distinct.tolist()]
-    return np.array(made).reshape(-1, 3, 3)[at.reshape(-1)]
+    """Shape (n, 3, 3): body from optical, for each pitch and yaw: `camera.rotation` for many."""
+    mounting = camera.mounting
+    old = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad)
+    axes = rotation(0.0, 0.0, mounting.roll_rad) @ old.T @ camera.body_from_optical()
+    cosine, sine = np.cos(pitch_and_yaw)[..., None], np.sin(pitch_and_yaw)[..., None]
+    ahead = cosine[:, 0] * axes[0] + sine[:, 0] * axes[2]
+    made = np.empty((len(pitch_and_yaw), 3, 3))
+    made[:, 0] = cosine[:, 1] * ahead - sine[:, 1] * axes[1]
+    made[:, 1] = sine[:, 1] * ahead + cosine[:, 1] * axes[1]
+    made[:, 2] = cosine[:, 0] * axes[2] - sine[:, 0] * axes[0]
+    return made
 
 
 def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:
@@ -210,11 +219,16 @@ def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolAr
     """
     x = np.where(use, x_m, 1.0) / FAR_M
     weight = np.where(use, 1.0 / x**2, 0.0)
-    powers = np.stack([np.ones_like(height), height, height**2], axis=-1)[:, None]
-    parabolas = (weight * x)[..., None] * powers  # a pixel is as many metres sideways as the point is far
-    road = np.stack([np.ones_like(x), x, 0.5 * x**2], axis=-1)
-    normal = np.einsum("...ki,...kj->...ij", parabolas, road)
-    right = np.einsum("...ki,...k->...i", parabolas, np.where(use, y_m, 0.0))
+    height = height[:, None]
+    part = weight * x  # a pixel is as many metres sideways as the point is far
+    y = np.where(use, y_m, 0.0)
+    normal, right = np.empty((*x.shape[:2], 3, 3)), np.empty((*x.shape[:2], 3))
+    for i in range(3):
+        normal[..., i, 0] = part.sum(axis=-1)
+        normal[..., i, 1] = (part * x).sum(axis=-1)
+        normal[..., i, 2] = (0.5 * part * x**2).sum(axis=-1)
+        right[..., i] = (part * y).sum(axis=-1)
+        part = part * height
     enough = use.sum(axis=-1) >= MIN_SAMPLES
     normal = np.where(enough[..., None, None], normal, np.eye(3))
     solved = np.linalg.solve(normal, right[..., None])[..., 0]

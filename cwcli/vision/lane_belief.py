@@ -6,6 +6,8 @@ they are.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
@@ -30,12 +32,11 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
 
 def features(evidence: Evidence, lane: FloatArray, prior: LanePrior) -> FloatArray:
     """Shape (2, 4): what the probability of each boundary is made of."""
-    own = np.sqrt(supports(evidence, lane))
-    value = float(np.clip(judged(evidence, lane[None], prior)[0], 0.0, MOST))
-    return np.array([[1.0, own[side], value, value * value] for side in range(2)])
+    value = min(max(float(judged(evidence, lane[None], prior)[0]), 0.0), MOST)
+    return np.array([[1.0, math.sqrt(own), value, value * value] for own in supports(evidence, lane).tolist()])
 
 
 def boundary_probabilities(evidence: Evidence, lane: FloatArray, prior: LanePrior) -> FloatArray:
     """Shape (2,): probability that each boundary is where the lane has it."""
-    exponent = features(evidence, lane, prior) @ COEFFICIENTS
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(exponent, -30.0, 30.0))))
+    exponents = (features(evidence, lane, prior) @ COEFFICIENTS).tolist()
+    return np.array([1.0 / (1.0 + math.exp(-min(max(each, -30.0), 30.0))) for each in exponents])

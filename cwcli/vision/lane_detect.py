@@ -19,6 +19,7 @@ Int32Array = npt.NDArray[np.int32]
 ROW_STEP = 0.5
 N_SEGMENTS = 9
 MAX_ROWS = 150
+COUNT: FloatArray = np.arange(float(MAX_ROWS))
 STRIPE = (0.065, 0.085, 0.08, 3.0, 0.07, 2.0)
 LOPSIDED = 0.3
 BESIDE = 0.5
@@ -63,10 +64,10 @@ class Evidence:
 def rows_of(top_px: float, height_px: int) -> Int32Array:
     """Rows that are judged, evenly spaced from the top to the bottom of the road."""
     last = height_px - 2.0
-    top = min(max(top_px, 0.0), last - 2 * N_SEGMENTS)
+    top = min(max(float(top_px), 0.0), last - 2.0 * N_SEGMENTS)
     n = min(max(int(ROW_STEP * (last - top)), 2 * N_SEGMENTS), MAX_ROWS)
     step = (last - top) / (n - 1)  # more than one row
-    return np.array([round(top + k * step) for k in range(n)], np.int32)
+    return np.rint(top + step * COUNT[:n]).astype(np.int32)
 
 
 def evidence_of(grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float) -> Evidence:

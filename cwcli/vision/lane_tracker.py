@@ -174,9 +174,12 @@ class LaneTracker:
         best = max(self._hypotheses, key=lambda each: each.value + (SWITCH_GAIN if each is first else 0.0))
         others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
         self._hypotheses = [best, *others[: N_HYPOTHESES - 1]]
-        parabolas = parabolas_of_lane(best.lane, camera)
-        found = (best.chance >= FOUND_PROBABILITY) & np.isfinite(parabolas).all(axis=1)
-        if found.any():
+        parabolas = parabolas_of_lane(best.lane, camera).tolist()
+        found = [
+            chance >= FOUND_PROBABILITY and all(map(math.isfinite, parabola))
+            for chance, parabola in zip(best.chance.tolist(), parabolas, strict=True)
+        ]
+        if any(found):
             self._n_lost, self._pause = 0, 0
             if not self._prior.is_mounted:
                 table = self._prior.table
@@ -190,9 +193,9 @@ class LaneTracker:
                 return LaneFit(NOT_FOUND, NOT_FOUND)
         sides = []
         for side in range(2):
-            a, b, c = parabolas[side].tolist()
-            sides.append(Boundary(a, b, c, best.value, float(best.chance[side]), bool(found[side])))
-        return LaneFit(sides[0], sides[1], pitch_rad=pitch_of(best.lane, camera) if found.any() else math.nan)
+            a, b, c = parabolas[side]
+            sides.append(Boundary(a, b, c, best.value, float(best.chance[side]), found[side]))
+        return LaneFit(sides[0], sides[1], pitch_rad=pitch_of(best.lane, camera) if any(found) else math.nan)
 
 
 def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
