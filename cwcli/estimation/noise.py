@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import PassResult, Series, TimeOrder, run_pass
+from cwcli.estimation.passes import PassResult, Series, TimeOrder, line_up, run_events
 from cwcli.estimation.start import start_with_parameters
 from cwcli.signals.columns import FloatArray
 
@@ -47,7 +47,8 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
     low, high = 1.0 / MAX_FACTOR, MAX_FACTOR
     for _ in range(16):
         middle = float(np.sqrt(low * high))
-        if float(np.minimum(nu2 / (prior + middle * r), 9.0).mean()) > 1.0:
+        # of so few rows, `mean` takes longer to begin than to add
+        if float(np.add.reduce(np.minimum(nu2 / (prior + middle * r), 9.0))) / len(nis) > 1.0:
             low = middle
         else:
             high = middle
@@ -84,8 +85,8 @@ def settle_noise(
     factors = np.ones(len(series))
     orders: dict[float, TimeOrder] = {}
     for _ in range(ROUNDS):
-        result = _run(window, parameters, walk, prior, orders)
-        base = result.log_likelihood
+        trials = _Trials(window, walk, prior, orders)
+        result = trials.result(parameters)
         for i, s in enumerate(window):
             factor = noise_factor(s, result.nis[i])
             factors[i] *= factor
@@ -93,9 +94,10 @@ def settle_noise(
             if factor != 1.0:
                 origin = "message, scaled" if origin.startswith("message") else "log"
             window[i] = replace(s.scaled(factor), noise_origin=origin)
-        base = _run(window, parameters, walk, prior, orders).log_likelihood
+        trials = _Trials(window, walk, prior, orders)
+        base = trials.likelihood(parameters)
         for name, limits in LIVELINESS.items():
-            parameters, base = _livelier(window, parameters, walk, prior, name, limits, base, begin, orders)
+            parameters, base = _livelier(trials, parameters, name, limits, base, begin)
     settled = [replace(s.scaled(float(f)), gate=0.0) for s, f in zip(series, factors, strict=True)]
     # The window tells of the motion; the noise of the slow sources needs the whole log.
     whole = any(
@@ -103,7 +105,7 @@ def settle_noise(
         for s, w in zip(series, window, strict=True)
     )
     late = _from_first_position(settled)
-    again = _run(late, parameters, walk, prior) if whole else None
+    again = _Trials(late, walk, prior, {}).result(parameters) if whole else None
     for i, s in enumerate(settled):
         factor = noise_factor(late[i], again.nis[i]) if again is not None else 1.0
         origin = s.noise_origin
@@ -113,33 +115,39 @@ def settle_noise(
     return settled, parameters
 
 
-def _run(
-    series: Sequence[Series],
-    parameters: ModelParameters,
-    walk: FloatArray,
-    prior: FloatArray,
-    orders: dict[float, TimeOrder] | None = None,
-) -> PassResult:
-    start = start_with_parameters(series, prior, causal=False)
-    return run_pass(series, start, parameters, walk, np.zeros(0), smooth=False, reset_after=50, orders=orders)
+class _Trials:
+    """Passes over the same series with different motion models; start and time order stay."""
+
+    def __init__(
+        self, series: Sequence[Series], walk: FloatArray, prior: FloatArray, orders: dict[float, TimeOrder]
+    ) -> None:
+        self._start = start_with_parameters(series, prior, causal=False)
+        self._walk = walk
+        self._lineup = line_up(series, self._start.time_s, np.zeros(0), reset_after=50, orders=orders)
+
+    def _run(self, parameters: ModelParameters) -> PassResult:
+        return run_events(self._lineup.events, self._lineup.table, self._start, parameters, self._walk, 0, smooth=False)
+
+    def likelihood(self, parameters: ModelParameters) -> float:
+        """The log-likelihood alone."""
+        return self._run(parameters).log_likelihood
+
+    def result(self, parameters: ModelParameters) -> PassResult:
+        """Everything, by series."""
+        return self._lineup.by_series(self._run(parameters))
 
 
 def _livelier(
-    series: Sequence[Series],
+    trials: _Trials,
     parameters: ModelParameters,
-    walk: FloatArray,
-    prior: FloatArray,
     name: str,
     limits: tuple[float, float],
     base: float,
     begin: ModelParameters,
-    orders: dict[float, TimeOrder],
 ) -> tuple[ModelParameters, float]:
     """Move one sigma of the motion towards the largest likelihood; returns the model and its likelihood."""
     now, first = float(getattr(parameters, name)), float(getattr(begin, name))
-    likelihood = [
-        _run(series, replace(parameters, **{name: now * f}), walk, prior, orders).log_likelihood for f in (0.5, 2.0)
-    ]
+    likelihood = [trials.likelihood(replace(parameters, **{name: now * f})) for f in (0.5, 2.0)]
     left, right = likelihood
     bend = left - 2.0 * base + right
     if bend < 0.0:
@@ -149,7 +157,7 @@ def _livelier(
         move = SCALE_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
     better = replace(parameters, **{name: first * float(np.exp(scale))})
-    reached = _run(series, better, walk, prior, orders).log_likelihood
+    reached = trials.likelihood(better)
     options = [(base, parameters), (reached, better)]
     options += [(v, replace(parameters, **{name: now * f})) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
     best = max(options, key=lambda option: option[0])

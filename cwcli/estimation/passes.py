@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
+from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
 from cwcli.kernels import ekf
 from cwcli.signals.columns import FloatArray
@@ -160,10 +161,57 @@ def run_pass(
         q_matrix: Shape (6, 6) for song2016's model.
         orders: Where passes over the same times, outputs and patience keep their time order, by the start's time.
     """
-    known = None if orders is None else orders.get(start.time_s)
-    order_of = known or time_order(series, start.time_s, output_s, reset_after)
+    lineup = line_up(series, start.time_s, output_s, reset_after=reset_after, orders=orders)
+    result = run_events(
+        lineup.events, lineup.table, start, parameters, walk, len(output_s), smooth=smooth, q_matrix=q_matrix
+    )
+    return lineup.by_series(result)
+
+
+@dataclass(frozen=True)
+class Lineup:
+    """Series in time order, ready for any number of passes that differ in the motion model alone.
+
+    Attributes:
+        events, table: See `run_events`.
+        in_time, order: See `TimeOrder`.
+    """
+
+    events: Events
+    table: SeriesTable
+    in_time: list[npt.NDArray[np.bool_]]
+    order: npt.NDArray[np.intp]
+
+    def by_series(self, result: PassResult) -> PassResult:
+        """The result with `nis` and `status` from time order back in the rows of each series."""
+        nis, status = np.empty_like(result.nis[0]), np.empty_like(result.status[0])
+        nis[self.order], status[self.order] = result.nis[0], result.status[0]
+        edges = np.cumsum([0] + [np.count_nonzero(rows) for rows in self.in_time])
+        found_nis, found_status = [], []
+        for (i, j), rows in zip(itertools.pairwise(edges.tolist()), self.in_time, strict=True):
+            if j - i == len(rows):
+                found_nis.append(nis[i:j])
+                found_status.append(status[i:j])
+                continue
+            found_nis.append(np.full((len(rows), 3), np.nan))
+            found_status.append(np.full(len(rows), -1, np.int8))
+            found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
+        return replace(result, nis=tuple(found_nis), status=tuple(found_status))
+
+
+def line_up(
+    series: Sequence[Series],
+    start_s: float,
+    output_s: FloatArray,
+    *,
+    reset_after: int,
+    orders: dict[float, TimeOrder] | None = None,
+) -> Lineup:
+    """Put the series into time order from `start_s` on; for the arguments see `run_pass`."""
+    known = None if orders is None else orders.get(start_s)
+    order_of = known or time_order(series, start_s, output_s, reset_after)
     if orders is not None:
-        orders[start.time_s] = order_of
+        orders[start_s] = order_of
     in_time, order = order_of.in_time, order_of.order
     series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
     values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
@@ -176,17 +224,7 @@ def run_pass(
         order_of.patience,
     )
     events = Events(order_of.time_s, order_of.first, order_of.out_row, order_of.index, values, noise)
-    result = run_events(events, table, start, parameters, walk, len(output_s), smooth=smooth, q_matrix=q_matrix)
-    # From time order back to the rows of each series.
-    nis, status = np.empty_like(result.nis[0]), np.empty_like(result.status[0])
-    nis[order], status[order] = result.nis[0], result.status[0]
-    edges = np.cumsum([0] + [len(s) for s in series])
-    found_nis, found_status = [], []
-    for (i, j), rows in zip(itertools.pairwise(edges), in_time, strict=True):
-        found_nis.append(np.full((len(rows), 3), np.nan))
-        found_status.append(np.full(len(rows), -1, np.int8))
-        found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
-    return replace(result, nis=tuple(found_nis), status=tuple(found_status))
+    return Lineup(events, table, in_time, order)
 
 
 def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
@@ -276,7 +314,7 @@ def _patience(s: Series, reset_after: int) -> int:
         return RATE_PATIENCE
     if len(s) < 2:
         return reset_after
-    return int(np.clip(PATIENCE_S / max(float(np.median(np.diff(s.time_s))), 1e-3), 2, reset_after))
+    return int(np.clip(PATIENCE_S / max(median(np.diff(s.time_s)), 1e-3), 2, reset_after))
 
 
 def _merge(

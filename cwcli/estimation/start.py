@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
+from cwcli.estimation.median import median
 from cwcli.estimation.passes import N_MOTION, START_TOLERANCE_S, Series, Start
 from cwcli.signals.columns import FloatArray
 
@@ -97,7 +98,7 @@ def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float
 def _first_displacement(s: Series) -> tuple[float, float, float, float, float] | None:
     """Return the first displacement that is clear of the noise, from a point that may itself lie later."""
     time = s.time_s - s.latency_s
-    sigma = float(np.sqrt(max(np.median(s.noise[:, 0]), np.median(s.noise[:, 2]))))
+    sigma = float(np.sqrt(max(median(s.noise[:, 0]), median(s.noise[:, 2]))))
     far = max(MIN_DISPLACEMENT_M, CLEAR_SIGMAS * sigma)
     anchor = s.values[0]
     distance = np.hypot(s.values[:, 0] - anchor[0], s.values[:, 1] - anchor[1])

@@ -49,6 +49,7 @@ UNITS = {
     "percent": "%",
 }
 SUFFIXES = (".parquet", ".csv")
+SMALL_ROWS = 2000
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,9 @@ def table_bytes(table: Table, suffix: str) -> memoryview:
     else:
         from pyarrow import parquet
 
-        parquet.write_table(arrow_table(table), sink, compression="zstd")
+        # zstd begins with a look at its tables for each column: for few rows that takes four times the writing itself
+        compression = "snappy" if len(table) < SMALL_ROWS else "zstd"
+        parquet.write_table(arrow_table(table), sink, compression=compression)
     return memoryview(sink.getvalue())
 
 

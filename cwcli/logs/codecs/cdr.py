@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +31,25 @@ REASONS = {
     kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
 }
 LARGE_ROW_BYTES = 1 << 16
+MAX_KEPT_SCHEMA_BYTES = 1 << 16
 MAX_ROOM_BYTES = 1 << 28
 """Of room that is made before a message is seen. A schema can ask for any number of bytes a row, whatever comes."""
+
+
+@lru_cache(maxsize=32)
+def _compiled(
+    schema_name: str, schema_data: bytes, wanted: frozenset[str] | None, blobs: frozenset[str]
+) -> tuple[Program, npt.NDArray[np.int32]]:
+    """The program of a schema, and its operations for XCDR2: the same for every file, and never changed."""
+    root, definitions = parse_definitions(schema_name, schema_data.decode(errors="replace"))
+
+    def wants(path: str, is_octets: bool) -> bool:
+        return not is_octets if wanted is None else path in wanted
+
+    program = compile_program(root, definitions, wants, blobs=blobs)
+    second = compile_program(root, definitions, wants, blobs=blobs, max_align=MAX_ALIGN_V2)
+    # XCDR2 puts a length before collections of strings and messages, which no ROS 2 recorder writes: not decoded.
+    return program, np.zeros((0, 6), np.int32) if second.has_loops else second.operations
 
 
 class CdrDecoder:
@@ -61,16 +79,9 @@ class CdrDecoder:
         blobs: Collection[str] = (),
         n_expected: int = 0,
     ) -> None:
-        root, definitions = parse_definitions(schema_name, schema_data.decode(errors="replace"))
         wanted = None if fields is None else frozenset(fields)
-
-        def wants(path: str, is_octets: bool) -> bool:
-            return not is_octets if wanted is None else path in wanted
-
-        self._program = compile_program(root, definitions, wants, blobs=frozenset(blobs))
-        self._program_v2 = self._second(
-            compile_program(root, definitions, wants, blobs=frozenset(blobs), max_align=MAX_ALIGN_V2)
-        )
+        compiled = _compiled if len(schema_data) <= MAX_KEPT_SCHEMA_BYTES else _compiled.__wrapped__
+        self._program, self._program_v2 = compiled(schema_name, schema_data, wanted, frozenset(blobs))
         self.restart(n_expected)
 
     def restart(self, n_expected: int = 0) -> None:
@@ -150,10 +161,6 @@ class CdrDecoder:
             # Inside fixed arrays every row has the same number of elements.
             fields[leaf.path] = Ragged(values, found.offsets) if leaf.count is None else values.reshape(-1, leaf.count)
         return fields
-
-    def _second(self, program: Program) -> npt.NDArray[np.int32]:
-        # XCDR2 puts a length before collections of strings and messages, which no ROS 2 recorder writes: not decoded.
-        return np.zeros((0, 6), np.int32) if program.has_loops else program.operations
 
     def _fixed(self) -> list[tuple[Leaf, FixedSlot]]:
         pairs = zip(self._program.slots, self._slots, strict=True)

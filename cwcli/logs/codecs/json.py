@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -15,12 +16,19 @@ import numpy.typing as npt
 from cwcli.kernels import json_walk as kernel
 from cwcli.logs.codecs.base import Outcome
 from cwcli.logs.codecs.json_columns import ARRAY, STRING, Elements, JsonSlot, scalar
-from cwcli.logs.codecs.json_tree import Key, KeyTree
+from cwcli.logs.codecs.json_tree import Key, KeyTree, Tables
 from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity
 from cwcli.signals.columns import Field, Int64Array
 
 INVALID = "the message is not valid JSON"
 NO_OBJECT = "the message is not a JSON object"
+
+
+@lru_cache(maxsize=16)
+def _known_tree(fields: tuple[str, ...], blobs: tuple[str, ...]) -> tuple[KeyTree, Tables]:
+    """The tree of wanted leaves, which learns nothing: the same for every file."""
+    tree = KeyTree.of(fields, blobs)
+    return tree, tree.tables()
 
 
 class JsonDecoder:
@@ -33,8 +41,11 @@ class JsonDecoder:
     """
 
     def __init__(self, fields: Collection[str] | None, *, blobs: Collection[str] = (), n_expected: int = 0) -> None:
-        self._tree = KeyTree.of(fields, blobs)
-        self._tables = self._tree.tables()
+        if fields is None:
+            self._tree = KeyTree.of(fields, blobs)
+            self._tables = self._tree.tables()
+        else:
+            self._tree, self._tables = _known_tree(tuple(fields), tuple(blobs))
         self._blobs = frozenset(blobs)
         self._blob_rows: dict[str, list[bytes | memoryview]] = {}
         self.restart(n_expected)
@@ -68,8 +79,9 @@ class JsonDecoder:
             is_ok[row] = self._decide(payloads.message(row), row, int(status[row]), instead)
         for path in self._blobs:
             self._blob_rows[path] = self._slots[self._tree.paths.index(path)].take_places(payloads, first)
+        no_counts = np.broadcast_to(np.int64(0), n)
         for slot, rows in zip(self._slots, instead, strict=True):
-            slot.end(payloads, first, rows)
+            slot.end(payloads, first, rows, int(slot.cursors[-1]), no_counts)
         self._is_ok.append(is_ok)
         self._n += n
 

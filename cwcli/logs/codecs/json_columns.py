@@ -57,7 +57,8 @@ class JsonSlot:
         self.element_tags = np.zeros(0, np.uint8)
         self.element_values = np.zeros(0, np.int64)
         self.cursors = np.zeros(0, np.int64)
-        self._counts = [np.zeros(n_earlier, np.int64)]
+        self._counts = [np.zeros(n_earlier, np.int64)] if n_earlier else []
+        self._is_seen = False
         self._element_tags: list[TagArray] = []
         self._element_values: list[Int64Array] = []
         self._known: dict[bytes, int] = {}
@@ -76,16 +77,24 @@ class JsonSlot:
         tags, values, element_tags, element_values = (each.__array_interface__["data"][0] for each in arrays)
         return tags, values, element_tags, element_values
 
-    def end(self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements]) -> None:
-        """After a batch: keep its elements, with those of `instead` for some rows, and code its strings."""
-        used = int(self.cursors[-1]) if len(self.cursors) else 0
+    def end(
+        self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements], used: int, no_counts: Int64Array
+    ) -> None:
+        """After a batch: keep its elements, with those of `instead` for some rows, and code its strings.
+
+        Args:
+            payloads, first_row: The batch.
+            instead: Row -> elements that the json module found.
+            used: Elements that the kernel found.
+            no_counts: As many zeros as there are messages in the batch.
+        """
         if used or instead:
             self._keep_elements(used, instead)
-        else:
-            # One zero seen n times: most names that a role may have are in no message of the file.
-            self._counts.append(np.broadcast_to(np.int64(0), len(self.cursors)))
-        n = len(payloads)
-        if int(self.tags.array[first_row : first_row + n].max(initial=0)) >= STRING:
+        else:  # most names that a role may have are in no message of the file
+            self._counts.append(no_counts)
+        largest = self.tags.array[first_row : first_row + len(payloads)].max()
+        self._is_seen = self._is_seen or bool(largest or used or instead)
+        if largest >= STRING:
             self._code_strings(payloads, first_row)
 
     def _keep_elements(self, used: int, instead: Mapping[int, Elements]) -> None:
@@ -132,8 +141,10 @@ class JsonSlot:
 
     def finish(self, rows: Int64Array) -> Field | None:
         """The column for the given messages, or None if the leaf is in none of them."""
+        if not self._is_seen:
+            return None
         tags, values = self.tags.array[rows], self.values.array[rows]
-        counts = np.concatenate(self._counts)
+        counts = np.concatenate([np.zeros(0, np.int64), *self._counts])
         offsets = np.concatenate([[0], np.cumsum(counts)])
         if counts[rows].any():
             element_tags = np.concatenate([np.zeros(0, np.uint8), *self._element_tags])

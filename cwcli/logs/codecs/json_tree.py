@@ -12,6 +12,8 @@ import numpy.typing as npt
 MAX_KEYS = 4096
 """Keys that are learned; further ones are left out: they are data rather than names."""
 
+Tables = tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32], npt.NDArray[np.int32]]
+
 _NEEDS_ESCAPE = re.compile(r'["\\\x00-\x1f]')
 
 
@@ -78,7 +80,7 @@ class KeyTree:
                         key.below = {}
                     self.learn(inner, key.below, f"{key.path}.")
 
-    def tables(self) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    def tables(self) -> Tables:
         """Keys, entries and nodes, as the kernel wants them."""
         text = bytearray()
         entries: list[list[int]] = []
