@@ -35,6 +35,7 @@ from cwcli.fleet.inputs import expand_sources, is_remote
 from cwcli.fleet.local import ATTEMPTS, WorkerDied, run_local
 from cwcli.fleet.names import log_ids
 from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.selection import check_selection
 from cwcli.fleet.worker import Done, record
 
 Report = Callable[[Task, str, int, int], None]
@@ -94,6 +95,7 @@ def run_fleet(
     if str(out) in {"", "-"}:
         raise UsageError(f"the output folder can't be '{out}'", hint="name it with -d")
     folder = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+    check_selection(plan.topic, plan.start, plan.end)
     found = expand_sources(sources, [str(folder / part) for part in (LOGS, METRICS, DETAILS, TABLES, SCRATCH)])
     ids = log_ids([source for source, _ in found])
     tasks = [Task(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]

@@ -32,6 +32,20 @@ def select(log: Log, topic: Sequence[str], start: str | None, end: str | None) -
     return Selection(topics=parse_overrides(topic), start_ns=start_ns, end_ns=end_ns)
 
 
+def check_selection(topic: Sequence[str], start: str | None, end: str | None) -> None:
+    """Check what can be checked without a log.
+
+    Raises:
+        UsageError: A malformed option, or a role that does not exist.
+    """
+    from cwcli.signals.roles import check_roles, parse_overrides
+
+    check_roles(parse_overrides(topic))
+    for option, text in (("--start", start), ("--end", end)):
+        if text is not None:
+            time_ns(text, 0, option)
+
+
 def time_ns(text: str, log_start_ns: int, option: str) -> int:
     """A `--start` or `--end` as int64 ns since the epoch.
 

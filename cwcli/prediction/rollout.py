@@ -115,6 +115,16 @@ def path_jacobian(
     return jacobian
 
 
+def check_request(model: str, discretisation: Discretisation, horizon_s: float, step_s: float) -> None:
+    """Check what can be checked without a state.
+
+    Raises:
+        UsageError: As `rollout`.
+    """
+    _model(model, discretisation)
+    time_grid(horizon_s, step_s)
+
+
 def _model(name: str, discretisation: Discretisation) -> Model:
     known = MODELS | HYPOTHESES
     if name not in known:

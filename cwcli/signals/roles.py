@@ -220,6 +220,17 @@ def parse_overrides(options: Sequence[str]) -> dict[str, str]:
     return overrides
 
 
+def check_roles(overrides: Mapping[str, str]) -> None:
+    """Check that every role exists.
+
+    Raises:
+        UsageError: One does not.
+    """
+    for name, value in overrides.items():
+        if name not in {known.value for known in Role}:
+            raise UsageError(f"--topic {name}={value}: there is no role {name}", hint=_role_names())
+
+
 def _candidates(channels: Sequence[ChannelLike], role: Role, ego_station: str | None) -> list[Binding]:
     """The channels of the lowest rank that can fill the role, one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
@@ -249,9 +260,8 @@ def _check_overrides(
     channels: Sequence[ChannelLike], overrides: Mapping[str, str], where: str
 ) -> dict[Role, tuple[Binding, ...]]:
     named: dict[Role, tuple[Binding, ...]] = {}
+    check_roles(overrides)
     for name, value in overrides.items():
-        if name not in {known.value for known in Role}:
-            raise UsageError(f"--topic {name}={value}: there is no role {name}", hint=_role_names())
         role = Role(name)
         topics = value.split(",") if role in MANY_TOPICS else [value]
         named[role] = tuple(_named_channel(channels, role, topic.strip(), where) for topic in topics)

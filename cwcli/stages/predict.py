@@ -15,7 +15,7 @@ from cwcli.metrics.table import Table, TableColumn
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
-from cwcli.prediction.rollout import Discretisation
+from cwcli.prediction.rollout import Discretisation, check_request
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
 from cwcli.signals.roles import bind
@@ -59,6 +59,22 @@ class PredictConfig:
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
+
+
+def check_config(config: PredictConfig) -> None:
+    """Check what can be checked without a log.
+
+    Raises:
+        UsageError: An unknown model, or a horizon or step that is not positive.
+    """
+    if config.origin == "observer":
+        from cwcli.stages.predict_observer import path_config
+
+        path_config(config)
+        return
+    if config.render is not None:
+        raise UsageError("--render draws the path of the observer", hint="add --from observer")
+    check_request(config.model, config.discretisation, config.horizon_s, config.step_s)
 
 
 def predict(log: Log, config: PredictConfig) -> StageResult:

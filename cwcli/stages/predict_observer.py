@@ -73,7 +73,7 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
         UsageError: An unknown model, or a horizon or step that is not positive.
         DataError: The channel is of another version.
     """
-    settings = _path_config(config)
+    settings = path_config(config)
     own = bind(
         log.channels,
         config.topics,
@@ -139,7 +139,12 @@ def _overlay(log: Log, body: BodyPaths, config: PredictConfig) -> Overlay:
     )
 
 
-def _path_config(config: PredictConfig) -> LateralPathConfig:
+def path_config(config: PredictConfig) -> LateralPathConfig:
+    """The settings of the path model.
+
+    Raises:
+        UsageError: No model that starts from the observer, or times that do not fit.
+    """
     models = {name: model for model, name in MODEL_NAMES.items()}
     name = next(iter(models)) if config.model == "auto" else config.model
     if name not in models:
@@ -221,7 +226,7 @@ def _errors(body: BodyPaths, poses: Poses, config: PredictConfig) -> Table:
     """Each path model and constant velocity from the same starts, at the poses where the track has the car."""
     track = body.observed.track
     horizons = error_horizons(config.horizon_s)
-    settings = _path_config(config)
+    settings = path_config(config)
     made = {BASELINE: _straight_on(body)}
     for model, name in MODEL_NAMES.items():
         is_own = name == body.model

@@ -32,6 +32,7 @@ from cwcli.stages.states import (
 )
 from cwcli.stages.track_channels import read_targets
 from cwcli.stages.warn_output import RuleOutcome, channels_of, numbered, tables_of
+from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.lane_departure import LaneDepartureConfig
@@ -108,6 +109,17 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
 def _distinct_inputs(outcomes: list[RuleOutcome]) -> tuple[InputCount, ...]:
     """Each channel in each role once."""
     return tuple({(count.topic, count.role): count for outcome in outcomes for count in outcome.inputs}.values())
+
+
+def check_config(config: WarnConfig) -> None:
+    """Check what can be checked without a log.
+
+    Raises:
+        UsageError: An unknown rule, or a value out of its range.
+    """
+    for name in _checked_rules(config):
+        if name != LANE_DEPARTURE:
+            check_rule(replace(config.rule, rule=name))
 
 
 def _checked_rules(config: WarnConfig) -> tuple[str, ...]:

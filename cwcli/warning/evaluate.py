@@ -84,7 +84,12 @@ def evaluate(
     )
 
 
-def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
+def check_config(config: WarningConfig) -> None:
+    """Check what can be checked without a log.
+
+    Raises:
+        UsageError: An unknown rule, or a value out of its range.
+    """
     if config.rule not in RULES:
         raise UsageError(f"there is no warning rule '{config.rule}'", hint=f"one of: {', '.join(RULES)}")
     positive = {"horizon": config.horizon_s, "distance": config.distance_m, "max age": config.max_age_s}
@@ -108,6 +113,10 @@ def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
     for name, value in scoring.items():
         if not (np.isfinite(value) and value >= 0.0):
             raise UsageError(f"a {name} of {value:g} is negative")
+
+
+def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
+    check_config(config)
     reach = float(host.paths.time_s[-1])
     if reach < config.horizon_s - 1e-9:
         raise UsageError(

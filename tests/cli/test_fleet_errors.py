@@ -79,3 +79,28 @@ def test_ctrl_c_while_workers_start_is_one_line(short: Path, tmp_path: Path, del
     out, error = process.communicate(timeout=30)
     assert (out, error) == (b"", b"interrupted\n")
     assert process.returncode in (130, -signal.SIGINT)  # as Python was importing; a shell calls both 130
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--warn-rule", "nope"], "there is no warning rule 'nope'"),
+        (["--warn-rules", "ttc,nope"], "there is no warning rule 'nope'"),
+        (["--warn-max-age", "-1"], "a max age of -1 is not positive"),
+        (["--predict-horizon", "-1"], "a horizon of -1 s is not"),
+        (["--predict-model", "nope"], "there is no motion model 'nope'"),
+        (["--predict-from", "observer", "--predict-model", "ctrv"], "does not start from the observer"),
+        (["--topic", "x"], "expected ROLE=/topic"),
+        (["--topic", "ego=/x"], "there is no role ego"),
+        (["--start", "x"], "neither seconds nor"),
+        (["--end", "-1"], "is not a time in the log"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_options_that_fit_no_log_are_refused_before_the_work(
+    cwcli: Run, tmp_path: Path, options: list[str], words: str
+) -> None:
+    done = cwcli("run", "drive.mcap", "-d", "out", *options)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert done.stderr.startswith(b"error: ") and words in done.stderr.decode()
+    assert not list(tmp_path.iterdir())

@@ -76,20 +76,19 @@ class PredictOptions(StageOptions):
 
     def make(self) -> StageCall:
         """The stage with these options."""
-        from cwcli.stages.predict import PredictConfig
+        from cwcli.stages.predict import PredictConfig, check_config
 
-        return StageCall(
-            self.stage,
-            PredictConfig(
-                model=self.model,
-                horizon_s=self.horizon,
-                step_s=self.step,
-                discretisation=self.discretisation,
-                origin=self.origin,
-                calibrate=self.calibrate,
-                render=self.render,
-            ),
+        config = PredictConfig(
+            model=self.model,
+            horizon_s=self.horizon,
+            step_s=self.step,
+            discretisation=self.discretisation,
+            origin=self.origin,
+            calibrate=self.calibrate,
+            render=self.render,
         )
+        check_config(config)
+        return StageCall(self.stage, config)
 
 
 def command(

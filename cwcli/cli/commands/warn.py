@@ -122,7 +122,7 @@ class WarnOptions(StageOptions):
 
     def make(self) -> StageCall:
         """The stage with these options."""
-        from cwcli.stages.warn import WarnConfig
+        from cwcli.stages.warn import WarnConfig, check_config
 
         rule = WarningConfig(
             rule=self.rule,
@@ -145,7 +145,9 @@ class WarnOptions(StageOptions):
             release_s=max(LANE_DEFAULTS.release_s, self.line_crossing),
             min_speed_mps=self.lane_speed,
         )
-        return StageCall(self.stage, WarnConfig(rule=rule, rules=names, lane_departure=lanes, source=self.source))
+        config = WarnConfig(rule=rule, rules=names, lane_departure=lanes, source=self.source)
+        check_config(config)
+        return StageCall(self.stage, config)
 
 
 def command(
