@@ -10,9 +10,9 @@ import pytest
 
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.fit_columns import columns_of
 from cwcli.vision.ground import FAR_M, GeometrySigmas, lane_geometry
 from cwcli.vision.method import LaneFit
+from tests.unit.vision.fit_lists import columns_of
 
 PREVIEW_M = 33.5
 MOUNTING = Mounting(height_m=1.4, pitch_rad=0.03)

@@ -9,10 +9,10 @@ from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.geometry import RoadAhead, clothoid
 from cwcli.simulation.road.render import render
 from cwcli.simulation.road.sets import SETS, draw_scene
-from cwcli.vision.fit_columns import columns_of
 from cwcli.vision.ground import lane_geometry
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
+from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_scene import mounted
 
 PREVIEW_M = 33.5

@@ -12,13 +12,13 @@ from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.fit_columns import columns_of
 from cwcli.vision.ground import lane_geometry
 from cwcli.vision.lane_model import columns_of_lane, parabolas_of_lane, pitch_of, prior_of
 from cwcli.vision.lane_tracker import LaneTracker, predicted, search_size
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import vanishing_point
+from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_scene import mounted, score
 
 STEP_NS = 100_000_000

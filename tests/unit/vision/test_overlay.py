@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.vision.boundary import NOT_FOUND, Boundary
-from cwcli.vision.fit_columns import columns_of
 from cwcli.vision.method import LaneFit
 from cwcli.vision.overlay import burn_in, encode_jpeg, line_points
+from tests.unit.vision.fit_lists import columns_of
 
 STRAIGHT = Boundary(0.0, 1.0, 10.0, 1.0, 1.0, True)
 RIGHT = Boundary(0.0, -1.0, 318.0, 1.0, 1.0, True)
