@@ -56,6 +56,8 @@ def read_metrics(source: str, *, truth: str = "auto", step: Callable[[str], None
         UsageError: A truth topic can't be one.
         CwcliError: The only log can't be read.
     """
+    if not source:
+        raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
     path = Path(source)
     try:
         is_folder = source != STDIN and path.is_dir()

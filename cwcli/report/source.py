@@ -63,6 +63,8 @@ def read_run(source: str) -> Run:
     Raises:
         InputError: It is neither, or the folder's manifest can't be read.
     """
+    if not source:
+        raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
     path = Path(source)
     try:
         is_folder = source != "-" and path.is_dir()

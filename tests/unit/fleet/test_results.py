@@ -67,3 +67,13 @@ def test_damaged_metrics_of_one_log_do_not_stop_the_report(tmp_path: Path) -> No
     whole, damaged = read_run(str(tmp_path)).entries
     assert (whole.has_failed, list(whole.metrics)) == (False, ["ego.position_rmse_m"])
     assert damaged.has_failed and "the metrics can't be read" in damaged.error["what"]
+
+
+def test_an_empty_name_is_not_the_folder_where_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    metrics_table(tmp_path / "m.parquet")
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": [{"id": "a"}]}))
+    for read in (read_metrics, read_run):
+        assert read(".")
+        with pytest.raises(InputError, match="the name of the run is empty"):
+            read("")
