@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.outcome import ELLIPSE_90, horizon_errors
+from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horizon_errors
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import Discretisation, rollout
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -48,7 +48,11 @@ class Calibration:
 
 
 def calibrated(
-    paths: Paths, stamp_ns: Int64Array, position_m: FloatArray, calibration: Calibration | None = None
+    paths: Paths,
+    stamp_ns: Int64Array,
+    position_m: FloatArray,
+    calibration: Calibration | None = None,
+    outcome: Actual | None = None,
 ) -> Paths:
     """The paths of one vehicle with their covariance scaled by its own record.
 
@@ -57,16 +61,30 @@ def calibrated(
         stamp_ns: Shape (n,), strictly increasing.
         position_m: Shape (n, 2): where the vehicle was at its stamps: the outcomes.
         calibration: None: the default.
+        outcome: `outcomes` of the same starts; None: they are looked up.
     """
-    scale = variance_scale(paths, stamp_ns, position_m, calibration)
+    scale = variance_scale(paths, stamp_ns, position_m, calibration, outcome)
     horizon_s = _horizon(paths, calibration or Calibration())
     power = np.minimum(paths.time_s / horizon_s, 1.0)
     factor = scale[:, None] ** power[None, :]
     return replace(paths, position_covariance_m2=paths.position_covariance_m2 * factor[..., None])
 
 
+def outcomes(
+    horizon_s: float, stamp_ns: Int64Array, position_m: FloatArray, calibration: Calibration | None = None
+) -> Actual:
+    """Where the vehicle was when its paths of `horizon_s` are judged: the same for every model."""
+    settings = calibration or Calibration()
+    judged_s = min(settings.horizon_s, horizon_s)
+    return actual_positions(stamp_ns, stamp_ns, position_m, [judged_s], settings.max_gap_s)
+
+
 def variance_scale(
-    paths: Paths, stamp_ns: Int64Array, position_m: FloatArray, calibration: Calibration | None = None
+    paths: Paths,
+    stamp_ns: Int64Array,
+    position_m: FloatArray,
+    calibration: Calibration | None = None,
+    outcome: Actual | None = None,
 ) -> FloatArray:
     """The factor s^2 on the variance at the horizon for each start, shape (n,); 1 until there is an outcome."""
     settings = calibration or Calibration()
@@ -74,7 +92,7 @@ def variance_scale(
     if n < 2:
         return np.ones(n)
     horizon_s = _horizon(paths, settings)
-    errors = horizon_errors(paths, stamp_ns, stamp_ns, position_m, [horizon_s], settings.max_gap_s)
+    errors = horizon_errors(paths, stamp_ns, stamp_ns, position_m, [horizon_s], settings.max_gap_s, outcome)
     squared = np.where(errors.is_known[:, 0], errors.mahalanobis2[:, 0], np.nan)
     known_ns = stamp_ns + round(horizon_s * NS_PER_S)
     # for each start: the first start whose outcome is not yet known

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cwcli.prediction.calibrate import calibrated
+from cwcli.prediction.calibrate import Calibration, calibrated, outcomes
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.outcome import ELLIPSE_50, ELLIPSE_90, HorizonErrors, actual_positions, horizon_errors
-from cwcli.prediction.rollout import Discretisation, rollout
+from cwcli.prediction.outcome import (
+    ELLIPSE_50,
+    ELLIPSE_90,
+    HorizonErrors,
+    actual_positions,
+    horizon_errors,
+    needed_points,
+)
+from cwcli.prediction.rollout import Discretisation, rollout, time_grid
 from cwcli.signals.columns import FloatArray, Int64Array
 
 BASELINE = "cv"
@@ -40,6 +48,9 @@ def compare_models(
     """
     errors: dict[str, HorizonErrors] = {}
     actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
+    time_s = time_grid(max(horizons_s), step_s)
+    outcome = outcomes(float(time_s[-1]), start_stamp_ns, state[:, :2]) if calibrate else None
+    points = needed_points(time_s, [*horizons_s, min(Calibration.horizon_s, float(time_s[-1]))])
     for name in dict.fromkeys([BASELINE, *models]):
         form: Discretisation = discretisation if name not in MODELS or MODELS[name].in_paper else "exact"
         paths = rollout(
@@ -50,9 +61,10 @@ def compare_models(
             step_s=step_s,
             discretisation=form,
             prior=prior,
+            points=points,
         )
         if calibrate:
-            paths = calibrated(paths, start_stamp_ns, state[:, :2])
+            paths = calibrated(paths, start_stamp_ns, state[:, :2], outcome=outcome)
         errors[name] = horizon_errors(paths, start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, actual)
     return errors
 
@@ -110,25 +122,30 @@ def _row(error: HorizonErrors, baseline: HorizonErrors, column: int, horizon_s: 
     has_ellipse = np.isfinite(squared)
     inside = squared[has_ellipse]
     base = baseline.distance_m[known & baseline.is_known[:, column], column]
-    base_mean = float(base.mean()) if len(base) else np.nan
-    mean = float(distance.mean())
+    base_mean = _mean(base) if len(base) else np.nan
+    mean = _mean(distance)
     ordered = np.sort(distance)
     return [
         horizon_s,
         n,
         mean,
         _quantile(ordered, 0.5),
-        float(np.sqrt(np.mean(distance**2))),
+        math.sqrt(_mean(distance**2)),
         _quantile(ordered, 0.95),
         float(ordered[-1]),
-        float(along.mean()),
-        float(np.sqrt(np.mean(along**2))),
-        float(cross.mean()),
-        float(np.sqrt(np.mean(cross**2))),
-        float(np.mean(inside <= ELLIPSE_50)) if len(inside) else np.nan,
-        float(np.mean(inside <= ELLIPSE_90)) if len(inside) else np.nan,
+        _mean(along),
+        math.sqrt(_mean(along**2)),
+        _mean(cross),
+        math.sqrt(_mean(cross**2)),
+        np.count_nonzero(inside <= ELLIPSE_50) / len(inside) if len(inside) else np.nan,
+        np.count_nonzero(inside <= ELLIPSE_90) / len(inside) if len(inside) else np.nan,
         100.0 * (mean / base_mean - 1.0) if base_mean > 0.0 else np.nan,
     ]
+
+
+def _mean(values: FloatArray) -> float:
+    """What `values.mean()` gives, at a quarter of its cost for so few values."""
+    return float(np.add.reduce(values)) / len(values)
 
 
 def _quantile(ordered: FloatArray, share: float) -> float:

@@ -52,6 +52,7 @@ class _Motion:
     Attributes:
         time_s: Shape (k,): the path's times.
         hold_s: Shape (m, 2) or None: see `Model.hold`.
+        points: Shape (p,): which of the times are wanted; None: all.
     """
 
     model: Model
@@ -59,11 +60,16 @@ class _Motion:
     time_s: FloatArray
     is_paper: bool
     hold_s: FloatArray | None
+    points: npt.NDArray[np.intp] | None = None
 
     def of(self, rows: npt.NDArray[np.bool_ | np.intp]) -> _Motion:
         """The same for some of the starts."""
         hold_s = None if self.hold_s is None else self.hold_s[rows]
-        return _Motion(self.model, self.prior, self.time_s, self.is_paper, hold_s)
+        return _Motion(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points)
+
+    def wanted(self, values: FloatArray) -> FloatArray:
+        """The columns of (..., k) that are wanted."""
+        return values if self.points is None else values[..., self.points]
 
     def at(self, moving: FloatArray) -> Responses:
         """Responses at times (1 or m, ...)."""
@@ -90,10 +96,20 @@ class _Motion:
         return self.at(moving[:, :-1, None] + width * GAUSS_NODES), width * GAUSS_WEIGHTS
 
 
-def integrate(model: Model, state: FloatArray, time_s: FloatArray, prior: DriverPrior, discretisation: str) -> Integral:
-    """The path of m starts, shape (m, 8), over the times (k,), which start at 0 and have a common step."""
+def integrate(
+    model: Model,
+    state: FloatArray,
+    time_s: FloatArray,
+    prior: DriverPrior,
+    discretisation: str,
+    points: npt.NDArray[np.intp] | None = None,
+) -> Integral:
+    """The path of m starts, shape (m, 8), over the times (k,), which start at 0 and have a common step.
+
+    With `points` the integral holds these of the times only: the same numbers as without.
+    """
     hold_s = None if model.hold is None else model.hold(state, prior)
-    motion = _Motion(model, prior, time_s, discretisation == "paper", hold_s)
+    motion = _Motion(model, prior, time_s, discretisation == "paper", hold_s, points)
     grid = motion.at(time_s[None, :])
     stop_s = _stop_time(motion, state, _speed(state, grid))
     stops = np.isfinite(stop_s)
@@ -159,35 +175,41 @@ def _stopping(motion: _Motion, state: FloatArray, stop_s: FloatArray) -> Integra
     time_s = motion.time_s
     moving = np.minimum(time_s[None, :], stop_s[:, None])
     path = _path(motion, state, moving, motion.at(moving))
-    speed = np.where(time_s[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
+    speed = np.where(motion.wanted(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
     return Integral(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
 
 
 def _path(motion: _Motion, state: FloatArray, moving: FloatArray, grid: Responses) -> Integral:
     """Quadrature over the steps of `moving`, shape (1 or m, k)."""
-    m, k = len(state), len(motion.time_s)
+
+    def running(nodes: FloatArray) -> FloatArray:
+        return motion.wanted(_running(nodes))
+
     at, weight = motion.nodes(moving, np.diff(moving, axis=1)[..., None])
     heading = _heading(state, at)
     speed = _speed(state, at)
     cosine, sine = np.cos(heading) * weight, np.sin(heading) * weight
+    moving = motion.wanted(moving)
+    grid = grid if motion.points is None else Responses(*(motion.wanted(each) for each in grid))
+    m, k = len(state), moving.shape[1]
     jacobian = np.zeros((2, m, k, 8))
     jacobian[0, :, :, X] = jacobian[1, :, :, Y] = 1.0
     moved_x, moved_y = speed * cosine, speed * sine
-    dx, dy = _running(moved_x), _running(moved_y)
+    dx, dy = running(moved_x), running(moved_y)
     jacobian[0, :, :, HEADING], jacobian[1, :, :, HEADING] = -dy, dx
-    jacobian[0, :, :, SPEED], jacobian[1, :, :, SPEED] = _running(cosine), _running(sine)
+    jacobian[0, :, :, SPEED], jacobian[1, :, :, SPEED] = running(cosine), running(sine)
     for used, index, response in zip(
         motion.model.uses[:2], (ACCEL, JERK), (at.speed_to_accel, at.speed_to_jerk), strict=True
     ):
         if used:
-            jacobian[0, :, :, index] = _running(cosine * response)
-            jacobian[1, :, :, index] = _running(sine * response)
+            jacobian[0, :, :, index] = running(cosine * response)
+            jacobian[1, :, :, index] = running(sine * response)
     for used, index, response in zip(
         motion.model.uses[2:], (YAW_RATE, YAW_ACCEL), (at.heading_to_yaw_rate, at.heading_to_yaw_accel), strict=True
     ):
         if used:
-            jacobian[0, :, :, index] = -_running(moved_y * response)
-            jacobian[1, :, :, index] = _running(moved_x * response)
+            jacobian[0, :, :, index] = -running(moved_y * response)
+            jacobian[1, :, :, index] = running(moved_x * response)
     return Integral(
         x_m=state[:, X, None] + dx,
         y_m=state[:, Y, None] + dy,

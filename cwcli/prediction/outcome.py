@@ -123,9 +123,19 @@ def _on_track(
     return position, known
 
 
+def needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:
+    """Which points of a path its errors at some horizons depend on, and the last one; increasing."""
+    after = _points_after(time_s, np.asarray(horizons_s, dtype=np.float64))
+    return np.unique(np.concatenate([after - 1, after, [len(time_s) - 1]]))
+
+
+def _points_after(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:
+    return np.clip(np.searchsorted(time_s, horizon_s - 1e-9), 1, len(time_s) - 1)
+
+
 def _at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, FloatArray]:
     """Point, heading and covariance of each path at the horizons, linear between points, (n, h) each."""
-    after = np.clip(np.searchsorted(paths.time_s, horizon_s - 1e-9), 1, len(paths.time_s) - 1)
+    after = _points_after(paths.time_s, horizon_s)
     share = (horizon_s - paths.time_s[after - 1]) / (paths.time_s[after] - paths.time_s[after - 1])
 
     def at(values: FloatArray) -> FloatArray:

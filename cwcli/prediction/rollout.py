@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
@@ -51,6 +53,7 @@ def rollout(
     step_s: float = 0.05,
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
+    points: npt.NDArray[np.intp] | None = None,
 ) -> Paths:
     """Predict the paths of n starts.
 
@@ -65,6 +68,8 @@ def rollout(
         horizon_s, step_s: The last point is the first that reaches the horizon.
         discretisation: "exact" integrates the model; "paper" is song2016's recursion (eq. 2, 9, 10) with its step.
         prior: What drivers do; None: the default.
+        points: Shape (p,), increasing: which points of `time_grid` are wanted; None: all. They are the same numbers,
+            and come sooner.
 
     Returns:
         Paths of shape (n, k). A row that is not finite in its state gives a row of NaN.
@@ -77,7 +82,8 @@ def rollout(
     prior = prior or DriverPrior()
     _check_shapes(state, covariance)
     time_s = time_grid(horizon_s, step_s)
-    n, k = len(state), len(time_s)
+    kept_s = time_s if points is None else time_s[points]
+    n, k = len(state), len(kept_s)
     x, y, heading, speed = (np.empty((n, k)) for _ in range(4))
     position_covariance = np.empty((n, k, 3))
     driver = _driver_variance(chosen, float(time_s[-1]), prior)
@@ -86,13 +92,13 @@ def rollout(
         start = state[rows]
         start_covariance = None if covariance is None else covariance[rows]
         trust = chosen.trust(start, start_covariance, prior) * np.array(chosen.uses)
-        path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation)
+        path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation, points)
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
         out = _driver_noise(path, start, start_covariance, prior.trust(start, start_covariance), driver, prior)
         if start_covariance is not None:
             out += _carried(path.jacobian, _shrunk(start_covariance, trust))
         position_covariance[rows] = out
-    return Paths(time_s, x, y, heading, speed, position_covariance)
+    return Paths(kept_s, x, y, heading, speed, position_covariance)
 
 
 def path_jacobian(
@@ -183,6 +189,7 @@ class _DriverVariance:
     cross_ignored: FloatArray
 
 
+@lru_cache(maxsize=64)
 def _driver_variance(model: Model, horizon_s: float, prior: DriverPrior) -> _DriverVariance:
     time_s = np.linspace(0.0, horizon_s, DRIVER_POINTS)
     out = model.responses(time_s, prior)
