@@ -10,7 +10,7 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
@@ -135,16 +135,10 @@ def open_output(
         with _open_special(path, str(target)) as output:
             yield output
         return
-    if together is not None:
+    with nullcontext(together) if together is not None else Together() as group:
         with _written(path, str(target), durable=durable) as (file, output):
             yield output
-        together.add(file, lambda: check_target(target, force=force, inputs=inputs), durable=durable)
-        return
-    with (
-        Together() as alone,
-        open_output(target, force=force, inputs=inputs, durable=durable, together=alone) as output,
-    ):
-        yield output
+        group.add(file, lambda: check_target(target, force=force, inputs=inputs), durable=durable)
 
 
 @contextmanager

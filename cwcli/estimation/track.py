@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -261,8 +262,11 @@ def estimate_tracks(
     groups: Sequence[tuple[Sequence[Measurements], Int64Array | None]],
     config: EstimatorConfig,
 ) -> list[Track]:
-    """Estimate many vehicles' tracks, in threads: `estimate_track` for each (measurements, output stamps)."""
-    if len(groups) < 2:
+    """Estimate many vehicles' tracks, in threads: `estimate_track` for each (measurements, output stamps).
+
+    A worker process uses one thread: the other processors are the other workers'.
+    """
+    if len(groups) < 2 or multiprocessing.parent_process() is not None:
         return [estimate_track(measurements, config, stamps) for measurements, stamps in groups]
     with ThreadPoolExecutor(max_workers=min(len(groups), os.cpu_count() or 1)) as pool:
         return list(pool.map(lambda group: estimate_track(group[0], config, group[1]), groups))

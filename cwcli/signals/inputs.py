@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +69,7 @@ class _LaterFields(Mapping[str, tuple[str, ...]]):
         return len(self._found)
 
 
+@lru_cache(maxsize=256)
 def normalise(schema_name: str) -> str:
     """One spelling for a schema: `sensor_msgs/msg/NavSatFix`, `sensor_msgs/NavSatFix` and the DDS form are the same."""
     name = schema_name.replace("::", "/").replace("/dds_/", "/").removesuffix("_")
@@ -365,6 +366,7 @@ INPUTS: dict[str, tuple[Input, ...]] = {
 }
 
 
+@lru_cache(maxsize=256)
 def inputs_of(schema_name: str) -> tuple[Input, ...]:
     """The registry's entries for a schema name in any spelling, () for an unknown one."""
     name = normalise(schema_name)

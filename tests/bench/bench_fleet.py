@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[2]
 MAX_SHORT_S = 0.1
 MIN_SPEED_UP = 1.8
 MAX_GROWTH_MB = 10.0
-ROUNDS = 3
+ROUNDS = 2
 
 
 class Row(NamedTuple):
