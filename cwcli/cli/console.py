@@ -44,6 +44,10 @@ class Console:
         stream = sys.stderr if self.summary_to_stderr else sys.stdout
         self.summary(bold(printable(text), stream))
 
+    def failure(self, text: str) -> None:
+        """Why the exit code is not 0, where that is no error of cwcli or of the input; told even when quiet."""
+        write(sys.stderr, paragraph(printable(text), rest="  "))
+
     def note(self, text: str) -> None:
         """Something the user should know, which is not the result."""
         if not self.quiet:

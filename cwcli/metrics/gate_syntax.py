@@ -13,6 +13,7 @@ metric     = a name such as ego.position_rmse_m; * stands for any characters
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -199,7 +200,10 @@ class _Parser:
     def _operand(self) -> Operand:
         kind, text, start = self._next("a metric or a number")
         if kind == "number":
-            return Number(float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0))
+            value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+            if not math.isfinite(value):  # would always hold, or never
+                raise self._error("a number that a computer can hold", start)
+            return Number(value)
         if kind != "name" or text in {"and", "or", "not"}:
             raise self._error("a metric or a number", start)
         if self._peek()[1] != "(":

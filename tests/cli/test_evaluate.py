@@ -124,6 +124,13 @@ def test_failed_gates_make_the_exit_code_and_are_listed(fleet: Path, capsys: pyt
     assert run(["evaluate", str(fleet), "--gate", "lanes.found_share > 0", "--allow-missing"]) == 0
 
 
+def test_failed_gates_are_told_even_when_quiet(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["evaluate", str(fleet), "--gate", "ego.position_rmse_m < 0.001", "--quiet"]) == 1
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err.startswith("gate failed: ego.position_rmse_m < 0.001 (")
+
+
 def test_gates_come_from_the_configuration_file(fleet: Path, tmp_path: Path) -> None:
     config = tmp_path / "pipeline.toml"
     config.write_text('gates = ["ego.position_rmse_m < 0.001"]\n[estimate]\nmodel = "cwcli"\n', encoding="utf-8")
@@ -134,6 +141,16 @@ def test_gates_come_from_the_configuration_file(fleet: Path, tmp_path: Path) -> 
 def test_what_is_no_gate_is_a_usage_error_before_the_work(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["evaluate", "/no/such/folder", "--gate", "ego.position_rmse_m <"]) == 2
     assert "expected a metric or a number" in capsys.readouterr().err
+    assert run(["evaluate", "/no/such/folder", "--gate", "ego.position_rmse_m < 1e400"]) == 2
+    assert "found `1e400`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["report", "/no/such/folder"], ["layout"]])
+def test_an_empty_output_name_is_no_standard_output(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*command, "-o", ""]) == 6
+    said = capsys.readouterr()
+    assert not said.out
+    assert "the output is a directory" in said.err
 
 
 def test_junit_and_markdown_are_written(fleet: Path, tmp_path: Path) -> None:

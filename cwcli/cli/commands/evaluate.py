@@ -100,7 +100,10 @@ def command(
     else:
         _show(console, run, pooled, results, everything=everything)
         print_written(console, targets)
-    return EXIT_GATE_FAILED if any(result.failed for result in results) else EXIT_DONE
+    failed = [result for result in results if result.failed]
+    for result in failed if talk.quiet else ():
+        console.failure(f"gate failed: {result.gate} ({len(result.failed)} of {count(len(result.checks), 'check')})")
+    return EXIT_GATE_FAILED if failed else EXIT_DONE
 
 
 def check_targets(talk: TalkOptions, *, metrics: str | None, texts: Sequence[str | None], force: bool) -> list[str]:

@@ -42,7 +42,7 @@ def command(
 
     The file is JSON, as Foxglove exports it: import it there, or in Lichtblick, with "Import from file".
     """
-    output = stdout_or_file(output) or "-"
+    output = "-" if output is None else str(stdout_or_file(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the layout to a file")
     from cwcli.output import check_target, write_file

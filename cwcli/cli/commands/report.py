@@ -56,7 +56,7 @@ def command(
     from cwcli.output import check_target, write_file
     from cwcli.report.build import build_report
 
-    target = stdout_or_file(output) or "-"
+    target = str(stdout_or_file(output))
     inputs = () if source == "-" or Path(source).is_dir() else (Path(source),)
     check_target(target, force=force, inputs=inputs)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
