@@ -12,16 +12,15 @@ NumPy twin is in tests/unit/vision/naive_ridge.py.
 from libc.math cimport NAN, fabs
 from libc.stdlib cimport free, malloc
 
+from cwcli.kernels.lane_objective cimport BEND_TAIL, N, at, judge, natural
+
 cdef enum:
-    N = 5
     SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_SAMPLES
 
 cdef struct Pair:
     int left
     int right
     double penalty
-
-cdef double BEND_TAIL = 9.0  # squared sigmas: most roads are straight, and some bend, so the prior of the bend has heavy tails
 
 
 def scan(
@@ -90,7 +89,7 @@ def scan(
                 penalty = z * z
                 z = (bends[q] - prior[3, 0]) / prior[3, 1]
                 z *= z
-                penalty = weight * (penalty + z / (1.0 + z / BEND_TAIL))
+                penalty = weight * (penalty + z / (1.0 + z / <double>BEND_TAIL))
                 best[p, q, 0] = -1e30
                 best[p, q, 1] = 0.0
                 best[p, q, 2] = 0.0
@@ -119,84 +118,6 @@ def scan(
     free(pairs)
 
 
-cdef inline float at(const float* row, Py_ssize_t width, double x) noexcept nogil:
-    cdef Py_ssize_t i
-    cdef float part
-    if not (0.0 <= x <= width - 1.0):
-        return 0.0
-    i = <Py_ssize_t>x
-    if i >= width - 1:
-        return row[width - 1]
-    part = <float>(x - i)
-    return row[i] + part * (row[i + 1] - row[i])
-
-
-cdef void natural(const double* code, double near_v, double far_v, double* values) noexcept nogil:
-    """(left, right column at near_v, centre at far_v, bend in pixels at far_v, horizon) -> (u0, middle, width, k, v0)."""
-    cdef double near_h = near_v - code[4], far_h = far_v - code[4]
-    cdef double centre = 0.5 * (code[0] + code[1])
-    if far_h < 1.0:
-        far_h = 1.0
-    if near_h < far_h + 1.0:
-        near_h = far_h + 1.0
-    cdef double k = code[3] * far_h
-    cdef double middle = (centre - code[2] - k * (1.0 / near_h - 1.0 / far_h)) / (near_h - far_h)
-    values[0] = centre - middle * near_h - k / near_h
-    values[1] = middle
-    values[2] = (code[1] - code[0]) / near_h
-    values[3] = k
-    values[4] = code[4]
-
-
-cdef double judge(
-    const float[:, ::1] evidence, const float[:, ::1] broad, const int[::1] rows, const double* values,
-    const double[:, ::1] prior, double weight, double min_h, double beside, double half,
-    int segment
-) noexcept nogil:
-    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r = 0, stop
-    cdef double total = 0.0, h, base, z, penalty = 0.0, left, right, outer_left, outer_right
-    cdef double place_left = values[1] - 0.5 * values[2], place_right = values[1] + 0.5 * values[2]
-    cdef double far_left = values[1] - 1.5 * values[2], far_right = values[1] + 1.5 * values[2]
-    cdef const float* row
-    cdef int k
-    for k in range(N):
-        if not (prior[k, 2] <= values[k] <= prior[k, 3]):
-            return -1e30
-        z = (values[k] - prior[k, 0]) / prior[k, 1]
-        z *= z
-        penalty += z / (1.0 + z / BEND_TAIL) if k == 3 else z
-    while r < n and not rows[r] - values[4] >= min_h:
-        r += 1
-    stop = (r // segment) * segment
-    while stop < n:
-        stop += segment
-        if stop > n:
-            stop = n
-        left = right = 0.0
-        if beside > 0.0:
-            outer_left = outer_right = 0.0
-            for r in range(r, stop):
-                h = rows[r] - values[4]
-                base = values[0] + values[3] / h
-                row = &evidence[r, 0]
-                left += at(row, width, base + place_left * h)
-                right += at(row, width, base + place_right * h)
-                row = &broad[r, 0]
-                outer_left += at(row, width, base + far_left * h)
-                outer_right += at(row, width, base + far_right * h)
-            total += beside * (outer_left / (outer_left + half) + outer_right / (outer_right + half))
-        else:
-            for r in range(r, stop):
-                h = rows[r] - values[4]
-                base = values[0] + values[3] / h
-                row = &evidence[r, 0]
-                left += at(row, width, base + place_left * h)
-                right += at(row, width, base + place_right * h)
-        total += left / (left + half) + right / (right + half)
-        r = stop
-    return total * segment / n - weight * penalty
-
-
 def objective(
     const float[:, ::1] evidence, const float[:, ::1] broad, const int[::1] rows, const double[:, ::1] lanes,
     const double[:, ::1] prior, double weight, double min_h, double beside, double half, int segment,
@@ -204,9 +125,13 @@ def objective(
 ):
     """The objective of given lanes (u0, middle, width, k, v0)."""
     cdef Py_ssize_t i
+    cdef double* scratch = <double*>malloc(6 * (rows.shape[0] + 1) * sizeof(double))
+    if not scratch:
+        raise MemoryError
     with nogil:
         for i in range(lanes.shape[0]):
-            value[i] = judge(evidence, broad, rows, &lanes[i, 0], prior, weight, min_h, beside, half, segment)
+            value[i] = judge(evidence, broad, rows, &lanes[i, 0], prior, weight, min_h, beside, half, segment, scratch)
+    free(scratch)
 
 
 def refine(
@@ -223,7 +148,9 @@ def refine(
     cdef double values[N]
     cdef double step[N]
     cdef double best, found, before, near_h, far_h
-    cdef bint moved
+    cdef double* scratch = <double*>malloc(6 * (rows.shape[0] + 1) * sizeof(double))
+    if not scratch:
+        raise MemoryError
     with nogil:
         for i in range(lanes.shape[0]):
             near_h = near_v - lanes[i, 4]
@@ -238,7 +165,7 @@ def refine(
             code[3] = lanes[i, 3] / far_h
             code[4] = lanes[i, 4]
             natural(code, near_v, far_v, values)
-            best = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment)
+            best = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, scratch)
             for k in range(N):
                 step[k] = steps[k]
             for level in range(halvings):
@@ -254,7 +181,9 @@ def refine(
                                 trial[j] = code[j]
                             trial[k] += step[k] if sign == 0 else -step[k]
                             natural(trial, near_v, far_v, values)
-                            found = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment)
+                            found = judge(
+                                evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, scratch
+                            )
                             if found > best:
                                 best = found
                                 code[k] = trial[k]
@@ -264,7 +193,7 @@ def refine(
                     for k in range(N):
                         trial[k] = 2.0 * code[k] - base[k]
                     natural(trial, near_v, far_v, values)
-                    found = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment)
+                    found = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, scratch)
                     if found > best:
                         best = found
                         for k in range(N):
@@ -275,6 +204,7 @@ def refine(
             for k in range(N):
                 lanes[i, k] = values[k]
             value[i] = best
+    free(scratch)
 
 
 def along(
