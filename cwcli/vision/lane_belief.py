@@ -1,7 +1,11 @@
-"""How sure a found boundary is: a logistic function of its own evidence and of the objective of the whole lane.
+"""How sure a found boundary is: a logistic function of its own evidence, the whole lane's, and what there is by chance.
 
-The coefficients were fitted on rendered frames (tests/studies/lane_reliability.py); docs/lanes.md shows how reliable
-they are.
+The best of many lanes has some evidence on any picture: on noise, on a rough road, on grass. How much depends on how
+much of the road looks like stripes without being a boundary, so that share is one of the features. It is what
+separates few raised dots on smooth concrete from as much evidence on a rough road without paint.
+
+The coefficients were fitted on rendered frames and noise (tests/studies/lane_reliability.py); docs/lanes.md shows how
+reliable they are.
 """
 
 from __future__ import annotations
@@ -11,13 +15,14 @@ import math
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence, judged
-from cwcli.vision.lane_model import LanePrior
+from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence
+from cwcli.vision.lane_model import MIDDLE, WIDTH
 
-COEFFICIENTS = np.array([-3.25, 5.52, 6.75, -3.56])
-"""Of: constant, square root of the own support, objective of the lane and its square."""
-MOST = 1.0
-"""A greater objective counts as this."""
+COEFFICIENTS = np.array([3.73, 4.14, 2.16, -13.45])
+LEAST_VALUE = 0.02
+_OFFSETS = np.linspace(-2.0, 2.0, 81)
+BESIDE_OFFSETS = np.asarray(_OFFSETS[np.abs(np.abs(_OFFSETS) % 1.0 - 0.5) > 0.1])
+"""Lines on which the crowd is counted, from the lane's middle over its width: none near a boundary or a neighbour's."""
 
 
 def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
@@ -30,13 +35,33 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
     return made
 
 
-def features(evidence: Evidence, lane: FloatArray, prior: LanePrior) -> FloatArray:
-    """Shape (2, 4): what the probability of each boundary is made of."""
-    value = min(max(float(judged(evidence, lane[None], prior)[0]), 0.0), MOST)
-    return np.array([[1.0, math.sqrt(own), value, value * value] for own in supports(evidence, lane).tolist()])
+def crowd(evidence: Evidence, lane: FloatArray) -> float:
+    """Share of the road beside the boundaries, two lanes to each side, that looks like a stripe, 0 to 1."""
+    from cwcli.kernels import lane_ridge
+
+    values = np.empty((len(BESIDE_OFFSETS), len(evidence.rows)))
+    places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
+    lane_ridge.along(evidence.sharp, evidence.rows, lane, places, evidence.min_h, values)
+    n_seen = np.count_nonzero(values >= 0.0)
+    return float(np.count_nonzero(values > 0.0) / n_seen) if n_seen else 0.0
 
 
-def boundary_probabilities(evidence: Evidence, lane: FloatArray, prior: LanePrior) -> FloatArray:
+def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
+    """What the probability of each boundary is made of.
+
+    Args:
+        evidence, lane: The lane (5,) and where the frame shows stripes.
+        value: The lane's objective in this frame.
+
+    Returns:
+        Shape (2, 4): 1, square root of the own support, logarithm of the objective, square root of the crowd.
+    """
+    joint = math.log(min(max(value, 0.0), 1.0) + LEAST_VALUE)
+    by_chance = math.sqrt(crowd(evidence, lane))
+    return np.array([[1.0, math.sqrt(own), joint, by_chance] for own in supports(evidence, lane).tolist()])
+
+
+def boundary_probabilities(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
     """Shape (2,): probability that each boundary is where the lane has it."""
-    exponents = (features(evidence, lane, prior) @ COEFFICIENTS).tolist()
+    exponents = (features(evidence, lane, value) @ COEFFICIENTS).tolist()
     return np.array([1.0 / (1.0 + math.exp(-min(max(each, -30.0), 30.0))) for each in exponents])

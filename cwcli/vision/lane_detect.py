@@ -20,7 +20,8 @@ ROW_STEP = 0.5
 N_SEGMENTS = 9
 MAX_ROWS = 150
 COUNT: FloatArray = np.arange(float(MAX_ROWS))
-STRIPE = (0.065, 0.085, 0.08, 3.0, 0.07, 2.0)
+STRIPE = (0.04, 0.085, 0.08, 3.0, 0.07, 2.0)
+"""The window of a stripe over the camera's height is 6 cm: narrower than any marking, as wide as a small raised dot."""
 LOPSIDED = 0.3
 BESIDE = 0.5
 HALF = 0.3

@@ -49,7 +49,7 @@ from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
 
 MAX_PIXELS = 256_000
 """Of the search image: a camera's image is halved until it has no more."""
-FOUND_PROBABILITY = 0.2
+FOUND_PROBABILITY = 0.3
 N_HYPOTHESES = 3
 RESCAN_FRAMES = 10
 """A look for other lanes every so many frames."""
@@ -77,12 +77,12 @@ class Hypothesis:
     Attributes:
         lane: Shape (5,), see `lane_model`.
         value: Objective over the last frames.
-        chance: Shape (2,): probabilities of both boundaries in the last frame.
+        last: Objective in the last frame.
     """
 
     lane: FloatArray
     value: float
-    chance: FloatArray
+    last: float
 
 
 class LaneTracker:
@@ -96,6 +96,7 @@ class LaneTracker:
         self._camera: Camera | None = None
         self._prior: LanePrior | None = None
         self._hypotheses: list[Hypothesis] = []
+        self._evidence: Evidence | None = None
         self._last_ns = 0
         self._n_frames = 0
         self._n_lost = 0
@@ -124,6 +125,7 @@ class LaneTracker:
         lead = self._hypotheses[0].lane
         rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
         evidence = evidence_of(grey, rows, float(lead[HORIZON]), self._prior.stretch)
+        self._evidence = evidence
         made = []
         for hypothesis in self._hypotheses:
             lane = predicted(hypothesis.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
@@ -131,8 +133,8 @@ class LaneTracker:
             lane = np.clip(lane, prior.table[:, LOW], prior.table[:, HIGH])
             lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=0.5, beside=0.0)
             lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5, beside=0.0)
-            value = MEMORY * hypothesis.value + (1.0 - MEMORY) * float(judged(evidence, lanes, self._prior)[0])
-            made.append(Hypothesis(lanes[0], value, boundary_probabilities(evidence, lanes[0], self._prior)))
+            last = float(judged(evidence, lanes, self._prior)[0])
+            made.append(Hypothesis(lanes[0], MEMORY * hypothesis.value + (1.0 - MEMORY) * last, last))
         if self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(evidence, camera, made)
         return made
@@ -146,7 +148,7 @@ class LaneTracker:
         lanes, values = glance(evidence, replace(self._prior, table=table), (camera.width_px, camera.height_px))
         known = np.array([each.lane for each in followed])
         return [
-            Hypothesis(lane, float(value), boundary_probabilities(evidence, lane, self._prior))
+            Hypothesis(lane, float(value), float(value))
             for lane, value in zip(lanes, values, strict=True)
             if len(distinct(np.vstack([known, lane]), len(known) + 1)) > len(distinct(known, len(known)))
         ]
@@ -159,10 +161,8 @@ class LaneTracker:
         lanes, values = lanes[:N_HYPOTHESES], values[:N_HYPOTHESES]
         if not self._prior.is_mounted:
             self._prior = learned(self._prior, float(lanes[0, HORIZON]), camera)
-        return [
-            Hypothesis(lane, float(value), boundary_probabilities(evidence, lane, prior))
-            for lane, value in zip(lanes, values, strict=True)
-        ]
+        self._evidence = evidence
+        return [Hypothesis(lane, float(value), float(value)) for lane, value in zip(lanes, values, strict=True)]
 
     def _publish(self, camera: Camera) -> LaneFit:
         """The best hypothesis as a fit."""
@@ -175,9 +175,11 @@ class LaneTracker:
         others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
         self._hypotheses = [best, *others[: N_HYPOTHESES - 1]]
         parabolas = parabolas_of_lane(best.lane, camera).tolist()
+        assert self._evidence is not None
+        chances: list[float] = boundary_probabilities(self._evidence, best.lane, best.last).tolist()
         found = [
             chance >= FOUND_PROBABILITY and all(map(math.isfinite, parabola))
-            for chance, parabola in zip(best.chance.tolist(), parabolas, strict=True)
+            for chance, parabola in zip(chances, parabolas, strict=True)
         ]
         if any(found):
             self._n_lost, self._pause = 0, 0
@@ -194,7 +196,7 @@ class LaneTracker:
         sides = []
         for side in range(2):
             a, b, c = parabolas[side]
-            sides.append(Boundary(a, b, c, best.value, float(best.chance[side]), found[side]))
+            sides.append(Boundary(a, b, c, best.value, chances[side], found[side]))
         return LaneFit(sides[0], sides[1], pitch_rad=pitch_of(best.lane, camera) if any(found) else math.nan)
 
 

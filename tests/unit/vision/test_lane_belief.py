@@ -1,0 +1,88 @@
+"""How sure a boundary is: by hand, on noise, and on roads without paint."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.sets import frame
+from cwcli.vision.camera import Camera, Mounting, default_camera
+from cwcli.vision.lane_belief import COEFFICIENTS, boundary_probabilities, crowd, features, supports
+from cwcli.vision.lane_detect import Evidence
+from cwcli.vision.lane_tracker import LaneTracker
+from cwcli.vision.method import LaneFrame
+from tests.studies.lane_reliability import drawn
+from tests.unit.vision.lane_scene import mounted
+
+STEP_NS = 100_000_000
+LANE = np.array([159.5, 0.0, 1.0, 0.0, 80.0])
+"""Straight ahead, its boundaries h / 2 to each side."""
+
+
+def evidence(sharp: FloatArray) -> Evidence:
+    table = np.ascontiguousarray(sharp, np.float32)
+    return Evidence(np.arange(100, 100 + len(table), dtype=np.int32), table, table, table, 80.0, 7.0)
+
+
+def test_crowd_by_hand() -> None:
+    table = np.zeros((90, 320))
+    assert crowd(evidence(table), LANE) == 0.0
+    assert crowd(evidence(table + 0.3), LANE) == 1.0
+    table[:, :160] = 0.1  # all that lies left of the middle
+    assert crowd(evidence(table), LANE) == pytest.approx(0.5, abs=0.02)
+    painted = np.zeros((90, 320))
+    h = np.arange(20.0, 110.0)
+    for place in (-1.5, -0.5, 0.5, 1.5):  # boundaries are no crowd
+        u = np.round(159.5 + place * h).astype(int)
+        painted[np.flatnonzero((u >= 0) & (u < 320)), u[(u >= 0) & (u < 320)]] = 1.0
+    assert crowd(evidence(painted), LANE) < 0.02
+
+
+def test_probability_by_hand() -> None:
+    table = np.zeros((90, 320))
+    table[:, :160] = 0.1
+    seen = evidence(table)
+    own = math.sqrt(supports(seen, LANE)[0])
+    by_hand = COEFFICIENTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(crowd(seen, LANE))]
+    assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(1.0 / (1.0 + math.exp(-by_hand)))
+    np.testing.assert_array_equal(features(seen, LANE, -1e30)[:, 2], math.log(0.02))
+
+
+def test_what_looks_like_stripes_everywhere_is_no_boundary() -> None:
+    assert COEFFICIENTS[1] > 0.0
+    assert COEFFICIENTS[2] > 0.0
+    assert COEFFICIENTS[3] < 0.0
+
+
+@pytest.mark.parametrize("camera", [mounted(), default_camera(320, 240, Mounting())])
+@pytest.mark.parametrize("sigma", [8.0, 30.0, 70.0])
+@pytest.mark.parametrize("grain_px", [0.0, 1.5])
+def test_noise_is_no_lane(camera: Camera, sigma: float, grain_px: float) -> None:
+    search, rng = LaneTracker(), np.random.default_rng(3)
+    for index in range(4):
+        noise = rng.normal(size=(240, 320))
+        if grain_px:
+            noise = cv2.GaussianBlur(noise, (0, 0), grain_px)
+        grey = np.clip(120.0 + sigma / noise.std() * noise, 0, 255).astype(np.uint8)
+        fit = search.step(LaneFrame(grey, camera, index * STEP_NS, index))
+        assert not fit.left.found
+        assert not fit.right.found
+
+
+def test_roads_without_paint_have_hardly_a_boundary() -> None:
+    found = []
+    for made in drawn("bare", 20, 104):
+        fit = LaneTracker().step(LaneFrame(made.grey, mounted(), 0, 0))
+        found += [fit.left.found, fit.right.found]
+    assert np.mean(found) <= 0.15
+
+
+def test_painted_roads_have_both() -> None:
+    for index in range(10):
+        fit = LaneTracker().step(LaneFrame(frame("complex", index, seed=6).grey, mounted(), 0, 0))
+        assert fit.left.found
+        assert fit.right.found
