@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -32,7 +33,7 @@ class Series:
         """The value at a time, linear between two samples that are both near; NaN elsewhere."""
         if not len(self.stamp_ns):
             return float("nan")
-        i = int(np.searchsorted(self.stamp_ns, stamp_ns))
+        i = bisect_left(self.stamp_ns, stamp_ns)  # not NumPy's, which waits for the decoding threads each time
         if i < len(self.stamp_ns) and self.stamp_ns[i] == stamp_ns:
             return float(self.values[i])
         if i == 0 or i == len(self.stamp_ns):
