@@ -24,6 +24,7 @@ from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, R
 ABSENT, NULL, BOOL, INT, FLOAT, STRING, ARRAY, ESCAPED, CODED = range(9)
 MAX_INT = (1 << 63) - 1
 TagArray = npt.NDArray[np.uint8]
+NO_TAGS, NO_VALUES = np.zeros(0, np.uint8), np.zeros(0, np.int64)
 Elements = tuple[list[int], list[int]]
 """Tags and values of the elements of one message."""
 
@@ -54,9 +55,7 @@ class JsonSlot:
     def __init__(self, n_earlier: int) -> None:
         self.tags = FixedSlot(np.uint8)
         self.values = FixedSlot(np.int64)
-        self.element_tags = np.zeros(0, np.uint8)
-        self.element_values = np.zeros(0, np.int64)
-        self.cursors = np.zeros(0, np.int64)
+        self.element_tags, self.element_values, self.cursors = NO_TAGS, NO_VALUES, NO_VALUES
         self._counts = [np.zeros(n_earlier, np.int64)] if n_earlier else []
         self._is_seen = False
         self._element_tags: list[TagArray] = []
