@@ -5,11 +5,20 @@ from __future__ import annotations
 import numpy
 import pyarrow.parquet
 import pyproj
+import zstandard
 
 import cwcli.fleet.worker
 import cwcli.logs.annotate
+import cwcli.logs.codecs.cdr
+import cwcli.logs.codecs.json
+import cwcli.logs.codecs.protobuf
+import cwcli.logs.load
+import cwcli.logs.memory
+import cwcli.logs.message_reader
 import cwcli.stages.estimate
 import cwcli.stages.predict
 import cwcli.stages.warn
 
-__all__ = ["cwcli", "numpy", "pyarrow", "pyproj"]
+__all__ = ["cwcli", "numpy", "pyarrow", "pyproj", "zstandard"]
+
+pyarrow.array(numpy.zeros(1))  # at its first array it looks for pandas
