@@ -22,8 +22,10 @@ class FilterNoise:
         gyro_bias_radps, gyro_bias_walk_radps: Of the measured yaw rate.
         camera_yaw_rad, camera_yaw_walk_rad: Of the camera's mounting.
         lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Of frames that carry no sigmas.
-        lateral_floor_m, heading_floor_rad, curvature_floor_1pm: Added to every frame's sigmas (as squares): a
+        lateral_floor_m, heading_floor_rad, curvature_floor_1pm: What frames err together, beside their sigmas: a
             parabola does not fit a road whose curvature changes, and errors of one frame's values go together.
+        floor_share: So much of the floors is added to every frame's sigmas (as squares), as if it were new in each
+            frame. Most of it lasts, and what lasts hardly disturbs what follows from the change between frames.
         curvature_share: Likewise, as a share of the curvature: lane methods draw bends too flat, and an error of the
             camera's pitch or height scales them.
         yaw_rate_sigma_radps, steer_sigma_rad: Of sensors that carry none.
@@ -49,6 +51,7 @@ class FilterNoise:
     lateral_floor_m: float = 0.03
     heading_floor_rad: float = 0.0015
     curvature_floor_1pm: float = 2e-4
+    floor_share: float = 0.5
     curvature_share: float = 0.3
     yaw_rate_sigma_radps: float = 0.002
     steer_sigma_rad: float = 0.002
@@ -100,7 +103,7 @@ class ObserverConfig:
         """
         may_be_zero = {
             *("load_walk", "gyro_bias_radps", "gyro_bias_walk_radps", "camera_yaw_rad", "camera_yaw_walk_rad"),
-            *("lateral_floor_m", "heading_floor_rad", "curvature_floor_1pm", "curvature_share"),
+            *("lateral_floor_m", "heading_floor_rad", "curvature_floor_1pm", "floor_share", "curvature_share"),
         }
         values = {name: getattr(self, name) for name in _POSITIVE}
         values |= {f"noise.{each.name}": getattr(self.noise, each.name) for each in fields(self.noise)}

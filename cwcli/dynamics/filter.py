@@ -188,7 +188,8 @@ def _lane_rows(lanes: LaneSamples, config: ObserverConfig) -> tuple[FloatArray, 
     values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])
     given = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
     defaults = (noise.lateral_sigma_m, noise.heading_sigma_rad, noise.curvature_sigma_1pm)
-    floors = (noise.lateral_floor_m, noise.heading_floor_rad, noise.curvature_floor_1pm)
+    lasting = (noise.lateral_floor_m, noise.heading_floor_rad, noise.curvature_floor_1pm)
+    floors = [noise.floor_share * each for each in lasting]
     yaw_shares = (config.preview_m * lanes.yaw_sigma_rad, lanes.yaw_sigma_rad, 0.0)
     columns = []
     for sigma, default, floor, share in zip(given, defaults, floors, yaw_shares, strict=True):
