@@ -120,15 +120,25 @@ class _Workers:
 
 
 def _start_server() -> None:
-    """Start the process that forks the workers, deaf to Ctrl-C: it would print a traceback while it imports."""
+    """Start the process that forks the workers, deaf to Ctrl-C: it would print a traceback while it imports.
+
+    It is a `python -c`, which would import from the current folder first: whatever lies there, among others cwcli's own
+    sources that nobody has built.
+    """
     from multiprocessing import forkserver, resource_tracker
 
+    safe_path = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
     resource_tracker.ensure_running()  # first, because it unblocks the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         forkserver.ensure_running()
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if safe_path is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = safe_path
 
 
 def _begin(read_stop: Any) -> None:

@@ -62,6 +62,24 @@ def test_a_folder_without_a_name_is_refused(cwcli: Run, short: Path, tmp_path: P
     assert not list(tmp_path.iterdir())
 
 
+def test_workers_import_nothing_from_the_current_folder(short: Path, tmp_path: Path) -> None:
+    """As after `pip install .`, in a checkout whose sources nobody has built."""
+    checkout = tmp_path / "checkout"
+    (checkout / "cwcli").mkdir(parents=True)
+    (checkout / "cwcli/__init__.py").touch()
+    script = tmp_path / "cwcli-script"
+    script.write_text('if __name__ == "__main__":\n    from cwcli.cli.main import main\n\n    main()\n')
+    done = subprocess.run(
+        [sys.executable, str(script), "run", str(short), "-d", "out", "--jobs", "1", "--quiet"],
+        cwd=checkout,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        check=False,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+
+
 @pytest.mark.parametrize("delay_s", [0.0, 0.3, 0.6])
 def test_ctrl_c_while_workers_start_is_one_line(short: Path, tmp_path: Path, delay_s: float) -> None:
     process = subprocess.Popen(
