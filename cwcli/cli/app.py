@@ -45,7 +45,8 @@ ENVIRONMENT_PREFIX = "CWCLI"
 EPILOG = """\b
 Exit codes: 0 done, 1 a requested gate failed, 2 usage, 3 unreadable or
 corrupt input, 4 a required signal is missing, 5 data breaks its contract,
-6 output could not be written, 70 a bug, 130 interrupted, 141 pipe closed.
+6 output could not be written, 70 a bug, 130 interrupted, 141 pipe closed,
+143 terminated.
 
 \b
 Example:
