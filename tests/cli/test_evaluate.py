@@ -108,6 +108,11 @@ def test_a_single_log_and_a_folder_of_logs_give_the_runs_numbers(
     assert code_ == 1
 
 
+def test_a_log_on_which_nothing_has_run_is_told_so(intersection: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["evaluate", str(intersection)]) == 0
+    assert "no stage of cwcli has run on it" in " ".join(capsys.readouterr().err.split())
+
+
 def test_another_truth_is_computed_again(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code_, found = document(capsys, "evaluate", fleet, "--truth", "none")
     assert "ego.position_rmse_m" not in found["pooled"] and "ego.gated_share" in found["pooled"]

@@ -151,6 +151,8 @@ def _show(
     console.summary(table(("metric", "value", "unit", "95 % interval", "n"), [_metric_cells(row) for row in shown]))
     if len(shown) < len(pooled):
         console.summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
+    if done and all(name.startswith("data.") for name in pooled):
+        console.note("no stage of cwcli has run on it, so there is nothing to score; run `cwcli run` first")
     for log in [log for log in run.logs if log.error][:MAX_SHOWN]:
         console.note(f"{log.id} failed: {log.error}")
     for note, ids in _notes(run).items():
