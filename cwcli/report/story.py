@@ -218,6 +218,8 @@ def _missed(drive: Drive, meetings: Meetings) -> list[str]:
 
 def _nobody_near(drive: Drive, meetings: Meetings) -> str:
     text = f"In this drive of {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} cwcli gave no warning"
+    if drive.ego is None:  # the lane alone was watched
+        return f"{text} of leaving the lane; the car's place was not estimated, so no collision was looked for."
     if meetings.nearest is None:
         return f"{text}; no other vehicle was heard while the car's place was known."
     nearest = meetings.nearest

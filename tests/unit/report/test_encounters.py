@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,23 +110,26 @@ def test_false_alarm_in_words() -> None:
     assert [badge.tone for badge in story.badges] == ["bad"]
 
 
-def test_conflict_without_a_warning_is_told() -> None:
-    other = straight(50.0, 50.0, 10.0, math.pi)
+def no_warnings() -> Columns:
+    """A warnings channel without a message."""
     nothing = warning(2.0, "7")
-    empty = Columns(
-        nothing.topic,
-        nothing.schema_name,
-        "protobuf",
-        np.zeros(0, np.int64),
-        np.zeros(0, np.int64),
-        np.zeros(0, np.uint32),
-        {},
-    )
-    scene = drive(other, empty)
+    stamps = np.zeros(0, np.int64)
+    return Columns(nothing.topic, nothing.schema_name, "protobuf", stamps, stamps.copy(), np.zeros(0, np.uint32), {})
+
+
+def test_conflict_without_a_warning_is_told() -> None:
+    scene = drive(straight(50.0, 50.0, 10.0, math.pi), no_warnings())
     story = tell(scene, find_meetings(scene))
     assert "gave no warning" in story.headline
     assert any(sentence.startswith("No warning came before 4.8 s") for sentence in story.more)
     assert any(badge.tone == "bad" for badge in story.badges)
+
+
+def test_no_warning_where_the_lane_alone_was_watched() -> None:
+    scene = replace(drive(None, no_warnings()), ego=None)
+    story = tell(scene, find_meetings(scene))
+    assert "gave no warning of leaving the lane; the car's place was not estimated" in story.headline
+    assert "vehicle" not in story.headline
 
 
 def test_warning_of_a_vehicle_without_a_track() -> None:
