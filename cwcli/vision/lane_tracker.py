@@ -131,7 +131,7 @@ class LaneTracker:
             lane = predicted(hypothesis.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
             prior = replace(self._prior, table=narrowed(self._prior.table, lane, camera, dt_s))
             lane = np.clip(lane, prior.table[:, LOW], prior.table[:, HIGH])
-            lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=0.5, beside=0.0)
+            lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=1.0, beside=0.0)
             lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5, beside=0.0)
             last = float(judged(evidence, lanes, self._prior)[0])
             made.append(Hypothesis(lanes[0], MEMORY * hypothesis.value + (1.0 - MEMORY) * last, last))
@@ -232,7 +232,7 @@ def predicted(
 
 
 def narrowed(table: FloatArray, lane: FloatArray, camera: Camera, dt_s: float) -> FloatArray:
-    """The prior times a normal distribution around the predicted lane."""
+    """The prior times a normal distribution around the predicted lane; direction and bend are left to the latter."""
     height_m, per_m = camera.mounting.height_m, camera.fx / camera.fy / camera.mounting.height_m
     unit = np.array([camera.fx, per_m, per_m, camera.fx * camera.fy * height_m / 2.0, camera.fy])
     sigma = DRIFT * unit * math.sqrt(max(dt_s, 0.02))
@@ -240,6 +240,8 @@ def narrowed(table: FloatArray, lane: FloatArray, camera: Camera, dt_s: float) -
     before, now = 1.0 / table[:, SIGMA] ** 2, 1.0 / sigma**2
     made[:, SIGMA] = 1.0 / np.sqrt(before + now)
     made[:, MEAN] = (table[:, MEAN] * before + lane * now) / (before + now)
+    for k in (VANISHING, BEND):  # the prior of a first frame, anew in every frame, would flatten every bend
+        made[k, MEAN], made[k, SIGMA] = lane[k], sigma[k]
     return made
 
 

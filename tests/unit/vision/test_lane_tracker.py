@@ -13,8 +13,8 @@ from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.ground import lane_geometry
-from cwcli.vision.lane_model import columns_of_lane, parabolas_of_lane, pitch_of, prior_of
-from cwcli.vision.lane_tracker import LaneTracker, predicted, search_size
+from cwcli.vision.lane_model import BEND, MEAN, SIGMA, columns_of_lane, parabolas_of_lane, pitch_of, prior_of
+from cwcli.vision.lane_tracker import LaneTracker, narrowed, predicted, search_size
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import vanishing_point
@@ -162,3 +162,12 @@ def test_a_new_camera_starts_anew() -> None:
     search.step(LaneFrame(made.grey, mounted(), 0, 0))
     other = replace(mounted(), mounting=Mounting(height_m=1.65, pitch_rad=0.0493))
     assert score(search.step(LaneFrame(made.grey, other, STEP_NS, 1)), made.truth).is_correct
+
+
+def test_prior_of_a_first_frame_does_not_flatten_a_bend_that_is_followed() -> None:
+    """The prior says straight on; a lane that bends by three of its sigmas is expected to go on bending."""
+    camera = mounted()
+    table = prior_of(camera).table
+    lane = table[:, MEAN].copy()
+    lane[BEND] = 3.0 * table[BEND, SIGMA]
+    assert narrowed(table, lane, camera, 0.1)[BEND, MEAN] == lane[BEND]
