@@ -20,7 +20,7 @@ PRIOR_HORIZONS = 1.0
 """The assumed sigmas count as much as this many horizons of record."""
 MIN_FACTOR = 0.05
 MAX_GAP_S = 0.5
-ERROR_TIME_S = 0.15
+ERROR_TIME_S = 0.1
 """The observer's errors are correlated over about this time; longer in bends, where the lanes' errors last."""
 
 
