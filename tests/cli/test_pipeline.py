@@ -151,7 +151,7 @@ def test_metrics_file(cwcli: Run, predicted: Path, tmp_path: Path, suffix: str) 
         (["estimate", "LOG", "--latency", "/none=5"], 2, "no topic /none"),
         (["estimate", "LOG", "--start", "99"], 4, "between --start and --end"),
         (["estimate", "LOG", "-o", "new/"], 6, "directory"),
-        (["predict", "LOG", "--model", "warp", "--horizon", "2"], 4, "ego state"),
+        (["predict", "LOG", "--model", "warp", "--horizon", "2"], 2, "warp"),
         (["predict", "LOG"], 4, "cwcli estimate"),
         (["warn", "LOG"], 4, "cwcli"),
         (["run", "LOG", "--metrics-dir", "there.mcap"], 6, "not a folder"),
