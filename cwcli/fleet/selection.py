@@ -25,25 +25,46 @@ def select(log: Log, topic: Sequence[str], start: str | None, end: str | None) -
     """
     from cwcli.signals.roles import parse_overrides
 
-    start_ns = None if start is None else time_ns(start, log.start_ns, "--start")
-    end_ns = None if end is None else time_ns(end, log.start_ns, "--end")
-    if start_ns is not None and end_ns is not None and end_ns <= start_ns:
-        raise UsageError(f"--end {end} is not after --start {start}")
+    start_ns, end_ns = _span(start, end, log.start_ns, "--{}")
     return Selection(topics=parse_overrides(topic), start_ns=start_ns, end_ns=end_ns)
 
 
-def check_selection(topic: Sequence[str], start: str | None, end: str | None) -> None:
+def check_selection(topic: Sequence[str], start: str | None, end: str | None, *, spelled: str = "--{}") -> None:
     """Check what can be checked without a log.
 
+    Args:
+        topic, start, end: As on the command line.
+        spelled: How an option is called in the message of an error; `{} =` for one of a configuration file.
+
     Raises:
-        UsageError: A malformed option, or a role that does not exist.
+        UsageError: A malformed option, a role that does not exist, or an end that is before the start in every log.
     """
     from cwcli.signals.roles import check_roles, parse_overrides
 
-    check_roles(parse_overrides(topic))
-    for option, text in (("--start", start), ("--end", end)):
-        if text is not None:
-            time_ns(text, 0, option)
+    name = spelled.format("topic")
+    check_roles(parse_overrides(topic, name), name)
+    if start is None or end is None or _is_in_seconds(start) == _is_in_seconds(end):
+        _span(start, end, 0, spelled)
+    else:  # which of them comes first depends on the log
+        _span(start, None, 0, spelled)
+        _span(None, end, 0, spelled)
+
+
+def _span(start: str | None, end: str | None, log_start_ns: int, spelled: str) -> tuple[int | None, int | None]:
+    first, last = spelled.format("start"), spelled.format("end")
+    start_ns = None if start is None else time_ns(start, log_start_ns, first)
+    end_ns = None if end is None else time_ns(end, log_start_ns, last)
+    if start_ns is not None and end_ns is not None and end_ns <= start_ns:
+        raise UsageError(f"{last} {end} is not after {first} {start}")
+    return start_ns, end_ns
+
+
+def _is_in_seconds(text: str) -> bool:
+    try:
+        Decimal(text)
+    except InvalidOperation:
+        return False
+    return True
 
 
 def time_ns(text: str, log_start_ns: int, option: str) -> int:
@@ -68,7 +89,10 @@ def time_ns(text: str, log_start_ns: int, option: str) -> int:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
-        raise UsageError(f"{option} {text!r} is neither seconds nor an ISO 8601 time") from None
+        raise UsageError(
+            f"{option} {text!r} is neither seconds nor an ISO 8601 time",
+            hint="for example 12.5 (seconds from the log's start) or 2026-05-01T12:00:00Z",
+        ) from None
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
     since = moment - _EPOCH

@@ -203,8 +203,12 @@ def is_truth_topic(topic: str) -> bool:
     return not TRUTH_SEGMENTS.isdisjoint(topic.lower().split("/"))
 
 
-def parse_overrides(options: Sequence[str]) -> dict[str, str]:
+def parse_overrides(options: Sequence[str], name_of_option: str = "--topic") -> dict[str, str]:
     """Read `ROLE=/topic` options.
+
+    Args:
+        options: One entry for each.
+        name_of_option: For the messages of errors.
 
     Raises:
         UsageError: An option has no `=`, or a role comes twice.
@@ -213,22 +217,28 @@ def parse_overrides(options: Sequence[str]) -> dict[str, str]:
     for option in options:
         name, separator, topic = option.partition("=")
         if not separator or not topic:
-            raise UsageError(f"--topic {option}: expected ROLE=/topic", hint=_role_names())
+            raise UsageError(f"{name_of_option} {option}: expected ROLE=/topic", hint=_role_names())
         if name in overrides:
-            raise UsageError(f"--topic {name} is given twice", hint="several topics for one role: --topic remote=/a,/b")
+            raise UsageError(
+                f"{name_of_option} {name} is given twice", hint="several topics for one role: --topic remote=/a,/b"
+            )
         overrides[name] = topic
     return overrides
 
 
-def check_roles(overrides: Mapping[str, str]) -> None:
+def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -> None:
     """Check that every role exists.
+
+    Args:
+        overrides: Role name -> topic.
+        name_of_option: For the message of the error.
 
     Raises:
         UsageError: One does not.
     """
     for name, value in overrides.items():
         if name not in {known.value for known in Role}:
-            raise UsageError(f"--topic {name}={value}: there is no role {name}", hint=_role_names())
+            raise UsageError(f"{name_of_option} {name}={value}: there is no role {name}", hint=_role_names())
 
 
 def _candidates(channels: Sequence[ChannelLike], role: Role, ego_station: str | None) -> list[Binding]:

@@ -49,6 +49,12 @@ def test_file_and_environment_are_in_it(cwcli: Run, tmp_path: Path) -> None:
         ('gates = "a < 1"', ["gates must be a list"]),
         ('gates = ["a <"]', ["can't read the gate `a <`", "hint:"]),
         ('[run]\nstages = ["estimat"]', ["there is no stage estimat", "did you mean estimate"]),
+        ('topic = ["ego=/gps"]', ["topic = ego=/gps: there is no role ego", "hint:  roles: ego_position, "]),
+        ('topic = ["/gps"]', ["topic = /gps: expected ROLE=/topic", "hint:  roles: ego_position, "]),
+        ('topic = ["imu=/a", "imu=/b"]', ["topic = imu is given twice"]),
+        ('start = "noon"', ["start = 'noon' is neither seconds nor an ISO 8601 time", "hint:  for example 12.5"]),
+        ("end = -1", ["end = -1 is not a time in the log: give seconds from its start, or ISO 8601"]),
+        ("start = 5\nend = 2.5", ["end = 2.5 is not after start = 5"]),
         ("[run]\njobs = 1.5", ["run.jobs = '1.5'"]),
         ("[run", ["not TOML"]),
     ],
@@ -66,6 +72,25 @@ def test_wrong_files_are_one_line_with_file_key_and_hint(
     run = cwcli("run", "drive.mcap", "-d", "out", "--config", "p.toml")
     assert run.returncode == 2
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("CWCLI_TOPIC", "ego=/gps", "--topic ego=/gps: there is no role ego"),
+        ("CWCLI_START", "noon", "--start 'noon' is neither seconds nor an ISO 8601 time"),
+    ],
+)
+def test_values_of_the_environment_are_checked_too(cwcli: Run, name: str, value: str, words: str) -> None:
+    done = cwcli("config", env={name: value})
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert words in done.stderr.decode()
+
+
+def test_times_of_two_kinds_can_only_be_compared_in_a_log(cwcli: Run, tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_text("start = 2026-05-01T12:00:00Z\nend = 3\n")
+    document = json.loads(cwcli("config", "p.toml", "--json").stdout)
+    assert (document["start"], document["end"]) == ("2026-05-01 12:00:00+00:00", "3")
 
 
 def test_toml_of_awkward_text() -> None:

@@ -41,12 +41,15 @@ def resolved(file: str | None) -> dict[str, Any]:
     """
     from cwcli.cli.app import load_command
     from cwcli.cli.commands.run import all_options
+    from cwcli.fleet.selection import check_selection
 
     arguments = ["LOG", *(() if file is None else ("--config", file))]
     with load_command("run").make_context("run", arguments) as context:
         values = dict(context.params)
     try:
-        document: dict[str, Any] = expand(all_options, "run")(**values).document()
+        options = expand(all_options, "run")(**values)
+        check_selection(options.reading.topic, options.reading.start, options.reading.end)
+        document: dict[str, Any] = options.document()
     except UsageError as error:
         raise UsageError(error.what, where=error.where or file or "", found=error.found, hint=error.hint) from error
     return document

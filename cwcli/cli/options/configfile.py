@@ -49,6 +49,7 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
                     else [other.removeprefix(f"{table}_") for other in sorted(options) if other.startswith(f"{table}_")]
                 )
                 raise _unknown(value, f"{table}.{key}", known)
+    _check_selection(value, defaults)
     ctx.default_map = defaults
     return value
 
@@ -91,6 +92,19 @@ def shared_names() -> set[str]:
     kinds = (shared.ReadingOptions, shared.SensorOptions, shared.WritingOptions, shared.TalkOptions)
     names = {field.name for kind in kinds for field in dataclasses.fields(kind)}
     return (names | {"metrics", "metrics_dir", "gates"}) - {"config"}
+
+
+def _check_selection(path: str, defaults: dict[str, Any]) -> None:
+    """Check the topic choices and times as far as no log is needed for it."""
+    named = {key: defaults[key] for key in ("topic", "start", "end") if key in defaults}
+    if not named:
+        return
+    from cwcli.fleet.selection import check_selection
+
+    try:
+        check_selection(named.get("topic", ()), named.get("start"), named.get("end"), spelled="{} =")
+    except UsageError as error:
+        raise UsageError(error.what, where=path, hint=error.hint) from error
 
 
 def _name(key: str) -> str:
