@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cwcli.errors import OutputError
+from cwcli import __version__
+from cwcli.errors import InputError, OutputError
 from cwcli.output import write_file
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 FORMAT = 1
 MANIFEST, RUN_TIMES, ENTRY, ANNOTATED = "manifest.json", "run_times.json", "entry.json", "annotated.mcap"
 NOT_DONE = "it was not done"
+OTHER_FORMAT_HINT = "use the version of cwcli that wrote it, or do the run again into a new folder"
 LOGS, METRICS, DETAILS, TABLES, SCRATCH = "logs", "metrics", "details", "tables", ".scratch"
 
 Document = dict[str, Any]
@@ -141,8 +143,13 @@ def read_output(out: Path) -> RecordedRun | None:
 
     Returns:
         The run, or None if the folder holds none.
+
+    Raises:
+        InputError: The manifest is of another format.
     """
     manifest = read_document(out / MANIFEST) or {}
+    if what := other_format(manifest):
+        raise InputError(what, where=str(out / MANIFEST), hint=OTHER_FORMAT_HINT)
     listed = manifest.get("logs")
     if not isinstance(listed, list):
         listed = [{"id": name} for name in recorded_ids(out)]
@@ -158,6 +165,17 @@ def read_output(out: Path) -> RecordedRun | None:
     gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
     kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
     return RecordedRun(tuple(logs), kept)
+
+
+def other_format(manifest: Mapping[str, Any]) -> str:
+    """What to say of a manifest that cwcli wrote in another format than this version's; "" if there is nothing to say.
+
+    A folder of logs may hold a manifest.json of another tool: that is nobody's run.
+    """
+    found = manifest.get("format", FORMAT)
+    if found == FORMAT or not ("cwcli" in manifest or isinstance(manifest.get("logs"), list)):
+        return ""
+    return f"a manifest of format {found!r}, and cwcli {__version__} reads format {FORMAT}"
 
 
 def new_entry(id: str, source: str) -> Document:

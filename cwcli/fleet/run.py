@@ -20,6 +20,7 @@ from cwcli.fleet.folder import (
     LOGS,
     MANIFEST,
     METRICS,
+    OTHER_FORMAT_HINT,
     RUN_TIMES,
     SCRATCH,
     TABLES,
@@ -27,6 +28,7 @@ from cwcli.fleet.folder import (
     LogFolder,
     make_folders,
     new_entry,
+    other_format,
     read_document,
     recorded_ids,
     write_document,
@@ -147,6 +149,8 @@ def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
     by_id = {task.id: task for task in tasks}
     ours = [name for name in (LOGS, METRICS, DETAILS, TABLES) if (out / name).exists()]
     manifest = read_document(out / MANIFEST)
+    if what := other_format(manifest or {}):
+        raise OutputError(what, where=str(out / MANIFEST), hint=OTHER_FORMAT_HINT)
     if ours and (manifest is None or manifest.get("format") != FORMAT):
         raise OutputError(
             f"the folder holds something else: {', '.join(ours)}", where=str(out), hint="name a new folder with -d"

@@ -16,6 +16,7 @@ import pytest
 from junitparser import Error, Failure, JUnitXml, Skipped
 from markdown_it import MarkdownIt
 
+from cwcli import __version__
 from cwcli.cli.junit import junit_xml
 from cwcli.cli.main import run
 from cwcli.cli.markdown import code, table
@@ -210,6 +211,36 @@ def test_a_manifest_can_not_lead_out_of_its_folder(tmp_path: Path, capsys: pytes
     (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": [entry]}), encoding="utf-8")
     assert run(["evaluate", str(tmp_path)]) == 3
     assert "no name of a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("format", [2, "1", None], ids=str)
+@pytest.mark.parametrize("command", ["evaluate", "report", "compare", "compare to", "run"])
+def test_a_manifest_of_another_format_is_one_line(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, format: object
+) -> None:
+    (tmp_path / "log.mcap").write_bytes(b"")
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "manifest.json").write_text(json.dumps({"format": format, "cwcli": "9.0", "logs": []}), encoding="utf-8")
+    arguments = {
+        "report": ["report", other, "-o", tmp_path / "page.html"],
+        "compare": ["compare", other, other],
+        "compare to": ["compare", fleet, other],
+        "run": ["run", tmp_path / "log.mcap", "-d", other, "--force"],
+    }.get(command, [command, other])
+    assert run([*map(str, arguments)]) == (6 if command == "run" else 3)
+    assert [line for line in capsys.readouterr().err.splitlines() if line.startswith(("error", "  "))] == [
+        f"error: {other}/manifest.json: a manifest of format {format!r}, and cwcli {__version__} reads format 1",
+        "  hint:  use the version of cwcli that wrote it, or do the run again into a new folder",
+    ]
+    assert sorted(path.name for path in other.iterdir()) == ["manifest.json"]
+
+
+def test_a_manifest_of_another_tool_beside_logs_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy(ROOT / "sample_logs/straight.mcap", tmp_path)
+    (tmp_path / "manifest.json").write_text('{"format": 7, "files": 1}')
+    assert run(["evaluate", str(tmp_path)]) == 0
+    capsys.readouterr()
 
 
 def test_logs_that_failed_or_were_not_done_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
