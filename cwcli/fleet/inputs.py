@@ -1,4 +1,4 @@
-"""The logs of a run: files, patterns and URLs."""
+"""The logs of a run: files, folders, patterns and URLs."""
 
 from __future__ import annotations
 
@@ -24,17 +24,18 @@ def is_remote(source: str) -> bool:
 def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> list[tuple[str, str]]:
     """Every log once, as (source, path): the name for people, and the absolute path or the URL.
 
-    Patterns (`*`, `?`, `[...]`, `**`) are expanded here where the shell has not done it. A file of that very name comes
-    first. What is named twice, also through a link, is one log.
+    A folder stands for the logs (`*.mcap`) that lie right in it. Patterns (`*`, `?`, `[...]`, `**`) are expanded here
+    where the shell has not done it. A file of that very name comes first. What is named twice, also through a link, is
+    one log.
 
     Args:
-        arguments: Files, patterns and URLs.
-        results: Folders that the run writes, and removes: a pattern passes by what lies in them.
+        arguments: Files, folders, patterns and URLs.
+        results: Folders that the run writes, and removes: a pattern or a folder passes by what lies in them.
 
     Raises:
-        UsageError: A pattern matches nothing, a name is empty or lies in `results`, or a URL needs a package that is
-            not installed.
-        InputError: A remote store does not answer.
+        UsageError: A pattern matches nothing, a folder holds no log, a name is empty or lies in `results`, or a URL
+            needs a package that is not installed.
+        InputError: A folder can't be listed, or a remote store does not answer.
     """
     kept = [os.path.realpath(folder) + os.sep for folder in results]
     found: dict[str, tuple[str, str]] = {}
@@ -62,6 +63,8 @@ def _expanded(argument: str) -> list[str]:
     if is_remote(argument):
         return _expanded_remote(argument)
     plain = argument.removeprefix(FILE_SCHEME)
+    if os.path.isdir(plain):  # noqa: PTH112 - a zero byte in the name is no error here
+        return _in_folder(argument, Path(plain))
     if not glob.has_magic(plain) or os.path.lexists(plain):
         return [argument]
     matches = sorted(name for name in glob.glob(plain, recursive=True) if not Path(name).is_dir())  # noqa: PTH207
@@ -70,8 +73,25 @@ def _expanded(argument: str) -> list[str]:
     return matches
 
 
+def _in_folder(argument: str, folder: Path) -> list[str]:
+    """The logs right in a folder, as a recording of rosbag2 has them."""
+    try:
+        names = sorted(each.name for each in folder.iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
+    except OSError as error:
+        raise InputError(f"the folder can't be listed: {error.strerror}", where=argument) from error
+    if names:
+        return [f"{argument.rstrip('/')}/{name}" for name in names]
+    deeper = f"{argument.rstrip('/')}/*/*.mcap"
+    is_deeper = next(folder.glob("*/*.mcap"), None) is not None
+    raise UsageError(
+        "the folder holds no log (*.mcap)",
+        where=argument,
+        hint=f"some lie deeper: cwcli run '{deeper}'" if is_deeper else "name a file, a folder with logs, or a pattern",
+    )
+
+
 def _expanded_remote(url: str) -> list[str]:
-    system, path = _file_system(url)
+    system, path = _file_system(f"{url}*.mcap" if url.endswith("/") else url)
     if not glob.has_magic(path):
         return [url]
     try:

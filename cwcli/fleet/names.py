@@ -71,6 +71,6 @@ def log_ids(sources: Sequence[str]) -> list[str]:
 
 def _parts(source: str) -> list[str]:
     """Folders and stem, without what means nothing."""
-    *folders, name = source.replace("\\", "/").split("/")
+    *folders, name = source.replace("\\", "/").rstrip("/").split("/")
     stem = name[: -len(".mcap")] if name.lower().endswith(".mcap") and len(name) > len(".mcap") else name
     return [*(folder for folder in folders if folder not in ("", ".", "..")), stem]

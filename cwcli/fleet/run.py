@@ -76,7 +76,7 @@ def run_fleet(
     """Run a pipeline on every log, and record what became of each.
 
     Args:
-        sources: Files, patterns and URLs.
+        sources: Files, folders, patterns and URLs.
         plan: What is done with each log.
         out: The output folder.
         jobs: Worker processes; None: as many as there are processors.
@@ -85,9 +85,9 @@ def run_fleet(
         report: Told of each log that ended: the task, its status, how many have ended, of how many.
 
     Raises:
-        UsageError: A pattern matches nothing, a log lies in the output folder, or that holds logs that this run does
-            not name.
-        InputError: A remote store does not answer.
+        UsageError: A pattern matches nothing, a folder holds no log, a log lies in the output folder, or that holds
+            logs that this run does not name.
+        InputError: A folder can't be listed, or a remote store does not answer.
         OutputError: The folder is something else, is in use, or can't be written.
     """
     begin = time.monotonic()

@@ -13,7 +13,9 @@ LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, h
 LogsArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="LOG", show_default=False, help="MCAP files, patterns or URLs; - is standard input (without -d)."
+        metavar="LOG",
+        show_default=False,
+        help="MCAP files, folders of them, patterns or URLs; - is standard input (without -d).",
     ),
 ]
 

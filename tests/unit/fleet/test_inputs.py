@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -57,6 +58,42 @@ def test_a_log_that_is_named_twice_is_one(logs: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("folder", ["logs", "logs/", "./logs", "link"])
+def test_a_folder_is_the_logs_in_it(logs: Path, folder: str) -> None:
+    """As a recording of rosbag2 is one; what lies deeper takes a pattern."""
+    (logs / "link").symlink_to(logs / "logs")
+    (logs / "logs/E.MCAP").touch()
+    (logs / "logs/f.mcap").mkdir()
+    assert sources(folder) == [f"{folder.rstrip('/')}/{name}" for name in ("E.MCAP", "a.mcap", "b.mcap", "d[1].mcap")]
+    assert sources(f"file://{logs}/logs")[1:] == [f"file://{logs}/logs/{name}.mcap" for name in ("a", "b", "d[1]")]
+
+
+def test_the_current_folder_is_the_logs_in_it(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(logs / "logs/deep")
+    assert [Path(name) for name in sources(".")] == [Path("c.mcap")]
+
+
+@pytest.mark.parametrize(
+    ("folder", "hint"), [("empty", "name a file, a folder"), ("above", "cwcli run 'above/\\*/\\*.mcap'")]
+)
+def test_a_folder_without_logs_is_refused(logs: Path, folder: str, hint: str) -> None:
+    (logs / "empty").mkdir()
+    (logs / "above/bag").mkdir(parents=True)
+    (logs / "above/bag/bag_0.mcap").touch()
+    with pytest.raises(UsageError, match="the folder holds no log") as caught:
+        sources(folder)
+    assert re.search(hint, caught.value.hint)
+
+
+def test_a_folder_that_can_not_be_listed(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path) -> Iterator[Path]:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    with pytest.raises(InputError, match="can't be listed: Permission denied"):
+        sources("logs")
+
+
 @pytest.mark.parametrize("argument", ["", "none/*.mcap", "-", "memory://nothing/*.mcap", "nosuch://a/b.mcap"])
 def test_refusals(logs: Path, argument: str) -> None:
     with pytest.raises(UsageError):
@@ -82,6 +119,7 @@ def test_memory_urls(tmp_path: Path) -> None:
     for name in ("b", "a"):
         system.pipe_file(f"/drives/{name}.mcap", name.encode())
     assert sources("memory://drives/*.mcap") == ["memory:///drives/a.mcap", "memory:///drives/b.mcap"]
+    assert sources("memory://drives/") == sources("memory://drives/*.mcap")
     with local_copy("memory:///drives/a.mcap", tmp_path / "scratch") as path:
         assert path.read_bytes() == b"a"
         assert path.parent == tmp_path / "scratch"

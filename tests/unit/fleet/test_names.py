@@ -21,6 +21,7 @@ SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
         ("logs/drive-07_b.mcap", "drive-07_b"),
         ("s3://bucket/drives/night.run.mcap", "night.run"),
         ("drive.MCAP", "drive"),
+        ("logs/drive/", "drive"),
         ("2026-05-01.mcap", "log-2026-05-01"),
         ("0042.mcap", "log-0042"),
         ("1e5.mcap", "log-1e5"),
