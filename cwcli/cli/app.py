@@ -18,6 +18,7 @@ import typer.main
 from cwcli import __version__
 from cwcli.cli.options.expand import expand
 from cwcli.cli.options.fast import skip_coercion
+from cwcli.cli.options.shared import TalkOptions
 from cwcli.errors import UsageError
 
 COMMANDS = {
@@ -42,6 +43,8 @@ COMMANDS = {
 """Name -> one line of help, in the order of `cwcli --help`. The code is in `cwcli/cli/commands/<name>.py`."""
 
 ENVIRONMENT_PREFIX = "CWCLI"
+MAX_WITHOUT_HEADINGS = 15
+"""The options of a command with no more than this stand in one list."""
 EPILOG = """\b
 Exit codes: 0 done, 1 a requested gate failed, 2 usage, 3 unreadable or
 corrupt input, 4 a required signal is missing, 5 data breaks its contract,
@@ -60,6 +63,24 @@ class PlainCommand(typer.core.TyperCommand):
     def get_params(self, ctx: Any) -> Any:
         """The parameters, `--help` included."""
         return skip_coercion(super().get_params(ctx))
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """The arguments, then the options: under the headings of their groups where there are many."""
+        arguments: list[tuple[str, str]] = []
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None and parameter.param_type_name == "argument":
+                arguments.append(record)
+            elif record is not None:
+                heading = getattr(parameter, "rich_help_panel", None) or TalkOptions.heading
+                groups.setdefault(heading, []).append(record)
+        if sum(map(len, groups.values())) <= MAX_WITHOUT_HEADINGS:
+            groups = {"Options": [record for records in groups.values() for record in records]}
+        for heading, records in {"Arguments": arguments, **groups}.items():
+            if records:
+                with formatter.section(heading):
+                    formatter.write_dl(records)
 
 
 class LazyGroup(typer.core.TyperGroup):

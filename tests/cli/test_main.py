@@ -14,6 +14,7 @@ from cwcli.cli import app, main
 from cwcli.cli.console import format_error
 
 PYTHON = sys.executable
+STAGES = ("estimate", "track", "lanes", "observe", "predict", "warn", "control")
 
 
 def cwcli(*arguments: str, **settings: object) -> subprocess.CompletedProcess[str]:
@@ -149,6 +150,39 @@ def test_examples_parse(name: str) -> None:
             words = shlex.split(part.partition(">")[0] if name == "config" else part, comments=True)
             if words[:2] == ["cwcli", name]:
                 command.make_context(name, words[2:])
+
+
+@pytest.mark.parametrize(
+    ("command", "headings"),
+    [
+        ("run", ["Arguments", "Pipeline", "Many logs", "Output", "Input", "General", *(f"Stage {s}" for s in STAGES)]),
+        ("warn", ["Arguments", "Options", "Output", "Input", "General"]),
+        ("estimate", ["Arguments", "Options", "Output", "Input", "General"]),
+        ("compare", ["Arguments", "Options"]),
+        ("info", ["Arguments", "Options"]),
+    ],
+)
+def test_many_options_stand_under_headings(
+    command: str, headings: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.run([command, "--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line[:-1] for line in lines if line.endswith(":") and line[0] != " "][: len(headings)] == headings
+
+
+def test_an_option_stands_under_the_heading_of_its_group(capsys: pytest.CaptureFixture[str]) -> None:
+    main.run(["run", "--help"])
+    groups = {part.split(":")[0]: part for part in capsys.readouterr().out.split("\n\n")}
+    for heading, flags in {
+        "Pipeline": ["--stage", "--tables", "--gate"],
+        "Many logs": ["--directory", "--jobs", "--ray"],
+        "Output": ["--output", "--force", "--metrics-dir"],
+        "Input": ["--topic", "--start", "--clock", "--ego-station"],
+        "General": ["--json", "--quiet", "--config", "--help"],
+        "Stage warn": ["--warn-rule", "--warn-horizon"],
+    }.items():
+        assert all(flag in groups[heading] for flag in flags), heading
+        assert ("--warn-" in groups[heading]) == (heading == "Stage warn")
 
 
 def test_help_into_a_closed_pipe_leaves_with_141() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
@@ -41,6 +41,7 @@ EXAMPLES = (
 class PipelineOptions:
     """What is done with each log, beside the options of the stages."""
 
+    heading: ClassVar[str] = "Pipeline"
     stages: Annotated[
         list[str],
         typer.Option(
@@ -66,6 +67,7 @@ class PipelineOptions:
 class FleetOptions:
     """Where the results of many logs go, and who makes them."""
 
+    heading: ClassVar[str] = "Many logs"
     directory: Annotated[
         str | None,
         typer.Option(
@@ -178,12 +180,12 @@ def default_options() -> AllOptions:
 
 def command(
     logs: LogsArgument,
+    pipeline: PipelineOptions,
+    fleet: FleetOptions,
     writing: WritingOptions,
     reading: ReadingOptions,
     sensors: SensorOptions,
     talk: TalkOptions,
-    pipeline: PipelineOptions,
-    fleet: FleetOptions,
     estimate: EstimateOptions,
     track: TrackOptions,
     lanes: LanesOptions,

@@ -24,6 +24,7 @@ class StageOptions:
 
     Their environment variables and their table in the configuration file carry the stage's name. In a command that
     runs several stages their flags do too: `--model` of `cwcli estimate` is `--estimate-model` of `cwcli run`.
+    There they stand under a heading of their own.
     """
 
     stage: typing.ClassVar[str]
@@ -73,8 +74,10 @@ def _fields(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]
         if field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
         if stage is None:
+            hint = _under_heading(hint, getattr(kind, "heading", None))
             name, hint = field.name, _with_environment(hint, ENVIRONMENT_PREFIX, field.name)
         else:
+            hint = _under_heading(hint, "Options" if stage == command else f"Stage {stage}")
             hint = _with_environment(hint, f"{ENVIRONMENT_PREFIX}_{stage}", field.name)
             name = field.name if stage == command else f"{stage}_{field.name}"
             if stage != command:
@@ -99,8 +102,17 @@ def _with_environment(hint: Any, prefix: str, name: str) -> Any:
     return _changed(hint, change)
 
 
+def _under_heading(hint: Any, heading: str | None) -> Any:
+    """`hint` with the heading that its option stands under in the help."""
+
+    def change(option: OptionInfo) -> None:
+        option.rich_help_panel = heading
+
+    return _changed(hint, change)
+
+
 def _with_stage(hint: Any, stage: str) -> Any:
-    """`hint` with the stage's name in the flags and the help panel."""
+    """`hint` with the stage's name in the flags."""
 
     def change(option: OptionInfo) -> None:
         flags = (option.default, *(option.param_decls or ())) if isinstance(option.default, str) else ()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import typer
 
 from cwcli.cli.options.configfile import read_config
+
+_INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="MCAP file; - is standard input.")]
 LogsArgument = Annotated[
@@ -24,6 +26,7 @@ LogsArgument = Annotated[
 class ReadingOptions:
     """How the input is read, and which part of it is used."""
 
+    heading: ClassVar[str] = _INPUT
     topic: Annotated[
         list[str],
         typer.Option(
@@ -58,6 +61,7 @@ class ReadingOptions:
 class SensorOptions:
     """How the sensors' own messages are read: for the commands that use them."""
 
+    heading: ClassVar[str] = _INPUT
     clock: Annotated[
         Literal["stamp", "log"],
         typer.Option("--clock", help="Time of a measurement: its header stamp, or when it was logged."),
@@ -90,6 +94,7 @@ ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Overwrite file
 class WritingOptions:
     """Where the annotated log goes."""
 
+    heading: ClassVar[str] = _OUTPUT
     output: OutputOption = None
     replace: Annotated[
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
@@ -101,6 +106,7 @@ class WritingOptions:
 class TalkOptions:
     """What is printed, and where further settings come from."""
 
+    heading: ClassVar[str] = "General"
     json: Annotated[
         bool, typer.Option("--json", help="Print the summary as JSON on standard output instead of tables.")
     ] = False
@@ -124,6 +130,7 @@ MetricsOption = Annotated[
         "--metrics",
         metavar="FILE",
         show_default=False,
+        rich_help_panel=_OUTPUT,
         help="Write the metrics table here (.parquet or .csv).",
     ),
 ]
@@ -133,6 +140,7 @@ MetricsDirOption = Annotated[
         "--metrics-dir",
         metavar="DIR",
         show_default=False,
+        rich_help_panel=_OUTPUT,
         help="Write every table of every stage into this folder, as Parquet.",
     ),
 ]
