@@ -19,8 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import paths as kernel
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horizon_errors
+from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horizon_errors, tiled
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import Discretisation, rollout
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -57,7 +58,7 @@ def calibrated(
     """The paths of one vehicle with their covariance scaled by its own record.
 
     Args:
-        paths: n paths, one from each stamp.
+        paths: n paths, one from each stamp; or several such sets, one below the other, each with a record of its own.
         stamp_ns: Shape (n,), strictly increasing.
         position_m: Shape (n, 2): where the vehicle was at its stamps: the outcomes.
         calibration: None: the default.
@@ -86,45 +87,42 @@ def variance_scale(
     calibration: Calibration | None = None,
     outcome: Actual | None = None,
 ) -> FloatArray:
-    """The factor s^2 on the variance at the horizon for each start, shape (n,); 1 until there is an outcome."""
+    """The factor s^2 on the variance at the horizon for each path, shape (n,); 1 until there is an outcome.
+
+    Args: as of `calibrated`.
+    """
     settings = calibration or Calibration()
-    n = len(paths)
+    n = len(stamp_ns)
     if n < 2:
-        return np.ones(n)
+        return np.ones(len(paths))
+    sets = len(paths) // n
     horizon_s = _horizon(paths, settings)
-    errors = horizon_errors(paths, stamp_ns, stamp_ns, position_m, [horizon_s], settings.max_gap_s, outcome)
-    squared = np.where(errors.is_known[:, 0], errors.mahalanobis2[:, 0], np.nan)
+    if outcome is None:
+        outcome = outcomes(horizon_s, stamp_ns, position_m, settings)
+    errors = horizon_errors(
+        paths, np.tile(stamp_ns, sets), stamp_ns, position_m, [horizon_s], settings.max_gap_s, tiled(outcome, sets)
+    )
+    squared = np.where(errors.is_known[:, 0], errors.mahalanobis2[:, 0], np.nan).reshape(sets, n)
     known_ns = stamp_ns + round(horizon_s * NS_PER_S)
     # for each start: the first start whose outcome is not yet known
     n_known = np.searchsorted(known_ns, stamp_ns, side="right")
     step_s = np.minimum(np.diff(stamp_ns, prepend=stamp_ns[0]) / NS_PER_S, settings.max_gap_s)
-    bound = float(np.log(settings.limit))
-    return np.exp(_follow(squared, n_known, step_s, settings.rate_1ps, bound))
+    log_scale = np.empty((sets, n))
+    kernel.follow(
+        np.log(np.maximum(squared, 1e-300) / ELLIPSE_90),
+        np.isfinite(squared).view(np.uint8),
+        n_known,
+        step_s,
+        settings.rate_1ps,
+        float(np.log(settings.limit)),
+        MISS_SHARE,
+        log_scale,
+    )
+    return np.exp(log_scale.ravel())
 
 
 def _horizon(paths: Paths, settings: Calibration) -> float:
     return min(settings.horizon_s, float(paths.time_s[-1]))
-
-
-def _follow(squared: FloatArray, n_known: Int64Array, step_s: FloatArray, rate_1ps: float, bound: float) -> FloatArray:
-    """The recursion over the starts: each outcome is compared with the ellipse as it was scaled when it was made.
-
-    A plain loop of a few operations a start: the scale of a start depends on those before it.
-    """
-    counts, steps = n_known.tolist(), step_s.tolist()
-    is_known = np.isfinite(squared).tolist()
-    log_excess = np.log(np.maximum(squared, 1e-300) / ELLIPSE_90).tolist()
-    log_scale = [0.0] * len(counts)
-    current, seen = 0.0, 0
-    for index, count in enumerate(counts):
-        while seen < count:
-            if is_known[seen]:
-                outside = log_excess[seen] > log_scale[seen]
-                current += rate_1ps * steps[seen] * ((1.0 if outside else 0.0) - MISS_SHARE)
-                current = min(max(current, -bound), bound)
-            seen += 1
-        log_scale[index] = current
-    return np.array(log_scale)
 
 
 def predict_vehicles(

@@ -17,11 +17,14 @@ from cwcli.prediction.outcome import (
     actual_positions,
     horizon_errors,
     needed_points,
+    tiled,
 )
+from cwcli.prediction.paths import stacked
 from cwcli.prediction.rollout import Discretisation, rollout, time_grid
 from cwcli.signals.columns import FloatArray, Int64Array
 
 BASELINE = "cv"
+PATHS_AT_ONCE = 2048  # a short track's models are judged together: each alone takes longer to begin than to judge
 
 __all__ = ["BASELINE", "HorizonErrors", "compare_models", "horizon_errors", "horizon_table"]
 
@@ -51,21 +54,34 @@ def compare_models(
     time_s = time_grid(max(horizons_s), step_s)
     outcome = outcomes(float(time_s[-1]), start_stamp_ns, state[:, :2]) if calibrate else None
     points = needed_points(time_s, [*horizons_s, min(Calibration.horizon_s, float(time_s[-1]))])
-    for name in dict.fromkeys([BASELINE, *models]):
-        form: Discretisation = discretisation if name not in MODELS or MODELS[name].in_paper else "exact"
-        paths = rollout(
-            name,
-            state,
-            covariance,
-            horizon_s=max(horizons_s),
-            step_s=step_s,
-            discretisation=form,
-            prior=prior,
-            points=points,
+    names = list(dict.fromkeys([BASELINE, *models]))
+    n = len(state)
+    at_once = max(PATHS_AT_ONCE // max(n, 1), 1)
+    for first in range(0, len(names), at_once):
+        some = names[first : first + at_once]
+        paths = stacked(
+            [
+                rollout(
+                    name,
+                    state,
+                    covariance,
+                    horizon_s=max(horizons_s),
+                    step_s=step_s,
+                    discretisation=discretisation if name not in MODELS or MODELS[name].in_paper else "exact",
+                    prior=prior,
+                    points=points,
+                )
+                for name in some
+            ]
         )
         if calibrate:
             paths = calibrated(paths, start_stamp_ns, state[:, :2], outcome=outcome)
-        errors[name] = horizon_errors(paths, start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, actual)
+        starts_ns = np.tile(start_stamp_ns, len(some))
+        together = horizon_errors(
+            paths, starts_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, tiled(actual, len(some))
+        )
+        for k, name in enumerate(some):
+            errors[name] = together.rows(slice(k * n, (k + 1) * n))
     return errors
 
 

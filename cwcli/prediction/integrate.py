@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import paths as kernel
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray
@@ -181,35 +182,17 @@ def _stopping(motion: _Motion, state: FloatArray, stop_s: FloatArray) -> Integra
 
 def _path(motion: _Motion, state: FloatArray, moving: FloatArray, grid: Responses) -> Integral:
     """Quadrature over the steps of `moving`, shape (1 or m, k)."""
-
-    def running(nodes: FloatArray) -> FloatArray:
-        return motion.wanted(_running(nodes))
-
+    uses = motion.model.uses
     at, weight = motion.nodes(moving, np.diff(moving, axis=1)[..., None])
-    heading = _heading(state, at)
-    speed = _speed(state, at)
-    cosine, sine = np.cos(heading) * weight, np.sin(heading) * weight
+    heading = _heading(state, at) if any(uses[2:]) else state[:, HEADING, None, None]
+    points = np.arange(moving.shape[1]) if motion.points is None else motion.points
     moving = motion.wanted(moving)
     grid = grid if motion.points is None else Responses(*(motion.wanted(each) for each in grid))
-    m, k = len(state), moving.shape[1]
-    jacobian = np.zeros((2, m, k, 8))
-    jacobian[0, :, :, X] = jacobian[1, :, :, Y] = 1.0
-    moved_x, moved_y = speed * cosine, speed * sine
-    dx, dy = running(moved_x), running(moved_y)
-    jacobian[0, :, :, HEADING], jacobian[1, :, :, HEADING] = -dy, dx
-    jacobian[0, :, :, SPEED], jacobian[1, :, :, SPEED] = running(cosine), running(sine)
-    for used, index, response in zip(
-        motion.model.uses[:2], (ACCEL, JERK), (at.speed_to_accel, at.speed_to_jerk), strict=True
-    ):
-        if used:
-            jacobian[0, :, :, index] = running(cosine * response)
-            jacobian[1, :, :, index] = running(sine * response)
-    for used, index, response in zip(
-        motion.model.uses[2:], (YAW_RATE, YAW_ACCEL), (at.heading_to_yaw_rate, at.heading_to_yaw_accel), strict=True
-    ):
-        if used:
-            jacobian[0, :, :, index] = -running(moved_y * response)
-            jacobian[1, :, :, index] = running(moved_x * response)
+    m, k = len(state), len(points)
+    jacobian = np.empty((2, m, k, 8))
+    kernel.quadrature(state, np.cos(heading), np.sin(heading), weight, *at, np.array(uses, np.int8), points, jacobian)
+    # a turn by d moves the point (dx, dy) by d (-dy, dx)
+    dx, dy = jacobian[1, :, :, HEADING], -jacobian[0, :, :, HEADING]
     return Integral(
         x_m=state[:, X, None] + dx,
         y_m=state[:, Y, None] + dy,
@@ -218,16 +201,6 @@ def _path(motion: _Motion, state: FloatArray, moving: FloatArray, grid: Response
         moving_s=np.broadcast_to(moving, (m, k)),
         jacobian=jacobian,
     )
-
-
-def _running(nodes: FloatArray) -> FloatArray:
-    """Running sum over the steps of (m, k-1, nodes), from 0: shape (m, k)."""
-    out = np.zeros((nodes.shape[0], nodes.shape[1] + 1))
-    total = nodes[..., 0]
-    for k in range(1, nodes.shape[2]):  # three or one: a tenth of the time of a sum over so short an axis
-        total = total + nodes[..., k]
-    np.cumsum(total, axis=1, out=out[:, 1:])
-    return out
 
 
 def _paper_at(model: Model, moving: FloatArray, time_s: FloatArray) -> Responses:

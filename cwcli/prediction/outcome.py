@@ -38,6 +38,17 @@ class HorizonErrors:
     cross_m: FloatArray
     mahalanobis2: FloatArray
 
+    def rows(self, rows: slice) -> HorizonErrors:
+        """Those of some starts."""
+        return HorizonErrors(
+            self.horizon_s,
+            self.is_known[rows],
+            self.distance_m[rows],
+            self.along_m[rows],
+            self.cross_m[rows],
+            self.mahalanobis2[rows],
+        )
+
 
 def horizon_errors(
     paths: Paths,
@@ -102,6 +113,12 @@ def actual_positions(
     horizon = np.asarray(horizons_s, dtype=np.float64)
     at_ns = start_stamp_ns[:, None] + np.rint(horizon * NS_PER_S).astype(np.int64)[None, :]
     return _on_track(at_ns, track_stamp_ns, track_xy, max_gap_s)
+
+
+def tiled(actual: Actual, sets: int) -> Actual:
+    """The same for several sets of paths from the same starts, one below the other."""
+    found, is_known = actual
+    return np.tile(found, (sets, 1, 1)), np.tile(is_known, (sets, 1))
 
 
 def _on_track(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,3 +42,17 @@ class Paths:
             self.speed_mps[rows],
             self.position_covariance_m2[rows],
         )
+
+
+def stacked(sets: Sequence[Paths]) -> Paths:
+    """Paths over the same times, one set below the other."""
+    if len(sets) == 1:
+        return sets[0]
+    return Paths(
+        sets[0].time_s,
+        np.concatenate([paths.x_m for paths in sets]),
+        np.concatenate([paths.y_m for paths in sets]),
+        np.concatenate([paths.heading_rad for paths in sets]),
+        np.concatenate([paths.speed_mps for paths in sets]),
+        np.concatenate([paths.position_covariance_m2 for paths in sets]),
+    )

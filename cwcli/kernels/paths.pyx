@@ -1,0 +1,139 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Predicted paths: the quadrature of a motion model along each path, and the record that scales their ellipses.
+
+`cwcli.prediction.integrate` lays out the nodes and says what is integrated; the sums are added in the order in which
+NumPy's `cumsum` adds them. `cwcli.prediction.calibrate` says how the record counts. The plain twins of both are in
+tests/unit/prediction/naive_paths.py and give the same bits.
+"""
+
+cdef enum:
+    X = 0
+    Y = 1
+    SPEED = 2
+    HEADING = 3
+    ACCEL = 4
+    YAW_RATE = 5
+    JERK = 6
+    YAW_ACCEL = 7
+
+
+cdef inline Py_ssize_t row_of(const double[:, :, ::1] values, Py_ssize_t i) noexcept nogil:
+    return i if values.shape[0] > 1 else 0
+
+
+def quadrature(const double[:, ::1] state, const double[:, :, ::1] cosine, const double[:, :, ::1] sine,
+               const double[:, :, ::1] weight, const double[:, :, ::1] to_accel, const double[:, :, ::1] to_jerk,
+               const double[:, :, ::1] to_yaw_rate, const double[:, :, ::1] to_yaw_accel,
+               const signed char[::1] uses, const Py_ssize_t[::1] points, double[:, :, :, ::1] jacobian):
+    """Integrate along the paths of m starts over s steps of q nodes each.
+
+    Args:
+        state: (m, 8).
+        cosine, sine: (m, s, q), of the heading at the nodes; (m, 1, 1) where it stays.
+        weight: (1 or m, s, q): of the nodes.
+        to_accel, to_jerk, to_yaw_rate, to_yaw_accel: (1 or m, s, q): A, J, W, D of `prediction.models.base`.
+        uses: (4,): which of acceleration, jerk, yaw rate, yaw acceleration the model uses.
+        points: (p,), increasing, in [0, s]: at the end of how many steps the integrals are wanted.
+        jacobian: (2, m, p, 8): overwritten with the derivatives of x and of y to the state.
+    """
+    cdef Py_ssize_t n_steps = weight.shape[1], n_nodes = weight.shape[2], i, s, q, at
+    cdef Py_ssize_t each_step = 1 if cosine.shape[1] > 1 else 0, each_node = 1 if cosine.shape[2] > 1 else 0
+    cdef Py_ssize_t of_weight, of_accel, of_jerk, of_rate, of_yaw_accel
+    cdef double v0, a0, j0, v, c, w_sin, moved_x, moved_y
+    cdef double step[12]
+    cdef double total[12]
+    cdef int k
+    with nogil:
+        for i in range(state.shape[0]):
+            v0, a0, j0 = state[i, SPEED], state[i, ACCEL], state[i, JERK]
+            of_weight, of_accel, of_jerk = row_of(weight, i), row_of(to_accel, i), row_of(to_jerk, i)
+            of_rate, of_yaw_accel = row_of(to_yaw_rate, i), row_of(to_yaw_accel, i)
+            for k in range(12):
+                total[k] = 0.0
+            at = 0
+            if points.shape[0] and points[0] == 0:
+                store(total, uses, jacobian, i, 0)
+                at = 1
+            for k in range(12):
+                total[k] = -0.0  # the neutral element: 0.0 would lose the sign of a zero
+            for s in range(n_steps):
+                if at == points.shape[0]:
+                    break
+                for q in range(n_nodes):
+                    c = cosine[i, s * each_step, q * each_node] * weight[of_weight, s, q]
+                    w_sin = sine[i, s * each_step, q * each_node] * weight[of_weight, s, q]
+                    v = v0 + a0 * to_accel[of_accel, s, q] + j0 * to_jerk[of_jerk, s, q]
+                    moved_x, moved_y = v * c, v * w_sin
+                    if q == 0:
+                        for k in range(12):
+                            step[k] = -0.0
+                    step[0] += moved_x
+                    step[1] += moved_y
+                    step[2] += c
+                    step[3] += w_sin
+                    step[4] += c * to_accel[of_accel, s, q]
+                    step[5] += w_sin * to_accel[of_accel, s, q]
+                    step[6] += c * to_jerk[of_jerk, s, q]
+                    step[7] += w_sin * to_jerk[of_jerk, s, q]
+                    step[8] += moved_x * to_yaw_rate[of_rate, s, q]
+                    step[9] += moved_y * to_yaw_rate[of_rate, s, q]
+                    step[10] += moved_x * to_yaw_accel[of_yaw_accel, s, q]
+                    step[11] += moved_y * to_yaw_accel[of_yaw_accel, s, q]
+                for k in range(12):
+                    total[k] += step[k]
+                if points[at] == s + 1:
+                    store(total, uses, jacobian, i, at)
+                    at += 1
+
+
+cdef inline void store(const double* total, const signed char[::1] uses, double[:, :, :, ::1] jacobian,
+                       Py_ssize_t i, Py_ssize_t at) noexcept nogil:
+    """The derivatives at a point: to a heading that turns by d, a point at (dx, dy) moves by d (-dy, dx)."""
+    cdef double* of_x = &jacobian[0, i, at, 0]
+    cdef double* of_y = &jacobian[1, i, at, 0]
+    cdef int k
+    for k in range(8):
+        of_x[k] = of_y[k] = 0.0
+    of_x[X] = of_y[Y] = 1.0
+    of_x[SPEED], of_y[SPEED] = total[2], total[3]
+    of_x[HEADING], of_y[HEADING] = -total[1], total[0]
+    if uses[0]:
+        of_x[ACCEL], of_y[ACCEL] = total[4], total[5]
+    if uses[1]:
+        of_x[JERK], of_y[JERK] = total[6], total[7]
+    if uses[2]:
+        of_x[YAW_RATE], of_y[YAW_RATE] = -total[9], total[8]
+    if uses[3]:
+        of_x[YAW_ACCEL], of_y[YAW_ACCEL] = -total[11], total[10]
+
+
+def follow(const double[:, ::1] log_excess, const unsigned char[:, ::1] is_known, const Py_ssize_t[::1] n_known,
+           const double[::1] step_s, double rate_1ps, double bound, double miss_share, double[:, ::1] log_scale):
+    """The log of the variance's scale at each start, for several sets of paths from the same n starts.
+
+    Args:
+        log_excess: (sets, n): log of how many times too far outside its unscaled 90 % ellipse an outcome fell.
+        is_known: (sets, n): the outcome is known at all.
+        n_known: (n,): of how many starts the outcomes have happened by each start.
+        step_s: (n,): time since the start before, as far as it counts.
+        rate_1ps, bound: See `prediction.calibrate.Calibration`; the bound is on the log.
+        miss_share: The part of the time that is to be spent outside.
+        log_scale: (sets, n): overwritten.
+    """
+    cdef Py_ssize_t i, seen, one
+    cdef double now
+    with nogil:
+        for one in range(log_excess.shape[0]):
+            now = 0.0
+            seen = 0
+            for i in range(n_known.shape[0]):
+                while seen < n_known[i]:
+                    if is_known[one, seen]:
+                        # against the ellipse as it was scaled when it was made
+                        if log_excess[one, seen] > log_scale[one, seen]:
+                            now += rate_1ps * step_s[seen] * (1.0 - miss_share)
+                        else:
+                            now += rate_1ps * step_s[seen] * (0.0 - miss_share)
+                        now = min(max(now, -bound), bound)
+                    seen += 1
+                log_scale[one, i] = now

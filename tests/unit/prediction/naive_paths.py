@@ -1,0 +1,69 @@
+"""Plain twins of `cwcli.kernels.paths`: whole arrays instead of a walk over the nodes, a loop over Python's floats."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
+
+
+def quadrature(
+    state: FloatArray,
+    cosine: FloatArray,
+    sine: FloatArray,
+    weight: FloatArray,
+    responses: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    uses: tuple[bool, bool, bool, bool],
+) -> FloatArray:
+    """The derivatives of x and y to the state after 0, 1, ... all steps, shape (2, m, s + 1, 8)."""
+    accel, jerk, yaw_rate, yaw_accel = responses
+    columns = state[:, None, None, :]
+    speed = columns[..., SPEED] + columns[..., ACCEL] * accel + columns[..., JERK] * jerk
+    cosine, sine = cosine * weight, sine * weight
+    moved_x, moved_y = speed * cosine, speed * sine
+    jacobian = np.zeros((2, len(state), weight.shape[1] + 1, 8))
+    jacobian[0, :, :, X] = jacobian[1, :, :, Y] = 1.0
+    jacobian[0, :, :, HEADING], jacobian[1, :, :, HEADING] = -running(moved_y), running(moved_x)
+    jacobian[0, :, :, SPEED], jacobian[1, :, :, SPEED] = running(cosine), running(sine)
+    for used, index, response in zip(uses[:2], (ACCEL, JERK), (accel, jerk), strict=True):
+        if used:
+            jacobian[0, :, :, index], jacobian[1, :, :, index] = running(cosine * response), running(sine * response)
+    for used, index, response in zip(uses[2:], (YAW_RATE, YAW_ACCEL), (yaw_rate, yaw_accel), strict=True):
+        if used:
+            jacobian[0, :, :, index] = -running(moved_y * response)
+            jacobian[1, :, :, index] = running(moved_x * response)
+    return jacobian
+
+
+def running(nodes: FloatArray) -> FloatArray:
+    """Running sum over the steps of (m, s, q), from 0: shape (m, s + 1)."""
+    total = nodes[..., 0]
+    for k in range(1, nodes.shape[2]):
+        total = total + nodes[..., k]
+    return np.concatenate([np.zeros((len(nodes), 1)), np.cumsum(total, axis=1)], axis=1)
+
+
+def follow(
+    log_excess: FloatArray,
+    is_known: npt.NDArray[np.bool_],
+    n_known: npt.NDArray[np.intp],
+    step_s: FloatArray,
+    *,
+    rate_1ps: float,
+    bound: float,
+    miss_share: float,
+) -> FloatArray:
+    """The log of the scale at each start of one set of paths, shape (n,)."""
+    log_scale: list[float] = []
+    current, seen = 0.0, 0
+    for count in n_known.tolist():
+        while seen < count:
+            if is_known[seen]:
+                outside = 1.0 if log_excess[seen] > log_scale[seen] else 0.0
+                current += rate_1ps * step_s[seen] * (outside - miss_share)
+                current = min(max(current, -bound), bound)
+            seen += 1
+        log_scale.append(current)
+    return np.array(log_scale)
