@@ -300,6 +300,7 @@ def _channel(
         "predicted_distance_m": np.array(distance_, dtype=np.float64),
         "ttc_s": np.full(n, np.nan),
         "probability": np.array(chance_, dtype=np.float64),
+        "alert_probability": np.full(n, np.nan),
         "message": strings(text_),
     }
 

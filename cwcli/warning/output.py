@@ -16,6 +16,9 @@ from cwcli.warning.pair import PairEvaluation, ScoredPair
 RAISED, HELD, CLEARED = 1, 2, 3
 UNKNOWN_NS = -1
 
+_Row = tuple[int, int, int, int, str, float, float, float, float, float, str]
+"""Of the channel: log time, stamp, event, state, other, time, distance, TTC, two probabilities, message."""
+
 
 def strings(values: Sequence[str]) -> Strings:
     """Dictionary-coded strings, in order of first appearance."""
@@ -44,7 +47,7 @@ def warnings_channel(
     clock_log_ns: Int64Array,
 ) -> tuple[Int64Array, dict[str, Field]]:
     """Log times and columns of `cwcli.v1.Warning` in log-time order: raised, held evaluations, cleared."""
-    rows: list[tuple[int, int, int, int, str, float, float, float, float, str]] = []
+    rows: list[_Row] = []
     nan = float("nan")
     for at, pair in enumerate(pairs):
         own = pair.evaluation
@@ -56,10 +59,10 @@ def warnings_channel(
             if span.cleared is not None:
                 stamp, log = int(clock_ns[span.cleared]), int(clock_log_ns[span.cleared])
                 text = f"warning {number} of {own.other.id} is over"
-                rows.append((log, stamp, number, CLEARED, own.other.id, nan, nan, nan, nan, text))
+                rows.append((log, stamp, number, CLEARED, own.other.id, nan, nan, nan, nan, nan, text))
     rows.sort(key=lambda row: (row[0], row[2], row[3]))
-    columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 10
-    log, stamp, number, state, other, time, distance, ttc, probability, text = columns
+    columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 11
+    log, stamp, number, state, other, time, distance, ttc, probability, compared, text = columns
     channel: dict[str, Field] = {
         "stamp_ns": np.array(stamp, dtype=np.int64),
         "rule": Strings(np.zeros(len(rows), np.int32), (rule,)),
@@ -71,14 +74,13 @@ def warnings_channel(
         "predicted_distance_m": np.array(distance, dtype=np.float64),
         "ttc_s": np.array(ttc, dtype=np.float64),
         "probability": np.array(probability, dtype=np.float64),
+        "alert_probability": np.array(compared, dtype=np.float64),
         "message": strings(text),
     }
     return np.array(log, dtype=np.int64), channel
 
 
-def _row(
-    own: PairEvaluation, index: int, number: int, state: int
-) -> tuple[int, int, int, int, str, float, float, float, float, str]:
+def _row(own: PairEvaluation, index: int, number: int, state: int) -> _Row:
     time = float(own.decision.time_to_event_s[index])
     distance = float(own.decision.predicted_distance_m[index])
     ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
@@ -92,7 +94,8 @@ def _row(
         time,
         distance,
         float(own.measures.ttc_s[index]),
-        float(own.measures.probability[index]),
+        float(own.probability[index]),
+        float(own.alert_probability[index]),
         text,
     )
 
@@ -121,8 +124,9 @@ def events_table(
                     "predicted_distance_m": float(own.decision.predicted_distance_m[span.raised]),
                     "distance_m": float(own.measures.distance_m[span.raised]),
                     "ttc_s": float(own.measures.ttc_s[span.raised]),
-                    "probability": float(own.measures.probability[span.raised]),
-                    "max_probability": float(np.nanmax(own.measures.probability[during])),
+                    "probability": float(own.probability[span.raised]),
+                    "alert_probability": float(own.alert_probability[span.raised]),
+                    "max_probability": float(np.nanmax(own.probability[during])),
                     "age_s": float(own.age_s[span.raised]),
                     "verdict": verdict.kind,
                     "lead_time_s": verdict.lead_time_s,
@@ -275,6 +279,7 @@ _EVENT_TYPES: dict[str, type] = {
     "distance_m": float,
     "ttc_s": float,
     "probability": float,
+    "alert_probability": float,
     "max_probability": float,
     "age_s": float,
     "verdict": str,
@@ -312,6 +317,10 @@ _PAIR_TYPES: dict[str, type] = {
 }
 _EVENT_DOCS = {
     "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
+    "probability": ColumnDoc(doc="of a collision within the horizon, as the warning said when it was raised"),
+    "alert_probability": ColumnDoc(
+        doc="what the rule compared with its threshold when the warning was raised; NaN: it has no threshold"
+    ),
     "verdict": ColumnDoc(doc="true, late, false or undecided; see docs/warning.md"),
     "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
     "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),

@@ -47,6 +47,18 @@ class PairEvaluation:
     n_beyond: int
     n_not_finite: int
 
+    @property
+    def probability(self) -> FloatArray:
+        """Of a collision within the horizon, by the hypothesis that the decision shows, shape (m,)."""
+        shown = self.decision.probability
+        return self.measures.probability if shown is None else shown
+
+    @property
+    def alert_probability(self) -> FloatArray:
+        """What the rule compares with its threshold, shape (m,); NaN: it has none."""
+        compared = self.decision.alert_probability
+        return np.full(len(self.stamp_ns), np.nan) if compared is None else compared
+
 
 @dataclass(frozen=True)
 class ScoredPair:

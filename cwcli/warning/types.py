@@ -139,7 +139,7 @@ class WarningResult:
     Attributes:
         log_time_ns: Shape (w,), non-decreasing: log time of each row of `channel`.
         channel: Columns of `cwcli.v1.Warning`: stamp_ns, rule, event_id, state (1 raised, 2 held, 3 cleared),
-            host_id, other_id, time_to_event_s, predicted_distance_m, ttc_s, probability, message.
+            host_id, other_id, time_to_event_s, predicted_distance_m, ttc_s, probability, alert_probability, message.
         events: One row an event (warning), with its verdict.
         conflicts: One row a real conflict, warned of or missed.
         pairs: One row a pair: counts of evaluations and criticality measures of what really happened.

@@ -25,6 +25,8 @@ class Decision:
         at_once: Shape (m,): raises without persistence; None: nothing does.
         held: Shape (m,): the weaker condition that keeps a warning up.
         time_to_event_s, predicted_distance_m: Shape (m,): what the warning says.
+        probability: Shape (m,), likewise: of a collision within the horizon; None: that of the mean paths.
+        alert_probability: Shape (m,): what the rule compares with its threshold; None: it has none.
     """
 
     armed: BoolArray
@@ -33,6 +35,8 @@ class Decision:
     time_to_event_s: FloatArray
     predicted_distance_m: FloatArray
     at_once: BoolArray | None = None
+    probability: FloatArray | None = None
+    alert_probability: FloatArray | None = None
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,8 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
         time_to_event_s=np.where(np.isfinite(shown.entry_s), shown.entry_s, shown.min_time_s),
         predicted_distance_m=shown.min_distance_m,
         at_once=at_once,
+        probability=shown.probability,
+        alert_probability=shown.miss_probability,
     )
 
 

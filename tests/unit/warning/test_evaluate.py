@@ -124,6 +124,42 @@ def test_onset_hypothesis_warns_before_the_mean_path_does() -> None:
     assert raised_s(evaluate(host, [slow])) == [3.85]
 
 
+def test_an_alert_tells_the_probabilities_of_the_hypothesis_that_raised_it() -> None:
+    """Of the onset, like its time and its distance: the mean path of the lead never comes near."""
+    host, lead = straight("host", speed_mps=20.0, duration_s=7.0), braking_at_three(0.0)
+    mean = rollout("cv", lead.state, None, horizon_s=3.5)
+    quick = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean, onset_paths=lead.paths)
+    result = evaluate(host, [quick])
+    assert raised_s(result) == [3.0]
+    # the lead brakes with 8 m/s^2 and is 2.5 m near when 4 s^2 = 17.5, after 2.09 s
+    assert column(result, "events", "time_to_event_s") == [pytest.approx(math.sqrt(17.5) / 2.0, abs=1e-3)]
+    (within,) = np.asarray(result.events.columns["probability"])
+    (compared,) = np.asarray(result.events.columns["alert_probability"])
+    assert 0.5 < within <= compared
+    of_the_mean = np.asarray(result.series.columns["probability"])[np.asarray(result.series.columns["is_active"])]
+    assert of_the_mean[0] < 1e-6
+
+
+@pytest.mark.parametrize("threshold", [0.3, 0.9])
+def test_no_alert_shows_less_than_its_threshold(threshold: float) -> None:
+    host = straight("host", speed_mps=20.0, duration_s=6.0, sigma_m=0.5)
+    car = straight("car", x_m=100.0, y_m=1.0, speed_mps=0.0, duration_s=6.0, sigma_m=0.5)
+    result = evaluate(host, [car], WarningConfig(probability=threshold))
+    assert len(raised_s(result)) == 1
+    compared, within = (np.asarray(result.channel[name]) for name in ("alert_probability", "probability"))
+    raised = np.asarray(result.channel["state"]) == 1
+    assert (compared[raised] >= threshold).all()
+    assert (within[np.isfinite(within)] <= compared[np.isfinite(within)]).all()
+
+
+@pytest.mark.parametrize("rule", ["song2016", "ttc", "path-ttc"])
+def test_a_rule_without_a_threshold_compares_no_probability(rule: str) -> None:
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    result = evaluate(host, [straight("car", x_m=100.0, speed_mps=0.0, duration_s=6.0)], WarningConfig(rule=rule))
+    assert np.isnan(column(result, "events", "alert_probability")).all()
+    assert np.isfinite(column(result, "events", "probability")).all()
+
+
 def test_old_messages_are_not_used() -> None:
     host = straight("host", speed_mps=20.0, duration_s=6.0)
     silent = straight("car", x_m=100.0, speed_mps=0.0, duration_s=1.0)
