@@ -44,6 +44,7 @@ WARNING_FIELDS = (
     "predicted_distance_m",
     "ttc_s",
     "probability",
+    "alert_probability",
 )
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 

@@ -23,10 +23,11 @@ from cwcli.report.drawing import (
     upright,
 )
 from cwcli.report.drive import Drive, ego_size
-from cwcli.report.encounters import Encounter, Nearest, predicted
+from cwcli.report.encounters import Encounter, Nearest
 from cwcli.report.map_figure import other_name, with_breaks
 from cwcli.report.paths import Path2D
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.actual import Motion, interpolate
 from cwcli.warning.types import ActualTrack
@@ -260,8 +261,8 @@ def _level(limit_m: float) -> tuple[dict[str, Any], dict[str, Any]]:
 def _predictions(drive: Drive, encounter: Encounter) -> Trace:
     """What the warning said while it stood: the distance that both would have at the event."""
     assert drive.warnings is not None
-    distance_m = predicted(drive.warnings, encounter.rows, "predicted_distance_m")
-    stamp_ns = np.asarray(drive.warnings.fields["stamp_ns"])[encounter.rows].astype(np.int64)
+    distance_m = numbers(drive.warnings, "predicted_distance_m")[encounter.rows]
+    stamp_ns = whole_numbers(drive.warnings, "stamp_ns")[0][encounter.rows]
     rows = envelope_rows(distance_m, N_PIECES // 2)
     x, y = rounded(drive.seconds(stamp_ns[rows]), 3), rounded(distance_m[rows], 2)
     name = "predicted least distance, while the warning stood"

@@ -10,12 +10,13 @@ import numpy as np
 
 from cwcli.report.drive import Drive, OtherTrack, ego_size
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.columns import Int64Array
+from cwcli.signals.leaves import numbers
 from cwcli.signals.units import NS_PER_S
+from cwcli.stages.warning_events import WarningEvent, read_warning_events
 from cwcli.warning.actual import Motion, interpolate, relative_motion
 from cwcli.warning.conflicts import RealConflict, Verdict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.output import HELD, RAISED
 from cwcli.warning.types import ActualTrack
 
 MAX_DETAILED_OTHERS = 400
@@ -34,8 +35,9 @@ class Encounter:
         other_id: Its id, as the warning says.
         rule: The rule that warned.
         raised_ns, last_ns: First and last evaluation at which it stood.
-        time_to_event_s, predicted_distance_m, probability: As the warning said when it was raised; NaN: not computed.
-        rows: Rows of the warnings channel, by time.
+        time_to_event_s, predicted_distance_m, probability, alert_probability: As the warning said when it was raised;
+            NaN: not computed.
+        rows: Rows of the warnings channel in which it stood, by time.
         motion: Relative motion of the pair over the drive, or None.
         verdict: What became of it, or None where the tracks do not tell.
         least_gap_m: Least distance of the outlines while the warning can come true; negative: they overlap.
@@ -51,6 +53,7 @@ class Encounter:
     time_to_event_s: float
     predicted_distance_m: float
     probability: float
+    alert_probability: float
     rows: Int64Array
     motion: Motion | None
     verdict: Verdict | None
@@ -100,9 +103,9 @@ class Meetings:
 
 def find_meetings(drive: Drive) -> Meetings:
     """Bring the warnings together with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
-    alerts = _alerts(drive.warnings)
+    alerts = [] if drive.warnings is None else read_warning_events(drive.warnings)
     if drive.ego is None:
-        return Meetings(tuple(_without_motion(alert) for alert in alerts), (), None, 0)
+        return Meetings(tuple(_without_motion(drive, alert) for alert in alerts), (), None, 0)
     stamps, first = np.unique(drive.ego.stamp_ns, return_index=True)
     host = ActualTrack(stamps, drive.ego.state[first])
     warned = {entry.other_id for entry in alerts}
@@ -136,55 +139,6 @@ def find_meetings(drive: Drive) -> Meetings:
     )
 
 
-@dataclass(frozen=True)
-class _Alert:
-    event_id: int
-    other_id: str
-    rule: str
-    rows: Int64Array
-    raised_ns: int
-    last_ns: int
-    values: tuple[float, float, float]
-
-
-def _alerts(warnings: Columns | None) -> list[_Alert]:
-    """The events of the warnings channel, in order of time."""
-    if warnings is None or not len(warnings):
-        return []
-    read = {name: np.asarray(values) for name, values in warnings.fields.items() if isinstance(values, np.ndarray)}
-    if not {"stamp_ns", "event_id", "state"} <= set(read):
-        return []
-    stamp_ns, event, state = (read[name].astype(np.int64) for name in ("stamp_ns", "event_id", "state"))
-    nothing = np.full(len(warnings), np.nan)
-    values = [read.get(name, nothing) for name in ("time_to_event_s", "predicted_distance_m", "probability")]
-    found = []
-    for number in np.unique(event):
-        rows = np.flatnonzero((event == number) & ((state == RAISED) | (state == HELD)))
-        if not len(rows):
-            continue
-        rows = rows[np.argsort(stamp_ns[rows], kind="stable")]
-        at = int(rows[0])
-        found.append(
-            _Alert(
-                event_id=int(number),
-                other_id=_text(warnings, "other_id", at),
-                rule=_text(warnings, "rule", at),
-                rows=rows,
-                raised_ns=int(stamp_ns[at]),
-                last_ns=int(stamp_ns[rows[-1]]),
-                values=(float(values[0][at]), float(values[1][at]), float(values[2][at])),
-            )
-        )
-    return sorted(found, key=lambda alert: (alert.raised_ns, alert.event_id))
-
-
-def _text(columns: Columns, name: str, row: int) -> str:
-    values = columns.fields.get(name)
-    if not isinstance(values, Strings) or values.codes[row] < 0:
-        return ""
-    return str(values.values[int(values.codes[row])])
-
-
 def _motion(drive: Drive, host: ActualTrack, other: OtherTrack) -> Motion:
     """The pair's relative motion at those of the host's stamps at which the other is known."""
     assert drive.ego is not None
@@ -199,7 +153,7 @@ def _motion(drive: Drive, host: ActualTrack, other: OtherTrack) -> Motion:
 
 def _encounter(
     drive: Drive,
-    alert: _Alert,
+    alert: WarningEvent,
     other: OtherTrack | None,
     host: ActualTrack,
     motions: dict[int, Motion],
@@ -211,13 +165,15 @@ def _encounter(
         verdict = judge(alert.raised_ns, alert.last_ns, conflicts[id(other)], motion, drive.rule)
         gap = _least_gap(motion, alert.raised_ns, alert.raised_ns + round(drive.rule.max_lead_s * NS_PER_S))
         direction = _direction(host, other, alert.raised_ns, drive.rule.max_gap_s)
-    alone = _without_motion(alert)
+    alone = _without_motion(drive, alert)
     return replace(alone, other=other, motion=motion, verdict=verdict, least_gap_m=gap, direction=direction)
 
 
-def _without_motion(alert: _Alert) -> Encounter:
+def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
     """The warning as its channel tells it."""
-    time_s, distance_m, probability = alert.values
+    assert drive.warnings is not None
+    said = ("time_to_event_s", "predicted_distance_m", "probability", "alert_probability")
+    time_s, distance_m, probability, compared = (float(numbers(drive.warnings, name)[alert.rows[0]]) for name in said)
     return Encounter(
         event_id=alert.event_id,
         other=None,
@@ -228,6 +184,7 @@ def _without_motion(alert: _Alert) -> Encounter:
         time_to_event_s=time_s,
         predicted_distance_m=distance_m,
         probability=probability,
+        alert_probability=compared,
         rows=alert.rows,
         motion=None,
         verdict=None,
@@ -273,11 +230,3 @@ def _nearest(others: Sequence[OtherTrack], motions: dict[int, Motion]) -> Neares
         if best is None or distance < best.distance_m:
             best = Nearest(other, distance, int(motion.stamp_ns[row]), motion)
     return best
-
-
-def predicted(warnings: Columns, rows: Int64Array, name: str) -> FloatArray:
-    """A column of the warnings channel at some rows; NaN where it has none."""
-    values = warnings.fields.get(name)
-    if not isinstance(values, np.ndarray):
-        return np.full(len(rows), np.nan)
-    return np.asarray(values[rows], np.float64)

@@ -35,12 +35,7 @@ def encounter_facts(drive: Drive, encounter: Encounter) -> TableView:
         ("warning given", seconds(encounter.raised_ns)),
         ("warning stood until", seconds(encounter.last_ns)),
     ]
-    if math.isfinite(encounter.time_to_event_s):
-        rows.append(("predicted: nearest in", f"{encounter.time_to_event_s:.2f} s"))
-    if math.isfinite(encounter.predicted_distance_m):
-        rows.append(("predicted: centres apart by", metres(encounter.predicted_distance_m)))
-    if math.isfinite(encounter.probability):
-        rows.append(("predicted: probability", f"{encounter.probability:.2f}"))
+    rows += _predicted(drive, encounter)
     if verdict is not None:
         if verdict.closest_ns >= 0:
             rows.append(("really nearest", seconds(verdict.closest_ns)))
@@ -51,6 +46,24 @@ def encounter_facts(drive: Drive, encounter: Encounter) -> TableView:
         if math.isfinite(verdict.lead_time_s):
             rows.append(("warned before the conflict by", f"{verdict.lead_time_s:.2f} s"))
     return TableView("In numbers", (("", False), ("", False)), tuple(rows))
+
+
+def _predicted(drive: Drive, encounter: Encounter) -> list[tuple[str, str]]:
+    """What the warning said at the moment when it was given."""
+    lane, rule = encounter.is_lane_departure, drive.rule
+    within = "probability of the crossing" if lane else f"probability within {rule.horizon_s:g} s"
+    compared = f"probability, which the rule compares with {rule.probability:g}"
+    said = (
+        ("the line is crossed in" if lane else "the collision comes in", encounter.time_to_event_s, ".2f", " s"),
+        ("the tyre stays inside by" if lane else "centres apart by", encounter.predicted_distance_m, ".2f", " m"),
+        (compared, encounter.alert_probability, ".2f", ""),
+        (within, encounter.probability, ".2f", ""),
+    )
+    return [
+        (f"predicted when it was given: {what}", f"{value:{form}}{unit}")
+        for what, value, form, unit in said
+        if math.isfinite(value)
+    ]
 
 
 def all_warnings(drive: Drive, meetings: Meetings) -> TableView:

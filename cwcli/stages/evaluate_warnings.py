@@ -12,21 +12,18 @@ import numpy.typing as npt
 
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
-from cwcli.signals.columns import Columns
-from cwcli.signals.leaves import texts, whole_numbers
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
 from cwcli.stages.records import Record, configuration_of, rule_of, run_records, whole
 from cwcli.stages.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
 from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
+from cwcli.stages.warning_events import WarningEvent, read_warning_events
 from cwcli.warning.actual import Motion, relative_motion
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.output import HELD, RAISED
 from cwcli.warning.types import ActualTrack, WarningConfig, outline_of
 
 NS_PER_H = 3600 * NS_PER_S
-NO_EVENT = 0
 
 
 @dataclass(frozen=True)
@@ -60,12 +57,12 @@ def add_warnings(headline: Headline, log: Log) -> None:
     if all(channel.topic != WARNINGS_TOPIC for channel in log.channels):
         return
     record = run_records(log).get("warn", {})
-    columns = log.columns(WARNINGS_TOPIC)
+    events = read_warning_events(log.columns(WARNINGS_TOPIC))
     rules = _rules(configuration_of(record))
     if LANE_DEPARTURE in rules:
-        headline.count("warnings.lane_departure_count", sum(map(len, _events(columns, LANE_DEPARTURE).values())))
+        headline.count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
-    for k, (rule, scores) in enumerate(judge_warnings(log, columns, record, collision_rules).items()):
+    for k, (rule, scores) in enumerate(judge_warnings(log, events, record, collision_rules).items()):
         if k == 0:
             _add_scores(headline, "warnings", scores)
         if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
@@ -98,7 +95,9 @@ def _add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
     headline.add(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
 
 
-def judge_warnings(log: Log, warnings: Columns, record: Record, rules: Sequence[str]) -> dict[str, WarningScores]:
+def judge_warnings(
+    log: Log, events: Sequence[WarningEvent], record: Record, rules: Sequence[str]
+) -> dict[str, WarningScores]:
     """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores. Empty where states are missing."""
     configuration = configuration_of(record)
     others_topic = TARGETS_TOPIC if configuration.get("source") == "targets" else REMOTE_STATE_TOPIC
@@ -126,7 +125,7 @@ def judge_warnings(log: Log, warnings: Columns, record: Record, rules: Sequence[
         for vehicle, rows in vehicle_rows(others.ids)
     }
     conflicts = {vehicle: real_conflicts(motion, config) for vehicle, motion in motions.items()}
-    return {rule: _scores(_events(warnings, rule), motions, conflicts, config, hours) for rule in rules}
+    return {rule: _scores(_spans(events, rule), motions, conflicts, config, hours) for rule in rules}
 
 
 def _scores(
@@ -161,25 +160,13 @@ def _scores(
     )
 
 
-def _events(columns: Columns, rule: str) -> dict[str, list[tuple[int, int]]]:
+def _spans(events: Sequence[WarningEvent], rule: str) -> dict[str, list[tuple[int, int]]]:
     """Vehicle -> when each warning of it by a rule was raised and last held, in order of time."""
-    event_id, _ = whole_numbers(columns, "event_id")
-    state, _ = whole_numbers(columns, "state")
-    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
-    ids, rules = texts(columns, "other_id"), texts(columns, "rule")
-    if ids is None or rules is None or rule not in rules.values:
-        return {}
-    event_id = np.where(rules.codes == rules.values.index(rule), event_id, NO_EVENT)
     found: dict[str, list[tuple[int, int]]] = {}
-    for event in np.unique(event_id[event_id != NO_EVENT]).tolist():
-        rows = np.flatnonzero((event_id == event) & ((state == RAISED) | (state == HELD)))
-        raised = rows[state[rows] == RAISED]
-        if not len(raised):
-            continue
-        code = ids.codes[raised[0]]
-        vehicle = ids.values[code] if code >= 0 else ""
-        found.setdefault(vehicle, []).append((int(stamp_ns[raised[0]]), int(stamp_ns[rows].max())))
-    return {vehicle: sorted(spans) for vehicle, spans in found.items()}
+    for event in events:
+        if event.rule == rule:
+            found.setdefault(event.other_id, []).append((event.raised_ns, event.last_ns))
+    return found
 
 
 def _track(states: VehicleStates, rows: npt.NDArray[np.intp]) -> ActualTrack:

@@ -11,6 +11,7 @@ import pytest
 from cwcli.report.drive import Drive, OtherTrack
 from cwcli.report.encounters import find_meetings
 from cwcli.report.story import tell
+from cwcli.report.tables import encounter_facts
 from cwcli.signals.columns import Columns, Strings
 from cwcli.stages.states import VehicleStates
 from cwcli.warning.types import ActualTrack, WarningConfig
@@ -51,7 +52,8 @@ def warning(at_s: float, other: str, rule: str = "cwcli") -> Columns:
             "rule": Strings(np.zeros(2, np.int32), (rule,)),
             "time_to_event_s": np.array([2.0, 1.5]),
             "predicted_distance_m": np.array([0.4, 0.3]),
-            "probability": np.array([0.9, 0.9]),
+            "probability": np.array([0.48, 0.9]),
+            **({} if rule == "lane-departure" else {"alert_probability": np.array([0.95, 0.97])}),
         },
     )
 
@@ -142,6 +144,31 @@ def test_lane_departure_is_not_about_a_vehicle() -> None:
     scene = drive(None, warning(2.0, "left boundary", "lane-departure"))
     story = tell(scene, find_meetings(scene))
     assert story.headline == "At 2.0 s cwcli warned that the car would leave its lane over its left boundary."
+
+
+def facts(scene: Drive) -> dict[str, str]:
+    """The rows of the first warning's table that begin with what was predicted, by what is said of them."""
+    (encounter,) = find_meetings(scene).encounters
+    rows = encounter_facts(scene, encounter).rows
+    said = (row for row in rows if row[0].startswith("predicted "))
+    return {row[0].removeprefix("predicted when it was given: "): row[1] for row in said}
+
+
+def test_probabilities_are_those_of_the_alert_and_say_what_they_are() -> None:
+    assert facts(drive(straight(50.0, 50.0, 10.0, math.pi), warning(2.0, "7"))) == {
+        "the collision comes in": "2.00 s",
+        "centres apart by": "0.40 m",
+        "probability, which the rule compares with 0.5": "0.95",
+        "probability within 2.5 s": "0.48",
+    }
+
+
+def test_what_a_lane_departure_predicts_is_about_the_line() -> None:
+    assert facts(drive(None, warning(2.0, "left boundary", "lane-departure"))) == {
+        "the line is crossed in": "2.00 s",
+        "the tyre stays inside by": "0.40 m",
+        "probability of the crossing": "0.48",
+    }
 
 
 def test_no_warnings_computed_says_why() -> None:

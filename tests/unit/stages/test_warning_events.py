@@ -1,0 +1,48 @@
+"""Warnings read back: one reader for the scores and for the report."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import Columns, Strings
+from cwcli.stages.warning_events import read_warning_events
+
+RAISED, HELD, CLEARED = 1, 2, 3
+
+
+def channel(*rows: tuple[int, int, int, str, str]) -> Columns:
+    """Rows of (stamp, event, state, rule, other)."""
+    stamps, events, states = (np.array([row[k] for row in rows], np.int64) for k in range(3))
+    names = sorted({name for row in rows for name in row[3:]})
+    rules, others = (Strings(np.array([names.index(row[k]) for row in rows], np.int32), tuple(names)) for k in (3, 4))
+    fields = {"stamp_ns": stamps, "event_id": events, "state": states, "rule": rules, "other_id": others}
+    return Columns("/cwcli/warnings", "cwcli.v1.Warning", "protobuf", stamps, stamps, np.zeros(len(rows)), fields)
+
+
+def test_events_of_several_rules_in_order_of_time() -> None:
+    found = read_warning_events(
+        channel(
+            (30, 2, RAISED, "cwcli", "b"),
+            (10, 3, RAISED, "ttc", "a"),
+            (20, 3, HELD, "ttc", "a"),
+            (40, 3, CLEARED, "ttc", "a"),
+            (50, 2, HELD, "cwcli", "b"),
+            (40, 2, HELD, "cwcli", "b"),
+        )
+    )
+    assert [(event.event_id, event.rule, event.other_id, event.raised_ns, event.last_ns) for event in found] == [
+        (3, "ttc", "a", 10, 20),
+        (2, "cwcli", "b", 30, 50),
+    ]
+    assert [event.rows.tolist() for event in found] == [[1, 2], [0, 5, 4]]
+
+
+def test_what_was_raised_before_the_channel_begins_is_no_event() -> None:
+    assert read_warning_events(channel((10, 1, HELD, "cwcli", "a"), (20, 1, CLEARED, "cwcli", "a"))) == []
+
+
+def test_a_channel_without_messages_or_without_the_fields() -> None:
+    nothing = np.zeros(0, np.int64)
+    assert read_warning_events(Columns("/w", "x", "json", nothing, nothing, nothing.astype(np.uint32), {})) == []
+    one = np.ones(1, np.int64)
+    assert read_warning_events(Columns("/w", "x", "json", one, one, one.astype(np.uint32), {"event_id": one})) == []
