@@ -1,4 +1,4 @@
-"""Words for people, safe wherever they are printed: terminals, pages, tables."""
+"""Words and numbers for people, safe wherever they are printed: terminals, pages, tables, JSON."""
 
 from __future__ import annotations
 
@@ -34,6 +34,16 @@ def number(value: float, digits: int = 4) -> str:
     decimals = max(0, digits - 1 - math.floor(math.log10(magnitude)))
     text = f"{value:.{decimals}f}"
     return text.rstrip("0").rstrip(".") if "." in text and decimals > digits else text
+
+
+def interval(low: float, high: float) -> str:
+    """`0.1 to 0.2`, or nothing where it is not known."""
+    return f"{number(low)} to {number(high)}" if math.isfinite(low) and math.isfinite(high) else ""
+
+
+def finite(value: float) -> float | None:
+    """The number for JSON: None where it is not finite."""
+    return value if math.isfinite(value) else None
 
 
 def duration(seconds: float) -> str:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import unicodedata
 
-from cwcli.text import count, duration, join_names, number, printable, size
+from cwcli.text import count, duration, finite, interval, join_names, number, printable, size
 
 __all__ = [
     "WIDTH",
     "count",
     "display_width",
     "duration",
+    "finite",
+    "interval",
     "join_names",
     "number",
     "pad",

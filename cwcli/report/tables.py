@@ -12,7 +12,7 @@ from cwcli.report.source import Entry
 from cwcli.report.story import name_of, verdict_badge
 from cwcli.report.views import TableView
 from cwcli.signals.units import NS_PER_S
-from cwcli.text import number
+from cwcli.text import interval, number
 
 LEAD_IN = "the log began"
 MAX_ROWS = 200
@@ -128,11 +128,9 @@ def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
     main: list[tuple[str, ...]] = []
     rest: list[tuple[str, ...]] = []
     for metric in list(entry.metrics.values())[: 2 * MAX_ROWS]:
-        interval = ""
-        if math.isfinite(metric.low) and math.isfinite(metric.high):
-            interval = f"{number(metric.low)} to {number(metric.high)}"
         known = metric_of(metric.metric)
-        row = (metric.metric, value_text(metric.metric, metric.value), metric.unit, interval, str(metric.n))
+        value, between = value_text(metric.metric, metric.value), interval(metric.low, metric.high)
+        row = (metric.metric, value, metric.unit, between, str(metric.n))
         (main if known is not None and known.is_compared else rest).append(row)
     columns = (("metric", False), ("value", True), ("unit", False), ("95 % interval", False), ("samples", True))
     tables = [TableView("Headline metrics", columns, tuple(main))] if main else []

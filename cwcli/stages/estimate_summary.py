@@ -18,6 +18,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.channels import EGO_ID
 from cwcli.stages.result import Cell, Section
 from cwcli.stages.truth import TruthErrors
+from cwcli.text import finite
 
 NIS_WORDS = {None: "", True: "in", False: "OUT"}
 MAX_GAP_NOTES = 5
@@ -119,11 +120,6 @@ def source_record(tracks: Mapping[str, TrackSummary]) -> str:
             for report in track.sources
         ]
     )
-
-
-def finite(value: float) -> float | None:
-    """The number for JSON: None where it is not finite."""
-    return value if math.isfinite(value) else None
 
 
 def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:

@@ -11,6 +11,7 @@ from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.stages.records import json_entry, number, run_records
 from cwcli.stages.track_truth import TruthScores
+from cwcli.text import finite
 from cwcli.tracking.tracker import TrackResult
 
 
@@ -27,16 +28,12 @@ def score_record(result: TrackResult, errors: TruthScores | None) -> str:
             "moments": len(scores.stamp_ns),
             "gospa_sum_m": math.fsum(scores.distance.tolist()),
             "position_square_sum_m2": math.fsum(t.n_tracked * t.position_rmse_m**2 for t in tracked),
-            "velocity_square_sum_m2ps2": _known(math.fsum(t.n_tracked * t.velocity_rmse_mps**2 for t in tracked)),
+            "velocity_square_sum_m2ps2": finite(math.fsum(t.n_tracked * t.velocity_rmse_mps**2 for t in tracked)),
             "tracked": sum(target.n_tracked for target in tracked),
             "present": sum(target.n for target in scores.targets),
             "switches": scores.id_switches,
         }
     return json.dumps(entry)
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def add_tracking(headline: Headline, log: Log, *, with_truth: bool) -> None:

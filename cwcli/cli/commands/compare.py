@@ -11,18 +11,14 @@ import typer
 
 from cwcli import __version__
 from cwcli.cli import markdown
-from cwcli.cli.commands.evaluate import (
-    check_targets,
-    finite,
-    interval,
-)
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.runs import AllOption, MarkdownOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
-from cwcli.cli.text import count, join_names, number, printable
+from cwcli.cli.targets import check_targets
+from cwcli.cli.text import count, finite, interval, join_names, number, printable
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 
 if TYPE_CHECKING:
@@ -191,7 +187,7 @@ def _change_cells(change: Change) -> tuple[Cell, ...]:
     scale, unit = (100.0, " %") if change.is_relative else (1.0, "")
     return (
         f"{scale * change.change:+.3g}{unit}",
-        f"{interval(scale * change.low, scale * change.high)}",
+        interval(scale * change.low, scale * change.high),
         change.n_pairs,
     )
 

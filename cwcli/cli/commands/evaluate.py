@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,8 +17,9 @@ from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
-from cwcli.cli.text import count, number, paragraph, printable
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
+from cwcli.cli.targets import check_targets
+from cwcli.cli.text import count, finite, interval, paragraph, printable
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
@@ -106,29 +106,6 @@ def command(
     return EXIT_GATE_FAILED if failed else EXIT_DONE
 
 
-def check_targets(talk: TalkOptions, *, metrics: str | None, texts: Sequence[str | None], force: bool) -> list[str]:
-    """Refuse what can't be written before the work; returns the files that will be.
-
-    Raises:
-        UsageError: Two of them, or --json, want the same place.
-        OutputError: A file exists or can't be made.
-    """
-    from cwcli.metrics.table import check_table_target
-    from cwcli.output import check_target
-
-    named = [name for name in (metrics, *texts) if name is not None]
-    if len(set(named)) < len(named):
-        raise UsageError("two outputs have the same name", where=next(name for name in named if named.count(name) > 1))
-    if talk.json and "-" in named:
-        raise UsageError("--json and --markdown - both want standard output", hint="write the summary to a file")
-    if metrics is not None:
-        check_table_target(metrics, force=force)
-    for name in texts:
-        if name is not None:
-            check_target(name, force=force)
-    return [name for name in named if name != "-"]
-
-
 def _is_telling(name: str) -> bool:
     from cwcli.metrics.headline import metric_of
 
@@ -178,11 +155,6 @@ def _notes(run: RunMetrics) -> dict[str, list[str]]:
 
 def _metric_cells(row: MetricRow) -> tuple[Cell, ...]:
     return row.metric, row.value, row.unit, interval(row.low, row.high), row.n
-
-
-def interval(low: float, high: float) -> str:
-    """`0.1 to 0.2`, or nothing where it is not known."""
-    return f"{number(low)} to {number(high)}" if math.isfinite(low) and math.isfinite(high) else ""
 
 
 def _gate_cells(result: GateResult) -> tuple[Cell, ...]:
@@ -242,11 +214,6 @@ def _numbers(rows: Any) -> Document:
         }
         for name, row in rows.items()
     }
-
-
-def finite(value: float) -> float | None:
-    """A number for JSON."""
-    return value if math.isfinite(value) else None
 
 
 def _markdown(run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[GateResult]) -> str:
