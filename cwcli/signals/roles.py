@@ -76,6 +76,13 @@ ROLE_HINT: dict[Role, str] = {
     Role.OBSERVER: "run `cwcli observe LOG -o observed.mcap` first, after `cwcli lanes`",
     Role.OBSERVER_PATH: "run `cwcli predict LOG --from observer -o predicted.mcap` first, after `cwcli observe`",
 }
+_STEP_TEXT = {
+    Role.LANES: "`cwcli lanes`",
+    Role.OBSERVER: "`cwcli observe`",
+    Role.OBSERVER_PATH: "`cwcli predict --from observer`",
+}
+OWN_STEPS = tuple(_STEP_TEXT)
+"""From a camera to a path without a position, in order."""
 TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH, Role.LATERAL_TRUTH})
 MANY_TOPICS = frozenset({Role.REMOTE, Role.DETECTIONS})
 MAY_BE_EMPTY = frozenset({Role.TARGETS})
@@ -309,13 +316,32 @@ def _unbound(
     by_hand = [
         channel.topic for channel in channels if any(entry.role == role for entry in inputs_of(channel.schema_name))
     ]
-    hint = ROLE_HINT.get(role, "")
+    hint = _from_the_camera(role, channels, command) or ROLE_HINT.get(role, "")
     if by_hand and role not in OWN_TOPICS:
         hint = f"{hint}; " if hint else ""
         hint += f"{', '.join(dict.fromkeys(by_hand))} can be named with --topic {role}=/name"
     return MissingSignalError(
         f"no channel holds {ROLE_TEXT[role]}{needed}", where=where, found=found or ("no channels",), hint=hint
     )
+
+
+def _from_the_camera(role: Role, channels: Sequence[ChannelLike], command: str) -> str:
+    """What to do about the ego's state or path in a log without a position, but with a camera; "" for other logs."""
+    is_asked = command in ("predict", "warn", "run") and role in (Role.EGO_STATE, Role.EGO_PATH)
+    if not is_asked or _candidates(channels, Role.EGO_POSITION, None):
+        return ""
+    topics = {channel.topic for channel in channels}
+    made = [step for step in OWN_STEPS if OWN_TOPICS[step] in topics]
+    if not made and not _candidates(channels, Role.CAMERA, None):
+        return ""
+    steps = list(OWN_STEPS)[OWN_STEPS.index(made[-1]) + 1 :] if made else list(OWN_STEPS)
+    words = [_STEP_TEXT[step] for step in steps]
+    has_speed = any(_candidates(channels, each, None) for each in (Role.EGO_SPEED, Role.EGO_VELOCITY))
+    if Role.OBSERVER in steps and not has_speed:
+        words[steps.index(Role.OBSERVER)] += " (it needs the car's speed too, which no channel holds)"
+    if command == "warn":
+        words.append("`cwcli warn --rules lane-departure`")
+    return f"no channel holds a position for `cwcli estimate`; from the camera: {', '.join(words)}"
 
 
 def _too_many(role: Role, candidates: Sequence[Binding]) -> str:

@@ -106,6 +106,52 @@ def test_bind_missing_required_role_says_what_was_found_and_what_to_do() -> None
     assert raised.value.exit_code == 4
 
 
+LANES = Channel("/cwcli/lanes", "cwcli.v1.Lanes", "protobuf")
+OBSERVER = Channel("/cwcli/observer", "cwcli.v1.LateralState", "protobuf")
+
+
+@pytest.mark.parametrize(
+    ("channels", "role", "command", "hint"),
+    [
+        (
+            [IMAGE, TWIST],
+            Role.EGO_STATE,
+            "predict",
+            "no channel holds a position for `cwcli estimate`; from the camera: `cwcli lanes`, `cwcli observe`, "
+            "`cwcli predict --from observer`",
+        ),
+        (
+            [IMAGE],
+            Role.EGO_STATE,
+            "predict",
+            "no channel holds a position for `cwcli estimate`; from the camera: `cwcli lanes`, `cwcli observe` (it "
+            "needs the car's speed too, which no channel holds), `cwcli predict --from observer`",
+        ),
+        (
+            [IMAGE, TWIST, LANES, OBSERVER],
+            Role.EGO_STATE,
+            "warn",
+            "no channel holds a position for `cwcli estimate`; from the camera: `cwcli predict --from observer`, "
+            "`cwcli warn --rules lane-departure`",
+        ),
+        ([IMAGE, TWIST, LANES], Role.EGO_PATH, "warn", None),
+        ([TWIST], Role.EGO_STATE, "predict", "run `cwcli estimate LOG -o estimated.mcap` first"),
+        ([IMAGE, TWIST], Role.EGO_STATE, "control", "run `cwcli estimate LOG -o estimated.mcap` first"),
+        ([FIX, IMAGE], Role.EGO_STATE, "warn", "run `cwcli estimate LOG -o estimated.mcap` first"),
+    ],
+)
+def test_bind_without_a_position_points_to_the_camera(
+    channels: list[Channel], role: Role, command: str, hint: str | None
+) -> None:
+    with pytest.raises(MissingSignalError) as raised:
+        bind(channels, {}, required=[role], where="drive.mcap", command=command)
+    assert raised.value.hint == (
+        hint
+        or "no channel holds a position for `cwcli estimate`; from the camera: `cwcli observe`, "
+        "`cwcli predict --from observer`, `cwcli warn --rules lane-departure`"
+    )
+
+
 def test_bind_two_candidates_for_a_required_role_names_both_and_the_option() -> None:
     second = Channel("/novatel/fix", "foxglove.LocationFix", "protobuf")
     with pytest.raises(MissingSignalError) as raised:
