@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cwcli.logs.log import Log
 from cwcli.signals.canonical import CameraInfoSignal
@@ -13,7 +13,17 @@ from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
 from cwcli.stages.result import InputCount
 from cwcli.stages.sources import SourceConfig, read_sources
-from cwcli.vision.camera import Camera, Mounting, calibrated_camera, default_camera
+from cwcli.vision.camera import (
+    FISHEYE_MODELS,
+    POLYNOMIAL_MODELS,
+    Camera,
+    Mounting,
+    calibrated_camera,
+    default_camera,
+)
+
+KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
+UNKNOWN_MODEL = "calibration with an unknown distortion model"
 
 
 @dataclass(frozen=True)
@@ -56,7 +66,8 @@ def camera_source(
     """Find the calibration of a camera topic.
 
     The one that the user names, else the one beside the images (`/camera/image`, `/camera/camera_info`), else the only
-    one.
+    one. If its distortion model is unknown, nothing of it is used: other models (`double_sphere`) have focal lengths of
+    another meaning. The model does not matter where the images are rectified or there are no coefficients.
 
     Args:
         log: The log.
@@ -73,7 +84,16 @@ def camera_source(
     sources = read_sources(log, SourceConfig(topics=chosen), command="lanes", required=(), optional=(Role.CAMERA_INFO,))
     found = sources.by_role.get(Role.CAMERA_INFO, ())
     info = found[0] if found and isinstance(found[0], CameraInfoSignal) else None
-    notes = list(sources.notes)
+    is_rectified = bool(re.search(r"(^|[/_])rect(ified)?([/_]|$)", camera_topic))
+    notes, counts = list(sources.notes), sources.counts()
+    if info is not None and info.distortion_model.lower() not in KNOWN_MODELS:
+        if is_rectified or not info.distortion.any():
+            info = replace(info, distortion_model="")
+        else:
+            known = ", ".join(name for name in KNOWN_MODELS if name)
+            model = f"its distortion model {info.distortion_model!r} is unknown"
+            notes.append(f"{info.source} is not used: {model} (known: {known})")
+            info, counts = None, tuple(map(_unused, counts))
     default = default_camera(1000, 1000, mounting)
     fov_rad = 2.0 * math.atan(500.0 / default.fx) if field_of_view_rad is None else field_of_view_rad
     if info is None:
@@ -83,8 +103,12 @@ def camera_source(
         )
     elif field_of_view_rad is not None:
         notes.append(f"--camera-fov is not used: {info.source} holds the calibration")
-    is_rectified = bool(re.search(r"(^|[/_])rect(ified)?([/_]|$)", camera_topic))
-    return CameraSource(info, mounting, fov_rad, is_rectified, sources.counts(), tuple(notes))
+    return CameraSource(info, mounting, fov_rad, is_rectified, counts, tuple(notes))
+
+
+def _unused(count: InputCount) -> InputCount:
+    """The messages that were used are rejected: the lens is unknown, so any use of them would be a guess."""
+    return replace(count, used=0, rejected={**count.rejected, UNKNOWN_MODEL: count.used})
 
 
 def _info_topics(log: Log) -> list[str]:

@@ -130,6 +130,22 @@ def test_strict_refuses_a_damaged_frame(cwcli: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not DEVELOPMENT_LOG.exists(), reason="the development logs in ../shared/logs are not here")
+def test_unknown_distortion_model_is_one_line_and_with_strict_exit_code_5(cwcli: Run, tmp_path: Path) -> None:
+    strange = calibration()
+    strange.distortion_model = "double_sphere"
+    strange.D.extend([0.6, -0.2])
+    source = write_log(tmp_path / "road.mcap", road_frames(2), calibrations=[("/camera/camera_info", strange)])
+    done = cwcli("lanes", source)
+    told = " ".join(done.stderr.decode().split())
+    assert done.returncode == 0
+    assert (
+        "note: /camera/camera_info is not used: its distortion model 'double_sphere' is unknown (known: plumb_" in told
+    )
+    strict = cwcli("lanes", source, "--strict")
+    assert strict.returncode == 5
+    assert "/camera/camera_info rejected: 1 calibration with an unknown distortion model" in strict.stderr.decode()
+
+
 def test_real_video_is_searched_in_full(cwcli: Run) -> None:
     done = cwcli("lanes", DEVELOPMENT_LOG, "--method", "zhang2011", "--json")
     assert done.returncode == 0

@@ -167,6 +167,42 @@ def test_missing_calibration_and_mounting_are_noted(tmp_path: Path) -> None:
     assert any("mounting is not known: 1.3 m" in note for note in result.summary.notes)
 
 
+def test_unknown_distortion_model_is_told_and_the_calibration_not_used(tmp_path: Path) -> None:
+    strange = calibration()
+    strange.distortion_model = "double_sphere"
+    strange.D.extend([0.6, -0.2])
+    path = write_log(tmp_path / "road.mcap", road_frames(3), calibrations=[("/camera/camera_info", strange)])
+    bare = write_log(tmp_path / "bare.mcap", road_frames(3))
+    config = LanesConfig(mounting=Mounting(1.4))
+    found, expected = run(path, config), run(bare, config)
+    assert found.summary.notes == (
+        "/camera/camera_info is not used: its distortion model 'double_sphere' is unknown (known: plumb_bob, "
+        "rational_polynomial, thin_prism, radtan, equidistant, fisheye, kannala_brandt)",
+        *expected.summary.notes,
+    )
+    count = found.summary.inputs[1]
+    assert (count.topic, count.used, count.rejected) == (
+        "/camera/camera_info",
+        0,
+        {"calibration with an unknown distortion model": 1},
+    )
+    curvature = [result.tables["lanes"].columns["curvature_1pm"] for result in (found, expected)]
+    np.testing.assert_array_equal(*curvature)
+
+
+@pytest.mark.parametrize(("topic", "coefficients"), [("/camera/image_rect", [0.6, -0.2]), ("/camera/image", [0.0])])
+def test_distortion_model_does_not_matter_without_distortion(
+    tmp_path: Path, topic: str, coefficients: list[float]
+) -> None:
+    strange = calibration()
+    strange.distortion_model = "double_sphere"
+    strange.D.extend(coefficients)
+    path = write_log(
+        tmp_path / "road.mcap", road_frames(2), topic=topic, calibrations=[("/camera/camera_info", strange)]
+    )
+    assert run(path, LanesConfig(mounting=Mounting(1.4))).summary.notes == ()
+
+
 def test_calibration_for_another_shape_is_noted(tmp_path: Path) -> None:
     path = write_log(
         tmp_path / "road.mcap", road_frames(2), calibrations=[("/camera/camera_info", calibration(640, 360))]
