@@ -11,10 +11,13 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import PassResult, Series, TimeOrder, line_up, run_events
 from cwcli.estimation.start import start_with_parameters
+from cwcli.kernels import lineup as kernel
 from cwcli.signals.columns import FloatArray
 
 MIN_ROWS_FOR_NOISE = 50
 MAX_FACTOR = 64.0
+BISECTIONS = 16
+MAX_NIS = 9.0
 MAX_UPDATES = 8_000  # of the window that is looked at, with an IMU
 MAX_UPDATES_SLOW = 1_500  # without one: a remote vehicle's messages, and there are many vehicles
 ENOUGH_ROWS = 300  # in the window: then the whole log tells nothing new of the noise
@@ -44,15 +47,7 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
         return 1.0
     nu2, prior = nis[:, 1], nis[:, 2]
     r = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
-    low, high = 1.0 / MAX_FACTOR, MAX_FACTOR
-    for _ in range(16):
-        middle = float(np.sqrt(low * high))
-        # of so few rows, `mean` takes longer to begin than to add
-        if float(np.add.reduce(np.minimum(nu2 / (prior + middle * r), 9.0))) / len(nis) > 1.0:
-            low = middle
-        else:
-            high = middle
-    factor = float(np.sqrt(low * high))
+    factor = kernel.matching_factor(nu2, prior, np.ascontiguousarray(r), MAX_FACTOR, BISECTIONS, MAX_NIS)
     if s.noise_origin == "message":
         return factor if factor > 1.1 else 1.0
     if s.noise_origin == "message, scaled":

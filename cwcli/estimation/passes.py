@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
-from cwcli.kernels import ekf
+from cwcli.kernels import ekf, lineup
 from cwcli.signals.columns import FloatArray
 
 N_MOTION = 8
@@ -330,17 +330,10 @@ def _merge(
     which = np.repeat(np.arange(len(series), dtype=np.int32), [len(s) for s in series])
     order = np.argsort(update_s, kind="stable")
     update_s = update_s[order]
-    outputs = np.maximum(output_s, start_s)
-    # An output step comes after the updates of the same time.
-    steps = np.concatenate((np.unique(np.append(update_s, start_s)), outputs))
-    is_output = np.concatenate((np.zeros(len(steps) - len(outputs), bool), np.ones(len(outputs), bool)))
-    steps, is_output = _with_fillers(steps, is_output)
-    by_time = np.lexsort((is_output, steps))
-    time, is_output = steps[by_time], is_output[by_time]
-    out_row = np.where(is_output, np.cumsum(is_output) - 1, -1).astype(np.int32)
-    # First step of each time takes the updates.
-    holder = np.searchsorted(time, update_s, side="left")
-    first = np.searchsorted(holder, np.arange(len(time) + 1), side="left").astype(np.int32)
+    asked = (update_s, np.maximum(output_s, start_s), start_s, MAX_STEP_S, MAX_PIECES)
+    n = lineup.count_steps(*asked)
+    time, first, out_row = np.empty(n), np.empty(n + 1, np.int32), np.empty(n, np.int32)
+    lineup.lay_steps(*asked, time, first, out_row)
     return _without_pauses(time), first, out_row, order, np.ascontiguousarray(which[order])
 
 
@@ -350,17 +343,3 @@ def _without_pauses(time_s: FloatArray) -> FloatArray:
     if not (step_s > MAX_STEP_S + START_TOLERANCE_S).any():
         return np.ascontiguousarray(time_s)
     return np.asarray(np.concatenate((time_s[:1], time_s[0] + np.cumsum(np.minimum(step_s, MAX_STEP_S)))))
-
-
-def _with_fillers(steps: FloatArray, is_output: npt.NDArray[np.bool_]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Add prediction-only steps so that none is longer than MAX_STEP_S; at most MAX_PIECES for a gap."""
-    times = np.unique(steps)
-    gap = np.diff(times)
-    pieces = np.minimum(np.ceil(gap / MAX_STEP_S - 1e-9), MAX_PIECES).astype(np.int64)
-    wide = np.flatnonzero(pieces > 1)
-    if not len(wide):
-        return steps, is_output
-    count = pieces[wide] - 1
-    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
-    extra = np.repeat(times[wide], count) + within * np.repeat(gap[wide] / pieces[wide], count)
-    return np.concatenate((steps, extra)), np.concatenate((is_output, np.zeros(len(extra), bool)))

@@ -103,11 +103,17 @@ def load_columns(
     return loaded
 
 
-def give_back_memory() -> None:
+def give_back_memory(loaded: Mapping[str, Columns]) -> None:
     """Return what the decoders freed to the system, where the C library can (glibc).
 
-    Its allocator keeps large blocks once some were freed: 150 MB after the messages of a ten-minute JSON log.
+    Its allocator keeps large blocks once some were freed: 150 MB after the messages of a ten-minute JSON log. A short
+    log leaves little behind, and fetching that again would take longer than to decode it.
+
+    Args:
+        loaded: What was decoded.
     """
+    if sum(map(len, loaded.values())) < MANY_ROWS:
+        return
     import ctypes
 
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
@@ -120,6 +126,7 @@ def faults_found(faults: Faults) -> tuple[str, ...]:
     return tuple(f"{reason}: {count}" for reason, count in faults.counts().items())
 
 
+MANY_ROWS = 20_000
 MAX_EXPECTED = 1 << 22
 """Rows for which room is made before they are seen: a file's counts are not trusted with more memory."""
 

@@ -167,7 +167,7 @@ class Log:
 
             channels = {topic: self._file_channels(topic) for topic in from_file}
             loaded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name)
-            give_back_memory()
+            give_back_memory(loaded)
         for topic, fields in wanted.items():
             if topic in in_memory:
                 from cwcli.logs.memory import memory_columns
