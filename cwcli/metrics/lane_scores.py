@@ -25,6 +25,9 @@ TUSIMPLE_LANES = 4
 TUSIMPLE_SPARE = 2
 """A frame with more predictions than this beyond the truth's lanes counts for nothing."""
 
+EGO_ROWS = 8
+"""Points at a lane's near end that tell where it reaches the image's lower edge."""
+
 VISUAL_PIXELS = 6.0
 VISUAL_SHARE = 0.85
 VISUAL_WIDTH_PX = 320
@@ -105,16 +108,31 @@ def tusimple_score(
     )
 
 
-def tusimple_total(scores: Sequence[TuSimpleScore]) -> TuSimpleScore:
-    """The mean over all frames of the truth (`LaneEval.bench_one_submit`, which refuses to judge only some of them).
+def ego_lanes(lanes: FloatArray, h_samples: FloatArray, width_px: float, height_px: float) -> list[FloatArray]:
+    """Of the labelled lanes those beside the car: on either side the nearest to the middle of the image's lower edge.
 
-    Raises:
-        ValueError: There is no frame.
+    TuSimple's benchmark judges up to five lanes; methods that look for the car's own lane only are judged by these two.
+    A lane is prolonged to the lower edge by the straight line through its `EGO_ROWS` lowest points.
+
+    Args:
+        lanes: Shape (k, h): a column for every row; negative is absent.
+        h_samples: Shape (h,): the rows.
+        width_px, height_px: Of the image.
+
+    Returns:
+        The left and the right one, each of shape (h,); fewer where a side has none.
     """
-    if not scores:
-        raise ValueError("there is no frame")
-    names = ("accuracy", "false_positive", "false_negative")
-    return TuSimpleScore(*(sum(getattr(score, name) for score in scores) / len(scores) for name in names))
+    feet: list[tuple[float, FloatArray]] = []
+    for lane in lanes:
+        present = np.flatnonzero(lane >= 0.0)
+        if len(present) > 1:
+            low = present[np.argsort(h_samples[present])][-EGO_ROWS:]
+            slope, foot = np.polyfit(h_samples[low] - height_px, lane[low], 1)
+            del slope
+            feet.append((float(foot) - 0.5 * width_px, lane))
+    left = max((foot for foot in feet if foot[0] < 0.0), key=lambda foot: foot[0], default=None)
+    right = min((foot for foot in feet if foot[0] >= 0.0), key=lambda foot: foot[0], default=None)
+    return [foot[1] for foot in (left, right) if foot is not None]
 
 
 def _angle(lane: FloatArray, rows: FloatArray) -> float:

@@ -14,6 +14,7 @@ from cwcli.logs.frames import Frame
 from cwcli.logs.log import Log
 from cwcli.report.drive import Drive
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.leaves import numbers
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames
 from cwcli.vision.overlay import burn_in, line_points
@@ -132,6 +133,7 @@ class _Lanes:
         self._stamps = stamps.astype(np.int64)[order]
         self._sides = np.stack(sides, axis=1)[order]
         self._sizes = np.column_stack([np.asarray(each, np.int64) for each in sizes])[order]
+        self._horizon_px = numbers(columns, "horizon_px")[order]
 
     def lines(self, stamp_ns: int, width_px: int, height_px: int) -> list[FloatArray] | None:
         """The left and the right boundary in the pixels of an image; None where the frame was not searched."""
@@ -150,7 +152,7 @@ class _Lanes:
             yaw_rad=nothing[:, 0],
         )
         search = (int(self._sizes[row, 0]), int(self._sizes[row, 1]))
-        points, is_in = line_points(fit, search, (width_px, height_px))
+        points, is_in = line_points(fit, search, (width_px, height_px), self._horizon_px[row : row + 1])
         return [points[0, side][is_in[0, side]] for side in range(2)]
 
 

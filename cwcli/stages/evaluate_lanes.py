@@ -10,11 +10,13 @@ import numpy.typing as npt
 from cwcli.logs.channel import ChannelInfo
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
-from cwcli.metrics.lane_scores import TuSimpleScore, tusimple_score, width_stability
+from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, width_stability
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaves import numbers, stamps, whole_numbers
 from cwcli.signals.roles import is_truth_topic
 from cwcli.stages.lanes_channels import LANES_TOPIC
+from cwcli.vision.ground import HIGHEST
+from cwcli.vision.overlay import HORIZON_GAP, MIN_GAP_PX
 
 LANES_SCHEMA = "cwcli.v1.Lanes"
 SIDES = ("left", "right")
@@ -22,7 +24,6 @@ GROUND_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
 """A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
 MATCH_NS = 5_000_000
 """A label and a frame are of one image if their stamps differ by no more."""
-MIN_APART_PX = 4.0
 PREVIEW_ATOL_M = 1e-6
 
 PREVIEW_METRICS: dict[str, tuple[str, float]] = {
@@ -133,14 +134,15 @@ def _add_labels(headline: Headline, columns: Columns, found: npt.NDArray[np.bool
         ],
         axis=1,
     )
+    horizon_px = numbers(columns, "horizon_px")
     scores: list[TuSimpleScore] = []
     for row, label in zip(mine.tolist(), other.tolist(), strict=True):
         rows_px, flat = _row(truth.fields["h_samples"], label), _row(truth.fields["lanes"], label)
         if not len(rows_px) or len(flat) % len(rows_px) or not (sizes[row] > 0.0).all():
             continue
         search_w, search_h, image_w, image_h = sizes[row].tolist()
-        beside = _beside_camera(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
-        lines = _lines(parabolas[row], rows_px, (search_w, search_h, image_w, image_h))
+        beside = ego_lanes(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
+        lines = _lines(parabolas[row], rows_px, (search_w, search_h, image_w, image_h), float(horizon_px[row]))
         scores.append(tusimple_score([lines[k] for k in np.flatnonzero(found[row])], beside, rows_px))
     if scores:
         headline.errors("lanes.truth_accuracy", np.array([score.accuracy for score in scores]))
@@ -158,37 +160,20 @@ def _row(field: Field, at: int) -> FloatArray:
     return np.zeros(0)
 
 
-def _beside_camera(lanes: FloatArray, rows_px: FloatArray, width_px: float, height_px: float) -> list[FloatArray]:
-    """Of the labelled lanes (k, h) the nearest on either side of the image's middle, at its bottom.
-
-    A lane is prolonged to the bottom by the straight line through its present points.
-    """
-    nearest: dict[bool, tuple[float, FloatArray]] = {}
-    for lane in lanes:
-        present = lane >= 0.0
-        if present.sum() < 2:
-            continue
-        slope, start = np.polyfit(rows_px[present] - height_px, lane[present], 1)
-        del slope
-        offset = float(start) - 0.5 * width_px
-        is_right = offset >= 0.0
-        if is_right not in nearest or abs(offset) < nearest[is_right][0]:
-            nearest[is_right] = abs(offset), lane
-    return [lane for _, lane in nearest.values()]
-
-
-def _lines(parabolas: FloatArray, rows_px: FloatArray, sizes: Image) -> FloatArray:
+def _lines(parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float) -> FloatArray:
     """Columns (2, h) in the camera's image of both boundaries (2, 3) at rows from the top; NaN where they have ended.
 
-    A boundary ends at the image's edge and where both meet, as in what `cwcli lanes` draws.
+    A boundary ends at the image's edge, below the horizon (a row of the search image) and where both meet: where the
+    line ends that `cwcli lanes` draws (`cwcli.vision.overlay.line_points`).
     """
     search_w, search_h, image_w, image_h = sizes
     y_px = search_h + 0.5 - (rows_px + 0.5) * search_h / image_h
+    top_px = np.fmin(search_h - horizon_px - HORIZON_GAP * search_h, HIGHEST * search_h)
     a, b, c = parabolas.T[:, :, None]
     x_px = (a * y_px + b) * y_px + c
     with np.errstate(invalid="ignore"):
-        outside = (x_px < 0.5) | (x_px > search_w + 0.5) | (y_px < 0.5)
-        meet = x_px[1] - x_px[0] <= MIN_APART_PX
+        outside = (x_px < 0.5) | (x_px > search_w + 0.5) | (y_px < 0.5) | (y_px > top_px)
+        meet = x_px[1] - x_px[0] <= MIN_GAP_PX
     met_y = y_px[meet].min() if meet.any() else np.inf
     x_px = np.where(outside | (y_px >= met_y), np.nan, x_px)
     return np.asarray((x_px - 0.5) * image_w / search_w - 0.5)

@@ -89,6 +89,7 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
         "image_width_px": frames.image_size[:, 0],
         "image_height_px": frames.image_size[:, 1],
         "camera_yaw_sigma_rad": np.full(len(frames), GeometrySigmas().yaw_rad),
+        "horizon_px": frames.horizon_px,
     }
     return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", frames.log_time_ns, fields)
 

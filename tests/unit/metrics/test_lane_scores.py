@@ -9,9 +9,9 @@ import pytest
 
 from cwcli.metrics.lane_scores import (
     TuSimpleScore,
+    ego_lanes,
     share_within,
     tusimple_score,
-    tusimple_total,
     visual_score,
     width_stability,
 )
@@ -123,11 +123,28 @@ def test_tusimple_as_the_plain_rules_on_random_lanes() -> None:
         assert (score.accuracy, score.false_positive, score.false_negative) == pytest.approx(expected)
 
 
-def test_tusimple_total_is_the_mean_over_the_frames() -> None:
-    scores = [TuSimpleScore(1.0, 0.0, 0.0), TuSimpleScore(0.5, 0.5, 1.0)]
-    assert tusimple_total(scores) == TuSimpleScore(0.75, 0.25, 0.5)
-    with pytest.raises(ValueError, match="no frame"):
-        tusimple_total([])
+def test_ego_lanes_are_those_beside_the_middle_of_the_lower_edge() -> None:
+    rows = np.arange(240.0, 711.0, 10.0)
+    down = (rows - 240.0) / 470.0
+    lines = {foot: np.where(rows >= 300.0, 640.0 + (foot - 640.0) * down, -2.0) for foot in (-900, 300, 1000, 1900)}
+    found = ego_lanes(np.array(list(lines.values())), rows, 1280.0, 720.0)
+    np.testing.assert_array_equal(found, [lines[300], lines[1000]])
+
+
+def test_ego_lanes_follow_a_bend_at_its_near_end() -> None:
+    # seen far ahead the lane leans to the right; its lowest rows lean to the left and reach the edge at 639 - 10 = 629
+    rows = np.arange(240.0, 711.0, 10.0)
+    bend = np.where(rows < 640.0, 800.0 - 0.4 * (rows - 240.0), 709.0 - (rows - 640.0))
+    (found,) = ego_lanes(np.array([bend]), rows, 1280.0, 720.0)
+    assert found is not None
+    left, right = ego_lanes(np.array([bend, np.full(len(rows), 660.0)]), rows, 1280.0, 720.0)
+    assert (left[0], right[0]) == (800.0, 660.0)
+
+
+def test_ego_lanes_of_an_empty_road() -> None:
+    rows = np.arange(240.0, 711.0, 10.0)
+    assert ego_lanes(np.full((2, len(rows)), -2.0), rows, 1280.0, 720.0) == []
+    assert ego_lanes(np.zeros((0, len(rows))), rows, 1280.0, 720.0) == []
 
 
 def test_tusimple_refuses_a_truth_without_rows() -> None:

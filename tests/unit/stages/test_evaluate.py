@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -321,6 +322,20 @@ def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:
     for distance_m, error_m in ((5, 0.075), (10, 0.2), (20, 0.6), (30, 1.2)):
         expected = pytest.approx(error_m * math.sqrt(2.0 / 3.0))
         assert found[f"lanes.lateral_{distance_m}m_rmse_m"] == expected
+
+
+def test_a_boundary_is_judged_as_far_as_it_is_drawn(tmp_path: Path) -> None:
+    """It ends 1.5 % of the image's height below the horizon, like the line that `cwcli lanes` draws."""
+    # horizon in row 60 of 120, so in row 120 of 240: the line ends in row 123.6; both labels end in row 130
+    rows_px = [100, 120, 130, 160, 200, 239]
+    label = {"h_samples": rows_px, "lanes": [[-2, -2, *[100] * 4], [-2, -2, *[200] * 4]]}
+    message = (T0_NS, {"timestamp": {"sec": T0_NS // 10**9, "nsec": 0}, **label})
+    own = lanes_channel(right_found=[True], width_m=[3.5])
+    for horizon_px, accuracy in ((60.0, 1.0), (40.0, 4.0 / 6.0)):
+        channel = replace(own, fields={**own.fields, "horizon_px": np.array([horizon_px])})
+        path = tmp_path / f"{horizon_px}.mcap"
+        found = values(log_of(path, [channel], **{"/truth/lanes": [message]}))
+        assert found["lanes.truth_accuracy"] == pytest.approx(accuracy)
 
 
 def test_lateral_motion_agrees_with_the_stages_own_table(tmp_path: Path) -> None:
