@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 DEFAULT_STAGES = tuple(stage for stage in STAGES if stage != "control")
 """Replaying warnings with a controller is no part of looking at a drive; it runs when it is asked for."""
 NO_REMOTE = "no channel holds remote vehicles (BSM or CAM messages)"
+FROM_CAMERA = {
+    "predict": "--predict-from observer",
+    "warn": "--predict-from observer --warn-rules lane-departure",
+}
+"""Stage -> the options of `cwcli run` with which it needs no position."""
 NO_REMOTE_MESSAGE = "no message of another vehicle could be used"
 
 
@@ -67,7 +72,7 @@ class SignalsFor:
             ).notes
             if notes and role is Role.EGO_POSITION:
                 raise error
-            return Missing(notes[0] if notes else self._reason(role, log, selection), error)
+            return Missing(notes[0] if notes else self._reason(stage, role, log, selection), error)
         return None
 
     def _unbound(self, role: Role, log: Log, selection: Selection) -> MissingSignalError | None:
@@ -84,10 +89,12 @@ class SignalsFor:
             return error
         return None
 
-    def _reason(self, role: Role, log: Log, selection: Selection) -> str:
+    def _reason(self, stage: str, role: Role, log: Log, selection: Selection) -> str:
         if role in (Role.REMOTE, Role.REMOTE_STATE, Role.REMOTE_PATH):
             return NO_REMOTE if self._unbound(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE
-        return f"no channel holds {ROLE_TEXT[role]}"
+        reason = f"no channel holds {ROLE_TEXT[role]}"
+        has_observer = self._unbound(Role.OBSERVER, log, selection) is None
+        return f"{reason} (from the camera: {FROM_CAMERA[stage]})" if has_observer and stage in FROM_CAMERA else reason
 
 
 def signals_for(calls: Mapping[str, StageCall], ego_station: str | None) -> SignalsFor:

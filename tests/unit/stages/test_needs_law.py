@@ -89,3 +89,14 @@ def test_run_says_that_nothing_tells_the_speed(tmp_path: Path) -> None:
         lack = signals_for({"observe": call("observe")}, None)("observe", log, Selection())
     assert lack is not None
     assert lack.reason == "no channel holds the ego speed"
+
+
+@pytest.mark.parametrize(
+    ("stage", "options"),
+    [("predict", "--predict-from observer"), ("warn", "--predict-from observer --warn-rules lane-departure")],
+)
+def test_run_names_the_options_that_do_without_a_position(stage: str, options: str, tmp_path: Path) -> None:
+    with log_of("observed", tmp_path) as log:
+        lack = signals_for({stage: call(stage)}, None)(stage, log, Selection())
+    assert lack is not None
+    assert lack.reason == f"no channel holds the ego state (from the camera: {options})"
