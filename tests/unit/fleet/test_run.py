@@ -137,14 +137,19 @@ def test_unfit_output_folder(plan: Plan, tmp_path: Path) -> None:
 
 def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: Plan, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.mcap")
-    (tmp_path / "folder.mcap").mkdir()
-    fleet = run_fleet(
-        [str(tmp_path / "pipe.mcap"), str(tmp_path / "folder.mcap"), "/dev/zero"], plan, tmp_path / "out", jobs=1
-    )
+    fleet = run_fleet([str(tmp_path / "pipe.mcap"), "/dev/zero"], plan, tmp_path / "out", jobs=1)
     assert fleet.exit_code == 3
     what = {entry["id"]: entry["error"]["what"] for entry in fleet.manifest["logs"]}
     pipe = "it is a pipe or a device, no file"
-    assert what == {"pipe": pipe, "zero": pipe, "folder": "it is a directory"}
+    assert what == {"pipe": pipe, "zero": pipe}
+
+
+def test_a_log_that_became_a_folder_is_an_error_of_its_log(plan: Plan, tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").mkdir()
+    assert work(Task("a", "a.mcap", str(tmp_path / "a.mcap"), str(tmp_path / "out")), plan).status == "failed"
+    entry = LogFolder(tmp_path / "out", "a").entry()
+    assert entry is not None
+    assert (entry["error"]["exit_code"], entry["error"]["what"]) == (3, "it is a directory")
 
 
 @pytest.mark.parametrize(
