@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Self
 from cwcli.errors import InputError, MissingSignalError
 from cwcli.logs.channel import ChannelInfo, channels_of
 from cwcli.logs.faults import Faults
+from cwcli.logs.kept import Kept
 from cwcli.logs.opening import open_structure
 from cwcli.logs.records import MESSAGE_HEADER_BYTES, PREFIX, AttachmentIndex, RecordError, read_metadata, read_prefix
 from cwcli.logs.source import Source, open_source
@@ -78,6 +79,7 @@ class Log:
         self._verify = verify
         self._owner = owner
         self._reader: MessageReader | None = None if owner is None else owner._message_reader()
+        self._kept: Kept = Kept() if owner is None else owner._kept
         self._digest: str | None = None
         self.recover = recover
         self.faults = faults
@@ -161,18 +163,23 @@ class Log:
         """
         in_memory = {channel.topic: channel for channel in self.added_channels}
         loaded: dict[str, Columns] = {}
-        from_file = {topic: fields for topic, fields in wanted.items() if topic not in in_memory}
+        from_file: dict[str, Collection[str] | None] = {}
+        for topic, fields in wanted.items():
+            if topic in in_memory:
+                loaded[topic] = self._kept.of_channel(in_memory[topic], fields)
+            elif (known := self._kept.of_file(topic, fields)) is not None:
+                loaded[topic] = known
+            else:
+                from_file[topic] = fields
         if from_file:
             from cwcli.logs.load import give_back_memory, load_columns
 
             channels = {topic: self._file_channels(topic) for topic in from_file}
-            loaded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name)
-            give_back_memory(loaded)
-        for topic, fields in wanted.items():
-            if topic in in_memory:
-                from cwcli.logs.memory import memory_columns
-
-                loaded[topic] = memory_columns(in_memory[topic], fields)
+            decoded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name)
+            give_back_memory(decoded)
+            for topic, columns in decoded.items():
+                self._kept.keep(columns, from_file[topic])
+            loaded.update(decoded)
         return {topic: loaded[topic] for topic in wanted}
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> Columns:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -58,14 +59,23 @@ def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Co
     )
 
 
+@lru_cache(maxsize=64)
+def is_flat(schema_name: str) -> bool:
+    """Whether a message type has no messages, enumerations and optional fields inside."""
+    return not any(
+        KINDS[each.type][0] == MESSAGE or each.enum_type is not None or (each.has_presence and not is_repeated(each))
+        for each in message_schema(schema_name).descriptor.fields
+    )
+
+
 def _flat_fields(descriptor: Any, channel: OutputChannel) -> dict[str, Field] | None:
-    """The columns of a message type without messages, enumerations and optional fields inside; None for another one."""
+    """The columns of a flat message type; None for another one."""
+    if not is_flat(channel.schema_name):
+        return None
     flat: dict[str, Field] = {}
     n = len(channel)
     for each in descriptor.fields:
         kind, dtype = KINDS[each.type]
-        if kind == MESSAGE or each.enum_type is not None or (each.has_presence and not is_repeated(each)):
-            return None
         if kind == OCTETS or (kind == TEXT and is_repeated(each)):
             continue
         given = channel.fields.get(each.name)
