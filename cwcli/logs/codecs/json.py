@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import json_walk as kernel
 from cwcli.logs.codecs.base import Outcome
-from cwcli.logs.codecs.json_columns import ARRAY, STRING, Elements, JsonSlot, scalar
+from cwcli.logs.codecs.json_columns import ARRAY, STRING, Elements, JsonSlot, Room, scalar
 from cwcli.logs.codecs.json_tree import Key, KeyTree, Tables
 from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity
 from cwcli.signals.columns import Field, Int64Array
@@ -52,14 +52,14 @@ class JsonDecoder:
 
     def restart(self, n_expected: int = 0) -> None:
         """Forget all messages."""
-        self._slots = [JsonSlot(0) for _ in self._tree.paths]
+        self._rooms: list[Room] = []
+        self._slots: list[JsonSlot | None] = []
+        self._add_room()
         self._capacity = n_expected
         self._is_ok: list[BoolArray] = []
         self._reasons: dict[str, int] = {}
         self._n = 0
         self._batch = (0, 0)
-        self._places_key = (-1, 0, 0)
-        self._places = np.zeros((4, 0), np.int64)
 
     def add(self, payloads: Payloads) -> None:
         """Decode a batch."""
@@ -69,8 +69,8 @@ class JsonDecoder:
         # An element of an array takes two bytes at least: itself, and the comma or bracket behind it.
         self._batch = (n, max(payloads.n_bytes // 2 + 8, self._batch[1]))
         self._capacity = grown_capacity(self._capacity, first + n)
-        for slot, cursors in zip(self._slots, np.zeros((len(self._slots), n), np.int64), strict=True):
-            self._begin(slot, cursors)
+        for room in self._rooms:
+            room.begin(self._capacity, *self._batch)
         status = np.zeros(n, np.uint8)
         self._walk_all(payloads, status)
         is_ok = status == kernel.STATUS_OK
@@ -78,10 +78,13 @@ class JsonDecoder:
         for row in np.flatnonzero(~is_ok).tolist():
             is_ok[row] = self._decide(payloads.message(row), row, int(status[row]), instead)
         for path in self._blobs:
-            self._blob_rows[path] = self._slots[self._tree.paths.index(path)].take_places(payloads, first)
+            self._blob_rows[path] = self._slot(self._tree.paths.index(path)).take_places(payloads, first)
         no_counts = np.broadcast_to(np.int64(0), n)
-        for slot, rows in zip(self._slots, instead, strict=True):
-            slot.end(payloads, first, rows, int(slot.cursors[-1]), no_counts)
+        is_seen = np.concatenate([room.tags[:, first : first + n].any(axis=1) for room in self._rooms])
+        used = np.concatenate([room.cursors[:, -1] for room in self._rooms]).tolist()
+        for k, (is_there, n_elements, rows) in enumerate(zip(is_seen.tolist(), used, instead, strict=True)):
+            if is_there or n_elements or rows or self._slots[k] is not None:
+                self._slot(k).end(payloads, first, rows, n_elements, no_counts)
         self._is_ok.append(is_ok)
         self._n += n
 
@@ -99,16 +102,27 @@ class JsonDecoder:
         if not self._n:
             return fields
         for path, slot in zip(self._tree.paths, self._slots, strict=True):
-            if path not in self._blobs:
+            if slot is not None and path not in self._blobs:
                 column = slot.finish(rows)
                 if column is not None:
                     fields.setdefault(path, column)
         return fields
 
-    def _begin(self, slot: JsonSlot, cursors: Int64Array) -> None:
-        slot.tags.grow(self._capacity)
-        slot.values.grow(self._capacity)
-        slot.begin(cursors, self._batch[1])
+    def _add_room(self) -> None:
+        """Make room for leaves that the tree has learned."""
+        n_new = len(self._tree.paths) - len(self._slots)
+        self._rooms.append(Room(n_new))
+        self._slots += [None] * n_new
+
+    def _slot(self, k: int) -> JsonSlot:
+        """The values of a leaf that is in the batch."""
+        slot = self._slots[k]
+        if slot is None:
+            leaf, rooms = k, iter(self._rooms)
+            while leaf >= len(room := next(rooms)):
+                leaf -= len(room)
+            slot = self._slots[k] = JsonSlot(room, leaf, self._n)
+        return slot
 
     def _walk_all(self, payloads: Payloads, status: npt.NDArray[np.uint8]) -> None:
         """Walk the batch; learn from messages with unknown keys, and go on with them."""
@@ -118,8 +132,8 @@ class JsonDecoder:
         while at < n:
             if at == learned:  # its keys can't be learned
                 status[at] = kernel.STATUS_ODD
-                for slot in self._slots:
-                    slot.cursors[at] = slot.cursors[at - 1] if at else 0
+                for room in self._rooms:
+                    room.cursors[:, at] = room.cursors[:, at - 1] if at else 0
                 at += 1
             else:
                 self._learn(payloads.message(at))
@@ -127,12 +141,9 @@ class JsonDecoder:
             at = self._walk(payloads, status, at)
 
     def _walk(self, payloads: Payloads, status: npt.NDArray[np.uint8], begin: int) -> int:
-        slots = self._slots
-        key = (len(slots), self._capacity, self._batch[1])
-        if key != self._places_key:
-            self._places = np.array([slot.addresses() for slot in slots], np.int64).reshape(-1, 4).T.copy()
-            self._places_key = key
-        places = self._places
+        places = np.concatenate([room.addresses for room in self._rooms], axis=1)
+        n_slots = len(self._slots)
+        cursors = [room.cursors[:, begin - 1] for room in self._rooms] if begin else [np.zeros(n_slots, np.int64)]
         return kernel.walk(
             payloads.data,
             payloads.starts,
@@ -142,8 +153,8 @@ class JsonDecoder:
             places[1],
             places[2],
             places[3],
-            np.array([slot.cursors[begin - 1] if begin else 0 for slot in slots], np.int64),
-            np.array([slot.cursors.__array_interface__["data"][0] for slot in slots], np.int64),
+            np.concatenate(cursors),
+            places[4],
             self._tree.learns,
             begin,
             self._n,
@@ -156,12 +167,10 @@ class JsonDecoder:
             value = json.loads(message)
         except (ValueError, RecursionError):
             value = None
-        before = len(self._tree.paths)
         self._tree.learn(value, self._tree.root)
-        for _ in range(before, len(self._tree.paths)):
-            slot = JsonSlot(self._n)
-            self._begin(slot, np.zeros(self._batch[0], np.int64))
-            self._slots.append(slot)
+        if len(self._tree.paths) > len(self._slots):
+            self._add_room()
+            self._rooms[-1].begin(self._capacity, *self._batch)
         self._tables = self._tree.tables()
 
     def _decide(self, message: bytes, row: int, status: int, instead: list[dict[int, Elements]]) -> bool:
@@ -200,7 +209,7 @@ class JsonDecoder:
                 self._put(inner, key, row, instead, in_array=in_array)
 
     def _put(self, value: object, key: Key, row: int, instead: list[dict[int, Elements]], *, in_array: bool) -> None:
-        slot = self._slots[key.slot] if key.slot >= 0 else None
+        slot = self._slot(key.slot) if key.slot >= 0 else None
         if isinstance(value, dict):
             if key.below is not None:
                 self._put_object(value, key.below, row, instead, in_array=in_array)
@@ -209,7 +218,7 @@ class JsonDecoder:
             for each in value:
                 self._put(each, key, row, instead, in_array=True)
             if slot is not None and not in_array and _n_elements(instead, key.slot, row) > before:
-                slot.tags.array[self._n + row] = ARRAY
+                slot.tags[self._n + row] = ARRAY
         elif slot is None:
             return
         elif in_array:
@@ -220,7 +229,7 @@ class JsonDecoder:
         elif isinstance(value, str):
             slot.put_string(self._n + row, value)
         else:
-            slot.tags.array[self._n + row], slot.values.array[self._n + row] = scalar(value)
+            slot.tags[self._n + row], slot.values[self._n + row] = scalar(value)
 
 
 def _n_elements(instead: list[dict[int, Elements]], slot: int, row: int) -> int:

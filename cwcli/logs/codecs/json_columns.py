@@ -13,18 +13,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels.message_scan import intern_spans
-from cwcli.logs.codecs.slots import FixedSlot, Payloads, as_matrix, first_seen, merge_equal, take_ragged
+from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen, merge_equal, take_ragged
 from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
 
 ABSENT, NULL, BOOL, INT, FLOAT, STRING, ARRAY, ESCAPED, CODED = range(9)
 MAX_INT = (1 << 63) - 1
 TagArray = npt.NDArray[np.uint8]
-NO_TAGS, NO_VALUES = np.zeros(0, np.uint8), np.zeros(0, np.int64)
+MAX_PIECE_BYTES = 64 << 20
 Elements = tuple[list[int], list[int]]
 """Tags and values of the elements of one message."""
 
@@ -44,18 +45,83 @@ def scalar(value: object) -> tuple[int, int]:
     return FLOAT, int(np.array(number, np.float64).view(np.int64))
 
 
-class JsonSlot:
-    """The values of one leaf, message by message.
+class Room:
+    """Where the kernel writes the values of some leaves, one row a leaf: most of the names that a signal may have are
+    in no message of a file, and cost next to nothing.
 
     Attributes:
-        tags, values: One row a message; see `cwcli.kernels.json_walk`. The value of a string is its code.
-        element_tags, element_values, cursors: The kernel's buffers for elements of arrays, in the current batch.
+        tags, values: Shape (leaves, capacity), a column a message; see `cwcli.kernels.json_walk`. New columns are zero.
+        element_tags, element_values: Of each leaf: the kernel's buffer for elements of arrays, in the current batch.
+        cursors: Shape (leaves, n): elements of the batch up to each of its messages.
+        addresses: Of tags, values, the elements' tags and values, and cursors; shape (5, leaves).
     """
 
-    def __init__(self, n_earlier: int) -> None:
-        self.tags = FixedSlot(np.uint8)
-        self.values = FixedSlot(np.int64)
-        self.element_tags, self.element_values, self.cursors = NO_TAGS, NO_VALUES, NO_VALUES
+    def __init__(self, n_leaves: int) -> None:
+        self.tags = np.zeros((n_leaves, 0), np.uint8)
+        self.values = np.zeros((n_leaves, 0), np.int64)
+        self.element_tags: list[TagArray] = []
+        self.element_values: list[Int64Array] = []
+        self.cursors = np.zeros((n_leaves, 0), np.int64)
+        self.addresses = np.zeros((5, n_leaves), np.int64)
+        self._n_elements = 0
+
+    def __len__(self) -> int:
+        return len(self.tags)
+
+    def begin(self, capacity: int, n_messages: int, n_elements: int) -> None:
+        """Before a batch: make room for messages in all, for those of the batch, and for the batch's elements."""
+        n_earlier = self.tags.shape[1]
+        if n_earlier < capacity:
+            tags, values = np.zeros((len(self), capacity), np.uint8), np.zeros((len(self), capacity), np.int64)
+            tags[:, :n_earlier], values[:, :n_earlier] = self.tags, self.values
+            self.tags, self.values = tags, values
+        self.cursors = np.zeros((len(self), n_messages), np.int64)
+        if self._n_elements < n_elements:
+            self._n_elements = n_elements
+            self.element_tags = _buffers(len(self), n_elements, np.uint8)
+            self.element_values = _buffers(len(self), n_elements, np.int64)
+
+        self.addresses = self._addresses()
+
+    def _addresses(self) -> Int64Array:
+        return np.array(
+            [
+                _row_addresses(self.tags),
+                _row_addresses(self.values),
+                [_address(each) for each in self.element_tags],
+                [_address(each) for each in self.element_values],
+                _row_addresses(self.cursors),
+            ],
+            np.int64,
+        ).reshape(5, len(self))
+
+
+def _buffers(n: int, size: int, dtype: npt.DTypeLike) -> list[npt.NDArray[Any]]:
+    """Room for elements costs nothing until it is written to; but of one piece it must fit the memory."""
+    if n * size * np.dtype(dtype).itemsize <= MAX_PIECE_BYTES:
+        return list(np.empty((n, size), dtype))
+    return [np.empty(size, dtype) for _ in range(n)]
+
+
+def _address(array: npt.NDArray[np.generic]) -> int:
+    address: int = array.__array_interface__["data"][0]
+    return address
+
+
+def _row_addresses(matrix: npt.NDArray[np.generic]) -> Int64Array:
+    return _address(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
+
+
+class JsonSlot:
+    """The values of one leaf, message by message, from the first batch on that has one.
+
+    Args:
+        room, leaf: Where the kernel writes them. The value of a string is its code.
+        n_earlier: Messages before that batch.
+    """
+
+    def __init__(self, room: Room, leaf: int, n_earlier: int) -> None:
+        self._room, self._leaf = room, leaf
         self._counts = [np.zeros(n_earlier, np.int64)] if n_earlier else []
         self._is_seen = False
         self._element_tags: list[TagArray] = []
@@ -63,18 +129,17 @@ class JsonSlot:
         self._known: dict[bytes, int] = {}
         self._strings: list[bytes] = []
 
-    def begin(self, cursors: Int64Array, n_elements: int) -> None:
-        """Before a batch: where the cursors go, and room for elements. Room costs nothing until it is written to."""
-        self.cursors = cursors
-        if len(self.element_tags) < n_elements:
-            self.element_tags = np.empty(n_elements, np.uint8)
-            self.element_values = np.empty(n_elements, np.int64)
+    @property
+    def tags(self) -> TagArray:
+        """One row a message."""
+        tags: TagArray = self._room.tags[self._leaf]
+        return tags
 
-    def addresses(self) -> tuple[int, int, int, int]:
-        """Of tags, values, and the elements' tags and values."""
-        arrays = (self.tags.array, self.values.array, self.element_tags, self.element_values)
-        tags, values, element_tags, element_values = (each.__array_interface__["data"][0] for each in arrays)
-        return tags, values, element_tags, element_values
+    @property
+    def values(self) -> Int64Array:
+        """One row a message."""
+        values: Int64Array = self._room.values[self._leaf]
+        return values
 
     def end(
         self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements], used: int, no_counts: Int64Array
@@ -91,14 +156,15 @@ class JsonSlot:
             self._keep_elements(used, instead)
         else:  # most names that a role may have are in no message of the file
             self._counts.append(no_counts)
-        largest = self.tags.array[first_row : first_row + len(payloads)].max()
+        largest = self.tags[first_row : first_row + len(payloads)].max()
         self._is_seen = self._is_seen or bool(largest or used or instead)
         if largest >= STRING:
             self._code_strings(payloads, first_row)
 
     def _keep_elements(self, used: int, instead: Mapping[int, Elements]) -> None:
-        counts = np.diff(self.cursors, prepend=0)
-        tags, values = self.element_tags[:used].copy(), self.element_values[:used].copy()
+        counts = np.diff(self._room.cursors[self._leaf], prepend=0)
+        tags = self._room.element_tags[self._leaf][:used].copy()
+        values = self._room.element_values[self._leaf][:used].copy()
         rows = sorted(row for row, (inner, _) in instead.items() if inner)
         if rows:
             sizes = [len(instead[row][0]) for row in rows]
@@ -116,13 +182,13 @@ class JsonSlot:
         code = self._known.setdefault(octets, len(self._strings))
         if code == len(self._strings):
             self._strings.append(octets)
-        self.tags.array[row], self.values.array[row] = CODED, code
+        self.tags[row], self.values[row] = CODED, code
 
     def take_places(self, payloads: Payloads, first_row: int) -> list[bytes | memoryview]:
         """The strings of the batch as they stand in the messages; they are not kept."""
         whole = payloads.data.data
         n = len(payloads)
-        tags, values = self.tags.array[first_row : first_row + n], self.values.array[first_row : first_row + n]
+        tags, values = self.tags[first_row : first_row + n], self.values[first_row : first_row + n]
         found: list[bytes | memoryview] = []
         for start, tag, value in zip(payloads.starts.tolist(), tags.tolist(), values.tolist(), strict=True):
             if tag == CODED:
@@ -142,7 +208,7 @@ class JsonSlot:
         """The column for the given messages, or None if the leaf is in none of them."""
         if not self._is_seen:
             return None
-        tags, values = self.tags.array[rows], self.values.array[rows]
+        tags, values = self.tags[rows], self.values[rows]
         counts = np.concatenate([np.zeros(0, np.int64), *self._counts])
         offsets = np.concatenate([[0], np.cumsum(counts)])
         if counts[rows].any():
@@ -169,8 +235,8 @@ class JsonSlot:
     def _code_strings(self, payloads: Payloads, first_row: int) -> None:
         """Turn places in the messages into codes."""
         n, data, starts = len(payloads), payloads.data, payloads.starts
-        tags = self.tags.array[first_row : first_row + n]
-        values = self.values.array[first_row : first_row + n]
+        tags = self.tags[first_row : first_row + n]
+        values = self.values[first_row : first_row + n]
         for row in np.flatnonzero(tags == ESCAPED).tolist():
             begin = int(starts[row]) + (int(values[row]) >> 32)
             text = data[begin : begin + (int(values[row]) & 0xFFFFFFFF)].tobytes()
