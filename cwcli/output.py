@@ -6,6 +6,7 @@ and renamed. A killed run never leaves one under the target's name. Devices and 
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import sys
@@ -18,6 +19,7 @@ from cwcli.output_stream import Bytes, Output, medium
 from cwcli.temporary import TemporaryFile
 
 STDOUT = "-"
+NO_FILE = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)
 
 
 def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Path] = ()) -> None:
@@ -34,29 +36,47 @@ def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Pa
     """
     if str(target) == STDOUT:
         _stdout_descriptor()
-        return
+    else:
+        _checked_path(target, force=force, inputs=inputs)
+
+
+def _checked_path(target: str | Path, *, force: bool, inputs: Sequence[Path]) -> tuple[Path, bool]:
+    """A target's real path, and whether it is a device, a pipe or a socket; raises as `check_target`."""
     name = str(target)
     try:
         with medium(name):
-            _check_file(_real_path(target), name, force, inputs)
+            path = Path(os.path.realpath(target))
+            return path, _check_file(path, name, force, inputs)
     except ValueError as error:  # a zero byte in the name
         raise OutputError(str(error), where=name) from error
 
 
-def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> None:
+def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> bool:
+    mode = _mode(path)
     for each in inputs:
-        if path.exists() and each.exists() and path.samefile(each):
+        if mode is not None and each.exists() and path.samefile(each):
             raise OutputError("the output is the input itself", where=name, hint="name another file with -o")
-    if path.is_dir() or name.endswith(os.sep):
+    if (mode is not None and stat.S_ISDIR(mode)) or name.endswith(os.sep):
         raise OutputError("the output is a directory", where=name, hint="name a file with -o")
-    if _is_special(path):
-        return
+    if mode is not None and not stat.S_ISREG(mode):
+        return True
     if not path.parent.is_dir():
         raise OutputError(f"the folder {Path(name).parent} does not exist", where=name, hint="create it first")
-    if path.exists() and not force:
+    if mode is not None and not force:
         raise OutputError("the file exists", where=name, hint="name another file, or overwrite it with --force")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise OutputError(f"the folder {Path(name).parent} is not writable", where=name)
+    return False
+
+
+def _mode(path: Path) -> int | None:
+    """The file's mode, None if there is no such file."""
+    try:
+        return path.stat().st_mode
+    except OSError as error:
+        if error.errno in NO_FILE:
+            return None
+        raise
 
 
 class Together:
@@ -124,14 +144,13 @@ def open_output(
         OutputError, UsageError: As in `check_target`, or the medium fails (no space, input/output error).
         BrokenPipeError: Nobody reads standard output any more.
     """
-    check_target(target, force=force, inputs=inputs)
     if str(target) == STDOUT:
         output = Output(_stdout_descriptor(), "<stdout>")
         yield output
         output.flush()
         return
-    path = _real_path(target)
-    if _is_special(path):
+    path, is_special = _checked_path(target, force=force, inputs=inputs)
+    if is_special:  # a device, a pipe or a socket can't be replaced by a file
         with _open_special(path, str(target)) as output:
             yield output
         return
@@ -189,19 +208,6 @@ def write_file(
     """
     with open_output(target, force=force, inputs=inputs, durable=durable, together=together) as output:
         output.write(data)
-
-
-def _real_path(target: str | Path) -> Path:
-    return Path(os.path.realpath(target))
-
-
-def _is_special(path: Path) -> bool:
-    """A device, a pipe or a socket: something that can't be replaced by a file."""
-    try:
-        mode = path.stat().st_mode
-    except OSError:
-        return False
-    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
 def _stdout_descriptor() -> int:

@@ -24,3 +24,11 @@ def follow(
     miss_share: float,
     log_scale: npt.NDArray[np.float64],
 ) -> None: ...
+def on_track(
+    at_ns: npt.NDArray[np.int64],
+    stamp_ns: npt.NDArray[np.int64],
+    xy: npt.NDArray[np.float64],
+    max_gap_ns: float,
+    found: npt.NDArray[np.float64],
+    is_known: npt.NDArray[np.uint8],
+) -> None: ...

@@ -6,6 +6,8 @@ NumPy's `cumsum` adds them. `cwcli.prediction.calibrate` says how the record cou
 tests/unit/prediction/naive_paths.py and give the same bits.
 """
 
+from libc.math cimport NAN, isfinite
+
 cdef enum:
     X = 0
     Y = 1
@@ -137,3 +139,42 @@ def follow(const double[:, ::1] log_excess, const unsigned char[:, ::1] is_known
                         now = min(max(now, -bound), bound)
                     seen += 1
                 log_scale[one, i] = now
+
+
+def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const double[:, :] xy, double max_gap_ns,
+             double[:, :, ::1] found, unsigned char[:, ::1] is_known):
+    """Where a track is at given times, linear between its points.
+
+    Args:
+        at_ns: (n, h).
+        stamp_ns, xy: (m,) strictly increasing, and (m, 2); m is 2 at least.
+        max_gap_ns: Between points farther apart nothing is interpolated.
+        found: (n, h, 2): overwritten with the positions, NaN where unknown.
+        is_known: (n, h): overwritten.
+    """
+    cdef Py_ssize_t m = stamp_ns.shape[0], i, k, low, high, middle
+    cdef long long now, gap
+    cdef double share, x, y
+    with nogil:
+        for i in range(at_ns.shape[0]):
+            for k in range(at_ns.shape[1]):
+                now = at_ns[i, k]
+                low, high = 0, m - 1  # the point behind is the first one not before `now`, and not the very first
+                while high - low > 1:
+                    middle = (low + high) >> 1
+                    if stamp_ns[middle] < now:
+                        low = middle
+                    else:
+                        high = middle
+                found[i, k, 0] = found[i, k, 1] = NAN
+                is_known[i, k] = 0
+                gap = stamp_ns[high] - stamp_ns[low]
+                if now != stamp_ns[high] and now != stamp_ns[low]:  # on a point nothing is interpolated
+                    if now < stamp_ns[0] or now > stamp_ns[m - 1] or gap > max_gap_ns:
+                        continue
+                share = <double>(now - stamp_ns[low]) / <double>(gap if gap > 1 else 1)
+                x = xy[low, 0] + share * (xy[high, 0] - xy[low, 0])
+                y = xy[low, 1] + share * (xy[high, 1] - xy[low, 1])
+                if isfinite(x) and isfinite(y):
+                    found[i, k, 0], found[i, k, 1] = x, y
+                    is_known[i, k] = 1

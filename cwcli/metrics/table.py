@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +66,9 @@ class ColumnDoc:
     unit: str = ""
     frame: str = ""
     doc: str = ""
+
+
+NO_DOC = ColumnDoc()
 
 
 @dataclass(frozen=True)
@@ -180,13 +184,17 @@ def arrow_table(table: Table) -> pa.Table:
     import pyarrow as pa
 
     arrays = {name: _arrow_array(column) for name, column in table.columns.items()}
-    fields = []
-    for name, array in arrays.items():
-        about = table.docs.get(name, ColumnDoc())
-        meaning = {"unit": about.unit or unit_of(name), "frame": about.frame, "doc": about.doc}
-        fields.append(pa.field(name, array.type, metadata={key: text for key, text in meaning.items() if text}))
+    fields = [_arrow_field(name, array.type, table.docs.get(name, NO_DOC)) for name, array in arrays.items()]
     metadata = {"name": table.name, **table.metadata}
     return pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields, metadata=metadata))
+
+
+@lru_cache(maxsize=1024)
+def _arrow_field(name: str, kind: pa.DataType, about: ColumnDoc) -> pa.Field:
+    import pyarrow as pa
+
+    meaning = {"unit": about.unit or unit_of(name), "frame": about.frame, "doc": about.doc}
+    return pa.field(name, kind, metadata={key: text for key, text in meaning.items() if text})
 
 
 def _arrow_array(column: TableColumn) -> pa.Array:

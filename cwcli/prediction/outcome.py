@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import paths as kernel
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -124,19 +125,11 @@ def tiled(actual: Actual, sets: int) -> Actual:
 def _on_track(
     at_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
 ) -> tuple[FloatArray, BoolArray]:
-    """Track position at the given times, shape (..., 2), NaN where unknown; and where it is known."""
+    """Track position at the given times (n, h), shape (n, h, 2), NaN where unknown; and where it is known."""
     position = np.full((*at_ns.shape, 2), np.nan)
     known = np.zeros(at_ns.shape, dtype=bool)
-    if len(stamp_ns) < 2:
-        return position, known
-    after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, len(stamp_ns) - 1)
-    gap_ns = stamp_ns[after] - stamp_ns[after - 1]
-    known = (at_ns >= stamp_ns[0]) & (at_ns <= stamp_ns[-1]) & (gap_ns <= max_gap_s * NS_PER_S)
-    known |= (at_ns == stamp_ns[after]) | (at_ns == stamp_ns[after - 1])  # on a point nothing is interpolated
-    share = ((at_ns - stamp_ns[after - 1]) / np.maximum(gap_ns, 1))[..., None]
-    found = xy[after - 1] + share * (xy[after] - xy[after - 1])
-    known &= np.isfinite(found).all(axis=-1)
-    position[known] = found[known]
+    if len(stamp_ns) >= 2:
+        kernel.on_track(at_ns, stamp_ns, xy, max_gap_s * NS_PER_S, position, known.view(np.uint8))
     return position, known
 
 

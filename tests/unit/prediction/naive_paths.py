@@ -67,3 +67,19 @@ def follow(
             seen += 1
         log_scale.append(current)
     return np.array(log_scale)
+
+
+def on_track(
+    at_ns: npt.NDArray[np.int64], stamp_ns: npt.NDArray[np.int64], xy: FloatArray, max_gap_ns: float
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Track position at the given times, shape (..., 2), NaN where unknown; and where it is known."""
+    position = np.full((*at_ns.shape, 2), np.nan)
+    after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, len(stamp_ns) - 1)
+    gap_ns = stamp_ns[after] - stamp_ns[after - 1]
+    known = (at_ns >= stamp_ns[0]) & (at_ns <= stamp_ns[-1]) & (gap_ns <= max_gap_ns)
+    known |= (at_ns == stamp_ns[after]) | (at_ns == stamp_ns[after - 1])
+    share = ((at_ns - stamp_ns[after - 1]) / np.maximum(gap_ns, 1))[..., None]
+    found = xy[after - 1] + share * (xy[after] - xy[after - 1])
+    known &= np.isfinite(found).all(axis=-1)
+    position[known] = found[known]
+    return position, known

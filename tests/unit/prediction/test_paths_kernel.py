@@ -49,3 +49,17 @@ def test_follow() -> None:
         )
         assert found[k].tobytes() == expected.tobytes()
     assert found[0].max() == 1.5
+
+
+@pytest.mark.parametrize("n_points", [2, 3, 50])
+def test_on_track(n_points: int) -> None:
+    rng = np.random.default_rng(n_points)
+    stamp_ns = np.cumsum(rng.integers(1, 8, n_points)) * 100_000_000
+    state = rng.normal(size=(n_points, 8))
+    state[n_points // 2, 1] = np.nan
+    at_ns = rng.integers(-3, int(stamp_ns[-1]) // 50_000_000 + 3, (40, 6)) * 50_000_000  # on points and between them
+    found, is_known = np.empty((40, 6, 2)), np.empty((40, 6), bool)
+    kernel.on_track(at_ns, stamp_ns, state[:, :2], 4e8, found, is_known.view(np.uint8))
+    position, known = naive_paths.on_track(at_ns, stamp_ns, state[:, :2], 4e8)
+    assert found.tobytes() == position.tobytes()
+    assert is_known.tolist() == known.tolist()
