@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH
@@ -27,8 +28,6 @@ BESIDE_OFFSETS = np.asarray(_OFFSETS[np.abs(np.abs(_OFFSETS) % 1.0 - 0.5) > 0.1]
 
 def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
     """Shape (2,): how much of each boundary shows paint, 0 to 1, by stretches of the image's height."""
-    from cwcli.kernels import lane_ridge
-
     made = np.empty(2)
     segment = len(evidence.rows) // N_SEGMENTS
     lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.min_h, HALF * segment, segment, made)
@@ -37,8 +36,6 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
 
 def crowd(evidence: Evidence, lane: FloatArray) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a stripe, 0 to 1."""
-    from cwcli.kernels import lane_ridge
-
     values = np.empty((len(BESIDE_OFFSETS), len(evidence.rows)))
     places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
     lane_ridge.along(evidence.sharp, evidence.rows, lane, places, evidence.min_h, values)

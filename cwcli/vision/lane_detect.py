@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
 from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, SIGMA, VANISHING, WIDTH, LanePrior
@@ -73,8 +74,6 @@ def rows_of(top_px: float, height_px: int) -> Int32Array:
 
 def evidence_of(grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float) -> Evidence:
     """Stripes of the frame for a horizon."""
-    from cwcli.kernels import lane_stripes
-
     height, width = grey.shape
     evidence = np.empty((3, len(rows), width), np.float32)
     window, rest = STRIPE[:3], STRIPE[3:]
@@ -90,8 +89,6 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
     Returns:
         Lanes, shape (n, 5), and their objective, shape (n,), best first.
     """
-    from cwcli.kernels import lane_ridge
-
     table = prior.table
     step = width_px / 160.0
     reach = min(2.5 * table[VANISHING, SIGMA], 0.2 * width_px)
@@ -153,8 +150,6 @@ def refined(
         scale: Of the first steps.
         beside: Weight of the neighbouring lanes' boundaries.
     """
-    from cwcli.kernels import lane_ridge
-
     width_px, height_px = size
     made = np.array(lanes, np.float64, ndmin=2)
     value = np.empty(len(made))
@@ -184,8 +179,6 @@ def refined(
 
 def judged(evidence: Evidence, lanes: FloatArray, prior: LanePrior) -> FloatArray:
     """Objective of lanes, the neighbouring lanes' boundaries included."""
-    from cwcli.kernels import lane_ridge
-
     value = np.empty(len(lanes))
     lane_ridge.objective(
         evidence.sharp,
@@ -280,8 +273,6 @@ def glance(evidence: Evidence, prior: LanePrior, size: tuple[int, int]) -> tuple
 
 def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:
     """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
-    from cwcli.kernels import lane_ridge
-
     shifts = INNER_SHIFTS * prior.stretch
     made = np.array(lanes)
     for lane in made:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX
@@ -122,8 +123,6 @@ def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
 
     It is fitted at the samples from which `ground` takes the road back.
     """
-    from cwcli.kernels import lane_ridge
-
     made = np.empty((2, 3))
     lane_ridge.parabolas(lane, top_row_px(lane, camera), camera.height_px, camera.width_px, made)
     return made

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import lane_search
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
@@ -57,8 +58,6 @@ def block_responses(grey: GreyImage) -> BlockResponses:
     """
     if grey.shape != (HEIGHT_PX, WIDTH_PX):
         raise ValueError(f"the image has shape {grey.shape} instead of {(HEIGHT_PX, WIDTH_PX)}")
-    from cwcli.kernels import lane_search
-
     left = np.zeros((len(WEIGHTS), N_BLOCKS, WIDTH_PX), np.int16)
     right = np.zeros_like(left)
     lane_search.block_responses(np.ascontiguousarray(grey), nine_times_road_grey(grey), left, right)
@@ -83,8 +82,6 @@ def objective(responses: ResponseArray, parabolas: FloatArray, *, is_left: bool)
     Returns:
         Grey levels, shape (n,), -inf where no block lies on the image; and the numbers of blocks, shape (n,).
     """
-    from cwcli.kernels import lane_search
-
     value, n_blocks = np.empty(len(parabolas)), np.empty(len(parabolas), np.int32)
     lane_search.objective(responses, np.ascontiguousarray(parabolas, np.float64), is_left, value, n_blocks)
     value[n_blocks == 0] = -np.inf

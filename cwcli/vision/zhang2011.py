@@ -10,6 +10,7 @@ from math import nan
 
 import numpy as np
 
+from cwcli.kernels import lane_search
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame
@@ -72,8 +73,6 @@ def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, i
         low, high: Shape (3,): the region.
         bits: Their lengths.
     """
-    from cwcli.kernels import lane_search
-
     made = np.empty(3)
     lane_search.decode_code(int(code, 2), low, high, np.array(bits, np.int32), _POWERS, made)
     return float(made[0]), float(made[1]), float(made[2])
@@ -81,8 +80,6 @@ def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, i
 
 def crossover(first: str, second: str, points: tuple[int, int, int]) -> tuple[str, str]:
     """Two chromosomes after an exchange of the second and fourth of the segments that three points cut."""
-    from cwcli.kernels import lane_search
-
     n = len(first)
     differing = (int(first, 2) ^ int(second, 2)) & lane_search.crossover_mask(*points, n)
     return f"{int(first, 2) ^ differing:0{n}b}", f"{int(second, 2) ^ differing:0{n}b}"
@@ -90,8 +87,6 @@ def crossover(first: str, second: str, points: tuple[int, int, int]) -> tuple[st
 
 def mutate(code: str, place: int) -> str:
     """A chromosome with the bit at `place` (from 0 at the left) changed."""
-    from cwcli.kernels import lane_search
-
     return f"{int(code, 2) ^ lane_search.mutation_mask(place, len(code)):0{len(code)}b}"
 
 
@@ -113,8 +108,6 @@ def search_boundary(
         is_left: Which side.
         seed, stream: Of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
     """
-    from cwcli.kernels import lane_search
-
     if phase.reach is None:
         region = np.array(FIRST_LEFT if is_left else FIRST_RIGHT)
         low, high = np.ascontiguousarray(region[:, 0]), np.ascontiguousarray(region[:, 1])
