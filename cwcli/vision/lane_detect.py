@@ -36,6 +36,9 @@ PLACE_STEP = 0.06
 MAX_PLACES = 400
 """To each side: a camera less than 0.4 m above the road sees a lane of very many of its heights."""
 N_KEPT = 12
+SAME_PLACE = 0.15
+"""Over the camera's height: lanes whose boundaries lie nearer are one lane."""
+SAME_HORIZON_PX = 1.0
 INNER_SHIFTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
 """Over the camera's height: where the inner stripe of a double marking may be."""
 INNER_SHARE = 0.5
@@ -196,20 +199,23 @@ def judged(evidence: Evidence, lanes: FloatArray, prior: LanePrior) -> FloatArra
     return value
 
 
-def distinct(lanes: FloatArray, n: int, apart: float = 0.15) -> FloatArray:
-    """Up to n of the lanes, in their order, whose boundaries differ from those taken before."""
+def distinct(lanes: FloatArray, n: int) -> FloatArray:
+    """Up to n of the lanes, in their order, that are none of those taken before (`is_same`)."""
     taken: list[FloatArray] = []
     for lane in lanes:
-        sides = lane[MIDDLE] + np.array([-0.5, 0.5]) * lane[WIDTH]
-        if all(
-            np.abs(sides - (other[MIDDLE] + np.array([-0.5, 0.5]) * other[WIDTH])).max() > apart
-            or abs(lane[HORIZON] - other[HORIZON]) > 1.0
-            for other in taken
-        ):
+        if not any(is_same(lane, other) for other in taken):
             taken.append(lane)
             if len(taken) == n:
                 break
     return np.array(taken)
+
+
+def is_same(lane: FloatArray, other: FloatArray) -> bool:
+    """Whether neither boundary of two lanes differs by more than `SAME_PLACE`, nor their horizon by a row."""
+    _, middle, width, _, horizon = lane.tolist()
+    _, other_middle, other_width, _, other_horizon = other.tolist()
+    apart = abs(middle - other_middle) + 0.5 * abs(width - other_width)  # of the boundary that differs more
+    return bool(apart <= SAME_PLACE and abs(horizon - other_horizon) <= SAME_HORIZON_PX)
 
 
 def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:

@@ -21,9 +21,9 @@ from cwcli.vision.lane_detect import (
     MIN_DEPTH,
     Evidence,
     acquire,
-    distinct,
     evidence_of,
     glance,
+    is_same,
     judged,
     refined,
     rows_of,
@@ -126,13 +126,15 @@ class LaneTracker:
         rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
         evidence = evidence_of(grey, rows, float(lead[HORIZON]), self._prior.stretch)
         self._evidence = evidence
-        made = []
+        made: list[Hypothesis] = []
         for hypothesis in self._hypotheses:
             lane = predicted(hypothesis.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
             prior = replace(self._prior, table=narrowed(self._prior.table, lane, camera, dt_s))
             lane = np.clip(lane, prior.table[:, LOW], prior.table[:, HIGH])
             lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=1.0, beside=0.0)
             lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5, beside=0.0)
+            if any(is_same(lanes[0], other.lane) for other in made):
+                continue
             last = float(judged(evidence, lanes, self._prior)[0])
             made.append(Hypothesis(lanes[0], MEMORY * hypothesis.value + (1.0 - MEMORY) * last, last))
         if self._n_frames % RESCAN_FRAMES == 0:
@@ -146,11 +148,10 @@ class LaneTracker:
         table[[VANISHING, BEND], MEAN] = followed[0].lane[[VANISHING, BEND]]
         table[[VANISHING, BEND], SIGMA] *= GLANCE_SHARE
         lanes, values = glance(evidence, replace(self._prior, table=table), (camera.width_px, camera.height_px))
-        known = np.array([each.lane for each in followed])
         return [
             Hypothesis(lane, float(value), float(value))
             for lane, value in zip(lanes, values, strict=True)
-            if len(distinct(np.vstack([known, lane]), len(known) + 1)) > len(distinct(known, len(known)))
+            if not any(is_same(lane, each.lane) for each in followed)
         ]
 
     def _found_afresh(self, grey: GreyImage, camera: Camera) -> list[Hypothesis]:
