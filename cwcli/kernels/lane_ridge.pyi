@@ -82,6 +82,11 @@ def refine(
 def along(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float, values: _F) -> None:
     """Evidence in each row along the lines at `places` (k,), into `values` (k, n); -1 outside the image or the road."""
 
+def crowd(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float) -> float:
+    """Share of the samples along the lines at `places` (k,), one in each row, whose evidence is above zero; 0 if there
+    are none in the image and at least min_h below the horizon.
+    """
+
 def supports(evidence: _E, rows: _I, lane: _F, min_h: float, half: float, segment: int, value: _F) -> None:
     """How much of each boundary of a lane shows paint, 0 to 1, into `value` (2,).
 

@@ -12,7 +12,7 @@ NumPy twin is in tests/unit/vision/naive_ridge.py.
 from libc.math cimport NAN, fabs
 from libc.stdlib cimport free, malloc
 
-from cwcli.kernels.lane_objective cimport BEND_TAIL, N, at, judge, natural
+from cwcli.kernels.lane_objective cimport BEND_TAIL, Line, N, at, judge, natural, place_line
 
 cdef enum:
     SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_SAMPLES
@@ -225,6 +225,36 @@ def along(
                 x = base + places[p] * h
                 if 0.0 <= x <= width - 1.0:
                     values[p, r] = at(&evidence[r, 0], width, x)
+
+
+def crowd(
+    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h
+):
+    """Share of the pixels along lines at the given places that look like a stripe (see the stub)."""
+    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, p, start = 0, n_seen = 0, n_striped = 0
+    cdef const float* pixel
+    cdef Line line
+    cdef double* h = <double*>malloc(3 * (n + 1) * sizeof(double))
+    if not h:
+        raise MemoryError
+    cdef double* base = h + n
+    line.column = <int*>(base + n)
+    line.part = <float*>(line.column + n)
+    with nogil:
+        while start < n and not rows[start] - lane[4] >= min_h:
+            start += 1
+        for r in range(start, n):
+            h[r] = rows[r] - lane[4]
+            base[r] = lane[0] + lane[3] / h[r]
+        for p in range(places.shape[0]):
+            place_line(h, base, places[p], start, n, line)
+            for r in range(start, n):
+                if <unsigned int>line.column[r] < <unsigned int>(width - 1):
+                    pixel = &evidence[r, 0] + line.column[r]
+                    n_seen += 1
+                    n_striped += pixel[0] > 0.0 or (pixel[1] > 0.0 and line.part[r] > 0.0)
+    free(h)
+    return <double>n_striped / n_seen if n_seen else 0.0
 
 
 def supports(

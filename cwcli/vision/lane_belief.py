@@ -36,11 +36,8 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
 
 def crowd(evidence: Evidence, lane: FloatArray) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a stripe, 0 to 1."""
-    values = np.empty((len(BESIDE_OFFSETS), len(evidence.rows)))
     places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
-    lane_ridge.along(evidence.sharp, evidence.rows, lane, places, evidence.min_h, values)
-    n_seen = np.count_nonzero(values >= 0.0)
-    return float(np.count_nonzero(values > 0.0) / n_seen) if n_seen else 0.0
+    return float(lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h))
 
 
 def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
