@@ -1,8 +1,11 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the kernel `lane_ridge`: the objective of a lane of five numbers."""
 
+from libc.math cimport NAN
+
 cdef enum:
     N = 5
+    SCRATCH = 3  # numbers of eight bytes a row
     BEND_TAIL = 9  # squared sigmas: most roads are straight, and some bend, so the prior of the bend has heavy tails
 
 
@@ -40,18 +43,51 @@ cdef struct Line:
     float* part
 
 
-cdef inline void place_line(
-    const double* h, const double* base, double place, Py_ssize_t start, Py_ssize_t n, Line line
-) noexcept nogil:
+cdef struct Scratch:
+    # room for some numbers a row; h and inverse depend on the horizon alone
+    double horizon
+    Py_ssize_t start  # first row that is judged
+    float* h
+    float* inverse
+    float* base
+    Line line
+
+
+cdef inline Scratch scratch_of(double* room, Py_ssize_t n) noexcept nogil:
+    """`room` holds `SCRATCH` numbers a row."""
+    cdef Scratch made
+    made.horizon = NAN
+    made.start = 0
+    made.h = <float*>room
+    made.inverse = made.h + n
+    made.base = made.inverse + n
+    made.line.part = made.base + n
+    made.line.column = <int*>(made.line.part + n)
+    return made
+
+
+cdef inline void set_horizon(Scratch* scratch, const int[::1] rows, double horizon, double min_h) noexcept nogil:
+    cdef Py_ssize_t n = rows.shape[0], r = 0
+    scratch.horizon = horizon
+    while r < n and not rows[r] - horizon >= min_h:
+        r += 1
+    scratch.start = r
+    for r in range(scratch.start, n):
+        scratch.h[r] = <float>(rows[r] - horizon)
+    for r in range(scratch.start, n):
+        scratch.inverse[r] = <float>1.0 / scratch.h[r]
+
+
+cdef inline void place_line(const float* h, const float* base, float place, Py_ssize_t start, Py_ssize_t n, Line line) noexcept nogil:
     """Where a line lies in each row: a pixel, and the part of the way to the next one; vector code."""
     cdef Py_ssize_t r
-    cdef double x
+    cdef float x, one = 1.0
     cdef int column
     for r in range(start, n):
         x = base[r] + place * h[r]
-        column = <int>(x + 1.0) - 1  # below zero for all x below zero
+        column = <int>(x + one) - 1  # below zero for all x below zero
         line.column[r] = column
-        line.part[r] = <float>(x - column)
+        line.part[r] = x - <float>column
 
 
 cdef inline double along_line(
@@ -59,7 +95,7 @@ cdef inline double along_line(
 ) noexcept nogil:
     """The evidence in some rows, linear between pixels."""
     cdef Py_ssize_t r
-    cdef double total = 0.0
+    cdef float total = 0.0
     cdef const float* pixel
     for r in range(start, stop):
         if <unsigned int>line.column[r] < <unsigned int>(width - 1):
@@ -71,14 +107,13 @@ cdef inline double along_line(
 cdef inline double judge(
     const float[:, ::1] evidence, const float[:, ::1] broad, const int[::1] rows, const double* values,
     const double[:, ::1] prior, double weight, double min_h, double beside, double half,
-    int segment, double* scratch
+    int segment, Scratch* scratch
 ) noexcept nogil:
-    """The objective of a lane; `scratch` has room for six numbers a row."""
-    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r = 0, start, stop
-    cdef double total = 0.0, z, penalty = 0.0, left, right
-    cdef double* h = scratch
-    cdef double* base = scratch + n
-    cdef Line lines[4]
+    """The objective of a lane."""
+    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, start, stop
+    cdef double total = 0.0, z, penalty = 0.0, painted
+    cdef const float* table
+    cdef float origin = <float>values[0], bend = <float>values[3]
     cdef int k
     for k in range(N):
         if not (prior[k, 2] <= values[k] <= prior[k, 3]):
@@ -86,28 +121,23 @@ cdef inline double judge(
         z = (values[k] - prior[k, 0]) / prior[k, 1]
         z *= z
         penalty += z / (1.0 + z / <double>BEND_TAIL) if k == 3 else z
-    while r < n and not rows[r] - values[4] >= min_h:
-        r += 1
-    start = r
-    for r in range(start, n):
-        h[r] = rows[r] - values[4]
-        base[r] = values[0] + values[3] / h[r]
+    if scratch.horizon != values[4]:
+        set_horizon(scratch, rows, values[4], min_h)
+    for r in range(scratch.start, n):
+        scratch.base[r] = origin + bend * scratch.inverse[r]
     for k in range(4 if beside > 0.0 else 2):
-        lines[k].column = <int*>(scratch + (2 + k) * n)
-        lines[k].part = <float*>(lines[k].column + n)
         z = (0.5 if k < 2 else 1.5) * values[2]
-        place_line(h, base, values[1] + z if k % 2 else values[1] - z, start, n, lines[k])
-    stop = (start // segment) * segment
-    while stop < n:
-        stop += segment
-        if stop > n:
-            stop = n
-        left = along_line(&evidence[0, 0], width, lines[0], start, stop)
-        right = along_line(&evidence[0, 0], width, lines[1], start, stop)
-        total += left / (left + half) + right / (right + half)
-        if beside > 0.0:
-            left = along_line(&broad[0, 0], width, lines[2], start, stop)
-            right = along_line(&broad[0, 0], width, lines[3], start, stop)
-            total += beside * (left / (left + half) + right / (right + half))
-        start = stop
+        z = values[1] + z if k % 2 else values[1] - z
+        place_line(scratch.h, scratch.base, <float>z, scratch.start, n, scratch.line)
+        table = &evidence[0, 0] if k < 2 else &broad[0, 0]
+        z = 1.0 if k < 2 else beside
+        start = scratch.start
+        stop = (start // segment) * segment
+        while stop < n:
+            stop += segment
+            if stop > n:
+                stop = n
+            painted = along_line(table, width, scratch.line, start, stop)
+            total += z * painted / (painted + half)
+            start = stop
     return total * segment / n - weight * penalty

@@ -12,7 +12,7 @@ NumPy twin is in tests/unit/vision/naive_ridge.py.
 from libc.math cimport NAN, fabs
 from libc.stdlib cimport free, malloc
 
-from cwcli.kernels.lane_objective cimport BEND_TAIL, Line, N, at, judge, natural, place_line
+from cwcli.kernels.lane_objective cimport BEND_TAIL, N, SCRATCH, Scratch, at, judge, natural, place_line, scratch_of, set_horizon
 
 cdef enum:
     SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_SAMPLES
@@ -125,13 +125,14 @@ def objective(
 ):
     """The objective of given lanes (u0, middle, width, k, v0)."""
     cdef Py_ssize_t i
-    cdef double* scratch = <double*>malloc(6 * (rows.shape[0] + 1) * sizeof(double))
-    if not scratch:
+    cdef double* room = <double*>malloc(SCRATCH * (rows.shape[0] + 1) * sizeof(double))
+    if not room:
         raise MemoryError
+    cdef Scratch scratch = scratch_of(room, rows.shape[0])
     with nogil:
         for i in range(lanes.shape[0]):
-            value[i] = judge(evidence, broad, rows, &lanes[i, 0], prior, weight, min_h, beside, half, segment, scratch)
-    free(scratch)
+            value[i] = judge(evidence, broad, rows, &lanes[i, 0], prior, weight, min_h, beside, half, segment, &scratch)
+    free(room)
 
 
 def refine(
@@ -148,9 +149,10 @@ def refine(
     cdef double values[N]
     cdef double step[N]
     cdef double best, found, before, near_h, far_h
-    cdef double* scratch = <double*>malloc(6 * (rows.shape[0] + 1) * sizeof(double))
-    if not scratch:
+    cdef double* room = <double*>malloc(SCRATCH * (rows.shape[0] + 1) * sizeof(double))
+    if not room:
         raise MemoryError
+    cdef Scratch scratch = scratch_of(room, rows.shape[0])
     with nogil:
         for i in range(lanes.shape[0]):
             near_h = near_v - lanes[i, 4]
@@ -165,7 +167,7 @@ def refine(
             code[3] = lanes[i, 3] / far_h
             code[4] = lanes[i, 4]
             natural(code, near_v, far_v, values)
-            best = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, scratch)
+            best = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, &scratch)
             for k in range(N):
                 step[k] = steps[k]
             for level in range(halvings):
@@ -182,7 +184,7 @@ def refine(
                             trial[k] += step[k] if sign == 0 else -step[k]
                             natural(trial, near_v, far_v, values)
                             found = judge(
-                                evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, scratch
+                                evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, &scratch
                             )
                             if found > best:
                                 best = found
@@ -193,7 +195,7 @@ def refine(
                     for k in range(N):
                         trial[k] = 2.0 * code[k] - base[k]
                     natural(trial, near_v, far_v, values)
-                    found = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, scratch)
+                    found = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, &scratch)
                     if found > best:
                         best = found
                         for k in range(N):
@@ -204,7 +206,7 @@ def refine(
             for k in range(N):
                 lanes[i, k] = values[k]
             value[i] = best
-    free(scratch)
+    free(room)
 
 
 def along(
@@ -231,29 +233,25 @@ def crowd(
     const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h
 ):
     """Share of the pixels along lines at the given places that look like a stripe (see the stub)."""
-    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, p, start = 0, n_seen = 0, n_striped = 0
+    cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, p, n_seen = 0, n_striped = 0
     cdef const float* pixel
-    cdef Line line
-    cdef double* h = <double*>malloc(3 * (n + 1) * sizeof(double))
-    if not h:
+    cdef double* room = <double*>malloc(SCRATCH * (n + 1) * sizeof(double))
+    if not room:
         raise MemoryError
-    cdef double* base = h + n
-    line.column = <int*>(base + n)
-    line.part = <float*>(line.column + n)
+    cdef Scratch scratch = scratch_of(room, n)
+    cdef float origin = <float>lane[0], bend = <float>lane[3]
     with nogil:
-        while start < n and not rows[start] - lane[4] >= min_h:
-            start += 1
-        for r in range(start, n):
-            h[r] = rows[r] - lane[4]
-            base[r] = lane[0] + lane[3] / h[r]
+        set_horizon(&scratch, rows, lane[4], min_h)
+        for r in range(scratch.start, n):
+            scratch.base[r] = origin + bend * scratch.inverse[r]
         for p in range(places.shape[0]):
-            place_line(h, base, places[p], start, n, line)
-            for r in range(start, n):
-                if <unsigned int>line.column[r] < <unsigned int>(width - 1):
-                    pixel = &evidence[r, 0] + line.column[r]
+            place_line(scratch.h, scratch.base, <float>places[p], scratch.start, n, scratch.line)
+            for r in range(scratch.start, n):
+                if <unsigned int>scratch.line.column[r] < <unsigned int>(width - 1):
+                    pixel = &evidence[r, 0] + scratch.line.column[r]
                     n_seen += 1
-                    n_striped += pixel[0] > 0.0 or (pixel[1] > 0.0 and line.part[r] > 0.0)
-    free(h)
+                    n_striped += pixel[0] > 0.0 or (pixel[1] > 0.0 and scratch.line.part[r] > 0.0)
+    free(room)
     return <double>n_striped / n_seen if n_seen else 0.0
 
 
