@@ -23,6 +23,8 @@ DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def main() -> NoReturn:
     """Run `cwcli` with the process's arguments and leave with its exit code."""
     signal.signal(signal.SIGTERM, _terminate)
+    # NumPy's matrix library otherwise starts a thread per core that spins for 0.1 s, for matrices as small as ours
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(run(sys.argv[1:]))
 
 

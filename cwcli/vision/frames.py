@@ -8,18 +8,17 @@ at the data, so a file of some bytes that declares a gigantic image costs nothin
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 
 from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
+from cwcli.vision.in_order import in_order
 from cwcli.vision.raw_images import Image, RawImageError, raw_colour, raw_grey
 from cwcli.vision.video import VIDEO_FORMATS, decode_video
 
@@ -28,9 +27,9 @@ MAX_PIXELS = 50_000_000
 MAX_SIDES_RATIO = 10
 REDUCTIONS = (8, 4, 2)
 MAX_THREADS = 4
-QUEUED_PER_THREAD = 3
-
-Result = TypeVar("Result")
+MAX_BATCH = 4
+BATCH_BYTES = 400_000
+"""Encoded. Small grey frames are handed to a thread several at a time: handing over costs as much as a search."""
 
 
 class FrameLike(Protocol):
@@ -82,6 +81,14 @@ class DecodedFrame:
 SizeOf = Callable[[int, int], tuple[int, int]]
 
 
+@dataclass(frozen=True)
+class DecodingJob:
+    """What is left to do for a frame, and the bytes that it holds in memory until then."""
+
+    n_bytes: int
+    decode: Callable[[], DecodedFrame]
+
+
 def decode_frames(
     frames: Iterable[FrameLike],
     *,
@@ -96,7 +103,7 @@ def decode_frames(
         frames: Still encoded.
         size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
-        n_threads: Of decoding; None: as many as there are processors, at most `MAX_THREADS`.
+        n_threads: Of decoding, the calling one included; None: as many as there are processors, at most `MAX_THREADS`.
         where: File and topic, for messages.
 
     Raises:
@@ -108,27 +115,46 @@ def decode_frames(
     cv2.setNumThreads(1)  # the threads are ours: one frame each
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # damaged frames are counted, not warned of
 
-    def jobs() -> Iterator[Callable[[], DecodedFrame]]:
-        for job in _decoding_jobs(frames, size_of, where):
-            yield job if prepare is None else partial(_prepared, job, prepare)
+    jobs = _decoding_jobs(frames, size_of, where)
+    batches = (partial(_decode_batch, batch, prepare) for batch in _in_batches(jobs, MAX_BATCH if size_of else 1))
+    for decoded in in_order(batches, n):
+        yield from decoded
 
-    return in_order(jobs(), n)
+
+def _in_batches(jobs: Iterable[DecodingJob], n_most: int) -> Iterator[list[DecodingJob]]:
+    """Some jobs at a time, of `BATCH_BYTES` at most if they are more than one."""
+    batch: list[DecodingJob] = []
+    n_bytes = 0
+    for job in jobs:
+        if batch and (len(batch) == n_most or n_bytes + job.n_bytes > BATCH_BYTES):
+            yield batch
+            batch, n_bytes = [], 0
+        batch.append(job)
+        n_bytes += job.n_bytes
+    if batch:
+        yield batch
 
 
-def _decoding_jobs(
-    frames: Iterable[FrameLike], size_of: SizeOf | None, where: str
-) -> Iterator[Callable[[], DecodedFrame]]:
+def _decode_batch(jobs: list[DecodingJob], prepare: Callable[[DecodedFrame], object] | None) -> list[DecodedFrame]:
+    decoded = [job.decode() for job in jobs]
+    if prepare is None:
+        return decoded
+    return [each if each.image is None else replace(each, prepared=prepare(each)) for each in decoded]
+
+
+def _decoding_jobs(frames: Iterable[FrameLike], size_of: SizeOf | None, where: str) -> Iterator[DecodingJob]:
     """One job a frame. Video is decoded here, in order, because a picture is made from earlier ones."""
     index = 0
     for video_format, group in groupby(frames, key=_video_format):
         if not video_format:
             for frame in group:
-                yield partial(decode_frame, index, frame, size_of)
+                yield DecodingJob(len(frame.data), partial(decode_frame, index, frame, size_of))
                 index += 1
             continue
         decoded = decode_video(group, video_format, max_pixels=MAX_PIXELS, where=where)
         for frame, image, size in decoded:
-            yield partial(_video_frame, index, frame, image, size, size_of)
+            n_bytes = 0 if image is None else image.nbytes
+            yield DecodingJob(n_bytes, partial(_video_frame, index, frame, image, size, size_of))
             index += 1
 
 
@@ -136,22 +162,6 @@ def _video_format(frame: FrameLike) -> str:
     """The format if it is video, else ""."""
     name = frame.format.lower()
     return name if name in VIDEO_FORMATS else ""
-
-
-def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[Result]:
-    """Run jobs in threads, a bounded number at a time; the results come in the order of the jobs."""
-    waiting: deque[Future[Result]] = deque()
-    with ThreadPoolExecutor(n_threads, thread_name_prefix="decode") as pool:
-        try:
-            for job in jobs:
-                waiting.append(pool.submit(job))
-                if len(waiting) > QUEUED_PER_THREAD * n_threads:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
-        finally:
-            for future in waiting:
-                future.cancel()
 
 
 def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> DecodedFrame:
@@ -223,11 +233,6 @@ def _video_frame(
     if size_of:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     return _finished(index, frame, image, size, wanted)
-
-
-def _prepared(job: Callable[[], DecodedFrame], prepare: Callable[[DecodedFrame], object]) -> DecodedFrame:
-    decoded = job()
-    return decoded if decoded.image is None else replace(decoded, prepared=prepare(decoded))
 
 
 def _finished(

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.vision.frames import MAX_PIXELS, decode_frame, decode_frames, in_order
+from cwcli.vision.frames import MAX_PIXELS, decode_frame, decode_frames
 from cwcli.vision.image_header import read_image_header
+from cwcli.vision.in_order import in_order
 from cwcli.vision.raw_images import BAYER, raw_colour, raw_grey
 from tests.unit.vision.fake_frames import FakeFrame, encoded, gradient, png_header
 from tests.unit.vision.h264_pcm import key_picture, parameters

@@ -1,0 +1,69 @@
+"""Jobs in threads whose results come in the order of the jobs."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Generic, TypeVar
+
+QUEUED_PER_THREAD = 3
+
+Result = TypeVar("Result")
+
+
+def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[Result]:
+    """Run jobs in threads, a bounded number at a time; the results come in the order of the jobs.
+
+    The calling thread is one of the threads: where it would wait for a result it takes the next job that nobody has
+    begun. One thread more than there are processors would have to take turns with it.
+
+    Args:
+        jobs: Taken when there is room for them.
+        n_threads: The calling one included; at least one other works beside it.
+
+    Raises:
+        Exception: What a job raised, when its result is due.
+    """
+    waiting: deque[_Task[Result]] = deque()
+    with ThreadPoolExecutor(max(n_threads - 1, 1), thread_name_prefix="decode") as pool:
+        try:
+            for job in jobs:
+                waiting.append(_Task(job, pool))
+                if len(waiting) > QUEUED_PER_THREAD * n_threads:
+                    yield _next_result(waiting)
+            while waiting:
+                yield _next_result(waiting)
+        finally:
+            for task in waiting:
+                task.future.cancel()
+
+
+class _Task(Generic[Result]):
+    """A job that has been handed to the threads."""
+
+    def __init__(self, job: Callable[[], Result], pool: ThreadPoolExecutor) -> None:
+        self._job = job
+        self.future = pool.submit(job)
+
+    def is_done_here(self) -> bool:
+        """Do the job in this thread if no other has begun it."""
+        if not self.future.cancel():
+            return False
+        self.future = Future()
+        try:
+            self.future.set_result(self._job())
+        except Exception as error:
+            self.future.set_exception(error)
+        return True
+
+
+def _next_result(waiting: deque[_Task[Result]]) -> Result:
+    """The oldest task's result; while it is not there, younger tasks are done here."""
+    oldest = waiting[0]
+    for task in waiting:
+        if oldest.future.done():
+            break
+        task.is_done_here()
+    waiting.popleft()
+    return oldest.future.result()
