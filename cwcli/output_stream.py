@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from threading import Thread
 
@@ -12,6 +13,8 @@ from cwcli.errors import InputError, OutputError
 
 BUFFER_BYTES = 1 << 20
 WRITEBACK_BYTES = 16 << 20
+MIN_COPY_ASIDE_BYTES = 1 << 18
+"""A shorter copy is done before a thread for it is up."""
 
 REASONS = {
     errno.ENOSPC: "no space is left on the disk",
@@ -31,18 +34,25 @@ Bytes = bytes | bytearray | memoryview
 class Output:
     """An open target. Errors of the medium become `OutputError`; a closed pipe stays a `BrokenPipeError`.
 
+    Args:
+        descriptor: Open for writing.
+        name: For messages.
+        copies_aside: Copy in a thread; `settle` must be called in the end.
+
     Attributes:
         name: For messages.
         position: Bytes written so far.
     """
 
-    def __init__(self, descriptor: int, name: str) -> None:
+    def __init__(self, descriptor: int, name: str, *, copies_aside: bool = False) -> None:
         self._descriptor = descriptor
         self._pending = bytearray()
         self.name = name
         self.position = 0
         self._copies_in_kernel = hasattr(os, "copy_file_range")
         self._writeback: _Writeback | None = None
+        self._aside = ThreadPoolExecutor(1, thread_name_prefix="copy") if copies_aside else None
+        self._copying: Future[None] | None = None
 
     def write(self, data: Bytes) -> int:
         """Append the data; returns its length in bytes."""
@@ -58,8 +68,10 @@ class Output:
     def copy(self, source: int, start: int, length: int) -> None:
         """Append `length` bytes of an open file from `start`, inside the kernel where it can.
 
+        With `copies_aside` a long copy goes on while the next data are made; a later call tells of its troubles.
+
         Args:
-            source: File descriptor.
+            source: File descriptor; must stay open until `flush` or `sync`.
             start, length: In bytes.
 
         Raises:
@@ -67,12 +79,23 @@ class Output:
         """
         self.flush()
         self.position += length
+        if self._aside is not None and length >= MIN_COPY_ASIDE_BYTES:
+            self._copying = self._aside.submit(self._copy, source, start, length)
+        else:
+            self._copy(source, start, length)
+
+    def _copy(self, source: int, start: int, length: int) -> None:
         end = start + length
         while start < end:
             n = self._copy_some(source, start, end - start)
             if n == 0:
                 raise InputError("the input became shorter while it was copied")
             start += n
+
+    def _wait_for_copy(self) -> None:
+        copying, self._copying = self._copying, None
+        if copying is not None:
+            copying.result()
 
     def _copy_some(self, source: int, start: int, length: int) -> int:
         """Copy some bytes; returns how many."""
@@ -94,6 +117,7 @@ class Output:
 
     def flush(self) -> None:
         """Hand everything to the operating system."""
+        self._wait_for_copy()
         pending, self._pending = self._pending, bytearray()
         self._write_through(memoryview(pending))
 
@@ -115,6 +139,8 @@ class Output:
 
     def settle(self) -> None:
         """Wait until nothing uses the descriptor any more."""
+        if self._aside is not None:
+            self._aside.shutdown()
         if self._writeback is not None:
             with suppress(OSError):
                 self._writeback.finish()

@@ -33,6 +33,8 @@ from cwcli.logs.source import Source, open_source
 from cwcli.logs.structure import Structure
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     from cwcli.logs.frames import Frame
     from cwcli.logs.message_reader import MessageReader
     from cwcli.signals.columns import Columns, OutputChannel
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ChannelInfo", "Faults", "Log"]
 
-HASH_BLOCK_BYTES = 1 << 20
 MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
 
 
@@ -80,7 +81,6 @@ class Log:
         self._owner = owner
         self._reader: MessageReader | None = None if owner is None else owner._message_reader()
         self._kept: Kept = Kept() if owner is None else owner._kept
-        self._digest: str | None = None
         self.recover = recover
         self.faults = faults
         self.added_channels = added_channels
@@ -215,20 +215,9 @@ class Log:
         for channel in self._file_channels(topic):
             yield from stream_transforms(self._message_reader(), channel)
 
-    def sha256(self) -> str:
-        """Hash of the file, in hexadecimal; computed once."""
-        if self._owner is not None:
-            return self._owner.sha256()
-        if self._digest is None:
-            import hashlib
-
-            digest = hashlib.sha256()
-            with memoryview(self._source.data) as data:
-                for at in range(0, len(data), HASH_BLOCK_BYTES):
-                    with data[at : at + HASH_BLOCK_BYTES] as block:
-                        digest.update(block)
-            self._digest = digest.hexdigest()
-        return self._digest
+    def begin_sha256(self) -> Future[str]:
+        """Hash of the file, in hexadecimal; computed once, in a thread."""
+        return self._source.begin_sha256()
 
     def with_channels(
         self, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]] | None = None

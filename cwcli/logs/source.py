@@ -6,8 +6,10 @@ import mmap
 import os
 import stat
 import sys
+from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import IO
 
 from cwcli.errors import InputError, OutputError, UsageError
@@ -15,6 +17,7 @@ from cwcli.errors import InputError, OutputError, UsageError
 STDIN = "-"
 STDIN_NAME = "<stdin>"
 COPY_BYTES = 1 << 20
+HASH_BLOCK_BYTES = 1 << 20
 
 
 class Source:
@@ -32,6 +35,7 @@ class Source:
         self.name = name
         self.path = path
         self._spool = spool
+        self._digest: Future[str] | None = None
         try:
             with path.open("rb") as file:
                 if os.fstat(file.fileno()).st_size == 0:
@@ -45,6 +49,13 @@ class Source:
                 spool.close()
         self.data = memoryview(self._mapped)
 
+    def begin_sha256(self) -> Future[str]:
+        """SHA-256 of the bytes, in hexadecimal; computed once, in a thread that goes on after `close`."""
+        if self._digest is None:
+            self._digest = Future()
+            Thread(target=_hash, args=(memoryview(self.data), self._digest), daemon=True).start()
+        return self._digest
+
     def close(self) -> None:
         """Unmap the file, unless arrays or frames that were handed out still look into it; remove a temporary one."""
         try:
@@ -54,6 +65,17 @@ class Source:
             pass
         if self._spool is not None:
             self._spool.close()
+
+
+def _hash(data: memoryview, digest: Future[str]) -> None:
+    import hashlib
+
+    made = hashlib.sha256()
+    with data:
+        for at in range(0, len(data), HASH_BLOCK_BYTES):
+            with data[at : at + HASH_BLOCK_BYTES] as block:
+                made.update(block)
+    digest.set_result(made.hexdigest())
 
 
 def open_source(source: str | Path, name: str | None = None) -> Source:

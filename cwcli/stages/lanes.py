@@ -6,7 +6,6 @@ import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -102,9 +101,8 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
             run.take(decoded)
     if not run.n_used:
         raise _nothing_usable(f"{log.name}: {topic}", run.rejected)
-    with ThreadPoolExecutor(1) as pool:
-        pool.submit(log.sha256)  # for the record of the run; the log keeps it
-        frames = run.frames(config, is_pitch_known=mount.is_pitch_known)
+    log.begin_sha256()  # for the record of the run
+    frames = run.frames(config, is_pitch_known=mount.is_pitch_known)
     channels: list[OutputChannel] = [lanes_channel(frames), annotations_channel(frames)]
     if config.render is not None:
 

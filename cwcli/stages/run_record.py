@@ -4,14 +4,34 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cwcli import __version__
 from cwcli.logs.log import Log
 from cwcli.stages.result import Summary
 
+HASH = "input_sha256"
 
-def run_record(stage: str, log: Log, config: Any, summary: Summary, **more: str) -> dict[str, str]:
+
+class RunRecord(Mapping[str, str]):
+    """The entries of a record. The input's hash is computed meanwhile, and waited for when it is asked for."""
+
+    def __init__(self, log: Log, entries: dict[str, str]) -> None:
+        self._entries = entries
+        self._hash = log.begin_sha256()
+
+    def __getitem__(self, key: str) -> str:
+        return self._hash.result() if key == HASH else self._entries[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+
+def run_record(stage: str, log: Log, config: Any, summary: Summary, **more: str) -> RunRecord:
     """The record of one stage.
 
     Args:
@@ -21,11 +41,12 @@ def run_record(stage: str, log: Log, config: Any, summary: Summary, **more: str)
         summary: For the counts.
         more: Further entries, e.g. the map's origin.
     """
-    return {
+    entries = {
         "version": __version__,
         "stage": stage,
         "configuration": json.dumps(dataclasses.asdict(config), sort_keys=True, default=str),
-        "input_sha256": log.sha256(),
+        HASH: "",
         "counts": json.dumps(summary.to_json()["inputs"], sort_keys=True),
         **more,
     }
+    return RunRecord(log, entries)
