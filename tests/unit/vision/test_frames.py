@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from functools import partial
 
 import cv2
 import numpy as np
@@ -12,7 +10,6 @@ import pytest
 
 from cwcli.vision.frames import MAX_PIXELS, decode_frame, decode_frames
 from cwcli.vision.image_header import read_image_header
-from cwcli.vision.in_order import in_order
 from cwcli.vision.raw_images import BAYER, raw_colour, raw_grey
 from tests.unit.vision.fake_frames import FakeFrame, encoded, gradient, png_header
 from tests.unit.vision.h264_pcm import key_picture, parameters
@@ -195,22 +192,6 @@ def test_frames_come_in_order_with_what_was_prepared() -> None:
     )
     assert [each.index for each in decoded] == list(range(30))
     assert [each.prepared for each in decoded] == [None if k == 4 else k + 1 for k in range(30)]
-
-
-def test_only_a_few_jobs_wait() -> None:
-    started = []
-    lock = threading.Lock()
-
-    def job(k: int) -> int:
-        with lock:
-            started.append(k)
-        time.sleep(0.001 * (5 - k % 5))
-        return k
-
-    results = in_order((partial(job, k) for k in range(100)), 2)
-    assert [next(results) for _ in range(10)] == list(range(10))
-    assert len(started) <= 10 + 2 * 3 + 1
-    results.close()
 
 
 def test_video_is_decoded_in_order_among_other_frames() -> None:
