@@ -6,7 +6,6 @@ import re
 
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
-from cwcli.stages.published import topics
 
 RENDERED_SCHEMA = "foxglove.CompressedImage"
 NAME = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")
@@ -22,6 +21,8 @@ def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
     """
     if topic is None:
         return
+    from cwcli.stages.published import topics
+
     if not NAME.fullmatch(topic):
         raise UsageError(f"--render {topic!r} is no topic's name", hint="for example --render /cwcli/camera")
     if topic == camera_topic:
