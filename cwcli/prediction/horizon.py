@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.prediction.calibrate import Calibration, calibrated, outcomes
 from cwcli.prediction.driver import DriverPrior
@@ -97,15 +97,20 @@ def horizon_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatArray |
     """
     if BASELINE not in errors:
         raise ValueError("the constant-velocity model is missing from the comparison")
-    names: list[str] = []
-    rows: list[list[float]] = []
-    for name, error in errors.items():
-        for column, horizon in enumerate(error.horizon_s):
-            names.append(name)
-            rows.append(_row(error, errors[BASELINE], column, float(horizon)))
-    table: dict[str, FloatArray | Int64Array | list[str]] = {"model": names}
+    baseline = errors[BASELINE]
+    n_horizons = len(baseline.horizon_s)
+    rows: dict[tuple[str, int], list[float]] = {}
+    for column in range(n_horizons):
+        by_starts: dict[bytes, list[str]] = {}
+        for name, error in errors.items():
+            by_starts.setdefault(error.is_known[:, column].tobytes(), []).append(name)
+        for names in by_starts.values():
+            for name, row in zip(names, _rows([errors[name] for name in names], baseline, column), strict=True):
+                rows[name, column] = row
+    order = [(name, column) for name in errors for column in range(n_horizons)]
+    table: dict[str, FloatArray | Int64Array | list[str]] = {"model": [name for name, _ in order]}
     for index, key in enumerate(_COLUMNS):
-        values = np.array([row[index] for row in rows], dtype=np.float64)
+        values = np.array([rows[each][index] for each in order], dtype=np.float64)
         table[key] = values.astype(np.int64) if key == "n" else values
     return table
 
@@ -128,46 +133,58 @@ _COLUMNS = (
 )
 
 
-def _row(error: HorizonErrors, baseline: HorizonErrors, column: int, horizon_s: float) -> list[float]:
-    known = error.is_known[:, column]
-    n = int(known.sum())
+def _rows(errors: Sequence[HorizonErrors], baseline: HorizonErrors, column: int) -> list[list[float]]:
+    """The table's rows at one horizon, of models whose outcomes are known for the same starts: as one matrix."""
+    known = errors[0].is_known[:, column]
+    n = np.count_nonzero(known)
+    horizon_s = float(errors[0].horizon_s[column])
     if n == 0:
-        return [horizon_s, 0.0, *([np.nan] * (len(_COLUMNS) - 2))]
-    distance, along, cross = (values[known, column] for values in (error.distance_m, error.along_m, error.cross_m))
-    squared = error.mahalanobis2[known, column]
+        return [[horizon_s, 0.0, *([np.nan] * (len(_COLUMNS) - 2))] for _ in errors]
+    distance = np.stack([error.distance_m[known, column] for error in errors])
+    along = np.stack([error.along_m[known, column] for error in errors])
+    cross = np.stack([error.cross_m[known, column] for error in errors])
+    squared = np.stack([error.mahalanobis2[known, column] for error in errors])
     has_ellipse = np.isfinite(squared)
-    inside = squared[has_ellipse]
+    inside_50, inside_90 = (has_ellipse & (squared <= limit) for limit in (ELLIPSE_50, ELLIPSE_90))
     base = baseline.distance_m[known & baseline.is_known[:, column], column]
-    base_mean = _mean(base) if len(base) else np.nan
+    base_mean = float(_mean(base[None])[0]) if len(base) else np.nan
     mean = _mean(distance)
-    ordered = np.sort(distance)
-    return [
-        horizon_s,
-        n,
+    ordered = np.sort(distance, axis=1)
+    measures = [
+        np.full(len(errors), horizon_s),
+        np.full(len(errors), float(n)),
         mean,
         _quantile(ordered, 0.5),
-        math.sqrt(_mean(distance**2)),
+        np.sqrt(_mean(distance**2)),
         _quantile(ordered, 0.95),
-        float(ordered[-1]),
+        ordered[:, -1],
         _mean(along),
-        math.sqrt(_mean(along**2)),
+        np.sqrt(_mean(along**2)),
         _mean(cross),
-        math.sqrt(_mean(cross**2)),
-        np.count_nonzero(inside <= ELLIPSE_50) / len(inside) if len(inside) else np.nan,
-        np.count_nonzero(inside <= ELLIPSE_90) / len(inside) if len(inside) else np.nan,
-        100.0 * (mean / base_mean - 1.0) if base_mean > 0.0 else np.nan,
+        np.sqrt(_mean(cross**2)),
+        _share(inside_50, has_ellipse),
+        _share(inside_90, has_ellipse),
+        100.0 * (mean / base_mean - 1.0) if base_mean > 0.0 else np.full(len(errors), np.nan),
     ]
+    rows: list[list[float]] = np.column_stack(measures).tolist()
+    return rows
 
 
-def _mean(values: FloatArray) -> float:
-    """What `values.mean()` gives, at a quarter of its cost for so few values."""
-    return float(np.add.reduce(values)) / len(values)
+def _mean(values: FloatArray) -> FloatArray:
+    """What `values.mean(axis=1)` gives, at a quarter of its cost for so few values."""
+    return np.asarray(np.add.reduce(values, axis=1) / values.shape[1])
 
 
-def _quantile(ordered: FloatArray, share: float) -> float:
-    """What `np.quantile` gives for sorted, finite values, at a tenth of its cost: there are a hundred rows a log."""
-    position = share * (len(ordered) - 1)
+def _share(inside: npt.NDArray[np.bool_], has_ellipse: npt.NDArray[np.bool_]) -> FloatArray:
+    """Which part of a model's outcomes that have an ellipse is inside; NaN if there is none."""
+    n = np.count_nonzero(has_ellipse, axis=1)
+    return np.asarray(np.where(n, np.count_nonzero(inside, axis=1) / np.maximum(n, 1), np.nan))
+
+
+def _quantile(ordered: FloatArray, share: float) -> FloatArray:
+    """What `np.quantile` gives for rows of sorted, finite values, at a tenth of its cost."""
+    position = share * (ordered.shape[1] - 1)
     below = int(position)
-    low, high = float(ordered[below]), float(ordered[min(below + 1, len(ordered) - 1)])
+    low, high = ordered[:, below], ordered[:, min(below + 1, ordered.shape[1] - 1)]
     part = position - below
-    return high - (high - low) * (1.0 - part) if part >= 0.5 else low + (high - low) * part
+    return np.asarray(high - (high - low) * (1.0 - part) if part >= 0.5 else low + (high - low) * part)
