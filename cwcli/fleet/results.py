@@ -47,8 +47,8 @@ def read_metrics(source: str, *, truth: str = "auto", step: Callable[[str], None
     Args:
         source: Output folder of `cwcli run -d`; folder of annotated logs (`*.mcap`); one annotated log, `-` for
             standard input; or a table (`.parquet`) that `cwcli evaluate --metrics` has written.
-        truth: As in `cwcli.stages.evaluate.evaluate_log`. What an output folder holds is computed again from its
-            annotated logs if it was computed with another one.
+        truth: As in `cwcli.evaluation.evaluate_log`. What an output folder holds is computed again from its annotated
+            logs if it was computed with another one.
         step: Told of each log that is computed.
 
     Raises:
@@ -131,8 +131,8 @@ def _error(entry: dict[str, Any]) -> str:
 
 
 def _of_log(source: str, name: str, truth: str) -> LogMetrics:
+    from cwcli.evaluation.evaluate_log import evaluate_log
     from cwcli.logs.log import Log
-    from cwcli.stages.evaluate import evaluate_log
 
     with Log.open(source) as log:
         table = evaluate_log(log, truth=truth)

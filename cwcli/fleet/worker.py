@@ -15,6 +15,7 @@ from typing import Any
 
 from cwcli import __version__
 from cwcli.errors import EXIT_BUG, CwcliError
+from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.fleet.execute import Outcome, run_stages
 from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, make_folders, new_entry, put_table
 from cwcli.fleet.inputs import is_remote, local_copy
@@ -23,7 +24,6 @@ from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.selection import select
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
-from cwcli.stages.evaluate import evaluate_log
 
 HASH_BLOCK_BYTES = 1 << 20
 

@@ -181,7 +181,7 @@ def _evaluated(log: Log, *, is_needed: bool) -> dict[str, MetricRow]:
         is_needed: For a gate. Else they are left out where so many paths would have to be read that it takes longer
             than everything else.
     """
-    from cwcli.stages.evaluate import evaluate_log
+    from cwcli.evaluation.evaluate_log import evaluate_log
 
     n_paths = sum(channel.message_count or 0 for channel in log.channels if channel.schema_name == PATH_SCHEMA)
     if n_paths > MAX_PATHS and not is_needed:

@@ -13,7 +13,6 @@ from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.roles import bind
-from cwcli.stages.evaluate_tracking import score_record
 from cwcli.stages.records import map_of, run_records
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
@@ -28,7 +27,7 @@ from cwcli.stages.track_sensors import (
     sensor_models,
 )
 from cwcli.stages.track_summary import detection_counts, sections, track_tables
-from cwcli.stages.track_truth import scores_of
+from cwcli.stages.track_truth import score_record, scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, EgoStates, SensorModel
 from cwcli.tracking.tracker import TrackResult, track_many, track_one

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +13,7 @@ from cwcli.signals.build_motion import MAP_FRAMES
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
+from cwcli.text import finite
 from cwcli.tracking.gospa import Moments, TrackingScores, score
 from cwcli.tracking.tracker import TrackResult
 
@@ -84,3 +88,24 @@ def _driven(truth: TargetTruthSignal, xy: FloatArray) -> FloatArray:
             time_s = (truth.stamp_ns[rows] - truth.stamp_ns[rows[0]]) * 1e-9
             out[rows] = np.gradient(xy[rows], time_s, axis=0)
     return out
+
+
+def score_record(result: TrackResult, errors: TruthScores | None) -> str:
+    """What the metrics need, as JSON for the record `cwcli.run.track`: sums, so that logs can be pooled."""
+    entry: dict[str, Any] = {
+        "tracks": len(result.tracks),
+        "nis_inside": [check.is_inside for check in result.consistency.values() if check.dof > 0.0],
+    }
+    if errors is not None:
+        scores = errors.scores
+        tracked = [target for target in scores.targets if target.n_tracked]
+        entry["truth"] = {
+            "moments": len(scores.stamp_ns),
+            "gospa_sum_m": math.fsum(scores.distance.tolist()),
+            "position_square_sum_m2": math.fsum(t.n_tracked * t.position_rmse_m**2 for t in tracked),
+            "velocity_square_sum_m2ps2": finite(math.fsum(t.n_tracked * t.velocity_rmse_mps**2 for t in tracked)),
+            "tracked": sum(target.n_tracked for target in tracked),
+            "present": sum(target.n for target in scores.targets),
+            "switches": scores.id_switches,
+        }
+    return json.dumps(entry)

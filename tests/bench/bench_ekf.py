@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track, estimate_tracks
 from cwcli.estimation.song2016 import filter_vectors, process_noise
+from cwcli.reproduction.song2016.methods import sense
 from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.stages.song2016.methods import sense
 from tests.studies import city_drive
 
 LIMIT = 20.0

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.stages.reproduce_xiang2019 import Reproduction, reproduce
-from cwcli.stages.xiang2019_report import _failures
+from cwcli.reproduction.xiang2019.report import _failures
+from cwcli.reproduction.xiang2019.reproduce import Reproduction, reproduce
 from tests.cli.conftest import Run
 
 

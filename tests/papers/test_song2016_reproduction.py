@@ -6,11 +6,11 @@ Table 1 is in `test_song2016_table1.py`.
 import numpy as np
 import pytest
 
-from cwcli.stages.findings import Finding, ordered, within
-from cwcli.stages.song2016.control import control_part
-from cwcli.stages.song2016.methods import STEP_S, trailing_slope
-from cwcli.stages.song2016.prediction import prediction_errors, prediction_part
-from cwcli.stages.song2016.warning import (
+from cwcli.reproduction.findings import Finding, ordered, within
+from cwcli.reproduction.song2016.control import control_part
+from cwcli.reproduction.song2016.methods import STEP_S, trailing_slope
+from cwcli.reproduction.song2016.prediction import prediction_errors, prediction_part
+from cwcli.reproduction.song2016.warning import (
     PAPER_MOMENTS_S,
     TRAPS,
     Moments,

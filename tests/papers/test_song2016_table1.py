@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cwcli.reproduction.findings import Finding
+from cwcli.reproduction.song2016.estimation import LABELS, PAPER_CHANGE_PERCENT, PRINTED_NAMES, table1_part, table1_rows
+from cwcli.reproduction.song2016.methods import sense
 from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.stages.findings import Finding
-from cwcli.stages.song2016.estimation import LABELS, PAPER_CHANGE_PERCENT, PRINTED_NAMES, table1_part, table1_rows
-from cwcli.stages.song2016.methods import sense
 
 N_SEEDS = 20
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.reproduction.xiang2019.reproduce import FILTER, NOISE, PAPER_TABLE_1, reproduce, rows_of
 from cwcli.simulation.dual_sensor import PAPER_RANGES_M, static_target
-from cwcli.stages.reproduce_xiang2019 import FILTER, NOISE, PAPER_TABLE_1, reproduce, rows_of
 from cwcli.tracking.single import run_filter
 
 N_SEEDS = 30

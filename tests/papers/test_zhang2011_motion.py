@@ -6,10 +6,10 @@ import pytest
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe
 from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.reproduction.findings import Finding
+from cwcli.reproduction.zhang2011.drives import DRIVES, drive_part
+from cwcli.reproduction.zhang2011.motion import example_part, observers, run_errors, run_part, run_table
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
-from cwcli.stages.findings import Finding
-from cwcli.stages.zhang2011.drives import DRIVES, drive_part
-from cwcli.stages.zhang2011.motion import example_part, observers, run_errors, run_part, run_table
 
 CAR = load_vehicle()
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.simulation.road.drive import set_drives
-from cwcli.simulation.road.sets import SETS, frames
-from cwcli.stages.zhang2011.lane_drives import (
+from cwcli.reproduction.zhang2011.lane_drives import (
     FIRST_FRAMES,
     JUDGED_FRAMES,
     MethodOnDrives,
@@ -16,7 +14,9 @@ from cwcli.stages.zhang2011.lane_drives import (
     run_drives,
     vision_camera,
 )
-from cwcli.stages.zhang2011.lanes import LANE_SETS, PAPER_PERCENT, PHASES, lane_study
+from cwcli.reproduction.zhang2011.lanes import LANE_SETS, PAPER_PERCENT, PHASES, lane_study
+from cwcli.simulation.road.drive import set_drives
+from cwcli.simulation.road.sets import SETS, frames
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.log import Log
 from cwcli.metrics.lane_scores import max_jump, width_stability
-from cwcli.stages.evaluate import evaluate_log
 from cwcli.stages.lanes import LanesConfig, lanes
 
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cwcli.reproduction.zhang2011.drives import BAND_NAME, BOUNDS, SETTLED_FRAMES, drive_errors
+from cwcli.reproduction.zhang2011.rendered import Look, RenderedDrive, sense_rendered
 from cwcli.simulation.lane_drive import Runs, Truth, drive_lane
-from cwcli.stages.zhang2011.drives import BAND_NAME, BOUNDS, SETTLED_FRAMES, drive_errors
-from cwcli.stages.zhang2011.rendered import Look, RenderedDrive, sense_rendered
 from tests.studies.rendered_motion import (
     CAR,
     OVERLAY_PX,

@@ -11,9 +11,9 @@ import sys
 
 import numpy as np
 
+from cwcli.reproduction.zhang2011.lane_drives import is_right
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.sets import SETS, frames
-from cwcli.stages.zhang2011.lane_drives import is_right
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.method import LaneFit
 from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, ResponseArray, block_responses, objective

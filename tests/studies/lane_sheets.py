@@ -21,10 +21,10 @@ import numpy as np
 
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, columns_px, is_right, vision_camera
 from cwcli.simulation.road.drive import set_drives
 from cwcli.simulation.road.sets import SETS
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.stages.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, columns_px, is_right, vision_camera
 from cwcli.vision.method import LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from tests.studies.road_sheets import DOCS, sheet, write

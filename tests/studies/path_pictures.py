@@ -12,10 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from cwcli.reproduction.zhang2011.drives import ROAD as BENDS
+from cwcli.reproduction.zhang2011.rendered import Look, sense_rendered
 from cwcli.simulation.lane_drive import Road, Runs, drive_lane
 from cwcli.simulation.road.camera import wide_camera
-from cwcli.stages.zhang2011.drives import ROAD as BENDS
-from cwcli.stages.zhang2011.rendered import Look, sense_rendered
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.overlay import burn_in, line_points
 from cwcli.vision.path_overlay import BodyPath, paint_path, path_lines

@@ -25,12 +25,12 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.prediction.paths import Paths
+from cwcli.reproduction.zhang2011.drives import ROAD as BENDS
+from cwcli.reproduction.zhang2011.drives import SETTLED_FRAMES, drive_errors
+from cwcli.reproduction.zhang2011.rendered import Look, RenderedDrive, sense_rendered
 from cwcli.simulation.lane_drive import STEP_S, Driver, Road, Runs, Truth, drive_lane
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.streams import stream
-from cwcli.stages.zhang2011.drives import ROAD as BENDS
-from cwcli.stages.zhang2011.drives import SETTLED_FRAMES, drive_errors
-from cwcli.stages.zhang2011.rendered import Look, RenderedDrive, sense_rendered
 from cwcli.vision.methods import DEFAULT_METHOD
 from cwcli.vision.path_overlay import BodyPath, path_lines
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureResult, earliest_line_m, evaluate_lane_departure

@@ -18,7 +18,7 @@ from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
-    from cwcli.stages.findings_report import Reproduction
+    from cwcli.reproduction.findings_report import Reproduction
     from cwcli.stages.result import Summary
 
 EXAMPLES = (
@@ -67,20 +67,20 @@ Run = Callable[[Request], Outcome]
 
 
 def _song2016(request: Request) -> Outcome:
-    from cwcli.stages.song2016.reproduce import ReproduceConfig, reproduce_song2016
+    from cwcli.reproduction.song2016.reproduce import ReproduceConfig, reproduce_song2016
 
     return _outcome(reproduce_song2016(ReproduceConfig(request.seeds, request.jobs), request.tick))
 
 
 def _xiang2019(request: Request) -> Outcome:
-    from cwcli.stages.xiang2019_report import report_xiang2019
+    from cwcli.reproduction.xiang2019.report import report_xiang2019
 
     result = report_xiang2019(request.seeds, request.tick)
     return Outcome(result.summary, result.table, result.failed)
 
 
 def _zhang2011(request: Request) -> Outcome:
-    from cwcli.stages.zhang2011.reproduce import ReproduceConfig, reproduce_zhang2011
+    from cwcli.reproduction.zhang2011.reproduce import ReproduceConfig, reproduce_zhang2011
 
     return _outcome(reproduce_zhang2011(ReproduceConfig(request.seeds, request.frames, request.jobs), request.tick))
 
@@ -178,7 +178,7 @@ def command(
         check_table_target(metrics, force=force)
     if plots is not None:
         from cwcli.cli.pipeline import check_folder
-        from cwcli.stages.plots import check_format
+        from cwcli.reproduction.plots import check_format
 
         check_folder(plots, "--plots")
         check_format(plot_format)
@@ -188,7 +188,7 @@ def command(
         outcome = entry.run(Request(n_seeds, jobs, n_frames, progress.step))
         if plots is not None:
             from cwcli.cli.pipeline import make_folder
-            from cwcli.stages.plots import write_plots
+            from cwcli.reproduction.plots import write_plots
 
             make_folder(plots)
             written += write_plots(outcome.plots, plots, paper=paper, file_format=plot_format, force=force)

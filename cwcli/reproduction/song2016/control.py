@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from cwcli.control.closed_loop import COLLISION_DISTANCE_M, Motion, Outcome, driver_policy, fuzzy_policy, replay
+from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
+from cwcli.reproduction.song2016.methods import FAMILIES
+from cwcli.reproduction.song2016.warning import OURS, Moments
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST, Scenario
-from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
-from cwcli.stages.song2016.methods import FAMILIES
-from cwcli.stages.song2016.warning import OURS, Moments
 
 GRID_S = 0.01
 EXTRA_S = 6.0

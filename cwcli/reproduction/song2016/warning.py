@@ -10,10 +10,7 @@ import numpy as np
 
 from cwcli.metrics.intervals import poisson_interval
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.signals.columns import FloatArray
-from cwcli.simulation.drive import simulate
-from cwcli.simulation.scenario import HOST, Scenario, load_scenario
-from cwcli.stages.findings import (
+from cwcli.reproduction.findings import (
     NOT_PRINTED,
     Curve,
     Finding,
@@ -23,7 +20,7 @@ from cwcli.stages.findings import (
     ordered,
     within,
 )
-from cwcli.stages.song2016.methods import (
+from cwcli.reproduction.song2016.methods import (
     FAMILIES,
     HORIZON_S,
     Known,
@@ -33,6 +30,9 @@ from cwcli.stages.song2016.methods import (
     paper_states,
     sense,
 )
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.drive import simulate
+from cwcli.simulation.scenario import HOST, Scenario, load_scenario
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import WarningConfig

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.stages.findings import Finding, Part, Plot
+from cwcli.reproduction.findings import Finding, Part, Plot
 from cwcli.stages.result import Cell, Section, Summary
 
 

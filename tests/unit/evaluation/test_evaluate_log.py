@@ -14,6 +14,8 @@ import pytest
 from mcap.writer import Writer
 
 from cwcli.errors import UsageError
+from cwcli.evaluation.evaluate_log import evaluate_log
+from cwcli.evaluation.tracking import score_record
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import METRICS
 from cwcli.metrics.pooling import rows_of
@@ -28,8 +30,6 @@ from cwcli.stages.channels import (
     vehicle_states,
 )
 from cwcli.stages.estimate import EstimateConfig, estimate
-from cwcli.stages.evaluate import evaluate_log
-from cwcli.stages.evaluate_tracking import score_record
 from cwcli.stages.lanes_channels import LANES_TOPIC
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict

@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cwcli.errors import UsageError
+from cwcli.evaluation.estimate import add_estimate
+from cwcli.evaluation.lanes import add_lanes
+from cwcli.evaluation.log_data import add_data
+from cwcli.evaluation.observer import add_observer
+from cwcli.evaluation.prediction import add_prediction
+from cwcli.evaluation.tracking import add_tracking
+from cwcli.evaluation.warnings import add_warnings
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.table import Table
-from cwcli.stages.evaluate_data import add_data
-from cwcli.stages.evaluate_estimate import add_estimate
-from cwcli.stages.evaluate_lanes import add_lanes
-from cwcli.stages.evaluate_observer import add_observer
-from cwcli.stages.evaluate_prediction import add_prediction
-from cwcli.stages.evaluate_tracking import add_tracking
-from cwcli.stages.evaluate_warnings import add_warnings
 
 AUTO, NO_TRUTH = "auto", "none"
 

@@ -20,12 +20,12 @@ from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
+from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
+from cwcli.reproduction.zhang2011.rendered import Look, sense_rendered
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.lane_camera import SensedDrive, sense_lane
 from cwcli.simulation.lane_drive import STEP_S, Road, Runs, Truth, drive_lane
-from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
-from cwcli.stages.zhang2011.rendered import Look, sense_rendered
 
 HORIZON_S = 2.0
 FRAMES_OF_TRACK = 20

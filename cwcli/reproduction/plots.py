@@ -8,7 +8,7 @@ from typing import Any
 
 from cwcli.errors import UsageError
 from cwcli.output import write_file
-from cwcli.stages.findings import Plot
+from cwcli.reproduction.findings import Plot
 
 FORMATS = ("png", "svg")
 

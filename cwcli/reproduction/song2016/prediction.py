@@ -11,10 +11,8 @@ import numpy as np
 from cwcli.estimation.track import Track
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import rollout
-from cwcli.signals.columns import FloatArray
-from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval, ordered
-from cwcli.stages.song2016.methods import (
+from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval, ordered
+from cwcli.reproduction.song2016.methods import (
     FAMILIES,
     HORIZON_S,
     STEP_S,
@@ -23,6 +21,8 @@ from cwcli.stages.song2016.methods import (
     paper_states,
     sense,
 )
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.scenario import HOST, load_scenario
 
 HORIZONS_S = (2.1, 2.5, 2.9)
 FIGURES = {"straight": "fig 3", "curve": "fig 5"}

@@ -13,10 +13,10 @@ from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.single_track import steady_state, understeer_gradient
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, within
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_paper_run
-from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot, within
 
 PAPER_BOUND_PERCENT = 10.0
 HALF_LOAD_BOUND_PERCENT = 3.0

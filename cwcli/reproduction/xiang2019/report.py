@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.metrics.table import ColumnDoc
 from cwcli.metrics.table import Table as MetricsTable
-from cwcli.stages.reproduce_xiang2019 import Reproduction, Table, reproduce
+from cwcli.reproduction.xiang2019.reproduce import Reproduction, Table, reproduce
 from cwcli.stages.result import Cell, Section, Summary
 
 PAPER_LEAST_GAIN_PCT = {"lidar": 20.0, "radar": 50.0}

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
-from cwcli.stages.findings import Part
-from cwcli.stages.findings_report import Reproduction, reproduction
-from cwcli.stages.song2016.control import control_part
-from cwcli.stages.song2016.estimation import table1_part
-from cwcli.stages.song2016.prediction import horizon_part, prediction_errors, prediction_part
-from cwcli.stages.song2016.warning import TRAPS, false_warnings, figure_part, trap_part, warning_moments
+from cwcli.reproduction.findings import Part
+from cwcli.reproduction.findings_report import Reproduction, reproduction
+from cwcli.reproduction.song2016.control import control_part
+from cwcli.reproduction.song2016.estimation import table1_part
+from cwcli.reproduction.song2016.prediction import horizon_part, prediction_errors, prediction_part
+from cwcli.reproduction.song2016.warning import TRAPS, false_warnings, figure_part, trap_part, warning_moments
 
 Tick = Callable[[str], None]
 

@@ -7,12 +7,12 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
+from cwcli.reproduction.findings import Part
+from cwcli.reproduction.findings_report import Reproduction, reproduction
+from cwcli.reproduction.zhang2011.drives import DRIVES, drive_part
+from cwcli.reproduction.zhang2011.lanes import lane_study
+from cwcli.reproduction.zhang2011.motion import example_part, run_part
 from cwcli.simulation.single_track import PAPER_RUNS
-from cwcli.stages.findings import Part
-from cwcli.stages.findings_report import Reproduction, reproduction
-from cwcli.stages.zhang2011.drives import DRIVES, drive_part
-from cwcli.stages.zhang2011.lanes import lane_study
-from cwcli.stages.zhang2011.motion import example_part, run_part
 from cwcli.vision.methods import DEFAULT_METHOD
 
 FRAMES = 500

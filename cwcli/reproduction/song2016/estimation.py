@@ -12,10 +12,10 @@ import numpy as np
 
 from cwcli.estimation.consistency import ErrorRow, error_rows
 from cwcli.metrics.intervals import normal_interval
+from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot
+from cwcli.reproduction.song2016.methods import Run, our_track, paper_states, sense
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.stages.findings import NOT_PRINTED, Curve, Finding, Part, Plot
-from cwcli.stages.song2016.methods import Run, our_track, paper_states, sense
 
 PAPER_CHANGE_PERCENT = {"position": -75.0, "speed": -80.0, "heading": -79.0, "accel": -46.0, "yaw_rate": -57.0}
 """Table 1: change of the one-sigma error from "measured" to "estimated"."""
