@@ -15,7 +15,6 @@ from mcap.writer import Writer
 
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.evaluation.tracking import score_record
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import METRICS
 from cwcli.metrics.pooling import rows_of
@@ -33,7 +32,7 @@ from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.lanes_channels import LANES_TOPIC
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict
-from cwcli.stages.track_truth import TruthScores
+from cwcli.stages.track_truth import TruthScores, score_record
 from cwcli.stages.warn import WarnConfig, warn
 from cwcli.tracking.gospa import Moments, score
 from cwcli.tracking.tracker import TrackResult
