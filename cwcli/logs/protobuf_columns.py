@@ -10,6 +10,7 @@ Wire format: https://protobuf.dev/programming-guides/encoding/
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,13 +95,19 @@ def _message_pieces(message: Descriptor, tree: _Tree, n: int) -> list[Piece]:
     if unknown:
         raise ColumnError(f"{message.full_name} has no field {', '.join(unknown)}")
     pieces: list[Piece] = []
-    for descriptor in sorted(message.fields, key=lambda each: each.number):
-        if descriptor.name in tree:
+    for name, descriptor in _in_order(message):
+        if name in tree:
             try:
-                pieces += _field_pieces(descriptor, tree[descriptor.name], n)
+                pieces += _field_pieces(descriptor, tree[name], n)
             except ColumnError as error:
                 raise ColumnError(f"{descriptor.full_name}: {error}") from error
     return pieces
+
+
+@lru_cache(maxsize=256)
+def _in_order(message: Descriptor) -> tuple[tuple[str, FieldDescriptor], ...]:
+    """Name and descriptor of each field, by field number."""
+    return tuple((each.name, each) for each in sorted(message.fields, key=lambda each: each.number))
 
 
 def _field_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[Piece]:
@@ -122,13 +129,13 @@ def _field_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: i
         column = _enum_numbers(descriptor, column)
     if isinstance(column, Ragged) or column.ndim != 1:
         raise ColumnError("it holds one number, not a sequence")
-    tag = constant(_tag(descriptor, _wire_type(descriptor)))
+    tag = _tag_piece(descriptor, _wire_type(descriptor))
     return [tag, _number_piece(descriptor, column)]
 
 
 def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[Piece]:
     message = descriptor.message_type
-    tag = constant(_tag(descriptor, WIRE_LENGTH))
+    tag = _tag_piece(descriptor, WIRE_LENGTH)
     if descriptor.is_repeated:
         elements = column if isinstance(column, Repeated) else _elements(column)
         total = int(elements.offsets[-1])
@@ -189,7 +196,7 @@ def _bytes_pieces(descriptor: FieldDescriptor, column: Ragged) -> list[Piece]:
         raise ColumnError("it holds bytes: it needs ragged uint8")
     sizes = np.diff(column.offsets)
     content = Varying(np.ascontiguousarray(column.values, np.uint8), column.offsets[:-1], sizes)
-    return [constant(_tag(descriptor, WIRE_LENGTH)), *length_pieces([content], len(column)), content]
+    return [_tag_piece(descriptor, WIRE_LENGTH), *length_pieces([content], len(column)), content]
 
 
 def _packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | Strings) -> list[Piece]:
@@ -198,7 +205,7 @@ def _packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | 
         raise ColumnError("repeated strings are not supported")
     if isinstance(column, np.ndarray) and column.ndim != 2:
         raise ColumnError("it is repeated: it needs an (n, k) array or a ragged column")
-    tag = constant(_tag(descriptor, WIRE_LENGTH))
+    tag = _tag_piece(descriptor, WIRE_LENGTH)
     dtype = FIXED_DTYPES.get(descriptor.type)
     if dtype is not None and isinstance(column, np.ndarray):
         values = np.ascontiguousarray(column, dtype)
@@ -254,8 +261,17 @@ def _upper_snake(name: str) -> str:
 def _wire_type(descriptor: FieldDescriptor) -> int:
     if descriptor.type in VARINT_TYPES or descriptor.type in ZIGZAG_TYPES:
         return WIRE_VARINT
-    return WIRE_64_BIT if np.dtype(FIXED_DTYPES[descriptor.type]).itemsize == 8 else WIRE_32_BIT
+    return WIRE_64_BIT if FIXED_DTYPES[descriptor.type].endswith("8") else WIRE_32_BIT
 
 
 def _tag(descriptor: FieldDescriptor, wire_type: int) -> bytes:
     return varint(descriptor.number << 3 | wire_type)
+
+
+def _tag_piece(descriptor: FieldDescriptor, wire_type: int) -> Fixed:
+    return _constant_varint(descriptor.number << 3 | wire_type)
+
+
+@lru_cache(maxsize=1024)
+def _constant_varint(value: int) -> Fixed:
+    return constant(varint(value))
