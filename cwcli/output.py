@@ -178,7 +178,7 @@ def _written(path: Path, name: str, *, durable: bool) -> Iterator[tuple[Temporar
     """A temporary file that holds everything when the block ends without an error, and is gone otherwise."""
     with medium(name):
         file = TemporaryFile(path)
-    output = Output(file.descriptor, name, copies_aside=True)
+    output = Output(file.descriptor, name, works_aside=True)
     try:
         try:
             if durable:

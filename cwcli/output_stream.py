@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from threading import Thread
@@ -13,8 +14,10 @@ from cwcli.errors import InputError, OutputError
 
 BUFFER_BYTES = 1 << 20
 WRITEBACK_BYTES = 16 << 20
-MIN_COPY_ASIDE_BYTES = 1 << 18
-"""A shorter copy is done before a thread for it is up."""
+MIN_ASIDE_BYTES = 1 << 18
+"""Less is written before a thread has taken it over."""
+MAX_WAITING = 64
+"""Writes and copies in front of the thread: so 64 MB of data at most."""
 
 REASONS = {
     errno.ENOSPC: "no space is left on the disk",
@@ -37,22 +40,23 @@ class Output:
     Args:
         descriptor: Open for writing.
         name: For messages.
-        copies_aside: Copy in a thread; `settle` must be called in the end.
+        works_aside: Write and copy in a thread while the next data are made. A later call tells of the troubles, and
+            `settle` must be called in the end.
 
     Attributes:
         name: For messages.
         position: Bytes written so far.
     """
 
-    def __init__(self, descriptor: int, name: str, *, copies_aside: bool = False) -> None:
+    def __init__(self, descriptor: int, name: str, *, works_aside: bool = False) -> None:
         self._descriptor = descriptor
         self._pending = bytearray()
         self.name = name
         self.position = 0
         self._copies_in_kernel = hasattr(os, "copy_file_range")
         self._writeback: _Writeback | None = None
-        self._aside = ThreadPoolExecutor(1, thread_name_prefix="copy") if copies_aside else None
-        self._copying: Future[None] | None = None
+        self._aside = ThreadPoolExecutor(1, thread_name_prefix="output") if works_aside else None
+        self._waiting: deque[Future[None]] = deque()
 
     def write(self, data: Bytes) -> int:
         """Append the data; returns its length in bytes."""
@@ -68,8 +72,6 @@ class Output:
     def copy(self, source: int, start: int, length: int) -> None:
         """Append `length` bytes of an open file from `start`, inside the kernel where it can.
 
-        With `copies_aside` a long copy goes on while the next data are made; a later call tells of its troubles.
-
         Args:
             source: File descriptor; must stay open until `flush` or `sync`.
             start, length: In bytes.
@@ -77,12 +79,29 @@ class Output:
         Raises:
             InputError: The source ends early or can't be read.
         """
-        self.flush()
+        self._hand_over()
         self.position += length
-        if self._aside is not None and length >= MIN_COPY_ASIDE_BYTES:
-            self._copying = self._aside.submit(self._copy, source, start, length)
+        self._do(length, lambda: self._copy(source, start, length))
+
+    def flush(self) -> None:
+        """Hand everything to the operating system."""
+        self._hand_over()
+        while self._waiting:
+            self._waiting.popleft().result()
+
+    def _hand_over(self) -> None:
+        pending, self._pending = self._pending, bytearray()
+        if pending:
+            self._do(len(pending), lambda: self._write_through(memoryview(pending)))
+
+    def _do(self, n_bytes: int, task: Callable[[], None]) -> None:
+        """Do it in the thread, after all that waits there; or here and now, if it is soon done."""
+        while self._waiting and (self._waiting[0].done() or len(self._waiting) > MAX_WAITING):
+            self._waiting.popleft().result()
+        if self._aside is None or (n_bytes < MIN_ASIDE_BYTES and not self._waiting):
+            task()
         else:
-            self._copy(source, start, length)
+            self._waiting.append(self._aside.submit(task))
 
     def _copy(self, source: int, start: int, length: int) -> None:
         end = start + length
@@ -91,11 +110,6 @@ class Output:
             if n == 0:
                 raise InputError("the input became shorter while it was copied")
             start += n
-
-    def _wait_for_copy(self) -> None:
-        copying, self._copying = self._copying, None
-        if copying is not None:
-            copying.result()
 
     def _copy_some(self, source: int, start: int, length: int) -> int:
         """Copy some bytes; returns how many."""
@@ -114,12 +128,6 @@ class Output:
             raise InputError(f"the input can't be read: {error.strerror}") from error
         self._write_through(memoryview(data))
         return len(data)
-
-    def flush(self) -> None:
-        """Hand everything to the operating system."""
-        self._wait_for_copy()
-        pending, self._pending = self._pending, bytearray()
-        self._write_through(memoryview(pending))
 
     def _write_through(self, view: memoryview) -> None:
         while view:
@@ -140,7 +148,7 @@ class Output:
     def settle(self) -> None:
         """Wait until nothing uses the descriptor any more."""
         if self._aside is not None:
-            self._aside.shutdown()
+            self._aside.shutdown(cancel_futures=True)
         if self._writeback is not None:
             with suppress(OSError):
                 self._writeback.finish()
