@@ -24,6 +24,10 @@ class ImageHeader:
     height_px: int
 
 
+TAIL_BYTES = 256
+"""Where the end is looked for first."""
+
+
 def read_image_header(data: Bytes) -> ImageHeader | None:
     """The header of a JPEG, PNG or WebP image; None if it is none of them or is damaged before its size."""
     head = bytes(data[:32])
@@ -39,7 +43,7 @@ def read_image_header(data: Bytes) -> ImageHeader | None:
 def is_complete(data: Bytes, kind: str) -> bool:
     """Whether the image's end is there; OpenCV fills what is missing of a cut JPEG with grey and says nothing."""
     if kind == "jpeg":
-        return bytes(data).rfind(JPEG_END) > 0
+        return JPEG_END in bytes(data[-TAIL_BYTES:]) or bytes(data).rfind(JPEG_END) > 0
     if kind == "png":
         return bytes(data[-64:]).rfind(PNG_END) >= 0
     return len(data) >= 8 + int.from_bytes(data[4:8], "little")

@@ -75,10 +75,20 @@ def rows_of(top_px: float, height_px: int) -> Int32Array:
     return np.rint(top + step * COUNT[:n]).astype(np.int32)
 
 
-def evidence_of(grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float) -> Evidence:
-    """Stripes of the frame for a horizon."""
+def evidence_of(
+    grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, room: Float32Array | None = None
+) -> Evidence:
+    """Stripes of the frame for a horizon.
+
+    Args:
+        grey, rows: The frame, and the rows that are judged.
+        horizon_px: For which stripes' widths are taken.
+        stretch: fx / fy.
+        room: Shape (3 `MAX_ROWS` width,): filled and looked into by the result; None: new memory.
+    """
     height, width = grey.shape
-    evidence = np.empty((3, len(rows), width), np.float32)
+    size = 3 * len(rows) * width
+    evidence = (np.empty(size, np.float32) if room is None else room[:size]).reshape(3, len(rows), width)
     window, rest = STRIPE[:3], STRIPE[3:]
     shape = np.array([*(stretch * each for each in window), *rest, LOPSIDED, DEAD, CROWDED])
     reach, broad_reach = max(1, round(width / 320)), max(2, round(width / 128))
@@ -137,7 +147,7 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
 def refined(
     evidence: Evidence,
     lanes: FloatArray,
-    prior: LanePrior,
+    table: FloatArray,
     size: tuple[int, int],
     *,
     wide: bool,
@@ -147,7 +157,8 @@ def refined(
     """Lanes after a pattern search from each, and their objective.
 
     Args:
-        evidence, lanes, prior: Lanes have shape (k, 5) or (5,).
+        evidence, lanes: Lanes have shape (k, 5) or (5,).
+        table: Of the prior (`LanePrior.table`).
         size: Width and height of the image.
         wide: Use the widened evidence.
         scale: Of the first steps.
@@ -168,7 +179,7 @@ def refined(
         horizon + 0.15 * depth,
         steps,
         4 if wide else 6,
-        np.ascontiguousarray(prior.table),
+        table,
         PRIOR_WEIGHT,
         evidence.min_h,
         beside,
@@ -180,7 +191,7 @@ def refined(
     return made, value
 
 
-def judged(evidence: Evidence, lanes: FloatArray, prior: LanePrior) -> FloatArray:
+def judged(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
     """Objective of lanes, the neighbouring lanes' boundaries included."""
     value = np.empty(len(lanes))
     lane_ridge.objective(
@@ -188,7 +199,7 @@ def judged(evidence: Evidence, lanes: FloatArray, prior: LanePrior) -> FloatArra
         evidence.broad,
         evidence.rows,
         lanes,
-        np.ascontiguousarray(prior.table),
+        table,
         PRIOR_WEIGHT,
         evidence.min_h,
         BESIDE,
@@ -251,15 +262,15 @@ def acquire(grey: GreyImage, camera: Camera, prior: LanePrior) -> tuple[FloatArr
     for horizon in horizons.tolist():
         evidence = evidence_of(grey, rows, horizon, prior.stretch)
         lanes, _ = scan(evidence, prior, width, height)
-        lanes, value = refined(evidence, distinct(lanes[:60], 4), prior, (width, height), wide=True)
+        lanes, value = refined(evidence, distinct(lanes[:60], 4), prior.table, (width, height), wide=True)
         starts.append(lanes)
         values.append(value)
     lanes, value = np.concatenate(starts), np.concatenate(values)
     lanes = distinct(lanes[np.argsort(-value, kind="stable")], N_KEPT)
     evidence = evidence_of(grey, rows, float(lanes[0, HORIZON]), prior.stretch)
-    lanes, _ = refined(evidence, lanes, prior, (width, height), wide=False, scale=0.5)
+    lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=False, scale=0.5)
     lanes = innermost(evidence, lanes, prior, (width, height))
-    value = judged(evidence, lanes, prior)
+    value = judged(evidence, lanes, prior.table)
     order = np.argsort(-value, kind="stable")
     return lanes[order], value[order], evidence
 
@@ -271,10 +282,10 @@ def glance(evidence: Evidence, prior: LanePrior, size: tuple[int, int]) -> tuple
         As `acquire`: lanes and objective.
     """
     lanes, _ = scan(evidence, prior, *size)
-    lanes, _ = refined(evidence, distinct(lanes, 2), prior, size, wide=True)
-    lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5)
+    lanes, _ = refined(evidence, distinct(lanes, 2), prior.table, size, wide=True)
+    lanes, _ = refined(evidence, lanes, prior.table, size, wide=False, scale=0.5)
     lanes = innermost(evidence, lanes, prior, size)
-    return lanes, judged(evidence, lanes, prior)
+    return lanes, judged(evidence, lanes, prior.table)
 
 
 def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:
@@ -292,5 +303,5 @@ def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tup
                 lane[MIDDLE] += 0.5 * sign * shifts[k]
                 lane[WIDTH] -= shifts[k]
         # (the following search has short steps: it can't jump back)
-    made, _ = refined(evidence, made, prior, size, wide=False, scale=0.12)
+    made, _ = refined(evidence, made, prior.table, size, wide=False, scale=0.12)
     return made

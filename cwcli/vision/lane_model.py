@@ -48,6 +48,9 @@ UNKNOWN_YAW_RAD = 0.035
 UNKNOWN_HORIZON = (0.45, 0.12, 0.25, 0.66)
 """Mean, sigma and limits of the horizon's row over the image height, where the mounting is not known."""
 
+DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012])
+"""What a prediction may miss, sigmas for a root second: heading rad, place m, width m, curvature 1/m, pitch rad."""
+
 
 @dataclass(frozen=True)
 class LanePrior:
@@ -57,11 +60,13 @@ class LanePrior:
         table: Shape (5, 4): mean, sigma, lowest and highest of the five numbers.
         is_mounted: The horizon is known from the camera's mounting.
         stretch: fx / fy.
+        drift: Shape (5,): what the prediction of a followed lane may miss, sigmas for a root second.
     """
 
     table: FloatArray
     is_mounted: bool
     stretch: float
+    drift: FloatArray
 
 
 def prior_of(camera: Camera) -> LanePrior:
@@ -95,7 +100,8 @@ def prior_of(camera: Camera) -> LanePrior:
         table[HORIZON] = v0, reach, v0 - 5.0 * reach, v0 + 5.0 * reach
     else:
         table[HORIZON] = np.array(UNKNOWN_HORIZON) * camera.height_px
-    return LanePrior(table, is_mounted, stretch)
+    unit = np.array([camera.fx, per_m, per_m, camera.fx * camera.fy * height_m / 2.0, camera.fy])
+    return LanePrior(table, is_mounted, stretch, DRIFT * unit)
 
 
 def pitch_of(lane: FloatArray, camera: Camera) -> float:

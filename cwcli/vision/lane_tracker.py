@@ -18,6 +18,7 @@ from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.camera import Camera
 from cwcli.vision.lane_belief import boundary_probabilities
 from cwcli.vision.lane_detect import (
+    MAX_ROWS,
     MIN_DEPTH,
     Evidence,
     acquire,
@@ -66,9 +67,6 @@ HORIZON_GAIN = 0.05
 OVER_THE_LINE = 0.55
 """Of the lane's width: a car whose camera is farther from the middle is in the next lane."""
 
-DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012])
-"""What a prediction may miss, sigmas for a root second: heading rad, place m, width m, curvature 1/m, pitch rad."""
-
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -97,6 +95,7 @@ class LaneTracker:
         self._prior: LanePrior | None = None
         self._hypotheses: list[Hypothesis] = []
         self._evidence: Evidence | None = None
+        self._room = np.empty(0, np.float32)  # for the evidence: new memory in every frame costs as much as to fill it
         self._last_ns = 0
         self._n_frames = 0
         self._n_lost = 0
@@ -121,21 +120,22 @@ class LaneTracker:
         """Every hypothesis, predicted and improved on the new frame."""
         assert self._prior is not None
         size = camera.width_px, camera.height_px
-        grey = frame.grey
         lead = self._hypotheses[0].lane
         rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
-        evidence = evidence_of(grey, rows, float(lead[HORIZON]), self._prior.stretch)
+        if len(self._room) != 3 * MAX_ROWS * size[0]:
+            self._room = np.empty(3 * MAX_ROWS * size[0], np.float32)
+        evidence = evidence_of(frame.grey, rows, float(lead[HORIZON]), self._prior.stretch, self._room)
         self._evidence = evidence
         made: list[Hypothesis] = []
         for hypothesis in self._hypotheses:
             lane = predicted(hypothesis.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
-            prior = replace(self._prior, table=narrowed(self._prior.table, lane, camera, dt_s))
-            lane = np.clip(lane, prior.table[:, LOW], prior.table[:, HIGH])
-            lanes, _ = refined(evidence, lane, prior, size, wide=True, scale=1.0, beside=0.0)
-            lanes, _ = refined(evidence, lanes, prior, size, wide=False, scale=0.5, beside=0.0)
+            table = narrowed(self._prior, lane, dt_s)
+            lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
+            lanes, _ = refined(evidence, lane, table, size, wide=True, scale=1.0, beside=0.0)
+            lanes, _ = refined(evidence, lanes, table, size, wide=False, scale=0.5, beside=0.0)
             if any(is_same(lanes[0], other.lane) for other in made):
                 continue
-            last = float(judged(evidence, lanes, self._prior)[0])
+            last = float(judged(evidence, lanes, self._prior.table)[0])
             made.append(Hypothesis(lanes[0], MEMORY * hypothesis.value + (1.0 - MEMORY) * last, last))
         if self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(evidence, camera, made)
@@ -171,10 +171,11 @@ class LaneTracker:
         if not self._hypotheses:
             self._pause -= 1
             return LaneFit(NOT_FOUND, NOT_FOUND)
-        first = self._hypotheses[0]
-        best = max(self._hypotheses, key=lambda each: each.value + (SWITCH_GAIN if each is first else 0.0))
-        others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
-        self._hypotheses = [best, *others[: N_HYPOTHESES - 1]]
+        best = first = self._hypotheses[0]
+        if len(self._hypotheses) > 1:
+            best = max(self._hypotheses, key=lambda each: each.value + (SWITCH_GAIN if each is first else 0.0))
+            others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
+            self._hypotheses = [best, *others[: N_HYPOTHESES - 1]]
         parabolas = parabolas_of_lane(best.lane, camera).tolist()
         assert self._evidence is not None
         chances: list[float] = boundary_probabilities(self._evidence, best.lane, best.last).tolist()
@@ -232,15 +233,15 @@ def predicted(
     return made
 
 
-def narrowed(table: FloatArray, lane: FloatArray, camera: Camera, dt_s: float) -> FloatArray:
-    """The prior times a normal distribution around the predicted lane; direction and bend are left to the latter."""
-    height_m, per_m = camera.mounting.height_m, camera.fx / camera.fy / camera.mounting.height_m
-    unit = np.array([camera.fx, per_m, per_m, camera.fx * camera.fy * height_m / 2.0, camera.fy])
-    sigma = DRIFT * unit * math.sqrt(max(dt_s, 0.02))
+def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float) -> FloatArray:
+    """The prior's table times a normal distribution around the predicted lane, to which direction and bend are left."""
+    sigma = prior.drift * math.sqrt(max(dt_s, 0.02))
+    table = prior.table
+    before, now = table[:, SIGMA] ** -2, sigma**-2
+    both = before + now
     made = table.copy()
-    before, now = 1.0 / table[:, SIGMA] ** 2, 1.0 / sigma**2
-    made[:, SIGMA] = 1.0 / np.sqrt(before + now)
-    made[:, MEAN] = (table[:, MEAN] * before + lane * now) / (before + now)
+    made[:, SIGMA] = both**-0.5
+    made[:, MEAN] = (table[:, MEAN] * before + lane * now) / both
     for k in (VANISHING, BEND):  # the prior of a first frame, anew in every frame, would flatten every bend
         made[k, MEAN], made[k, SIGMA] = lane[k], sigma[k]
     return made

@@ -53,7 +53,7 @@ def test_objective_equals_the_plain_twin() -> None:
     lanes, _, evidence = acquire(grey, camera, prior)
     lanes = np.vstack([lanes, lanes[0] + np.array([3.0, 0.02, 0.05, 30.0, 1.0])])
     segment = len(evidence.rows) // lane_detect.N_SEGMENTS
-    for lane, value in zip(lanes, judged(evidence, lanes, prior), strict=True):
+    for lane, value in zip(lanes, judged(evidence, lanes, prior.table), strict=True):
         plain = naive_ridge.objective(
             evidence.sharp,
             evidence.broad,
@@ -125,7 +125,7 @@ def test_outside_the_prior_nothing_counts() -> None:
     evidence = evidence_of(frame("good", 2).grey, np.arange(100, 238, dtype=np.int32), 80.0, 1.0)
     lane = prior.table[:, MEAN].copy()
     lane[2] = prior.table[2, HIGH] + 0.1
-    assert judged(evidence, lane[None], prior)[0] == -1e30
+    assert judged(evidence, lane[None], prior.table)[0] == -1e30
 
 
 @pytest.mark.parametrize("index", [0, 5, 11])
@@ -148,7 +148,7 @@ def genetic_best(evidence: Evidence, prior: LanePrior, rng: np.random.Generator)
     for _ in range(3):
         people: FloatArray = rng.uniform(low, high, (240, 5))
         for generation in range(90):
-            fitness = judged(evidence, people, prior)
+            fitness = judged(evidence, people, prior.table)
             order = np.argsort(-fitness)
             elite = people[order[:6]]
             rivals = rng.integers(0, len(people), (2, 2, len(people)))
@@ -158,7 +158,7 @@ def genetic_best(evidence: Evidence, prior: LanePrior, rng: np.random.Generator)
             step = (high - low) * 0.15 * 0.94**generation
             children += rng.normal(size=people.shape) * step * (rng.random(people.shape) < 0.3)
             people = np.vstack([elite, np.clip(children[: len(people) - 6], low, high)])
-        best = max(best, float(judged(evidence, people, prior).max()))
+        best = max(best, float(judged(evidence, people, prior.table).max()))
     return best
 
 

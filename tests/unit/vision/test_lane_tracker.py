@@ -167,7 +167,7 @@ def test_a_new_camera_starts_anew() -> None:
 def test_prior_of_a_first_frame_does_not_flatten_a_bend_that_is_followed() -> None:
     """The prior says straight on; a lane that bends by three of its sigmas is expected to go on bending."""
     camera = mounted()
-    table = prior_of(camera).table
-    lane = table[:, MEAN].copy()
-    lane[BEND] = 3.0 * table[BEND, SIGMA]
-    assert narrowed(table, lane, camera, 0.1)[BEND, MEAN] == lane[BEND]
+    prior = prior_of(camera)
+    lane = prior.table[:, MEAN].copy()
+    lane[BEND] = 3.0 * prior.table[BEND, SIGMA]
+    assert narrowed(prior, lane, 0.1)[BEND, MEAN] == lane[BEND]
