@@ -15,8 +15,11 @@ from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaves import numbers, stamps, whole_numbers
 from cwcli.signals.roles import is_truth_topic
 from cwcli.stages.lanes_channels import LANES_TOPIC
+from cwcli.stages.lanes_lens import Lenses
+from cwcli.vision.camera import Camera
 from cwcli.vision.ground import HIGHEST
 from cwcli.vision.overlay import HORIZON_GAP, MIN_GAP_PX
+from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
 LANES_SCHEMA = "cwcli.v1.Lanes"
 SIDES = ("left", "right")
@@ -134,7 +137,7 @@ def _add_labels(headline: Headline, columns: Columns, found: npt.NDArray[np.bool
         ],
         axis=1,
     )
-    horizon_px = numbers(columns, "horizon_px")
+    horizon_px, lenses = numbers(columns, "horizon_px"), Lenses(columns)
     scores: list[TuSimpleScore] = []
     for row, label in zip(mine.tolist(), other.tolist(), strict=True):
         rows_px, flat = _row(truth.fields["h_samples"], label), _row(truth.fields["lanes"], label)
@@ -142,7 +145,8 @@ def _add_labels(headline: Headline, columns: Columns, found: npt.NDArray[np.bool
             continue
         search_w, search_h, image_w, image_h = sizes[row].tolist()
         beside = ego_lanes(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
-        lines = _lines(parabolas[row], rows_px, (search_w, search_h, image_w, image_h), float(horizon_px[row]))
+        image = search_w, search_h, image_w, image_h
+        lines = _lines(parabolas[row], rows_px, image, float(horizon_px[row]), lenses.camera(row))
         scores.append(tusimple_score([lines[k] for k in np.flatnonzero(found[row])], beside, rows_px))
     if scores:
         headline.errors("lanes.truth_accuracy", np.array([score.accuracy for score in scores]))
@@ -160,20 +164,53 @@ def _row(field: Field, at: int) -> FloatArray:
     return np.zeros(0)
 
 
-def _lines(parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float) -> FloatArray:
+def _lines(
+    parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float, lens: Camera | None = None
+) -> FloatArray:
     """Columns (2, h) in the camera's image of both boundaries (2, 3) at rows from the top; NaN where they have ended.
 
     A boundary ends at the image's edge, below the horizon (a row of the search image) and where both meet: where the
-    line ends that `cwcli lanes` draws (`cwcli.vision.overlay.line_points`).
+    line ends that `cwcli lanes` draws (`cwcli.vision.overlay.line_points`). The lens is that of the camera, if the
+    boundaries are those of its rectified image.
     """
-    search_w, search_h, image_w, image_h = sizes
+    if lens is not None:
+        return _seen_through(lens, parabolas, rows_px, sizes, horizon_px)
+    search_w, _, image_w, _ = sizes
+    x_px, y_px, is_above = _columns_at(parabolas, rows_px, sizes, horizon_px)
+    with np.errstate(invalid="ignore"):
+        outside = (x_px < 0.5) | (x_px > search_w + 0.5) | (y_px < 0.5)
+    x_px = np.where(outside | is_above, np.nan, x_px)
+    return np.asarray((x_px - 0.5) * image_w / search_w - 0.5)
+
+
+def _seen_through(
+    lens: Camera, parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float
+) -> FloatArray:
+    """`_lines` of a rectified image: each of its rows' points, where the camera sees them, joined by straight lines."""
+    search_w, _, image_w, _ = sizes
+    dense_px = np.arange(0.0, lowest_row_px(lens) + 1.0)
+    x_px, _, is_above = _columns_at(parabolas, dense_px, sizes, horizon_px)
+    u_px = (np.where(is_above, np.nan, x_px) - 0.5) * image_w / search_w - 0.5
+    seen = camera_points(np.stack([u_px, np.broadcast_to(dense_px, u_px.shape)], axis=-1), lens)
+    made = np.full((len(seen), len(rows_px)), np.nan)
+    for side, points in enumerate(seen):
+        line = points[is_in_image(points, lens)]
+        if len(line) > 1:
+            line = line[np.argsort(line[:, 1], kind="stable")]
+            made[side] = np.interp(rows_px, line[:, 1], line[:, 0], left=np.nan, right=np.nan)
+    return made
+
+
+def _columns_at(
+    parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """x (2, h) and y (h,) in the search image at rows of the image of the camera's size, and where lines have ended."""
+    _, search_h, _, image_h = sizes
     y_px = search_h + 0.5 - (rows_px + 0.5) * search_h / image_h
     top_px = np.fmin(search_h - horizon_px - HORIZON_GAP * search_h, HIGHEST * search_h)
     a, b, c = parabolas.T[:, :, None]
     x_px = (a * y_px + b) * y_px + c
     with np.errstate(invalid="ignore"):
-        outside = (x_px < 0.5) | (x_px > search_w + 0.5) | (y_px < 0.5) | (y_px > top_px)
         meet = x_px[1] - x_px[0] <= MIN_GAP_PX
     met_y = y_px[meet].min() if meet.any() else np.inf
-    x_px = np.where(outside | (y_px >= met_y), np.nan, x_px)
-    return np.asarray((x_px - 0.5) * image_w / search_w - 0.5)
+    return x_px, y_px, (y_px > top_px) | (y_px >= met_y)

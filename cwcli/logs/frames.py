@@ -61,6 +61,7 @@ class Frame:
         data: The image's bytes. They keep a chunk of the file in memory as long as they are kept.
         width, height, encoding, step: Of a raw image, else 0 and "".
         frame_id: As the message says.
+        is_video: The message is one of compressed video, whatever its `format`.
     """
 
     log_time_ns: int
@@ -73,6 +74,7 @@ class Frame:
     encoding: str
     step: int
     frame_id: str
+    is_video: bool = False
 
 
 def is_camera(channel: ChannelInfo) -> bool:
@@ -111,6 +113,7 @@ class _Decoding:
     def __init__(self, decoder: Decoder, channel: ChannelInfo, faults: Faults) -> None:
         self._decoder = decoder
         self._is_base64 = channel.message_encoding == "json"
+        self._is_video = channel.schema_name.endswith("CompressedVideo")
         self._reasons: dict[str, int] = {}
         if channel.topic in faults.undecodable:
             del faults.undecodable[channel.topic]
@@ -152,6 +155,7 @@ class _Decoding:
                 encoding=_text(fields, k, "encoding"),
                 step=_number(fields, k, "step"),
                 frame_id=_text(fields, k, *FRAME_IDS),
+                is_video=self._is_video,
             )
             yield log_time_ns, int(batch.payloads.starts[row]), frame
 

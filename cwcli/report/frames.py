@@ -15,6 +15,7 @@ from cwcli.logs.log import Log
 from cwcli.report.drive import Drive
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers
+from cwcli.stages.lanes_lens import Lenses
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames
 from cwcli.vision.overlay import burn_in, line_points
@@ -134,6 +135,7 @@ class _Lanes:
         self._sides = np.stack(sides, axis=1)[order]
         self._sizes = np.column_stack([np.asarray(each, np.int64) for each in sizes])[order]
         self._horizon_px = numbers(columns, "horizon_px")[order]
+        self._order, self._lenses = order, Lenses(columns)
 
     def lines(self, stamp_ns: int, width_px: int, height_px: int) -> list[FloatArray] | None:
         """The left and the right boundary in the pixels of an image; None where the frame was not searched."""
@@ -152,7 +154,9 @@ class _Lanes:
             yaw_rad=nothing[:, 0],
         )
         search = (int(self._sizes[row, 0]), int(self._sizes[row, 1]))
-        points, is_in = line_points(fit, search, (width_px, height_px), self._horizon_px[row : row + 1])
+        camera = self._lenses.camera(int(self._order[row]))
+        camera = None if camera is None else camera.resized(width_px, height_px)
+        points, is_in = line_points(fit, search, (width_px, height_px), self._horizon_px[row : row + 1], camera)
         return [points[0, side][is_in[0, side]] for side in range(2)]
 
 

@@ -33,6 +33,8 @@ from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.ground import LaneGeometry, lane_geometry
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.raw_images import Image
+from cwcli.vision.rectify import Rectifier, rectified
 from cwcli.vision.video import VIDEO_FORMATS
 
 PREVIEW_M = 33.5
@@ -89,11 +91,12 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     config = replace(config, mounting=mount.mounting)
     source = camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
     motion = read_motion(log, config.topics) if method.uses_motion else Motion()
-    run = _Run(method, config.seed, source, motion)
+    is_rectified = method.is_rectified and source.needs_rectifying()
+    run = _Run(method, config.seed, source, motion, is_rectified=is_rectified)
     images = decode_frames(
         _frames(log, topic, config),
         size_of=method.search_size,
-        prepare=_prepare_with(method),
+        prepare=_prepare_with(method, Rectifier(source.camera) if is_rectified else None),
         where=f"{log.name}: {topic}",
     )
     for decoded in images:
@@ -117,10 +120,21 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         title=f"lanes ({config.method})",
         sections=(lanes_section(frames, n_searches=run.n_searches, search_s=run.search_s),),
         inputs=(count, *source.counts, *mount.counts, *motion.counts),
-        notes=(*bound.notes, *source.notes, *mount.notes, *motion.notes, *run.notes),
+        notes=(*bound.notes, *source.notes, *mount.notes, *motion.notes, *_notes_of(source, is_rectified), *run.notes),
     )
     table: Table = lanes_table(frames)
     return StageResult("lanes", tuple(channels), {"lanes": table}, summary, run_record("lanes", log, config, summary))
+
+
+def _notes_of(source: CameraSource, is_rectified: bool) -> tuple[str, ...]:
+    """What was taken out of the frames, if anything was."""
+    if not is_rectified:
+        return ()
+    camera = source.camera(1000, 1000)
+    what = [f"{camera.distortion_model or 'polynomial'} distortion"] if camera.has_distortion() else []
+    if camera.mounting.roll_rad:
+        what.append(f"{np.degrees(camera.mounting.roll_rad):.1f} degrees of roll")
+    return (f"taken out of the frames before the search: {' and '.join(what)}",)
 
 
 def _frame_id(log: Log, topic: str) -> str:
@@ -129,9 +143,26 @@ def _frame_id(log: Log, topic: str) -> str:
     return "" if first is None else first.frame_id
 
 
-def _prepare_with(method: Method) -> Callable[[DecodedFrame], object] | None:
-    prepare = method.prepare
-    return None if prepare is None else lambda decoded: None if decoded.image is None else prepare(decoded.image)
+@dataclass(frozen=True)
+class _Prepared:
+    """What the decoding threads made of a frame: the image to be searched, and what the method computed of it."""
+
+    grey: Image
+    made: object = None
+
+
+def _prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[DecodedFrame], object] | None:
+    if method.prepare is None and rectifier is None:
+        return None
+
+    def prepare(decoded: DecodedFrame) -> _Prepared:
+        assert decoded.image is not None
+        grey = decoded.image
+        if rectifier is not None:
+            grey = rectifier.image(grey, (decoded.width_px, decoded.height_px))
+        return _Prepared(grey, None if method.prepare is None else method.prepare(grey))
+
+    return prepare
 
 
 def _checked(config: LanesConfig) -> Method:
@@ -176,8 +207,9 @@ def _nothing_usable(where: str, rejected: Mapping[str, int]) -> DataError:
 class _Run:
     """One pass over the frames: the search, and a few numbers for each frame."""
 
-    def __init__(self, method: Method, seed: int, source: CameraSource, motion: Motion) -> None:
+    def __init__(self, method: Method, seed: int, source: CameraSource, motion: Motion, *, is_rectified: bool) -> None:
         self._method = method
+        self._is_rectified = is_rectified
         self._seed = seed
         self._source = source
         self._motion = motion
@@ -208,14 +240,15 @@ class _Run:
         assert self._search is not None
         assert self._camera is not None
         self._last_ns = decoded.stamp_ns
+        prepared = decoded.prepared if isinstance(decoded.prepared, _Prepared) else _Prepared(decoded.image)
         frame = LaneFrame(
-            grey=decoded.image,
+            grey=prepared.grey,
             camera=self._camera,
             stamp_ns=decoded.stamp_ns,
             number=self.n_used,
             speed_mps=self._motion.speed_mps.at(decoded.stamp_ns),
             yaw_rate_radps=self._motion.yaw_rate_radps.at(decoded.stamp_ns),
-            prepared=decoded.prepared,
+            prepared=prepared.made,
         )
         begin = time.perf_counter()
         fit = self._search.step(frame)
@@ -242,7 +275,12 @@ class _Run:
         if note and note not in self.notes:
             self.notes.append(note)
         self._size = size
-        self._camera = self._source.camera(*size).resized(image.shape[1], image.shape[0])
+        self._camera = self._search_camera(size, (image.shape[1], image.shape[0]))
+
+    def _search_camera(self, image_size: tuple[int, int], search_size: tuple[int, int]) -> Camera:
+        """The camera in the pixels of the image that is searched."""
+        camera = self._source.camera(*image_size).resized(*search_size)
+        return rectified(camera) if self._is_rectified else camera
 
     def frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
         """All used frames with their place on the road."""
@@ -256,7 +294,7 @@ class _Run:
         for size in np.unique(sizes, axis=0):
             rows = np.flatnonzero((sizes == size).all(axis=1))
             image_w, image_h, search_w, search_h = size.tolist()
-            camera = self._source.camera(image_w, image_h).resized(search_w, search_h)
+            camera = self._search_camera((image_w, image_h), (search_w, search_h))
             parts.append((rows, lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]
@@ -279,6 +317,7 @@ class _Run:
             fits=fits,
             geometry=geometry,
             preview_m=config.preview_m,
+            rectified_from=self._source.camera if self._is_rectified else None,
         )
 
 

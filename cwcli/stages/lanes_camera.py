@@ -21,6 +21,7 @@ from cwcli.vision.camera import (
     calibrated_camera,
     default_camera,
 )
+from cwcli.vision.rectify import needs_rectifying
 
 KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
 UNKNOWN_MODEL = "calibration with an unknown distortion model"
@@ -51,6 +52,10 @@ class CameraSource:
         if self.info is None:
             return default_camera(width_px, height_px, self.mounting, field_of_view_rad=self.field_of_view_rad)
         return calibrated_camera(self.info, self.mounting, is_rectified=self.is_rectified).resized(width_px, height_px)
+
+    def needs_rectifying(self) -> bool:
+        """Whether the frames differ from those of a pinhole without roll, whatever their size."""
+        return needs_rectifying(self.camera(1000, 1000))
 
     def size_note(self, width_px: int, height_px: int) -> str:
         """What to tell if the calibration is for images of another shape, else ""."""

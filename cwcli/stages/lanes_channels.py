@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,9 @@ from cwcli.signals.columns import (
     Repeated,
     StreamedChannel,
 )
+from cwcli.stages.lanes_lens import lens_fields
 from cwcli.stages.painted_frames import StartImages, painted_channel
+from cwcli.vision.camera import Camera
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import GeometrySigmas, LaneGeometry
 from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
@@ -43,6 +45,8 @@ class LaneFrames:
         fits: n rows.
         geometry: n rows.
         preview_m: Distance of the preview point.
+        rectified_from: Width and height of an image -> the camera whose frames were rectified before the search; None:
+            they were searched as they are.
     """
 
     index: Int64Array
@@ -56,6 +60,7 @@ class LaneFrames:
     fits: FitColumns
     geometry: LaneGeometry
     preview_m: float
+    rectified_from: Callable[[int, int], Camera] | None = None
 
     def __len__(self) -> int:
         return len(self.index)
@@ -91,6 +96,8 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
         "camera_yaw_sigma_rad": np.full(len(frames), GeometrySigmas().yaw_rad),
         "horizon_px": frames.horizon_px,
     }
+    if frames.rectified_from is not None:
+        fields |= lens_fields(frames.rectified_from, frames.image_size)
     return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", frames.log_time_ns, fields)
 
 
@@ -158,6 +165,7 @@ def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.b
     for size in np.unique(sizes, axis=0):
         rows = np.flatnonzero((sizes == size).all(axis=1))
         search_w, search_h, image_w, image_h = size.tolist()
-        made = line_points(fits[rows], (search_w, search_h), (image_w, image_h), horizon_px[rows])
+        camera = None if frames.rectified_from is None else frames.rectified_from(image_w, image_h)
+        made = line_points(fits[rows], (search_w, search_h), (image_w, image_h), horizon_px[rows], camera)
         points[rows], is_in[rows] = made
     return points, is_in

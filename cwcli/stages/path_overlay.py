@@ -20,6 +20,7 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputField, 
 from cwcli.signals.roles import bind
 from cwcli.stages.lanes_camera import CameraSource, camera_source
 from cwcli.stages.lanes_channels import LANES_TOPIC, LINE_STRIP, PIXELS_PER_THICKNESS
+from cwcli.stages.lanes_lens import Lenses
 from cwcli.stages.painted_frames import painted_channel
 from cwcli.stages.records import configuration_of, inputs_of, number, run_records
 from cwcli.stages.render_topic import check_render_topic
@@ -65,6 +66,7 @@ class _Scene:
     image_size: Int64Array
     search_size: Int64Array
     parabolas: FloatArray
+    lenses: Sequence[Camera | None]
 
     def camera(self, row: int) -> Camera:
         """The camera of a frame."""
@@ -96,7 +98,7 @@ class _Scene:
         width_px, height_px = self.search_size[row].tolist()
         horizon_px = self.camera(row).resized(width_px, height_px).horizon_v_px()
         image_w, image_h = self.image_size[row].tolist()
-        points, is_in = line_points(fits, (width_px, height_px), (image_w, image_h), horizon_px)
+        points, is_in = line_points(fits, (width_px, height_px), (image_w, image_h), horizon_px, self.lenses[row])
         return [points[0, side][is_in[0, side]] for side in range(2)]
 
 
@@ -214,6 +216,7 @@ def _scene(
     has_size = (image_size > 0).all(axis=1) & (search_size > 0).all(axis=1)
     rows, lanes, image_size, search_size = (each[has_size] for each in (rows, lanes, image_size, search_size))
     found = np.stack([np.stack([numbers(f"{side}.{k}") for k in "abc"], axis=-1) for side in ("left", "right")], axis=1)
+    lenses = Lenses(columns)
     return _Scene(
         stamp_ns=stamp_ns[rows],
         log_time_ns=log_time_ns[rows],
@@ -226,6 +229,7 @@ def _scene(
         image_size=image_size,
         search_size=search_size,
         parabolas=found[lanes],
+        lenses=[lenses.camera(row) for row in lanes.tolist()],
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,9 @@ DEFAULT_FIELD_OF_VIEW_RAD = math.radians(60.0)
 FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt")
 POLYNOMIAL_MODELS = ("plumb_bob", "rational_polynomial", "thin_prism", "radtan", "")
 MIN_DEPTH = 1e-9
+MAX_ANGLE_RAD = math.radians(89.0)
+"""From the axis: what is farther out is seen by no image plane."""
+N_ANGLES = 512
 
 _BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Optical axes of a camera that looks straight ahead, level."""
@@ -55,7 +59,7 @@ class Camera:
         fx, fy, cx, cy: Pixels.
         distortion_model: As in the message: "" or a polynomial model (`plumb_bob`, `rational_polynomial`) or a fisheye
             one (`equidistant`).
-        distortion: Its coefficients.
+        distortion: Its coefficients. A fisheye without any is one whose coefficients are zero, not a pinhole.
         mounting: On the car.
         is_default: There was no calibration; the intrinsics are assumed.
     """
@@ -109,14 +113,14 @@ class Camera:
         Returns:
             Shape (n, 3).
         """
-        if not any(self.distortion):
+        if not self.has_distortion():
             x, y = (u_px - self.cx) / self.fx, (v_px - self.cy) / self.fy
             return np.column_stack([x, y, np.ones_like(x)])
         import cv2
 
         points = np.column_stack([u_px, v_px]).astype(np.float64).reshape(-1, 1, 2)
         stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
-        coefficients = np.array(self.distortion)
+        coefficients = self.coefficients()
         if self.is_fisheye():
             ideal = cv2.fisheye.undistortPoints(points, self.matrix(), coefficients, criteria=stop)
         else:
@@ -152,24 +156,50 @@ class Camera:
         """
         body = np.column_stack([x_m, y_m - self.mounting.lateral_offset_m, np.zeros_like(x_m) + z_m])
         body[:, 2] -= self.mounting.height_m
-        optical = body @ self.body_from_optical()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ideal = np.where(optical[:, 2:] > MIN_DEPTH, optical[:, :2] / optical[:, 2:], np.nan)
-        if not any(self.distortion):
-            return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
-        import cv2
+        return self.image_from_rays(body @ self.body_from_optical())
 
-        at = np.isfinite(ideal).all(axis=1)
+    def image_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Image points of directions in the optical frame, with distortion.
+
+        Args:
+            rays: Shape (n, 3), of any length.
+
+        Returns:
+            u_px, v_px: Shape (n,); NaN behind the camera, and beyond `max_ideal_radius`.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ideal = np.where(rays[:, 2:] > MIN_DEPTH, rays[:, :2] / rays[:, 2:], np.nan)
+        if not self.has_distortion():
+            return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
+        at = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_ideal_radius
         pixels = np.full_like(ideal, np.nan)
         if at.any():
-            zero, coefficients = np.zeros(3), np.array(self.distortion)
-            points = np.column_stack([ideal[at], np.ones(at.sum())]).reshape(-1, 1, 3)
-            if self.is_fisheye():
-                made = cv2.fisheye.projectPoints(points, zero, zero, self.matrix(), coefficients)[0]
-            else:
-                made = cv2.projectPoints(points, zero, zero, self.matrix(), coefficients)[0]
-            pixels[at] = made.reshape(-1, 2)
+            pixels[at] = self._distorted(ideal[at], self.matrix())
         return pixels[:, 0], pixels[:, 1]
+
+    def _distorted(self, ideal: FloatArray, matrix: FloatArray) -> FloatArray:
+        """Shape (n, 2): image points of the ideal points x / z, y / z, shape (n, 2)."""
+        import cv2
+
+        zero, coefficients = np.zeros(3), self.coefficients()
+        points = np.column_stack([ideal, np.ones(len(ideal))]).reshape(-1, 1, 3)
+        project = cv2.fisheye.projectPoints if self.is_fisheye() else cv2.projectPoints
+        return np.asarray(project(points, zero, zero, matrix, coefficients)[0].reshape(-1, 2), np.float64)
+
+    @cached_property
+    def max_ideal_radius(self) -> float:
+        """Distance from the axis, over the depth, up to which farther out in the scene is farther out in the image.
+
+        Beyond it the polynomial of a strong distortion turns back, and would show the scene a second time. Infinite
+        without distortion.
+        """
+        if not self.has_distortion():
+            return math.inf
+        radius = np.tan(np.linspace(0.0, MAX_ANGLE_RAD, N_ANGLES))
+        across = np.column_stack([radius, np.zeros(N_ANGLES)])
+        both = [self._distorted(sign * across, np.eye(3))[:, 0] for sign in (1.0, -1.0)]
+        turns = np.flatnonzero(~(np.diff(both[0] - both[1]) > 0.0))  # the difference has no tangential part
+        return float(radius[turns[0]]) if len(turns) else float(radius[-1])
 
     def horizon_v_px(self, pitch_rad: FloatArray | None = None) -> FloatArray:
         """Row of the horizon straight ahead of the camera, distortion and roll left out; may lie outside the image.
@@ -183,6 +213,14 @@ class Camera:
     def is_fisheye(self) -> bool:
         """Whether the distortion is a fisheye model's."""
         return self.distortion_model.lower() in FISHEYE_MODELS
+
+    def has_distortion(self) -> bool:
+        """Whether the image is another one than a pinhole's."""
+        return self.is_fisheye() or any(self.distortion)
+
+    def coefficients(self) -> FloatArray:
+        """The distortion's coefficients as OpenCV takes them."""
+        return np.array(self.distortion if self.distortion else (0.0,) * 4)
 
 
 def rotation(yaw_rad: float, pitch_rad: float, roll_rad: float) -> FloatArray:
@@ -252,9 +290,12 @@ def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectifie
 
 
 def coefficients_of(model: str, values: FloatArray | Sequence[float]) -> tuple[float, ...]:
-    """The coefficients in a number that OpenCV takes: 4 for a fisheye, else 4, 5, 8, 12 or 14; zeros fill up."""
+    """The coefficients in a number that OpenCV takes: 4 for a fisheye, else 4, 5, 8, 12 or 14; zeros fill up.
+
+    None if there is no distortion: all are zero, and the model is no fisheye.
+    """
     given = [float(value) for value in values]
-    if not any(given):
+    if not any(given) and model not in FISHEYE_MODELS:
         return ()
     lengths = (4,) if model in FISHEYE_MODELS else (4, 5, 8, 12, 14)
     length = next((n for n in lengths if n >= len(given)), lengths[-1])

@@ -20,13 +20,15 @@ from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
 from cwcli.vision.in_order import in_order
 from cwcli.vision.raw_images import Image, RawImageError, raw_colour, raw_grey
-from cwcli.vision.video import VIDEO_FORMATS, decode_video
+from cwcli.vision.video import NOT_DECODED, VIDEO_FORMATS, decode_video
 
 MIN_SIDE_PX = 32
 MAX_PIXELS = 50_000_000
 MAX_SIDES_RATIO = 10
 REDUCTIONS = (8, 4, 2)
 MAX_THREADS = 4
+MAX_NAME = 20
+"""Letters of a format that are told."""
 MAX_BATCH = 4
 BATCH_BYTES = 400_000
 """Encoded. Small grey frames are handed to a thread several at a time: handing over costs as much as a search."""
@@ -51,6 +53,8 @@ class FrameLike(Protocol):
     def encoding(self) -> str: ...
     @property
     def step(self) -> int: ...
+    @property
+    def is_video(self) -> bool: ...
 
 
 @dataclass(frozen=True)
@@ -174,7 +178,7 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> Decode
     else:
         header = read_image_header(frame.data)
         if header is None:
-            return _rejected(index, frame, "neither JPEG, PNG nor WebP")
+            return _rejected(index, frame, _no_image(frame))
         width_px, height_px = header.width_px, header.height_px
     reason = _unfit(width_px, height_px)
     if not reason and header is not None and not is_complete(frame.data, header.kind):
@@ -190,6 +194,14 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> Decode
     except RawImageError as error:
         return _rejected(index, frame, str(error))
     return _finished(index, frame, image, (width_px, height_px), wanted)
+
+
+def _no_image(frame: FrameLike) -> str:
+    """Why data without an image's signature can't be read."""
+    if not frame.is_video:
+        return "neither JPEG, PNG nor WebP"
+    known = ", ".join(name for name, codec in VIDEO_FORMATS.items() if codec not in NOT_DECODED)
+    return f"the video format {frame.format[:MAX_NAME]!r} is not known (known: {known})"
 
 
 def _decoded(data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, int] | None) -> Image:

@@ -25,7 +25,8 @@ class LaneFrame:
     """One frame for the search.
 
     Attributes:
-        grey: Shape (height, width), uint8, of the size that the method's `search_size` asked for. May be read-only.
+        grey: Shape (height, width), uint8, of the size that the method's `search_size` asked for, rectified if the
+            method wants that. May be read-only.
         camera: The camera in the pixels of `grey`.
         stamp_ns: Time of the frame.
         number: 0, 1, 2, ... over the frames that could be decoded; seeds of random searches derive from it.
@@ -77,6 +78,8 @@ class Method:
         prepare: What can be computed of a grey image alone; called in the decoding threads, its result is
             `LaneFrame.prepared`. None: nothing.
         uses_motion: Whether the search wants the ego's speed and yaw rate.
+        is_rectified: Whether the search wants frames without the lens's distortion and the mounting's roll
+            (`vision.rectify`); False: as the camera made them.
     """
 
     summary: str
@@ -84,3 +87,4 @@ class Method:
     make: Callable[[int], LaneSearch]
     prepare: Callable[[GreyImage], object] | None = None
     uses_motion: bool = False
+    is_rectified: bool = False

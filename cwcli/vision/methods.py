@@ -12,6 +12,7 @@ METHODS: dict[str, Method] = {
         search_size=lane_tracker.search_size,
         make=lane_tracker.LaneTracker,
         uses_motion=True,
+        is_rectified=True,
     ),
     "zhang2011": Method(
         summary="the paper's genetic search on 320 x 240",

@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import Camera
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import HIGHEST
 from cwcli.vision.raw_images import Image
+from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -26,7 +28,11 @@ JPEG_QUALITY = 85
 
 
 def line_points(
-    fits: FitColumns, search_size: tuple[int, int], image_size: tuple[int, int], horizon_px: FloatArray | float = np.nan
+    fits: FitColumns,
+    search_size: tuple[int, int],
+    image_size: tuple[int, int],
+    horizon_px: FloatArray | float = np.nan,
+    camera: Camera | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The boundaries of n frames in the camera's images.
 
@@ -34,6 +40,8 @@ def line_points(
         fits: In the pixels of the search image.
         search_size, image_size: (width, height) in pixels.
         horizon_px: Row of the horizon in the search image from the top, one or n; NaN where it is not known.
+        camera: Of images of `image_size`, if the search image is the rectified one. The lines are then followed into
+            the corners that the camera sees and the search image does not.
 
     Returns:
         Points of shape (n, 2, `N_POINTS`, 2): u and v from the bottom up, (0, 0) being the centre of the top left
@@ -43,16 +51,22 @@ def line_points(
     width_px, height_px = search_size
     below_horizon = height_px - np.broadcast_to(horizon_px, len(fits)) - HORIZON_GAP * height_px
     top = np.maximum(np.fmin(below_horizon, HIGHEST * height_px), 2.0)
-    y_px = 1.0 + np.linspace(0.0, 1.0, N_POINTS) * (top[:, None] - 1.0)
+    scale = np.array([image_size[0] / width_px, image_size[1] / height_px])
+    foot_px = 1.0
+    if camera is not None:
+        foot_px = height_px + 0.5 - (lowest_row_px(camera) + 0.5) / scale[1]
+    y_px = foot_px + np.linspace(0.0, 1.0, N_POINTS) * (top[:, None] - foot_px)
     a, b, c = np.moveaxis(fits.parabolas[..., None], 2, 0)
     x_px = (a * y_px[:, None] + b) * y_px[:, None] + c
     with np.errstate(invalid="ignore"):
         is_in = (x_px >= 1.0) & (x_px <= width_px)
         apart = ~(x_px[:, 1] - x_px[:, 0] <= MIN_GAP_PX)
-    is_in &= np.logical_and.accumulate(apart, axis=1)[:, None]
     v_px = np.broadcast_to((height_px - y_px)[:, None], x_px.shape)
-    scale = np.array([image_size[0] / width_px, image_size[1] / height_px])
-    return (np.stack([x_px - 1.0, v_px], axis=-1) + 0.5) * scale - 0.5, is_in
+    points = (np.stack([x_px - 1.0, v_px], axis=-1) + 0.5) * scale - 0.5
+    if camera is not None:
+        points = camera_points(points, camera)
+        is_in = is_in_image(points, camera)
+    return points, is_in & np.logical_and.accumulate(apart, axis=1)[:, None]
 
 
 def burn_in(image: Image, lines: Sequence[FloatArray]) -> Image:

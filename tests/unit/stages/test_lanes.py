@@ -257,6 +257,24 @@ def test_video_without_a_decoder_is_an_input_error(tmp_path: Path) -> None:
         run(path)
 
 
+def test_video_of_an_unknown_format_is_told_as_such(tmp_path: Path) -> None:
+    from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+    from mcap_protobuf.writer import Writer
+
+    path = tmp_path / "video.mcap"
+    with path.open("wb") as file, Writer(file) as writer:
+        for name in ("H.264", "H.264", ""):
+            message = CompressedVideo(frame_id="camera", data=b"\0\0\0\1", format=name)
+            writer.write_message("/camera/video", message, START_NS, START_NS)
+    with pytest.raises(DataError) as caught:
+        run(path)
+    known = "is not known (known: h264, h265, hevc, vp9)"
+    assert caught.value.found == (
+        f"2 frames: the video format 'H.264' {known}",
+        f"1 frames: the video format '' {known}",
+    )
+
+
 def test_rendered_rows_may_be_asked_for_again(tmp_path: Path) -> None:
     path = write_log(tmp_path / "road.mcap", [*road_frames(4), b"damaged", *road_frames(6, first=4)])
     with Log.open(path) as log:

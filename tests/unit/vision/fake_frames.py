@@ -20,6 +20,7 @@ class FakeFrame:
     step: int = 0
     log_time_ns: int = 5
     stamp_ns: int | None = 3
+    is_video: bool = False
 
 
 def encoded(image, suffix=".png", options=()):

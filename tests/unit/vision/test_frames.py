@@ -137,6 +137,9 @@ def test_damage_is_a_reason_not_an_error() -> None:
         "fewer bytes than width, height and encoding need": FakeFrame(
             b"\x00" * 9, width=64, height=48, encoding="mono8"
         ),
+        "the video format 'h266' is not known (known: h264, h265, hevc, vp9)": FakeFrame(
+            b"\0" * 9, "h266", is_video=True
+        ),
     }
     for reason, frame in cases.items():
         decoded = decode_frame(0, frame, same_size)

@@ -1,0 +1,80 @@
+"""The lens in `cwcli.v1.Lanes`: with it a reader turns a, b, c of a rectified image into pixels of the camera's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputField, Ragged, Strings
+from cwcli.signals.leaves import numbers
+from cwcli.vision.camera import Camera, Mounting
+
+FIELD = "rectified_from"
+INTRINSICS = ("fx", "fy", "cx", "cy")
+
+_Key = tuple[tuple[float, ...], float, str, tuple[float, ...], tuple[int, int]]
+
+
+def lens_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array) -> dict[str, OutputField]:
+    """The columns of the lens.
+
+    Args:
+        camera_of: (width_px, height_px) -> the camera of such images.
+        image_size: Shape (n, 2).
+    """
+    sizes, of_size = np.unique(image_size, axis=0, return_inverse=True)
+    cameras = [camera_of(*size) for size in sizes.tolist()]
+    at = of_size.reshape(-1)
+    fields: dict[str, OutputField] = {
+        f"{FIELD}.{name}": np.array([getattr(camera, name) for camera in cameras])[at] for name in INTRINSICS
+    }
+    model = cameras[0].distortion_model
+    return fields | {
+        f"{FIELD}.distortion_model": Strings(np.full(len(at), 0 if model else -1, np.int32), (model,)),
+        f"{FIELD}.distortion": np.tile(np.array(cameras[0].distortion, np.float64), (len(at), 1)),
+        f"{FIELD}.roll_rad": np.array([camera.mounting.roll_rad for camera in cameras])[at],
+    }
+
+
+class Lenses:
+    """The lenses of a channel of `cwcli.v1.Lanes`, by row.
+
+    Args:
+        columns: n messages; those written before the lens was told have none.
+    """
+
+    def __init__(self, columns: Columns) -> None:
+        n = len(columns)
+        self._intrinsics = np.stack([numbers(columns, f"{FIELD}.{name}") for name in INTRINSICS], axis=1)
+        self._roll_rad = numbers(columns, f"{FIELD}.roll_rad")
+        model = columns.fields.get(f"{FIELD}.distortion_model")
+        self._model = model if isinstance(model, Strings) else Strings(np.full(n, -1, np.int32), ())
+        self._distortion = columns.fields.get(f"{FIELD}.distortion")
+        self._size = np.stack([numbers(columns, f"image_{side}_px") for side in ("width", "height")], axis=1)
+        self._made: dict[_Key, Camera] = {}
+
+    def camera(self, row: int) -> Camera | None:
+        """The camera in the pixels of its image, if the frame was rectified before the search."""
+        fx, fy, cx, cy = self._intrinsics[row].tolist()
+        if not (fx > 0.0 and fy > 0.0 and (self._size[row] > 0.0).all()):
+            return None
+        width_px, height_px = (int(side) for side in self._size[row])
+        roll_rad = float(np.nan_to_num(self._roll_rad[row]))
+        code = int(self._model.codes[row])
+        model = self._model.values[code] if code >= 0 else ""
+        distortion = tuple(_row(self._distortion, row).tolist())
+        key = (fx, fy, cx, cy), roll_rad, model, distortion, (width_px, height_px)
+        if key not in self._made:
+            mounting = Mounting(roll_rad=roll_rad)
+            self._made[key] = Camera(width_px, height_px, fx, fy, cx, cy, model, distortion, mounting)
+        return self._made[key]
+
+
+def _row(field: Field | None, row: int) -> FloatArray:
+    """The numbers of one message."""
+    if isinstance(field, Ragged):
+        return np.asarray(field.values[field.offsets[row] : field.offsets[row + 1]], np.float64)
+    if isinstance(field, np.ndarray) and field.ndim == 2:
+        return np.asarray(field[row], np.float64)
+    return np.zeros(0)

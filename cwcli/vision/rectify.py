@@ -1,0 +1,117 @@
+"""Frames as a pinhole without roll sees them, which is what the model of a lane holds for; and the way back.
+
+The rectified camera has the focal lengths, the principal point and the size of the camera itself. So the middle of the
+image, where the far road is and a pixel is most metres, keeps its scale, and the rows keep their meaning for what is
+known of the horizon. The price of a barrel distortion is its outermost corners, which fall out of view. They are not
+missed: from the middle of a lane a pinhole's image of 4:3 or wider, with the horizon half way up, shows both markings
+down to its bottom row, whatever its focal length; and a wider view would take pixels from the far road. Where nothing
+was seen (corners of a rolled camera) the rectified image is black: the edge of a black area is bright on one side only,
+which is no stripe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import Camera
+from cwcli.vision.raw_images import Image
+
+MIN_ROLL_RAD = 1e-3
+"""A smaller roll moves no pixel of a search image by more than a third."""
+NOWHERE_PX = -1000.0
+MAX_BELOW = 0.5
+"""Of the image height: how far below its bottom a line is followed into the camera's corners."""
+N_EDGE = 33
+BLOCK_ROWS = 16
+"""OpenCV's projection makes a table of derivatives, 400 bytes a point."""
+
+Size = tuple[int, int]
+
+
+def needs_rectifying(camera: Camera) -> bool:
+    """Whether the frames differ from those of a pinhole without roll."""
+    return camera.has_distortion() or abs(camera.mounting.roll_rad) >= MIN_ROLL_RAD
+
+
+def rectified(camera: Camera) -> Camera:
+    """The camera that would have made the rectified frames."""
+    mounting = replace(camera.mounting, roll_rad=0.0)
+    return replace(camera, distortion_model="", distortion=(), mounting=mounting)
+
+
+def camera_points(points_px: FloatArray, camera: Camera) -> FloatArray:
+    """Where points of the rectified image are in the camera's own.
+
+    Args:
+        points_px: Shape (..., 2): u, v; also outside the image.
+        camera: As it is, in the pixels of both images.
+
+    Returns:
+        Same shape; NaN where the camera can't see the point.
+    """
+    flat = points_px.reshape(-1, 2)
+    rays = rectified(camera).rays_from_image(flat[:, 0], flat[:, 1]) @ _camera_from_rectified(camera).T
+    return np.stack(camera.image_from_rays(rays), axis=-1).reshape(points_px.shape)
+
+
+def _camera_from_rectified(camera: Camera) -> FloatArray:
+    """Shape (3, 3): both optical frames differ by the roll alone, whatever pitch and yaw are."""
+    return np.asarray(camera.body_from_optical().T @ rectified(camera).body_from_optical())
+
+
+def lowest_row_px(camera: Camera) -> float:
+    """The lowest row of the rectified image, also below its bottom, that the camera's lower edge shows."""
+    u_px = np.linspace(0.0, camera.width_px - 1.0, N_EDGE)
+    rays = camera.rays_from_image(u_px, np.full(N_EDGE, camera.height_px - 1.0)) @ _camera_from_rectified(camera)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        v_px = camera.cy + camera.fy * rays[:, 1] / rays[:, 2]
+    seen = v_px[np.isfinite(v_px) & (rays[:, 2] > 0.0)]
+    last = camera.height_px - 1.0
+    return float(np.clip(seen.max(initial=last), last, last + MAX_BELOW * camera.height_px))
+
+
+def is_in_image(points_px: FloatArray, camera: Camera) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Whether points of shape (..., 2) are in the camera's image; NaN is not."""
+    u_px, v_px = points_px[..., 0], points_px[..., 1]
+    with np.errstate(invalid="ignore"):
+        return (u_px >= 0.0) & (u_px <= camera.width_px - 1.0) & (v_px >= 0.0) & (v_px <= camera.height_px - 1.0)
+
+
+class Rectifier:
+    """Rectifies search images; the map is made once for each size. May be called from several threads.
+
+    Args:
+        camera_of: (width_px, height_px) of the camera's images -> the camera in their pixels.
+    """
+
+    def __init__(self, camera_of: Callable[[int, int], Camera]) -> None:
+        self._camera_of = camera_of
+        self._maps: dict[tuple[Size, Size], tuple[Image, Image]] = {}
+
+    def image(self, grey: Image, image_size: Size) -> Image:
+        """The search image of a frame of `image_size` (width, height), rectified; same shape."""
+        import cv2
+
+        height_px, width_px = grey.shape
+        key = image_size, (width_px, height_px)
+        if key not in self._maps:  # two threads at once make the same map
+            self._maps[key] = fixed_map(self._camera_of(*image_size).resized(width_px, height_px))
+        return np.asarray(cv2.remap(grey, *self._maps[key], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT), np.uint8)
+
+
+def fixed_map(camera: Camera) -> tuple[Image, Image]:
+    """OpenCV's fixed-point maps that rectify images of the camera: two or three times as fast as those of floats."""
+    import cv2
+
+    u_px = np.arange(float(camera.width_px))
+    made = np.empty((camera.height_px, camera.width_px, 2), np.float32)
+    for top in range(0, camera.height_px, BLOCK_ROWS):
+        rows = np.arange(float(top), min(top + BLOCK_ROWS, camera.height_px))
+        points = camera_points(np.stack(np.meshgrid(u_px, rows), axis=-1), camera)
+        made[top : top + BLOCK_ROWS] = np.clip(np.nan_to_num(points, nan=NOWHERE_PX), NOWHERE_PX, -2.0 * NOWHERE_PX)
+    first, second = cv2.convertMaps(made[..., 0], made[..., 1], cv2.CV_16SC2)
+    return np.asarray(first), np.asarray(second)
