@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +32,8 @@ CROWDED = 0.07
 PRIOR_WEIGHT = 0.02
 MIN_DEPTH = 0.03
 """Of the image height: nearer to the horizon the road is too far away to see a marking."""
-SCAN_STEP = 2
+SCAN_STEP, GLANCE_STEP = 2, 3
+"""Only every so many-th judged row is scanned."""
 PLACE_STEP = 0.06
 MAX_PLACES = 400
 """To each side: a camera less than 0.4 m above the road sees a lane of very many of its heights."""
@@ -96,7 +98,9 @@ def evidence_of(
     return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height)
 
 
-def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) -> tuple[FloatArray, FloatArray]:
+def scan(
+    evidence: Evidence, prior: LanePrior, width_px: int, height_px: int, row_step: int = SCAN_STEP
+) -> tuple[FloatArray, FloatArray]:
     """The best lane for each vanishing point and bend at the evidence's horizon.
 
     Returns:
@@ -121,7 +125,7 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
     lane_ridge.scan(
         evidence.wide,
         depths,
-        SCAN_STEP,
+        row_step,
         vanishing,
         bends,
         places,
@@ -275,17 +279,29 @@ def acquire(grey: GreyImage, camera: Camera, prior: LanePrior) -> tuple[FloatArr
     return lanes[order], value[order], evidence
 
 
-def glance(evidence: Evidence, prior: LanePrior, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+def glance(
+    evidence: Evidence, prior: LanePrior, size: tuple[int, int], known: Sequence[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
     """Other lanes that a frame supports at a known horizon and under a narrow prior of direction and bend.
 
+    Args:
+        evidence, prior, size: As elsewhere.
+        known: The lanes that are followed: none of them comes back.
+
     Returns:
-        As `acquire`: lanes and objective.
+        As `acquire`: lanes and objective; there may be none.
     """
-    lanes, _ = scan(evidence, prior, *size)
-    lanes, _ = refined(evidence, distinct(lanes, 2), prior.table, size, wide=True)
-    lanes, _ = refined(evidence, lanes, prior.table, size, wide=False, scale=0.5)
-    lanes = innermost(evidence, lanes, prior, size)
+    lanes, _ = scan(evidence, prior, *size, row_step=GLANCE_STEP)
+    lanes = _unknown(distinct(lanes, 2), known)
+    if len(lanes):
+        lanes, _ = refined(evidence, lanes, prior.table, size, wide=True)
+        lanes, _ = refined(evidence, lanes, prior.table, size, wide=False, scale=0.5)
+        lanes = _unknown(innermost(evidence, lanes, prior, size), known)
     return lanes, judged(evidence, lanes, prior.table)
+
+
+def _unknown(lanes: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
+    return lanes[[not any(is_same(lane, other) for other in known) for lane in lanes]]
 
 
 def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:

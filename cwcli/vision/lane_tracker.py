@@ -147,12 +147,9 @@ class LaneTracker:
         table = self._prior.table.copy()
         table[[VANISHING, BEND], MEAN] = followed[0].lane[[VANISHING, BEND]]
         table[[VANISHING, BEND], SIGMA] *= GLANCE_SHARE
-        lanes, values = glance(evidence, replace(self._prior, table=table), (camera.width_px, camera.height_px))
-        return [
-            Hypothesis(lane, float(value), float(value))
-            for lane, value in zip(lanes, values, strict=True)
-            if not any(is_same(lane, each.lane) for each in followed)
-        ]
+        size = camera.width_px, camera.height_px
+        lanes, values = glance(evidence, replace(self._prior, table=table), size, [each.lane for each in followed])
+        return [Hypothesis(lane, float(value), float(value)) for lane, value in zip(lanes, values, strict=True)]
 
     def _found_afresh(self, grey: GreyImage, camera: Camera) -> list[Hypothesis]:
         """The best lanes of a frame, knowing nothing of the frames before but the horizon."""
