@@ -28,6 +28,7 @@ GROUND_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
 MATCH_NS = 5_000_000
 """A label and a frame are of one image if their stamps differ by no more."""
 PREVIEW_ATOL_M = 1e-6
+MOST_ROWS = 4096
 
 PREVIEW_METRICS: dict[str, tuple[str, float]] = {
     "lateral_deviation_m": ("lanes.lateral_deviation_rmse_m", 1.0),
@@ -188,7 +189,8 @@ def _seen_through(
 ) -> FloatArray:
     """`_lines` of a rectified image: each of its rows' points, where the camera sees them, joined by straight lines."""
     search_w, _, image_w, _ = sizes
-    dense_px = np.arange(0.0, lowest_row_px(lens) + 1.0)
+    lowest_px = lowest_row_px(lens)
+    dense_px = np.linspace(0.0, lowest_px, min(int(lowest_px) + 1, MOST_ROWS))
     x_px, _, is_above = _columns_at(parabolas, dense_px, sizes, horizon_px)
     u_px = (np.where(is_above, np.nan, x_px) - 0.5) * image_w / search_w - 0.5
     seen = camera_points(np.stack([u_px, np.broadcast_to(dense_px, u_px.shape)], axis=-1), lens)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputField, Ragged, Strings
 from cwcli.signals.leaves import numbers
-from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.camera import Camera, Mounting, coefficients_of
 
 FIELD = "rectified_from"
 INTRINSICS = ("fx", "fy", "cx", "cy")
@@ -57,13 +57,14 @@ class Lenses:
     def camera(self, row: int) -> Camera | None:
         """The camera in the pixels of its image, if the frame was rectified before the search."""
         fx, fy, cx, cy = self._intrinsics[row].tolist()
-        if not (fx > 0.0 and fy > 0.0 and (self._size[row] > 0.0).all()):
+        given = (*self._intrinsics[row], *self._size[row])
+        if not (np.isfinite(given).all() and fx > 0.0 and fy > 0.0 and (self._size[row] > 0.0).all()):
             return None
         width_px, height_px = (int(side) for side in self._size[row])
         roll_rad = float(np.nan_to_num(self._roll_rad[row]))
         code = int(self._model.codes[row])
         model = self._model.values[code] if code >= 0 else ""
-        distortion = tuple(_row(self._distortion, row).tolist())
+        distortion = coefficients_of(model, _row(self._distortion, row))
         key = (fx, fy, cx, cy), roll_rad, model, distortion, (width_px, height_px)
         if key not in self._made:
             mounting = Mounting(roll_rad=roll_rad)

@@ -19,6 +19,7 @@ from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
 from cwcli.report.drive import read_drive
 from cwcli.report.frames import thumbnails
+from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.lanes_channels import ANNOTATIONS_TOPIC, LANES_TOPIC
@@ -27,6 +28,7 @@ from cwcli.stages.path_overlay import path_overlay
 from cwcli.stages.result import StageResult
 from cwcli.vision import methods
 from cwcli.vision.overlay import LEFT_RGB
+from cwcli.vision.rectify import camera_points, lowest_row_px
 from tests.unit.vision.fake_frames import encoded
 from tests.unit.vision.lane_logs import START_NS, STEP_NS, write_log
 from tests.unit.vision.lens_frames import HEIGHT_PX, LENSES, WIDTH_PX, Lens, drive_through
@@ -141,6 +143,26 @@ def test_lens_is_told_with_the_lanes_and_read_back(seen: Seen, tmp_path: Path) -
     assert from_file.mounting.roll_rad == seen.lens.roll_rad
     assert from_file.is_fisheye() == (seen.lens.model == "equidistant")
     assert any(from_file.distortion) == any(seen.lens.coefficients)
+
+
+def test_lens_that_no_log_of_ours_has_is_survived() -> None:
+    """The numbers come from a file: any may be anything."""
+    fields = {f"rectified_from.{name}": np.full(4, 300.0) for name in ("fx", "fy", "cx", "cy")}
+    fields |= {"image_width_px": np.full(4, 640), "image_height_px": np.full(4, 360)}
+    fields["rectified_from.fx"] = np.array([np.inf, 0.0, 300.0, 300.0])
+    fields["rectified_from.roll_rad"] = np.full(4, np.nan)
+    fields["rectified_from.distortion_model"] = Strings(np.zeros(4, np.int32), ("no such lens",))
+    for distortion in (np.full((4, 3), 1e300), np.full((4, 40), np.nan), np.zeros((4, 0))):
+        fields["rectified_from.distortion"] = distortion
+        columns = Columns(
+            "/cwcli/lanes", "", "protobuf", np.arange(4), np.arange(4), np.arange(4, dtype=np.uint32), fields
+        )
+        lenses = Lenses(columns)
+        assert [lenses.camera(row) is None for row in range(4)] == [True, True, False, False]
+        lens = lenses.camera(2)
+        assert lens is not None
+        assert camera_points(np.array([[300.0, 300.0], [0.0, 359.0]]), lens).shape == (2, 2)
+        assert 359.0 <= lowest_row_px(lens) <= 540.0
 
 
 def test_labels_in_the_cameras_pixels_fit(bent: Seen, tmp_path: Path) -> None:
