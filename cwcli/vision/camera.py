@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,6 +26,7 @@ MIN_DEPTH = 1e-9
 MAX_ANGLE_RAD = math.radians(89.0)
 """From the axis: what is farther out is seen by no image plane."""
 N_ANGLES = 512
+NO_COEFFICIENTS = (0.0,) * 4
 
 _BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Optical axes of a camera that looks straight ahead, level."""
@@ -174,32 +175,17 @@ class Camera:
         at = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_ideal_radius
         pixels = np.full_like(ideal, np.nan)
         if at.any():
-            pixels[at] = self._distorted(ideal[at], self.matrix())
+            pixels[at] = _distorted(ideal[at], self.matrix(), self.coefficients(), is_fisheye=self.is_fisheye())
         return pixels[:, 0], pixels[:, 1]
 
-    def _distorted(self, ideal: FloatArray, matrix: FloatArray) -> FloatArray:
-        """Shape (n, 2): image points of the ideal points x / z, y / z, shape (n, 2)."""
-        import cv2
-
-        zero, coefficients = np.zeros(3), self.coefficients()
-        points = np.column_stack([ideal, np.ones(len(ideal))]).reshape(-1, 1, 3)
-        project = cv2.fisheye.projectPoints if self.is_fisheye() else cv2.projectPoints
-        return np.asarray(project(points, zero, zero, matrix, coefficients)[0].reshape(-1, 2), np.float64)
-
-    @cached_property
+    @property
     def max_ideal_radius(self) -> float:
         """Distance from the axis, over the depth, up to which farther out in the scene is farther out in the image.
 
         Beyond it the polynomial of a strong distortion turns back, and would show the scene a second time. Infinite
         without distortion.
         """
-        if not self.has_distortion():
-            return math.inf
-        radius = np.tan(np.linspace(0.0, MAX_ANGLE_RAD, N_ANGLES))
-        across = np.column_stack([radius, np.zeros(N_ANGLES)])
-        both = [self._distorted(sign * across, np.eye(3))[:, 0] for sign in (1.0, -1.0)]
-        turns = np.flatnonzero(~(np.diff(both[0] - both[1]) > 0.0))  # the difference has no tangential part
-        return float(radius[turns[0]]) if len(turns) else float(radius[-1])
+        return _max_ideal_radius(self.is_fisheye(), self.distortion) if self.has_distortion() else math.inf
 
     def horizon_v_px(self, pitch_rad: FloatArray | None = None) -> FloatArray:
         """Row of the horizon straight ahead of the camera, distortion and roll left out; may lie outside the image.
@@ -220,7 +206,30 @@ class Camera:
 
     def coefficients(self) -> FloatArray:
         """The distortion's coefficients as OpenCV takes them."""
-        return np.array(self.distortion if self.distortion else (0.0,) * 4)
+        return np.array(self.distortion or NO_COEFFICIENTS)
+
+
+def _distorted(ideal: FloatArray, matrix: FloatArray, coefficients: FloatArray, *, is_fisheye: bool) -> FloatArray:
+    """Shape (n, 2): image points of the ideal points x / z, y / z, shape (n, 2)."""
+    import cv2
+
+    zero = np.zeros(3)
+    points = np.column_stack([ideal, np.ones(len(ideal))]).reshape(-1, 1, 3)
+    project = cv2.fisheye.projectPoints if is_fisheye else cv2.projectPoints
+    return np.asarray(project(points, zero, zero, matrix, coefficients)[0].reshape(-1, 2), np.float64)
+
+
+@lru_cache(maxsize=16)
+def _max_ideal_radius(is_fisheye: bool, distortion: tuple[float, ...]) -> float:
+    """`Camera.max_ideal_radius` of a lens."""
+    radius = np.tan(np.linspace(0.0, MAX_ANGLE_RAD, N_ANGLES))
+    across, coefficients = np.column_stack([radius, np.zeros(N_ANGLES)]), np.array(distortion or NO_COEFFICIENTS)
+    right, left = (
+        _distorted(sign * across, np.eye(3), coefficients, is_fisheye=is_fisheye)[:, 0] for sign in (1.0, -1.0)
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        turns = np.flatnonzero(~(np.diff(right - left) > 0.0))  # the difference has no tangential part
+    return float(radius[turns[0]]) if len(turns) else float(radius[-1])
 
 
 def rotation(yaw_rad: float, pitch_rad: float, roll_rad: float) -> FloatArray:

@@ -6,7 +6,7 @@ known of the horizon. The price of a barrel distortion is its outermost corners,
 missed: from the middle of a lane a pinhole's image of 4:3 or wider, with the horizon half way up, shows both markings
 down to its bottom row, whatever its focal length; and a wider view would take pixels from the far road. Where nothing
 was seen (corners of a rolled camera) the rectified image is black: the edge of a black area is bright on one side only,
-which is no stripe.
+which is no stripe. (With the outermost pixels drawn out instead, a roll of 3 degrees costs 1 cm at 10 m.)
 """
 
 from __future__ import annotations
