@@ -84,7 +84,7 @@ def _work(task: Task, plan: Plan) -> str:
                 return "unchanged"
             folder.clear()
             make_folders(folder.annotated.parent)
-            with Log.open(path, recover=plan.recover, name=task.source) as log:
+            with Log.open(path, recover=plan.recover, name=task.source, sha256=entry["sha256"]) as log:
                 outputs = _run(log, plan, folder, entry)
             entry["status"] = "done"
     except CwcliError as error:

@@ -106,7 +106,15 @@ class Log:
         )
 
     @classmethod
-    def open(cls, source: str | Path, *, recover: bool = False, verify: bool = True, name: str | None = None) -> Log:
+    def open(
+        cls,
+        source: str | Path,
+        *,
+        recover: bool = False,
+        verify: bool = True,
+        name: str | None = None,
+        sha256: str | None = None,
+    ) -> Log:
         """Open a log.
 
         Args:
@@ -114,6 +122,7 @@ class Log:
             recover: Read what is intact of a damaged file, and count the rest.
             verify: Check CRCs and message indexes.
             name: For messages, where the file is a copy of something with another name.
+            sha256: Of the file, in hexadecimal, if it is known.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
@@ -124,6 +133,8 @@ class Log:
         try:
             faults = Faults()
             structure = open_structure(opened.data, opened.name, faults, recover=recover, verify=verify)
+            if sha256 is not None:
+                opened.know_sha256(sha256)
             return cls(opened, structure, faults, recover=recover, verify=verify)
         except BaseException:
             opened.close()

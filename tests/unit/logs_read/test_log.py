@@ -69,6 +69,8 @@ def test_sha256_is_the_files(path: Path) -> None:
         digest = log.begin_sha256()
         assert digest.result() == hashlib.sha256(path.read_bytes()).hexdigest()
         assert log.with_channels([]).begin_sha256() is digest
+    with Log.open(path, sha256="known") as log:
+        assert log.begin_sha256().result() == "known"
 
 
 def test_opening_needs_no_heavy_module(path: Path) -> None:
