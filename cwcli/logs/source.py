@@ -57,8 +57,9 @@ class Source:
     def begin_sha256(self) -> Future[str]:
         """SHA-256 of the bytes, in hexadecimal; computed once, in a thread that goes on after `close`."""
         if self._digest is None:
-            self._digest = Future()
-            Thread(target=_hash, args=(memoryview(self.data), self._digest), daemon=True).start()
+            digest: Future[str] = Future()
+            Thread(target=_hash, args=(memoryview(self.data), digest), daemon=True).start()
+            self._digest = digest
         return self._digest
 
     def close(self) -> None:
@@ -73,14 +74,18 @@ class Source:
 
 
 def _hash(data: memoryview, digest: Future[str]) -> None:
-    import hashlib
+    """Keep the hash, or the error: whoever waits for it must not wait for ever."""
+    try:
+        import hashlib
 
-    made = hashlib.sha256()
-    with data:
-        for at in range(0, len(data), HASH_BLOCK_BYTES):
-            with data[at : at + HASH_BLOCK_BYTES] as block:
-                made.update(block)
-    digest.set_result(made.hexdigest())
+        made = hashlib.sha256()
+        with data:
+            for at in range(0, len(data), HASH_BLOCK_BYTES):
+                with data[at : at + HASH_BLOCK_BYTES] as block:
+                    made.update(block)
+        digest.set_result(made.hexdigest())
+    except BaseException as error:
+        digest.set_exception(error)
 
 
 def open_source(source: str | Path, name: str | None = None) -> Source:

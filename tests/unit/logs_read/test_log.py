@@ -73,6 +73,15 @@ def test_sha256_is_the_files(path: Path) -> None:
         assert log.begin_sha256().result() == "known"
 
 
+def test_an_error_of_hashing_is_told_to_whoever_waits(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> None:
+        raise ValueError("not allowed here")
+
+    monkeypatch.setattr(hashlib, "sha256", refuse)
+    with Log.open(path) as log, pytest.raises(ValueError, match="not allowed here"):
+        log.begin_sha256().result(20.0)
+
+
 def test_opening_needs_no_heavy_module(path: Path) -> None:
     code = f"""
 import sys
