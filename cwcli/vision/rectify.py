@@ -26,6 +26,8 @@ NOWHERE_PX = -1000.0
 MAX_BELOW = 0.5
 """Of the image height: how far below its bottom a line is followed into the camera's corners."""
 N_EDGE = 33
+MAX_SIZES = 8
+"""Maps that are kept: a camera has one size of images, a log made up to harm may have thousands."""
 BLOCK_ROWS = 16
 """OpenCV's projection makes a table of derivatives, 400 bytes a point."""
 
@@ -98,9 +100,13 @@ class Rectifier:
 
         height_px, width_px = grey.shape
         key = image_size, (width_px, height_px)
-        if key not in self._maps:  # two threads at once make the same map
-            self._maps[key] = fixed_map(self._camera_of(*image_size).resized(width_px, height_px))
-        return np.asarray(cv2.remap(grey, *self._maps[key], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT), np.uint8)
+        maps = self._maps.get(key)
+        if maps is None:  # two threads at once make the same map
+            maps = fixed_map(self._camera_of(*image_size).resized(width_px, height_px))
+            if len(self._maps) >= MAX_SIZES:
+                self._maps.clear()
+            self._maps[key] = maps
+        return np.asarray(cv2.remap(grey, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT), np.uint8)
 
 
 def fixed_map(camera: Camera) -> tuple[Image, Image]:

@@ -11,6 +11,7 @@ import pytest
 
 from cwcli.vision.camera import Camera, Mounting, coefficients_of
 from cwcli.vision.rectify import (
+    MAX_SIZES,
     Rectifier,
     camera_points,
     fixed_map,
@@ -131,3 +132,13 @@ def test_lowest_row_reaches_the_cameras_corners() -> None:
     assert not is_in_image(below, barrel).any()
     within = camera_points(np.column_stack([u_px, np.full(2000, lowest - 2.0)]), barrel)
     assert is_in_image(within, barrel).any()
+
+
+def test_maps_of_many_sizes_do_not_pile_up() -> None:
+    rectifier = Rectifier(lambda width_px, height_px: camera("equidistant", ()).resized(width_px, height_px))
+    grey = np.tile(np.arange(64, dtype=np.uint8), (36, 1))
+    first = rectifier.image(grey, (640, 360))
+    for k in range(1, 3 * MAX_SIZES):
+        rectifier.image(grey, (640 + k, 360))
+        assert len(rectifier._maps) <= MAX_SIZES
+    np.testing.assert_array_equal(rectifier.image(grey, (640, 360)), first)
