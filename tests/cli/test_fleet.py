@@ -300,6 +300,7 @@ def test_folder_is_exactly_what_the_run_names(cwcli: Run, many: Path, tmp_path: 
     ("arguments", "code", "words"),
     [
         (["LOG", "LOG2"], 2, "-d"),
+        (["mine/logs"], 2, "a folder of logs needs an output folder"),
         (["LOG", "--jobs", "2"], 2, "-d"),
         (["LOG", "--ray", "auto"], 2, "-d"),
         (["LOG", "--tables"], 2, "-d"),

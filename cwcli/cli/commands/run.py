@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
@@ -240,3 +241,5 @@ def _refuse_without_directory(logs: list[str], pipeline: PipelineOptions, fleet:
             raise UsageError(f"{option} needs an output folder", hint="name it with -d")
     if len(logs) > 1:
         raise UsageError(f"{len(logs)} logs need an output folder", hint="name it with -d")
+    if Path(logs[0]).is_dir():
+        raise UsageError("a folder of logs needs an output folder", where=logs[0], hint="name it with -d")
