@@ -78,7 +78,9 @@ cdef inline void set_horizon(Scratch* scratch, const int[::1] rows, double horiz
         scratch.inverse[r] = <float>1.0 / scratch.h[r]
 
 
-cdef inline void place_line(const float* h, const float* base, float place, Py_ssize_t start, Py_ssize_t n, Line line) noexcept nogil:
+cdef inline void place_line(
+    const float* h, const float* base, float place, Py_ssize_t start, Py_ssize_t n, Line line
+) noexcept nogil:
     """Where a line lies in each row: a pixel, and the part of the way to the next one; vector code."""
     cdef Py_ssize_t r
     cdef float x, one = 1.0

@@ -12,7 +12,9 @@ NumPy twin is in tests/unit/vision/naive_ridge.py.
 from libc.math cimport NAN, fabs
 from libc.stdlib cimport free, malloc
 
-from cwcli.kernels.lane_objective cimport BEND_TAIL, N, SCRATCH, Scratch, at, judge, natural, place_line, scratch_of, set_horizon
+from cwcli.kernels.lane_objective cimport (
+    BEND_TAIL, N, SCRATCH, Scratch, at, judge, natural, place_line, scratch_of, set_horizon
+)
 
 cdef enum:
     SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_SAMPLES

@@ -127,6 +127,7 @@ def faults_found(faults: Faults) -> tuple[str, ...]:
 
 
 MANY_ROWS = 20_000
+"""Decoding fewer leaves too little behind to be worth giving back."""
 MAX_EXPECTED = 1 << 22
 """Rows for which room is made before they are seen: a file's counts are not trusted with more memory."""
 

@@ -53,7 +53,7 @@ class LanesConfig:
     """Settings of the stage.
 
     Attributes:
-        method: A key of `vision.METHODS`.
+        method: A key of `vision.methods.METHODS`.
         seed: Of random searches.
         preview_m: Distance of the preview point ahead of the camera.
         mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.

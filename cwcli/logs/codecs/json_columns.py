@@ -80,7 +80,6 @@ class Room:
             self._n_elements = n_elements
             self.element_tags = _buffers(len(self), n_elements, np.uint8)
             self.element_values = _buffers(len(self), n_elements, np.int64)
-
         self.addresses = self._addresses()
 
     def _addresses(self) -> Int64Array:

@@ -107,7 +107,7 @@ class Known:
     width_m: float
 
     def predicted(self, model: str, *, with_onset: bool = False) -> VehicleTrack:
-        """With a path from every state by a key of `prediction.MODELS`, and the onset hypothesis if asked for."""
+        """With a path from every state by a key of `prediction.models.MODELS`, and the onset hypothesis if asked."""
         return VehicleTrack(
             self.name,
             self.track.stamp_ns,
