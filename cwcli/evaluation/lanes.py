@@ -11,8 +11,8 @@ from cwcli.logs.channel import ChannelInfo
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, width_stability
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged
-from cwcli.signals.leaves import numbers, stamps, whole_numbers
+from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.leaves import numbers, row_of, stamps, whole_numbers
 from cwcli.signals.roles import is_truth_topic
 from cwcli.stages.lanes_channels import LANES_TOPIC
 from cwcli.stages.lanes_lens import Lenses
@@ -101,7 +101,7 @@ def _add_places(headline: Headline, columns: Columns, found: npt.NDArray[np.bool
             return
         places, slope, bend = (numbers(columns, f"{side}.{name}") for name in GROUND_LINE)
         for row, label in zip(mine[found[mine, k]].tolist(), other[found[mine, k]].tolist(), strict=True):
-            x_m, y_m = (_row(truth.fields[name], label) for name in ("ground_x_m", f"ground_{side}_y_m"))
+            x_m, y_m = (row_of(truth.fields[name], label) for name in ("ground_x_m", f"ground_{side}_y_m"))
             for distance_m, true_m in zip(x_m.tolist(), y_m.tolist(), strict=False):
                 if distance_m in errors:
                     place_m = places[row] + (slope[row] + 0.5 * bend[row] * distance_m) * distance_m
@@ -141,7 +141,7 @@ def _add_labels(headline: Headline, columns: Columns, found: npt.NDArray[np.bool
     horizon_px, lenses = numbers(columns, "horizon_px"), Lenses(columns)
     scores: list[TuSimpleScore] = []
     for row, label in zip(mine.tolist(), other.tolist(), strict=True):
-        rows_px, flat = _row(truth.fields["h_samples"], label), _row(truth.fields["lanes"], label)
+        rows_px, flat = row_of(truth.fields["h_samples"], label), row_of(truth.fields["lanes"], label)
         if not len(rows_px) or len(flat) % len(rows_px) or not (sizes[row] > 0.0).all():
             continue
         search_w, search_h, image_w, image_h = sizes[row].tolist()
@@ -153,16 +153,6 @@ def _add_labels(headline: Headline, columns: Columns, found: npt.NDArray[np.bool
         headline.errors("lanes.truth_accuracy", np.array([score.accuracy for score in scores]))
         headline.errors("lanes.truth_false_share", np.array([score.false_positive for score in scores]))
         headline.errors("lanes.truth_missed_share", np.array([score.false_negative for score in scores]))
-
-
-def _row(field: Field, at: int) -> FloatArray:
-    """The numbers of one message."""
-    if isinstance(field, Ragged):
-        return np.asarray(field.values[field.offsets[at] : field.offsets[at + 1]], np.float64)
-    if isinstance(field, np.ndarray) and field.ndim == 2:
-        row = np.asarray(field[at], np.float64)
-        return row[np.isfinite(row)]
-    return np.zeros(0)
 
 
 def _lines(

@@ -6,8 +6,8 @@ import numpy as np
 
 from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.codec import Reading
-from cwcli.signals.columns import Columns, Field, FloatArray, Ragged, Strings
-from cwcli.signals.leaves import find, frame_id, numbers
+from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.leaves import find, frame_id, numbers, row_of
 from cwcli.signals.quality import Quality, RowLedger
 
 CHANGED = "calibration differs from the first one, not used"
@@ -31,10 +31,10 @@ def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSig
     """
     ledger = RowLedger(columns, reading.role)
     width_px, height_px = numbers(columns, "width"), numbers(columns, "height")
-    k = [_row(find(columns, "k", "K"), row) for row in range(len(columns))]
+    k = [row_of(find(columns, "k", "K"), row) for row in range(len(columns))]
     has_focal_length = np.array([len(matrix) == 9 and matrix[0] > 0.0 for matrix in k], dtype=np.bool_)
     ledger.reject(~has_focal_length | ~(width_px > 0) | ~(height_px > 0), "calibration without size or focal length")
-    d = [_row(find(columns, "d", "D"), row) for row in range(len(columns))]
+    d = [row_of(find(columns, "d", "D"), row) for row in range(len(columns))]
     sides = np.column_stack([width_px, height_px]).astype(np.float64)
     known: dict[bytes, bool] = {}  # most logs repeat one message
     is_lens = np.zeros(len(columns), dtype=np.bool_)
@@ -52,7 +52,7 @@ def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSig
     ledger.reject(differs, CHANGED)
     ledger.quality.used = len(ledger.rows)
     intrinsic = k[first].reshape(3, 3) if first >= 0 else np.full((3, 3), np.nan)
-    r, p = _row(find(columns, "r", "R"), first), _row(find(columns, "p", "P"), first)
+    r, p = row_of(find(columns, "r", "R"), first), row_of(find(columns, "p", "P"), first)
     has_projection = len(p) == 12 and _is_lens(p, sides[first])
     model = find(columns, "distortion_model")
     named = isinstance(model, Strings) and first >= 0 and model.codes[first] >= 0
@@ -82,12 +82,3 @@ def _is_lens(matrix: FloatArray, size: FloatArray) -> bool:
         and bool(focal.max() <= MAX_STRETCH * focal.min())
         and bool((np.abs(centre) <= MAX_CENTRE_SHARE * longer).all())
     )
-
-
-def _row(field: Field | None, row: int) -> FloatArray:
-    """One row of a repeated numeric field, () when there is none."""
-    if row < 0 or field is None or isinstance(field, Strings):
-        return np.zeros(0)
-    if isinstance(field, Ragged):
-        return field.values[field.offsets[row] : field.offsets[row + 1]].astype(np.float64)
-    return np.atleast_1d(field[row].astype(np.float64))

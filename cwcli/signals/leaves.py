@@ -110,6 +110,15 @@ def matrix(columns: Columns, path: str, width: int) -> FloatArray:
     return out
 
 
+def row_of(field: Field | None, row: int) -> FloatArray:
+    """The numbers of a repeated numeric field in one message, () when there are none."""
+    if row < 0 or field is None or isinstance(field, Strings):
+        return np.zeros(0)
+    if isinstance(field, Ragged):
+        return field.values[field.offsets[row] : field.offsets[row + 1]].astype(np.float64)
+    return np.atleast_1d(field[row].astype(np.float64))
+
+
 def vector(columns: Columns, path: str, names: tuple[str, ...] = ("x", "y", "z")) -> FloatArray:
     """The fields `path.x`, `path.y`, `path.z` side by side, shape (n, 3)."""
     return np.stack([numbers(columns, f"{path}.{name}") for name in names], axis=1)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputField, Ragged, Strings
-from cwcli.signals.leaves import numbers
+from cwcli.signals.columns import Columns, Int64Array, OutputField, Strings
+from cwcli.signals.leaves import numbers, row_of
 from cwcli.vision.camera import Camera, Mounting, coefficients_of
 
 FIELD = "rectified_from"
@@ -64,18 +64,9 @@ class Lenses:
         roll_rad = float(np.nan_to_num(self._roll_rad[row]))
         code = int(self._model.codes[row])
         model = self._model.values[code] if code >= 0 else ""
-        distortion = coefficients_of(model, _row(self._distortion, row))
+        distortion = coefficients_of(model, row_of(self._distortion, row))
         key = (fx, fy, cx, cy), roll_rad, model, distortion, (width_px, height_px)
         if key not in self._made:
             mounting = Mounting(roll_rad=roll_rad)
             self._made[key] = Camera(width_px, height_px, fx, fy, cx, cy, model, distortion, mounting)
         return self._made[key]
-
-
-def _row(field: Field | None, row: int) -> FloatArray:
-    """The numbers of one message."""
-    if isinstance(field, Ragged):
-        return np.asarray(field.values[field.offsets[row] : field.offsets[row + 1]], np.float64)
-    if isinstance(field, np.ndarray) and field.ndim == 2:
-        return np.asarray(field[row], np.float64)
-    return np.zeros(0)
