@@ -27,7 +27,7 @@ class Measures:
         min_distance_m, min_time_s: Smallest predicted centre distance, and when.
         entry_s: When the predicted centre distance falls below the collision distance; infinity if it doesn't.
         overlap_s: When the outlines first overlap along the paths; infinity if they don't.
-        miss_probability: That the cars pass nearer than the collision distance, whenever that is.
+        hit_probability: That the cars pass nearer than the collision distance, whenever that is.
         probability: That they do so within the horizon.
     """
 
@@ -39,7 +39,7 @@ class Measures:
     min_time_s: FloatArray
     entry_s: FloatArray
     overlap_s: FloatArray
-    miss_probability: FloatArray
+    hit_probability: FloatArray
     probability: FloatArray
 
 
@@ -68,7 +68,7 @@ def measure(
     nearest_s = start + share * (time_s[nearest + 1] - start)
     at_horizon = int(np.searchsorted(time_s, horizon_s - 1e-9))
     reach = 0.5 * (np.hypot(*host_size) + np.hypot(*other_size))
-    miss, total = _probabilities(
+    hit, total = _probabilities(
         segments, nearest, share, covariance_at(nearest_s), horizon_s=horizon_s, radius_m=radius_m
     )
     return Measures(
@@ -80,7 +80,7 @@ def measure(
         min_time_s=nearest_s,
         entry_s=segments.entry(radius_m),
         overlap_s=_first_overlap(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
-        miss_probability=miss,
+        hit_probability=hit,
         probability=total,
     )
 

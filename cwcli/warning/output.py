@@ -205,7 +205,7 @@ def series_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
         "min_distance_m",
         "entry_s",
         "overlap_s",
-        "miss_probability",
+        "hit_probability",
         "probability",
     )
     rename = {"min_distance_m": "min_predicted_distance_m", "horizon_distance_m": "predicted_distance_m"}

@@ -50,13 +50,13 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
         predicted_distance_m=shown.min_distance_m,
         at_once=at_once,
         probability=shown.probability,
-        alert_probability=shown.miss_probability,
+        alert_probability=shown.hit_probability,
     )
 
 
 def _collides(measures: Measures, config: WarningConfig, persistence_s: float) -> tuple[BoolArray, BoolArray]:
     """Conditions 1 and 2, with and without the time that persistence takes."""
-    probable = (measures.miss_probability >= config.probability) & np.isfinite(measures.overlap_s)
+    probable = (measures.hit_probability >= config.probability) & np.isfinite(measures.overlap_s)
     armed = probable & (measures.entry_s <= config.horizon_s + persistence_s)
     return armed, armed & (measures.entry_s <= config.horizon_s)
 

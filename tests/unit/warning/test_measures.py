@@ -77,7 +77,7 @@ def test_crossing_with_a_near_miss() -> None:
     )
     assert found.min_distance_m[0] == pytest.approx(4.0)
     assert found.entry_s[0] == math.inf
-    assert found.miss_probability[0] < 0.01
+    assert found.hit_probability[0] < 0.01
 
 
 def test_parallel_and_overtaking() -> None:
@@ -96,12 +96,12 @@ def test_passing_between_two_points_of_the_paths_is_seen() -> None:
     assert found.entry_s[0] == pytest.approx((102.4 - math.sqrt(2.5**2 - 1.0)) / 100.0)
 
 
-def test_miss_probability_is_a_normal_one() -> None:
+def test_hit_probability_is_a_normal_one() -> None:
     # the centres' lines are 3 m apart; 1 m of sigma each, so sqrt(2) across: P(|N(3, sqrt 2)| < 2.5)
     found = between(at(1.0, speed_mps=20.0), at(1.0, x_m=60.0, y_m=3.0, speed_mps=20.0, heading_rad=math.pi))
     sigma = math.sqrt(2.0 * (1.0 + driver_cross_m2(1.5)))
     expected = stats.norm.cdf((2.5 - 3.0) / sigma) - stats.norm.cdf((-2.5 - 3.0) / sigma)
-    assert found.miss_probability[0] == pytest.approx(expected, abs=1e-4)
+    assert found.hit_probability[0] == pytest.approx(expected, abs=1e-4)
 
 
 def driver_cross_m2(time_s: float) -> float:
@@ -113,8 +113,8 @@ def driver_cross_m2(time_s: float) -> float:
 def test_probability_at_the_horizon_is_a_half_where_the_entry_is_at_the_horizon() -> None:
     # head-on, the mean distance is 2.5 m at 2.5 s exactly: as likely sooner as later
     found = between(at(0.5, speed_mps=20.0), at(0.5, x_m=102.5, speed_mps=20.0, heading_rad=math.pi))
-    assert found.miss_probability[0] > 0.8
-    assert found.probability[0] == pytest.approx(0.5 * found.miss_probability[0], rel=1e-3)
+    assert found.hit_probability[0] > 0.8
+    assert found.probability[0] == pytest.approx(0.5 * found.hit_probability[0], rel=1e-3)
 
 
 def test_probability_against_sampled_pairs() -> None:
@@ -129,7 +129,7 @@ def test_probability_against_sampled_pairs() -> None:
     offset = rng.multivariate_normal([0.0, 0.0], covariance, size=200_000)
     start = np.array([20.0, -22.0]) + offset
     across = np.abs(start @ np.array([1.0, 1.0])) / math.sqrt(2.0)
-    assert found.miss_probability[0] == pytest.approx(np.mean(across < 2.5), abs=0.01)
+    assert found.hit_probability[0] == pytest.approx(np.mean(across < 2.5), abs=0.01)
 
 
 def test_normal_cdf_against_scipy() -> None:
