@@ -13,17 +13,9 @@ from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
 from cwcli.stages.result import InputCount
 from cwcli.stages.sources import SourceConfig, read_sources
-from cwcli.vision.camera import (
-    FISHEYE_MODELS,
-    POLYNOMIAL_MODELS,
-    Camera,
-    Mounting,
-    calibrated_camera,
-    default_camera,
-)
+from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, calibrated_camera, default_camera
 from cwcli.vision.rectify import needs_rectifying
 
-KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
 UNKNOWN_MODEL = "calibration with an unknown distortion model"
 
 

@@ -22,6 +22,7 @@ DEFAULT_FIELD_OF_VIEW_RAD = math.radians(60.0)
 """Horizontal, where the log holds no calibration."""
 FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt")
 POLYNOMIAL_MODELS = ("plumb_bob", "rational_polynomial", "thin_prism", "radtan", "")
+KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
 MIN_DEPTH = 1e-9
 MAX_ANGLE_RAD = math.radians(89.0)
 """From the axis: what is farther out is seen by no image plane."""
@@ -278,11 +279,11 @@ def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectifie
         UsageError: The distortion model is unknown.
     """
     model = info.distortion_model.lower()
-    if model not in FISHEYE_MODELS + POLYNOMIAL_MODELS:
+    if model not in KNOWN_MODELS:
         raise UsageError(
             f"the distortion model {info.distortion_model!r} is unknown",
             where=info.source,
-            hint=f"known: {', '.join(name for name in (*POLYNOMIAL_MODELS, *FISHEYE_MODELS) if name)}",
+            hint=f"known: {', '.join(name for name in KNOWN_MODELS if name)}",
         )
     k = info.projection[:, :3] if is_rectified else info.intrinsic
     return Camera(
