@@ -36,11 +36,14 @@ class Faults:
     summary_damaged: bool = False
     undecodable: dict[str, dict[str, int]] = field(default_factory=dict)
 
-    def add_undecodable(self, topic: str, reason: str, count: int) -> None:
-        """Count messages of a topic that could not be decoded."""
+    def note_undecodable(self, topic: str, reason: str, count: int) -> None:
+        """Note how many messages of a topic one reading of it could not decode so far.
+
+        The same messages, or some of them, may be read again: the reading that found most of them counts.
+        """
         if count:
             reasons = self.undecodable.setdefault(topic, {})
-            reasons[reason] = reasons.get(reason, 0) + count
+            reasons[reason] = max(reasons.get(reason, 0), count)
 
     def counts(self) -> dict[str, int]:
         """Reason, as the user reads it -> count, for everything that happened."""

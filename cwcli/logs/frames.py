@@ -115,8 +115,6 @@ class _Decoding:
         self._is_base64 = channel.message_encoding == "json"
         self._is_video = channel.schema_name.endswith("CompressedVideo")
         self._reasons: dict[str, int] = {}
-        if channel.topic in faults.undecodable:
-            del faults.undecodable[channel.topic]
         self._faults = faults
         self._topic = channel.topic
 
@@ -130,7 +128,7 @@ class _Decoding:
         self._decoder.add(batch.payloads)
         outcome = self._decoder.outcome()
         for reason, count in outcome.reasons.items():
-            self._faults.add_undecodable(self._topic, reason, count)
+            self._count(reason, count)
         rows = np.flatnonzero(outcome.is_ok)
         fields = self._decoder.finish(rows)
         blobs = self._decoder.blobs(DATA)
@@ -141,7 +139,7 @@ class _Decoding:
                 try:
                     data = base64.b64decode(data, validate=True)
                 except (binascii.Error, ValueError):
-                    self._faults.add_undecodable(self._topic, BAD_BASE64, 1)
+                    self._count(BAD_BASE64, 1)
                     continue
             log_time_ns = int(batch.log_time_ns[row])
             frame = Frame(
@@ -158,6 +156,10 @@ class _Decoding:
                 is_video=self._is_video,
             )
             yield log_time_ns, int(batch.payloads.starts[row]), frame
+
+    def _count(self, reason: str, count: int) -> None:
+        self._reasons[reason] = self._reasons.get(reason, 0) + count
+        self._faults.note_undecodable(self._topic, reason, self._reasons[reason])
 
 
 def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _Decoding) -> Iterator[Frame]:

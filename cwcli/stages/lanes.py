@@ -103,7 +103,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         if _is_within(decoded.log_time_ns, config):
             run.take(decoded)
     if not run.n_used:
-        raise _nothing_usable(f"{log.name}: {topic}", run.rejected)
+        raise _nothing_usable(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
     log.begin_sha256()  # for the record of the run
     frames = run.frames(config, is_pitch_known=mount.is_pitch_known)
     channels: list[OutputChannel] = [lanes_channel(frames), annotations_channel(frames)]

@@ -16,7 +16,7 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.writer import CompressionType
 
 from cwcli.errors import InputError
-from cwcli.logs.frames import BAD_BASE64
+from cwcli.logs.frames import BAD_BASE64, MAX_FRAMES_AT_ONCE
 from cwcli.logs.log import Log
 from cwcli.logs.schemas import message_schema
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes, small_log
@@ -164,3 +164,22 @@ def test_topic_without_frames_is_an_error(tmp_path: Path) -> None:
     path.write_bytes(small_log())
     with Log.open(path) as log, pytest.raises(InputError, match="holds no camera frames"):
         log.frames("/fix")
+
+
+def test_a_look_at_the_first_frame_does_not_forget_what_a_whole_reading_counted(tmp_path: Path) -> None:
+    def message(data: str) -> bytes:
+        return json.dumps({"timestamp": {"sec": 1, "nsec": 2}, "frame_id": "cam", "data": data}).encode()
+
+    n_good = MAX_FRAMES_AT_ONCE  # so that the damage lies behind what a look at the first frame decodes
+    texts = [message("AAAA")] * n_good + [message("no base64!"), message("nor this!"), b"broken"]
+    channel = Declared("/camera", "json", "foxglove.CompressedImage", "jsonschema", b"{}")
+    path = write(tmp_path / "log.mcap", channel, texts, [T0_NS + k for k in range(len(texts))])
+    with Log.open(path) as log:
+        assert len(list(log.frames("/camera"))) == n_good
+        counted = {topic: dict(reasons) for topic, reasons in log.faults.undecodable.items()}
+        assert counted["/camera"][BAD_BASE64] == 2
+        assert sum(counted["/camera"].values()) == 3
+        next(log.frames("/camera"))
+        assert log.faults.undecodable == counted
+        list(log.frames("/camera"))
+        assert log.faults.undecodable == counted
