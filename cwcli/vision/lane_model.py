@@ -47,6 +47,10 @@ assumed height of 1.3 m stays, as a unit."""
 UNKNOWN_YAW_RAD = 0.035
 UNKNOWN_HORIZON = (0.45, 0.12, 0.25, 0.66)
 """Mean, sigma and limits of the horizon's row over the image height, where the mounting is not known."""
+SAME_SHARE = 0.006
+SAME_AT = (0.15, 0.6)
+"""Rows in which lanes are compared, of the way from the horizon to the bottom. Two lanes that bend to different sides
+may have the same place and width."""
 
 DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012])
 """What a prediction may miss, sigmas for a root second: heading rad, place m, width m, curvature 1/m, pitch rad."""
@@ -115,6 +119,23 @@ def columns_of_lane(lane: FloatArray, v_px: FloatArray) -> FloatArray:
     h = np.where(h > 0.0, h, np.nan)
     centre = lane[VANISHING] + lane[MIDDLE] * h + lane[BEND] / h
     return np.stack([centre - 0.5 * lane[WIDTH] * h, centre + 0.5 * lane[WIDTH] * h])
+
+
+def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
+    """Whether the boundaries of two lanes lie on the same pixels, within `SAME_SHARE` of the width, near and far."""
+    u0, middle, width, bend, horizon = lane.tolist()
+    other_u0, other_middle, other_width, other_bend, other_horizon = other.tolist()
+    depth = height_px - 0.5 * (horizon + other_horizon)
+    for share in SAME_AT:
+        h = height_px - (1.0 - share) * depth - horizon
+        other_h = h + horizon - other_horizon
+        if h <= 0.0 or other_h <= 0.0:
+            return False
+        apart = u0 + middle * h + bend / h - (other_u0 + other_middle * other_h + other_bend / other_h)
+        wider = 0.5 * (width * h - other_width * other_h)
+        if abs(apart) + abs(wider) > SAME_SHARE * width_px:
+            return False
+    return True
 
 
 def top_row_px(lane: FloatArray, camera: Camera) -> float:

@@ -24,7 +24,6 @@ from cwcli.vision.lane_detect import (
     acquire,
     evidence_of,
     glance,
-    is_same,
     judged,
     refined,
     rows_of,
@@ -42,6 +41,7 @@ from cwcli.vision.lane_model import (
     VANISHING,
     WIDTH,
     LanePrior,
+    coincide,
     parabolas_of_lane,
     pitch_of,
     prior_of,
@@ -133,10 +133,9 @@ class LaneTracker:
             lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
             lanes, _ = refined(evidence, lane, table, size, wide=True, scale=1.0, beside=0.0)
             lanes, _ = refined(evidence, lanes, table, size, wide=False, scale=0.5, beside=0.0)
-            if any(is_same(lanes[0], other.lane) for other in made):
-                continue
             last = float(judged(evidence, lanes, self._prior.table)[0])
-            made.append(Hypothesis(lanes[0], MEMORY * hypothesis.value + (1.0 - MEMORY) * last, last))
+            value = MEMORY * hypothesis.value + (1.0 - MEMORY) * last
+            add_merged(made, Hypothesis(lanes[0], value, last), size)
         if self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(evidence, camera, made)
         return made
@@ -197,6 +196,16 @@ class LaneTracker:
             a, b, c = parabolas[side]
             sides.append(Boundary(a, b, c, best.value, chances[side], found[side]))
         return LaneFit(sides[0], sides[1], pitch_rad=pitch_of(best.lane, camera) if any(found) else math.nan)
+
+
+def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:
+    """Add a hypothesis; of two that lie on the same pixels the better one stays."""
+    for k, other in enumerate(followed):
+        if coincide(new.lane, other.lane, *size):
+            if new.last > other.last:
+                followed[k] = new
+            return
+    followed.append(new)
 
 
 def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:

@@ -13,8 +13,8 @@ from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.ground import lane_geometry
-from cwcli.vision.lane_model import BEND, MEAN, SIGMA, columns_of_lane, parabolas_of_lane, pitch_of, prior_of
-from cwcli.vision.lane_tracker import LaneTracker, narrowed, predicted, search_size
+from cwcli.vision.lane_model import BEND, MEAN, SIGMA, coincide, columns_of_lane, parabolas_of_lane, pitch_of, prior_of
+from cwcli.vision.lane_tracker import Hypothesis, LaneTracker, add_merged, narrowed, predicted, search_size
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import vanishing_point
@@ -171,3 +171,22 @@ def test_prior_of_a_first_frame_does_not_flatten_a_bend_that_is_followed() -> No
     lane = prior.table[:, MEAN].copy()
     lane[BEND] = 3.0 * prior.table[BEND, SIGMA]
     assert narrowed(prior, lane, 0.1)[BEND, MEAN] == lane[BEND]
+
+
+def test_lanes_that_bend_to_different_sides_do_not_coincide() -> None:
+    """Both are the best near some place, but the first loses the road far ahead (from a rendered drive)."""
+    wrong = np.array([147.5, -0.056, 2.131, 346.0, 80.6])
+    right = np.array([159.3, -0.071, 2.150, -156.0, 79.4])
+    assert not coincide(wrong, right, 320, 240)
+    assert coincide(right, right + np.array([0.5, 0.003, -0.003, 10.0, 0.1]), 320, 240)
+    assert not coincide(right, right + np.array([0.0, 0.1, 0.0, 0.0, 0.0]), 320, 240)
+
+
+def test_of_two_lanes_on_the_same_pixels_the_better_one_is_followed() -> None:
+    lane = np.array([159.3, -0.071, 2.150, -156.0, 79.4])
+    worse, better = Hypothesis(lane, 1.0, 0.9), Hypothesis(lane + 0.001, 0.8, 1.1)
+    for order in ([worse, better], [better, worse]):
+        followed: list[Hypothesis] = []
+        for each in order:
+            add_merged(followed, each, (320, 240))
+        assert [each.last for each in followed] == [1.1]
