@@ -1,0 +1,86 @@
+"""Headline metrics of lanes, against labels and a rendered truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cwcli.signals.columns import OutputChannel
+from cwcli.stages.lanes_channels import LANES_TOPIC
+from tests.unit.evaluation.small_logs import T0_NS, log_of, values
+
+
+def lanes_channel(*, right_found: list[bool], width_m: list[float]) -> OutputChannel:
+    """Upright boundaries at columns 100 and 200 of an image of 320 x 240, which was searched at half its size."""
+    n = len(right_found)
+    stamp_ns = T0_NS + 10**9 * np.arange(n)
+    fields: dict[str, Any] = {
+        "stamp_ns": stamp_ns,
+        "lane_width_m": np.array(width_m),
+        "preview_distance_m": np.full(n, 33.5),
+        "lateral_deviation_m": np.linspace(0.1, 0.3, n),
+        "heading_deviation_rad": np.full(n, 0.02),
+        "curvature_1pm": np.full(n, -0.001),
+    }
+    sizes = {"search_width_px": 160, "search_height_px": 120, "image_width_px": 320, "image_height_px": 240}
+    fields |= {name: np.full(n, size) for name, size in sizes.items()}
+    # the searched image's column x, counted from 1, is the camera's u = 2 (x - 0.5) - 0.5, counted from 0
+    for side, u_px, is_found in (("left", 100.0, [True] * n), ("right", 200.0, right_found)):
+        fields |= {
+            f"{side}.a": np.zeros(n),
+            f"{side}.b": np.zeros(n),
+            f"{side}.c": np.full(n, (u_px + 0.5) / 2.0 + 0.5),
+        }
+        fields[f"{side}.found"] = np.array(is_found)
+    for side, line in (("left", (1.75, 0.01, 0.002)), ("right", (-1.75, 0.0, 0.0))):
+        for name, value in zip(("lateral_m", "slope", "ground_curvature_1pm"), line, strict=True):
+            fields[f"{side}.{name}"] = np.full(n, value)
+    return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", stamp_ns, fields)
+
+
+def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:
+    rows_px = [120, 160, 200, 239]
+    label = {"h_samples": rows_px, "lanes": [[20] * 4, [100] * 4, [205, 205, 205, -2], [310] * 4]}
+    label |= {"ground_x_m": [5.0, 10.0, 20.0, 30.0], "ground_left_y_m": [1.75] * 4, "ground_right_y_m": [-1.75] * 4}
+    labels = [
+        (T0_NS + 10**9 * k, {"timestamp": {"sec": (T0_NS + 10**9 * k) // 10**9, "nsec": 0}, **label}) for k in range(2)
+    ]
+    own = lanes_channel(right_found=[True, False], width_m=[3.5, 3.7])
+    straight = dict.fromkeys(("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm"), np.zeros(2))
+    truth = OutputChannel("/truth/boundaries", "cwcli.v1.Lanes", own.log_time_ns, {**own.fields, **straight})
+    found = values(log_of(tmp_path / "a.mcap", [own, truth], **{"/truth/lanes": labels}))
+    assert found["lanes.found_share"] == 0.5
+    assert (found["lanes.left_found_share"], found["lanes.right_found_share"]) == (1.0, 0.5)
+    assert found["lanes.width_std_m"] == pytest.approx(0.1)
+    assert found["lanes.width_max_jump_m"] == pytest.approx(0.2)
+    # the lines beside the camera are those at 100 and 205; of the second one row is not labelled, but it was found
+    # there, so 3 of 4 rows fit, which is no match; in the second frame nothing was found on the right
+    assert found["lanes.truth_accuracy"] == pytest.approx(((1.0 + 0.75) / 2.0 + (1.0 + 0.0) / 2.0) / 2.0)
+    assert found["lanes.truth_missed_share"] == pytest.approx(0.5)
+    assert found["lanes.truth_false_share"] == pytest.approx((0.5 + 0.0) / 2.0)
+    assert found["lanes.lateral_deviation_rmse_m"] == pytest.approx(math.sqrt((0.1**2 + 0.3**2) / 2.0))
+    assert found["lanes.heading_deviation_rmse_deg"] == pytest.approx(math.degrees(0.02))
+    assert found["lanes.curvature_rmse_1pm"] == pytest.approx(0.001)
+    # left in both frames: 0.01 x + 0.002 x^2 / 2 beside the truth; right in the first one only, and exact
+    for distance_m, error_m in ((5, 0.075), (10, 0.2), (20, 0.6), (30, 1.2)):
+        expected = pytest.approx(error_m * math.sqrt(2.0 / 3.0))
+        assert found[f"lanes.lateral_{distance_m}m_rmse_m"] == expected
+
+
+def test_a_boundary_is_judged_as_far_as_it_is_drawn(tmp_path: Path) -> None:
+    """It ends 1.5 % of the image's height below the horizon, like the line that `cwcli lanes` draws."""
+    # horizon in row 60 of 120, so in row 120 of 240: the line ends in row 123.6; both labels end in row 130
+    rows_px = [100, 120, 130, 160, 200, 239]
+    label = {"h_samples": rows_px, "lanes": [[-2, -2, *[100] * 4], [-2, -2, *[200] * 4]]}
+    message = (T0_NS, {"timestamp": {"sec": T0_NS // 10**9, "nsec": 0}, **label})
+    own = lanes_channel(right_found=[True], width_m=[3.5])
+    for horizon_px, accuracy in ((60.0, 1.0), (40.0, 4.0 / 6.0)):
+        channel = replace(own, fields={**own.fields, "horizon_px": np.array([horizon_px])})
+        path = tmp_path / f"{horizon_px}.mcap"
+        found = values(log_of(path, [channel], **{"/truth/lanes": [message]}))
+        assert found["lanes.truth_accuracy"] == pytest.approx(accuracy)
