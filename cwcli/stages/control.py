@@ -67,8 +67,8 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         UsageError: An unknown model or rule, or a setting out of range.
         DataError: The log holds the states of several egos.
     """
+    check_config(config)
     model = config.predictor or DEFAULT_MODEL
-    _check(model, config)
     bound = bind(
         log.channels,
         config.topics,
@@ -113,7 +113,13 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     )
 
 
-def _check(model: str, config: ControlConfig) -> None:
+def check_config(config: ControlConfig) -> None:
+    """Check what can be checked without a log.
+
+    Raises:
+        UsageError: An unknown model or rule, or a setting out of range.
+    """
+    model = config.predictor or DEFAULT_MODEL
     if model not in MODELS:
         raise UsageError(f"there is no motion model '{model}'", hint=f"one of: {', '.join(MODELS)}")
     if config.rule.rule not in RULES:

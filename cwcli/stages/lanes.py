@@ -24,7 +24,7 @@ from cwcli.stages.lanes_channels import LaneFrames, annotations_channel, lanes_c
 from cwcli.stages.lanes_motion import Motion, read_motion
 from cwcli.stages.lanes_mounting import MountingChoice, check_mounting, mounting_source
 from cwcli.stages.lanes_summary import lanes_section, lanes_table
-from cwcli.stages.render_topic import check_render_topic
+from cwcli.stages.render_topic import check_render_topic, check_topic_name
 from cwcli.stages.result import InputCount, StageResult, Summary
 from cwcli.stages.run_record import run_record
 from cwcli.vision.camera import Camera, Mounting
@@ -83,7 +83,8 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         DataError: No frame could be used.
         InputError: The frames are compressed video, and there is no decoder for it.
     """
-    method = _checked(config)
+    check_config(config)
+    method = METHODS[config.method]
     bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
     check_render_topic(log, config.render, topic)
@@ -165,7 +166,12 @@ def _prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[Deco
     return prepare
 
 
-def _checked(config: LanesConfig) -> Method:
+def check_config(config: LanesConfig) -> None:
+    """Check what can be checked without a log.
+
+    Raises:
+        UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
+    """
     if config.method not in METHODS:
         raise UsageError(f"there is no lane method {config.method}", hint=f"known: {', '.join(METHODS)}")
     if not 0.0 < config.preview_m <= MAX_PREVIEW_M:
@@ -178,7 +184,7 @@ def _checked(config: LanesConfig) -> Method:
         raise UsageError(f"--camera-fov must lie between {degrees}")
     if not 0 <= config.seed < 2**64:
         raise UsageError(f"--seed {config.seed} must lie between 0 and 2^64 - 1")
-    return METHODS[config.method]
+    check_topic_name(config.render)
 
 
 def _is_within(log_time_ns: int, config: LanesConfig) -> bool:

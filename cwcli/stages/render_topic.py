@@ -11,6 +11,16 @@ RENDERED_SCHEMA = "foxglove.CompressedImage"
 NAME = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")
 
 
+def check_topic_name(topic: str | None) -> None:
+    """Refuse a topic for rendered frames that is no name, whatever the log holds.
+
+    Raises:
+        UsageError: As it says.
+    """
+    if topic is not None and not NAME.fullmatch(topic):
+        raise UsageError(f"--render {topic!r} is no topic's name", hint="for example --render /cwcli/camera")
+
+
 def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
     """Refuse a topic for rendered frames that is no name, or that something else has.
 
@@ -23,8 +33,7 @@ def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
         return
     from cwcli.stages.published import topics
 
-    if not NAME.fullmatch(topic):
-        raise UsageError(f"--render {topic!r} is no topic's name", hint="for example --render /cwcli/camera")
+    check_topic_name(topic)
     if topic == camera_topic:
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
     held = next((each.schema_name for each in log.channels if each.topic == topic), "")

@@ -89,7 +89,7 @@ class ControlOptions(StageOptions):
     def make(self) -> StageCall:
         """The stage with these options."""
         from cwcli.control.encounter import Span
-        from cwcli.stages.control import ControlConfig, rule_for
+        from cwcli.stages.control import ControlConfig, check_config, rule_for
         from cwcli.warning.types import WarningConfig
 
         rule = WarningConfig(
@@ -97,7 +97,9 @@ class ControlOptions(StageOptions):
         )
 
         span = Span(duration_s=self.duration, after_s=self.after)
-        return StageCall(self.stage, ControlConfig(predictor=self.predictor, rule=rule, span=span))
+        config = ControlConfig(predictor=self.predictor, rule=rule, span=span)
+        check_config(config)
+        return StageCall(self.stage, config)
 
 
 def command(

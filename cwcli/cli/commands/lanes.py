@@ -102,7 +102,7 @@ class LanesOptions(StageOptions):
 
     def make(self) -> StageCall:
         """The stage with these options."""
-        from cwcli.stages.lanes import LanesConfig
+        from cwcli.stages.lanes import LanesConfig, check_config
 
         config = LanesConfig(
             method=self.method,
@@ -112,6 +112,7 @@ class LanesOptions(StageOptions):
             field_of_view_rad=None if self.camera_fov is None else math.radians(self.camera_fov),
             render=self.render,
         )
+        check_config(config)
         return StageCall(self.stage, config)
 
 
