@@ -72,7 +72,12 @@ def _started(address: str, jobs: int | None) -> Any:
         import ray
     except ImportError as error:
         raise UsageError("--ray needs a package that is not installed", hint="pip install 'cwcli[ray]'") from error
-    quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
+    # what `cwcli.cli.main` sets for this process, also on a cluster that somebody else has started
+    quiet: dict[str, Any] = {
+        "log_to_driver": False,
+        "logging_level": "ERROR",
+        "runtime_env": {"env_vars": {"OPENBLAS_NUM_THREADS": "1"}},
+    }
     try:
         _answers(address)
         if address == LOCAL:

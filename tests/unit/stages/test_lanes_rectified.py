@@ -138,6 +138,9 @@ def test_lens_is_told_with_the_lanes_and_read_back(seen: Seen, tmp_path: Path) -
     with Log.open(tmp_path / "out.mcap") as log:
         from_file, in_memory = (Lenses(each.columns(LANES_TOPIC)).camera(3) for each in (log, seen.log))
     assert from_file == in_memory
+    if seen.lens.model != "equidistant" and not any(seen.lens.coefficients):  # a roll alone: searched as it is
+        assert from_file is None
+        return
     assert from_file is not None
     assert (from_file.width_px, from_file.height_px, from_file.fx) == (WIDTH_PX, HEIGHT_PX, seen.lens.focal_px)
     assert from_file.mounting.roll_rad == seen.lens.roll_rad
