@@ -199,10 +199,10 @@ class LaneTracker:
 
 
 def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:
-    """Add a hypothesis; of two that lie on the same pixels the better one stays."""
+    """Add a hypothesis; of two that lie on the same pixels the first stays, unless the new one is clearly better."""
     for k, other in enumerate(followed):
         if coincide(new.lane, other.lane, *size):
-            if new.last > other.last:
+            if new.last > other.last + SWITCH_GAIN:
                 followed[k] = new
             return
     followed.append(new)
