@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
 from cwcli.errors import InputError, OutputError
-from cwcli.output import write_file
+from cwcli.output import open_output, write_file
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
@@ -242,26 +243,41 @@ def make_folders(path: Path) -> None:
 def read_document(path: Path) -> Document | None:
     """A JSON file of ours; None if it is not there or is no JSON object."""
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(path.read_bytes(), object_pairs_hook=_shared)
     except (OSError, ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None
 
 
+def _shared(pairs: list[tuple[str, Any]]) -> Document:
+    """An object whose words are kept once, however many logs have them."""
+    return {sys.intern(key): sys.intern(value) if type(value) is str else value for key, value in pairs}
+
+
 def write_document(document: Mapping[str, Any], path: Path, *, durable: bool = False) -> None:
     """Write a JSON file that appears whole or not at all: a line for each key, and for each thing right below one."""
-    lines = [f"{_json(key)}: {_json_lines(value)}" for key, value in document.items()]
-    text = ",\n ".join(lines)
-    write_file(path, f"{{\n {text}\n}}\n".encode(), force=True, durable=durable)
+    with open_output(path, force=True, durable=durable) as output:
+        before = "{\n "
+        for key, value in document.items():
+            output.write(f"{before}{_json(key)}: ".encode())
+            for piece in _json_lines(value):
+                output.write(piece.encode())
+            before = ",\n "
+        output.write(b"\n}\n")
 
 
-def _json_lines(value: Any) -> str:
+def _json_lines(value: Any) -> Iterator[str]:
     # Python's own indentation takes ten times as long, of a manifest of a thousand logs several seconds
     if isinstance(value, Mapping) and value:
-        return "{\n  " + ",\n  ".join(f"{_json(str(key))}: {_json(each)}" for key, each in value.items()) + "\n }"
-    if isinstance(value, list) and value:
-        return "[\n  " + ",\n  ".join(map(_json, value)) + "\n ]"
-    return _json(value)
+        for k, (key, each) in enumerate(value.items()):
+            yield f"{',' if k else '{'}\n  {_json(str(key))}: {_json(each)}"
+        yield "\n }"
+    elif isinstance(value, list) and value:
+        for k, each in enumerate(value):
+            yield f"{',' if k else '['}\n  {_json(each)}"
+        yield "\n ]"
+    else:
+        yield _json(value)
 
 
 def _json(value: Any) -> str:

@@ -130,7 +130,7 @@ def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", type=int, default=100, help="number of short logs")
-    parser.add_argument("--seconds", type=float, default=60.0, help="length of the equal logs")
+    parser.add_argument("--seconds", type=float, default=120.0, help="length of the equal logs")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         rows = short_logs(Path(name), options.short) + equal_logs(Path(name), options.seconds)
