@@ -46,16 +46,15 @@ class _Task(Generic[Result]):
         self._job = job
         self.future = pool.submit(job)
 
-    def is_done_here(self) -> bool:
-        """Do the job in this thread if no other has begun it."""
+    def do_here(self) -> None:
+        """Do the job in this thread, unless another has begun it."""
         if not self.future.cancel():
-            return False
+            return
         self.future = Future()
         try:
             self.future.set_result(self._job())
         except Exception as error:
             self.future.set_exception(error)
-        return True
 
 
 def _next_result(waiting: deque[_Task[Result]]) -> Result:
@@ -64,6 +63,6 @@ def _next_result(waiting: deque[_Task[Result]]) -> Result:
     for task in waiting:
         if oldest.future.done():
             break
-        task.is_done_here()
+        task.do_here()
     waiting.popleft()
     return oldest.future.result()
