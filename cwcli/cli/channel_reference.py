@@ -91,7 +91,7 @@ def channel_reference() -> str:
 
 def _header() -> str:
     """The text above the messages, with the viewers' channels."""
-    from cwcli.stages.published import PUBLISHED
+    from cwcli.channels.published import PUBLISHED
 
     viewers = [entry for entry in PUBLISHED if entry.schema.startswith("foxglove.")]
     return HEADER.format(

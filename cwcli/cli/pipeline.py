@@ -15,14 +15,14 @@ from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
 from cwcli.errors import OutputError, UsageError
-from cwcli.fleet.execute import Missed, Outcome, run_stages
-from cwcli.fleet.selection import select
-from cwcli.stages.call import Stage
+from cwcli.pipeline.call import Stage
+from cwcli.pipeline.execute import Missed, Outcome, run_stages
+from cwcli.pipeline.selection import select
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
     from cwcli.metrics.table import Table
-    from cwcli.stages.result import StageResult
+    from cwcli.pipeline.result import StageResult
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Job:
         stages: Name -> stage, in order.
         metrics: File of a single stage's main table, or None.
         metrics_dir: Folder for every table of every stage, or None.
-        missing, lenient: Which stages are left out; see `cwcli.fleet.execute.run_stages`.
+        missing, lenient: Which stages are left out; see `cwcli.pipeline.execute.run_stages`.
     """
 
     command: str

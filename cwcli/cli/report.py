@@ -10,7 +10,7 @@ from cwcli.cli.tables import table
 from cwcli.cli.text import paragraph, printable
 
 if TYPE_CHECKING:
-    from cwcli.stages.result import InputCount, Summary
+    from cwcli.pipeline.result import InputCount, Summary
 
 
 def print_result(console: Console, summary: Summary) -> None:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.states import VehicleStates, read_states
+from cwcli.channels.states_and_paths import EGO_ID, EGO_STATE_TOPIC
 from cwcli.estimation.consistency import effective_count, nees
 from cwcli.logs.log import Log
 from cwcli.metrics.chi_square import mean_bounds
@@ -21,10 +23,8 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.roles import ROLE_TEXT
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.channels import EGO_ID, EGO_STATE_TOPIC
+from cwcli.stages.inputs.sources import Sources, read_sources
 from cwcli.stages.records import Record, json_entry, map_of, number, run_records, sources_of
-from cwcli.stages.sources import Sources, read_sources
-from cwcli.stages.states import VehicleStates, read_states
 from cwcli.stages.truth import truth_xy
 
 MAX_GAP_S = 0.5

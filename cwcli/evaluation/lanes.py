@@ -7,6 +7,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.lanes import LANES_TOPIC
+from cwcli.channels.lens import Lenses
 from cwcli.logs.channel import ChannelInfo
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
@@ -14,8 +16,6 @@ from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, 
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, row_of, stamps, whole_numbers
 from cwcli.signals.roles import is_truth_topic
-from cwcli.stages.lanes_channels import LANES_TOPIC
-from cwcli.stages.lanes_lens import Lenses
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import HIGHEST
 from cwcli.vision.overlay import HORIZON_GAP, MIN_GAP_PX

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
+from cwcli.channels.observer import read_observer
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.signals.codec import Role
 from cwcli.signals.roles import bind
-from cwcli.stages.observe_summary import truth_errors
-from cwcli.stages.observer_channel import read_observer
+from cwcli.stages.summaries.observe import truth_errors
 
 METRICS_OF: dict[str, tuple[str, float]] = {
     "lateral_speed_mps": ("observer.lateral_speed_rmse_mps", 1.0),

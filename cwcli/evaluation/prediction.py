@@ -7,6 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
+from cwcli.channels.states_and_paths import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, REMOTE_STATE_TOPIC
 from cwcli.evaluation.estimate import Ego
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
@@ -14,10 +16,8 @@ from cwcli.metrics.table import Table
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.stages.channels import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, REMOTE_STATE_TOPIC
 from cwcli.stages.predict import ERROR_HORIZONS_S, MAX_GAP_S, PredictConfig, prediction_table
 from cwcli.stages.records import json_entry, run_records
-from cwcli.stages.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
 
 MAX_TRUTH_GAP_S = 1.0
 

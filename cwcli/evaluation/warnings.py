@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
+from cwcli.channels.states_and_paths import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
+from cwcli.channels.targets import TARGETS_TOPIC, read_targets
+from cwcli.channels.warning_events import WarningEvent, read_warning_events
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
 from cwcli.stages.records import Record, configuration_of, rule_of, run_records, whole
-from cwcli.stages.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
-from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
-from cwcli.stages.warning_events import WarningEvent, read_warning_events
 from cwcli.warning.actual import Motion, relative_motion
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE

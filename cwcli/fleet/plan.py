@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cwcli import __version__
-from cwcli.stages.call import StageCall
+from cwcli.pipeline.call import StageCall
 
 
 @dataclass(frozen=True)

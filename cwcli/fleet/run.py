@@ -37,8 +37,8 @@ from cwcli.fleet.inputs import expand_sources, is_remote
 from cwcli.fleet.local import ATTEMPTS, WorkerDied, run_local
 from cwcli.fleet.names import log_ids
 from cwcli.fleet.plan import Plan, Task
-from cwcli.fleet.selection import check_selection
 from cwcli.fleet.worker import Done, record
+from cwcli.pipeline.selection import check_selection
 
 Report = Callable[[Task, str, int, int], None]
 

@@ -16,14 +16,14 @@ from typing import Any
 from cwcli import __version__
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.fleet.execute import Outcome, run_stages
 from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, make_folders, new_entry, put_table
 from cwcli.fleet.inputs import is_remote, local_copy
-from cwcli.fleet.needs import signals_for
 from cwcli.fleet.plan import Plan, Task
-from cwcli.fleet.selection import select
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.pipeline.execute import Outcome, run_stages
+from cwcli.pipeline.missing import signals_for
+from cwcli.pipeline.selection import select
 
 HASH_BLOCK_BYTES = 1 << 20
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cwcli import __version__
+from cwcli.channels.states_and_paths import WARNINGS_TOPIC
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.log import Log
 from cwcli.metrics.gates import GateResult, check_gates
@@ -25,7 +26,6 @@ from cwcli.report.story import Badge, Story, tell
 from cwcli.report.tables import value_text
 from cwcli.report.views import LogView
 from cwcli.signals.columns import Strings
-from cwcli.stages.channels import WARNINGS_TOPIC
 from cwcli.text import count, printable
 from cwcli.warning.output import RAISED
 

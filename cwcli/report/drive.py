@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.channels.lanes import LANES_TOPIC
+from cwcli.channels.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
+from cwcli.channels.states_and_paths import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
+from cwcli.channels.targets import TARGETS_TOPIC, read_targets
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
 from cwcli.logs.log import Log
@@ -23,13 +27,9 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
-from cwcli.stages.channels import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
-from cwcli.stages.lanes_channels import LANES_TOPIC
-from cwcli.stages.measurements import ego_measurements
+from cwcli.stages.inputs.measurements import ego_measurements
+from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.records import configuration_of, inputs_of, map_of, rule_of, run_records, sources_of
-from cwcli.stages.sources import read_sources
-from cwcli.stages.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
-from cwcli.stages.track_channels import TARGETS_TOPIC, read_targets
 from cwcli.warning.types import ActualTrack, WarningConfig, outline_of
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)

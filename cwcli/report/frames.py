@@ -9,13 +9,13 @@ from typing import TypeVar
 
 import numpy as np
 
+from cwcli.channels.lens import Lenses
 from cwcli.errors import CwcliError
 from cwcli.logs.frames import Frame
 from cwcli.logs.log import Log
 from cwcli.report.drive import Drive
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers
-from cwcli.stages.lanes_lens import Lenses
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames
 from cwcli.vision.overlay import burn_in, line_points

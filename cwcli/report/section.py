@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from cwcli.channels.states_and_paths import EGO_PATH_TOPIC, REMOTE_PATH_TOPIC
 from cwcli.errors import CwcliError
 from cwcli.logs.log import Log
 from cwcli.report.drawing import Figure
@@ -20,7 +21,6 @@ from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, 
 from cwcli.report.tables import all_warnings, encounter_facts, log_tables
 from cwcli.report.views import EventView, LogView, Picture, Plot
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.channels import EGO_PATH_TOPIC, REMOTE_PATH_TOPIC
 
 FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.pipeline.result import Cell, Section, Summary
 from cwcli.reproduction.findings import Finding, Part, Plot
-from cwcli.stages.result import Cell, Section, Summary
 
 
 @dataclass(frozen=True)

@@ -7,20 +7,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cwcli.channels.control import control_channels
+from cwcli.channels.states import PredictedPaths, VehicleStates, read_states, require_ego
 from cwcli.control.encounter import RecordedTrack, Span, replay_warning
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import InputCount, StageResult, Summary
+from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.codec import Role
 from cwcli.signals.roles import bind
-from cwcli.stages.control_channels import control_channels
-from cwcli.stages.control_summary import Replayed, control_table, sections, series_table
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.records import Record, configuration_of, map_of, run_records
-from cwcli.stages.result import InputCount, StageResult, Summary
-from cwcli.stages.run_record import run_record
-from cwcli.stages.states import PredictedPaths, VehicleStates, read_states, require_ego
+from cwcli.stages.summaries.control import Replayed, control_table, sections, series_table
 from cwcli.stages.warn import vehicle_tracks
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import DEFAULT_RULE, RULES

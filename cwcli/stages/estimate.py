@@ -7,17 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cwcli.errors import DataError, UsageError
-from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.measurements import Measurements
-from cwcli.estimation.track import Track, estimate_track, estimate_tracks
-from cwcli.logs.log import Log
-from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal
-from cwcli.signals.codec import Role
-from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
-from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.units import NS_PER_S
-from cwcli.stages.channels import (
+from cwcli.channels.states import N_STATES, vehicle_rows
+from cwcli.channels.states_and_paths import (
     EGO_ID,
     EGO_STATE_TOPIC,
     REMOTE_STATE_TOPIC,
@@ -25,7 +16,21 @@ from cwcli.stages.channels import (
     vehicle_states,
     viewer_channels,
 )
-from cwcli.stages.estimate_summary import (
+from cwcli.errors import DataError, UsageError
+from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.measurements import Measurements
+from cwcli.estimation.track import Track, estimate_track, estimate_tracks
+from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult, Summary
+from cwcli.pipeline.run_record import run_record
+from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.inputs.measurements import EgoSignal, ego_measurements, remote_measurements
+from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
+from cwcli.stages.summaries.estimate import (
     TrackSummary,
     estimate_tables,
     gap_notes,
@@ -33,11 +38,6 @@ from cwcli.stages.estimate_summary import (
     source_record,
     summarise,
 )
-from cwcli.stages.measurements import EgoSignal, ego_measurements, remote_measurements
-from cwcli.stages.result import StageResult, Summary
-from cwcli.stages.run_record import run_record
-from cwcli.stages.sources import SourceConfig, Sources, read_sources
-from cwcli.stages.states import N_STATES, vehicle_rows
 from cwcli.stages.truth import TruthErrors, against_truth
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)

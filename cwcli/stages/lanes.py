@@ -11,22 +11,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.lanes import LaneFrames, annotations_channel, lanes_channel, rendered_channel
+from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.frames import Frame
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table
+from cwcli.pipeline.result import InputCount, StageResult, Summary
+from cwcli.pipeline.run_record import run_record
 from cwcli.signals.clocks import NO_STAMP
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.roles import bind
-from cwcli.stages.lanes_camera import CameraSource, camera_source
-from cwcli.stages.lanes_channels import LaneFrames, annotations_channel, lanes_channel, rendered_channel
-from cwcli.stages.lanes_motion import Motion, read_motion
-from cwcli.stages.lanes_mounting import MountingChoice, check_mounting, mounting_source
-from cwcli.stages.lanes_summary import lanes_section, lanes_table
-from cwcli.stages.render_topic import check_render_topic, check_topic_name
-from cwcli.stages.result import InputCount, StageResult, Summary
-from cwcli.stages.run_record import run_record
+from cwcli.stages.inputs.camera import CameraSource, camera_source
+from cwcli.stages.inputs.frame_motion import Motion, read_motion
+from cwcli.stages.inputs.mounting import MountingChoice, check_mounting, mounting_source
+from cwcli.stages.summaries.lanes import lanes_section, lanes_table
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, decode_frames

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cwcli.channels.observer import STATE_NAMES, VEHICLE_ENTRY, observer_channel, vehicle_entry
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import LateralTrack, Status
@@ -14,15 +15,14 @@ from cwcli.dynamics.single_track import critical_speed_mps
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult, Summary
+from cwcli.pipeline.run_record import run_record
 from cwcli.signals.codec import Role
 from cwcli.signals.roles import Bindings, bind
-from cwcli.stages.observe_inputs import Inputs, inputs_of
-from cwcli.stages.observe_lanes import LANE_FIELDS, read_lanes
-from cwcli.stages.observe_summary import observer_section, observer_table, truth_errors, truth_section
-from cwcli.stages.observer_channel import STATE_NAMES, VEHICLE_ENTRY, observer_channel, vehicle_entry
-from cwcli.stages.result import StageResult, Summary
-from cwcli.stages.run_record import run_record
-from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.lane_samples import LANE_FIELDS, read_lanes
+from cwcli.stages.inputs.lateral_sensors import Inputs, inputs_of
+from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.summaries.observe import observer_section, observer_table, truth_errors, truth_section
 
 FIELDS = {Role.LANES: LANE_FIELDS, Role.LATERAL_TRUTH: ("stamp_ns", *STATE_NAMES)}
 SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cwcli.channels.observer import OBSERVER_TOPIC, Observed, read_observer, recorded_vehicle
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.logs.log import Log
 from cwcli.prediction.lateral import LateralPathConfig, lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.stages.observer_channel import OBSERVER_TOPIC, Observed, read_observer, recorded_vehicle
 
 MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
@@ -84,7 +84,7 @@ def body_paths(
     Raises:
         DataError: The channel is of another version.
     """
-    from cwcli.stages.sources import logged_within
+    from cwcli.stages.inputs.sources import logged_within
 
     observed = read_observer(logged_within(log.columns(topic), start_ns, end_ns))
     vehicle, notes = recorded_vehicle(log.metadata)

@@ -12,18 +12,18 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.lanes import LANES_TOPIC, LINE_STRIP, PIXELS_PER_THICKNESS
+from cwcli.channels.lens import Lenses
+from cwcli.channels.painted_frames import painted_channel
+from cwcli.channels.render_topic import check_render_topic
 from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputField, Repeated, StreamedChannel
 from cwcli.signals.roles import bind
-from cwcli.stages.lanes_camera import CameraSource, camera_source
-from cwcli.stages.lanes_channels import LANES_TOPIC, LINE_STRIP, PIXELS_PER_THICKNESS
-from cwcli.stages.lanes_lens import Lenses
-from cwcli.stages.painted_frames import painted_channel
+from cwcli.stages.inputs.camera import CameraSource, camera_source
 from cwcli.stages.records import configuration_of, inputs_of, number, run_records
-from cwcli.stages.render_topic import check_render_topic
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame, decode_frames

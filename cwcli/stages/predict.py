@@ -9,9 +9,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cwcli.channels.path_scene import path_scene
+from cwcli.channels.states import VehicleStates, read_states, require_ego, rows_by_stamp, vehicle_rows
+from cwcli.channels.states_and_paths import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, predicted_paths
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table, TableColumn
+from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
+from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
@@ -19,11 +24,6 @@ from cwcli.prediction.rollout import Discretisation, check_request
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
 from cwcli.signals.roles import bind
-from cwcli.stages.channels import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, predicted_paths
-from cwcli.stages.path_scene import path_scene
-from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
-from cwcli.stages.run_record import run_record
-from cwcli.stages.states import VehicleStates, read_states, require_ego, rows_by_stamp, vehicle_rows
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 MAX_MESSAGE_AGE_S = 1.0

@@ -12,9 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.observer import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
+from cwcli.channels.states import read_states, rows_by_stamp
+from cwcli.channels.states_and_paths import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
+from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.horizon import BASELINE, HorizonErrors, horizon_errors, horizon_table
 from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, map_paths
 from cwcli.prediction.paths import Paths
@@ -24,15 +29,10 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.resample import resample
 from cwcli.signals.roles import bind
-from cwcli.stages.channels import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
-from cwcli.stages.observer_channel import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
+from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
 from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
 from cwcli.stages.predict import MAX_GAP_S, PredictConfig, error_horizons
-from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
-from cwcli.stages.run_record import run_record
-from cwcli.stages.sources import SourceConfig, read_sources
-from cwcli.stages.states import read_states, rows_by_stamp
 
 STAGE = "predict_observer"
 """Not `predict`: a run may hold both."""

@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 from cwcli.logs.log import Log
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.sources import SourceConfig
+from cwcli.stages.inputs.sources import SourceConfig
 from cwcli.warning.types import Conflict, Use, WarningConfig
 
 PREFIX = "cwcli.run."

@@ -8,25 +8,25 @@ from typing import Literal
 
 import numpy as np
 
+from cwcli.channels.states import read_states
+from cwcli.channels.targets import target_channels
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import InputCount, StageResult, Summary
+from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.roles import bind
-from cwcli.stages.records import map_of, run_records
-from cwcli.stages.result import InputCount, StageResult, Summary
-from cwcli.stages.run_record import run_record
-from cwcli.stages.sources import SourceConfig, read_sources
-from cwcli.stages.states import read_states
-from cwcli.stages.track_channels import target_channels
-from cwcli.stages.track_sensors import (
+from cwcli.stages.inputs.detections import (
     SensorSetting,
     check_carriers,
     detections_of,
     ego_states,
     sensor_models,
 )
-from cwcli.stages.track_summary import detection_counts, sections, track_tables
+from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.records import map_of, run_records
+from cwcli.stages.summaries.track import detection_counts, sections, track_tables
 from cwcli.stages.track_truth import score_record, scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, EgoStates, SensorModel

@@ -9,19 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import DataError, MissingSignalError, UsageError
-from cwcli.logs.log import Log
-from cwcli.prediction.models import MODELS
-from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import rollout
-from cwcli.signals.codec import Role
-from cwcli.signals.columns import FloatArray
-from cwcli.signals.roles import bind
-from cwcli.signals.units import NS_PER_S
-from cwcli.stages.predict import MAX_MESSAGE_AGE_S
-from cwcli.stages.result import Cell, InputCount, Section, StageResult, Summary
-from cwcli.stages.run_record import run_record
-from cwcli.stages.states import (
+from cwcli.channels.states import (
     PredictedPaths,
     VehicleStates,
     read_paths,
@@ -30,8 +18,20 @@ from cwcli.stages.states import (
     rows_by_stamp,
     vehicle_rows,
 )
-from cwcli.stages.track_channels import read_targets
-from cwcli.stages.warn_output import RuleOutcome, channels_of, numbered, tables_of
+from cwcli.channels.targets import read_targets
+from cwcli.channels.warnings import RuleOutcome, channels_of, numbered, tables_of
+from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.logs.log import Log
+from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
+from cwcli.pipeline.run_record import run_record
+from cwcli.prediction.models import MODELS
+from cwcli.prediction.paths import Paths
+from cwcli.prediction.rollout import rollout
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.roles import bind
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE

@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.observer import recorded_vehicle
+from cwcli.channels.states import read_paths, rows_by_stamp
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import Cell, InputCount, Section
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.roles import Bindings
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.observer_channel import recorded_vehicle
-from cwcli.stages.result import Cell, InputCount, Section
-from cwcli.stages.sources import logged_within
-from cwcli.stages.states import read_paths, rows_by_stamp
+from cwcli.stages.inputs.sources import logged_within
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDepartureResult, evaluate_lane_departure
 
 NEEDED = (Role.OBSERVER_PATH, Role.LANES)

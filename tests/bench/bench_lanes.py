@@ -35,7 +35,7 @@ def write_log(path: Path, n_frames: int) -> None:
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
     from mcap_protobuf.writer import Writer
 
-    from cwcli.stages.simulate_road import plan, road_config
+    from cwcli.simulate.road_log import plan, road_config
 
     config = road_config("clear", 1, (f"duration_s={LOOP_S}", f"rate_hz={RATE_HZ}", "size=640x480"))
     import cv2

@@ -11,7 +11,7 @@ import pytest
 
 from cwcli.cli.console import Console, bold, closest, stdout_or_file
 from cwcli.cli.report import input_table, print_result
-from cwcli.stages.result import InputCount, Section, Summary
+from cwcli.pipeline.result import InputCount, Section, Summary
 
 
 def test_bold_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,8 +11,8 @@ from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimat
 from cwcli.logs.log import Log
 from cwcli.signals.codec import Role
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.measurements import ego_measurements
-from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.measurements import ego_measurements
+from cwcli.stages.inputs.sources import SourceConfig, read_sources
 
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
 EGO = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.IMU)

@@ -16,9 +16,9 @@ from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 from pyproj import Geod
 
 from cwcli.errors import OutputError
+from cwcli.simulate.sensor_log import SAMPLES, regenerate_samples, write_log
 from cwcli.simulation.drive import SimulatedDrive, simulate
 from cwcli.simulation.scenario import load_scenario, parse_scenario
-from cwcli.stages.simulate import SAMPLES, regenerate_samples, write_log
 
 NS = 1_000_000_000
 SAMPLE_DIR = Path(__file__).parents[2] / "sample_logs"

@@ -41,7 +41,7 @@ def resolved(file: str | None) -> dict[str, Any]:
     """
     from cwcli.cli.app import load_command
     from cwcli.cli.commands.run import all_options
-    from cwcli.fleet.selection import check_selection
+    from cwcli.pipeline.selection import check_selection
 
     arguments = ["LOG", *(() if file is None else ("--config", file))]
     with load_command("run").make_context("run", arguments) as context:

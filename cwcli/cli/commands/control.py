@@ -19,13 +19,13 @@ from cwcli.cli.options.shared import (
     WritingOptions,
 )
 from cwcli.cli.pipeline import Job, run_job
+from cwcli.pipeline.call import Selection, StageCall
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
-from cwcli.stages.call import Selection, StageCall
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
 if TYPE_CHECKING:
-    from cwcli.fleet.needs import Missing
     from cwcli.logs.log import Log
+    from cwcli.pipeline.missing import Missing
 
 EXAMPLES = (
     "cwcli control drive.mcap -o braked.mcap --metrics control.parquet",
@@ -145,7 +145,7 @@ class _Sources:
         Raises:
             MissingSignalError: The log has neither both states nor the sensors from which to estimate them.
         """
-        from cwcli.fleet.needs import Missing
+        from cwcli.pipeline.missing import Missing
         from cwcli.signals.roles import Role, bind
 
         if stage != "estimate":

@@ -19,7 +19,7 @@ from cwcli.cli.options.shared import (
 )
 from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
-from cwcli.stages.call import StageCall
+from cwcli.pipeline.call import StageCall
 
 if TYPE_CHECKING:
     from cwcli.estimation.config import LatencyOption
@@ -76,7 +76,7 @@ class EstimateOptions(StageOptions):
         """The stage with these options."""
         from cwcli.estimation.config import EstimatorConfig
         from cwcli.stages.estimate import EstimateConfig
-        from cwcli.stages.sources import SourceConfig
+        from cwcli.stages.inputs.sources import SourceConfig
 
         if not 0 < self.rate <= 10_000:
             raise UsageError(f"--rate {self.rate:g} must be above 0 and at most 10000 Hz")

@@ -89,7 +89,7 @@ def _channel(channel: Any, duration_s: float, roles: list[str]) -> Document:
 
 
 def _commands(bound: set[str]) -> Document:
-    from cwcli.stages.needs import readiness
+    from cwcli.pipeline.needs import readiness
 
     return {
         entry.command: {

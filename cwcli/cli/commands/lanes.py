@@ -11,12 +11,12 @@ import typer
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, run_job
-from cwcli.stages.call import StageCall
+from cwcli.pipeline.call import StageCall
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Mounting
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 
 if TYPE_CHECKING:
-    from cwcli.stages.lanes_mounting import MountingChoice
+    from cwcli.stages.inputs.mounting import MountingChoice
 
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
@@ -90,7 +90,7 @@ class LanesOptions(StageOptions):
 
     def mounting(self) -> MountingChoice | None:
         """What the options tell of the camera's mounting; None if nothing."""
-        from cwcli.stages.lanes_mounting import MountingChoice
+        from cwcli.stages.inputs.mounting import MountingChoice
 
         choice = MountingChoice(
             height_m=self.camera_height,

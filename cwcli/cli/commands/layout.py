@@ -46,7 +46,7 @@ def command(
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the layout to a file")
     from cwcli.output import check_target, write_file
-    from cwcli.stages.layout import LogTopics, layout, log_topics
+    from cwcli.report.layout import LogTopics, layout, log_topics
 
     inputs = [Path(log)] if log not in (None, "-") and Path(str(log)).is_file() else []
     if output != "-":

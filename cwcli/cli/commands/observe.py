@@ -11,7 +11,7 @@ from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
-from cwcli.stages.call import StageCall
+from cwcli.pipeline.call import StageCall
 
 EXAMPLES = (
     "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml",

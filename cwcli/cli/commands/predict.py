@@ -10,8 +10,8 @@ import typer
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, run_job
+from cwcli.pipeline.call import StageCall
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
-from cwcli.stages.call import StageCall
 
 EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",

@@ -18,8 +18,8 @@ from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
+    from cwcli.pipeline.result import Summary
     from cwcli.reproduction.findings_report import Reproduction
-    from cwcli.stages.result import Summary
 
 EXAMPLES = (
     "cwcli reproduce song2016",

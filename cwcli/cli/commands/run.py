@@ -28,7 +28,7 @@ from cwcli.errors import UsageError
 
 if TYPE_CHECKING:
     from cwcli.fleet.plan import Plan
-    from cwcli.stages.call import StageCall
+    from cwcli.pipeline.call import StageCall
 
 EXAMPLES = (
     "cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/",
@@ -115,8 +115,8 @@ class AllOptions:
             UsageError: There is no such stage, or an option's value makes no sense.
         """
         from cwcli.cli.console import closest
-        from cwcli.fleet.needs import DEFAULT_STAGES
         from cwcli.metrics.gate_syntax import parse
+        from cwcli.pipeline.missing import DEFAULT_STAGES
 
         for gate in self.pipeline.gates:
             parse(gate)
@@ -221,7 +221,7 @@ def command(
 
 def with_all_stages(job: Job, options: AllOptions) -> Job:
     """The job with every stage that is to run and for which its log turns out to have the signals."""
-    from cwcli.fleet.needs import signals_for
+    from cwcli.pipeline.missing import signals_for
 
     calls = options.calls()
     return replace(job, stages=calls, missing=signals_for(calls, options.sensors.ego_station), lenient=True)

@@ -21,7 +21,7 @@ from cwcli.simulation.road.names import WEATHERS
 from cwcli.simulation.scenario import scenario_names
 
 if TYPE_CHECKING:
-    from cwcli.stages.simulate import WrittenChannel
+    from cwcli.simulate.sensor_log import WrittenChannel
 
 ROAD = "road"
 
@@ -98,9 +98,9 @@ def command(
         return
     if weather is not None:
         raise UsageError(f"--weather {weather}: only the {ROAD} has a weather", hint=f"cwcli simulate {ROAD} -o ...")
+    from cwcli.simulate.sensor_log import write_log
     from cwcli.simulation.drive import simulate
     from cwcli.simulation.scenario import load_scenario
-    from cwcli.stages.simulate import write_log
 
     check_target(output, force=force, inputs=[Path(scenario)] if Path(scenario).is_file() else [])
     with Progress(quiet=talk.quiet) as progress:
@@ -114,7 +114,7 @@ def command(
 def _road(
     output: str, weather: str | None, seed: int | None, override: tuple[str, ...], talk: TalkOptions, *, force: bool
 ) -> None:
-    from cwcli.stages.simulate_road import plan, road_config, write_road
+    from cwcli.simulate.road_log import plan, road_config, write_road
 
     config = road_config(weather, seed, override)
     drive = plan(config)

@@ -19,7 +19,7 @@ from cwcli.cli.options.shared import (
 )
 from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
-from cwcli.stages.call import StageCall
+from cwcli.pipeline.call import StageCall
 
 EXAMPLES = (
     "cwcli track drive.mcap -o tracked.mcap --filter ukf --metrics tracks.parquet",
@@ -94,7 +94,7 @@ class TrackOptions(StageOptions):
         if self.noise is not None and not 0 < self.noise <= 1000:
             raise UsageError(f"--noise {self.noise:g} must be above 0 and at most 1000")
         settings = parse_sensors(self.sensor)
-        from cwcli.stages.sources import SourceConfig
+        from cwcli.stages.inputs.sources import SourceConfig
         from cwcli.stages.track import TrackConfig
         from cwcli.tracking.config import FilterConfig, TrackerConfig
 

@@ -10,7 +10,7 @@ import typer
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, run_job
-from cwcli.stages.call import StageCall
+from cwcli.pipeline.call import StageCall
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.lane_departure import LaneDepartureConfig
 from cwcli.warning.rules import DEFAULT_RULE, RULES

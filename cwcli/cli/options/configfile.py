@@ -99,7 +99,7 @@ def _check_selection(path: str, defaults: dict[str, Any]) -> None:
     named = {key: defaults[key] for key in ("topic", "start", "end") if key in defaults}
     if not named:
         return
-    from cwcli.fleet.selection import check_selection
+    from cwcli.pipeline.selection import check_selection
 
     try:
         check_selection(named.get("topic", ()), named.get("start"), named.get("end"), spelled="{} =")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cwcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from cwcli.stages.track_sensors import SensorSetting
+    from cwcli.stages.inputs.detections import SensorSetting
 
 MAX_SIGMAS = 3
 EXAMPLE = "for example --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30,sigma=0.25/0.01/0.12"
@@ -80,7 +80,7 @@ def parse_sensors(entries: Sequence[str]) -> dict[str, SensorSetting]:
     """
     if not entries:
         return {}
-    from cwcli.stages.track_sensors import SensorSetting
+    from cwcli.stages.inputs.detections import SensorSetting
 
     found: dict[str, SensorSetting] = {}
     for entry in entries:

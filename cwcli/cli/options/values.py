@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from cwcli.fleet.selection import time_ns
+from cwcli.pipeline.selection import time_ns
 from cwcli.signals.units import NS_PER_S
 
 __all__ = ["time_ns", "utc"]

@@ -10,8 +10,8 @@ import numpy as np
 
 from cwcli.metrics.table import ColumnDoc
 from cwcli.metrics.table import Table as MetricsTable
+from cwcli.pipeline.result import Cell, Section, Summary
 from cwcli.reproduction.xiang2019.reproduce import Reproduction, Table, reproduce
-from cwcli.stages.result import Cell, Section, Summary
 
 PAPER_LEAST_GAIN_PCT = {"lidar": 20.0, "radar": 50.0}
 TITLES = {

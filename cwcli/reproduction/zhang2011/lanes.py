@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.metrics.intervals import clustered_proportion_interval
+from cwcli.pipeline.result import Cell, Section
 from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot
 from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, BoolArray, MethodOnDrives, run_drives
-from cwcli.stages.result import Cell, Section
 from cwcli.vision.methods import METHODS
 
 CONCLUSION = "conclusion 1"

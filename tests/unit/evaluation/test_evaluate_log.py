@@ -10,6 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cwcli.channels.states_and_paths import (
+    EGO_PATH_TOPIC,
+    EGO_STATE_TOPIC,
+    constant_strings,
+    predicted_paths,
+    vehicle_states,
+)
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.log import Log
@@ -18,13 +25,6 @@ from cwcli.metrics.pooling import rows_of
 from cwcli.metrics.table import Table
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
-from cwcli.stages.channels import (
-    EGO_PATH_TOPIC,
-    EGO_STATE_TOPIC,
-    constant_strings,
-    predicted_paths,
-    vehicle_states,
-)
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict

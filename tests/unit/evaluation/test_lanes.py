@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cwcli.channels.lanes import LANES_TOPIC
 from cwcli.signals.columns import OutputChannel
-from cwcli.stages.lanes_channels import LANES_TOPIC
 from tests.unit.evaluation.small_logs import T0_NS, log_of, values
 
 

@@ -20,7 +20,7 @@ from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.run import run_fleet
 from cwcli.fleet.worker import work
-from cwcli.stages.call import Selection, StageCall, with_selection
+from cwcli.pipeline.call import Selection, StageCall, with_selection
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
 EMPTY_SHA256 = hashlib.sha256(b"").hexdigest()

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.channels.states import VehicleStates
 from cwcli.report.drive import Drive, OtherTrack
 from cwcli.report.encounters import find_meetings
 from cwcli.report.story import tell
 from cwcli.report.tables import encounter_facts
 from cwcli.signals.columns import Columns, Strings
-from cwcli.stages.states import VehicleStates
 from cwcli.warning.types import ActualTrack, WarningConfig
 
 S = 1_000_000_000

@@ -11,10 +11,10 @@ import numpy as np
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.logs.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Strings
+from cwcli.simulate.cdr import DEFINITIONS, imu_messages, velocity_reports
 from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane, true_preview
 from cwcli.simulation.lane_drive import Road, Runs, Truth, drive_lane
 from cwcli.simulation.sensors import SensorData
-from cwcli.stages.simulate_cdr import DEFINITIONS, imu_messages, velocity_reports
 
 CAR = load_vehicle()
 START_NS = 1_700_000_000_000_000_000

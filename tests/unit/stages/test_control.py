@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cwcli.channels.states import read_states
 from cwcli.control.encounter import POLICIES, Span
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult
 from cwcli.stages.control import ControlConfig, control, rule_for
 from cwcli.stages.estimate import EstimateConfig, estimate
-from cwcli.stages.result import StageResult
-from cwcli.stages.states import read_states
 from cwcli.warning.types import WarningConfig
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"

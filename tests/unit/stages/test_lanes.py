@@ -12,13 +12,13 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from cwcli.channels.lanes import ANNOTATIONS_TOPIC, LANES_TOPIC
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Ragged, StreamedChannel
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.stages.lanes_channels import ANNOTATIONS_TOPIC, LANES_TOPIC
-from cwcli.stages.result import StageResult
 from cwcli.vision.camera import Mounting
 from tests.unit.vision.fake_frames import encoded, png_header
 from tests.unit.vision.lane_logs import START_NS, STEP_NS, calibration, road_frames, write_log

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from cwcli.logs.log import Log
 from cwcli.signals.transforms import Transform, body_from_frame, camera_pose
-from cwcli.stages.lanes_mounting import MountingChoice, mounting_source
-from cwcli.stages.simulate_road import CAMERA_FRAME, plan, road_config, write_road
+from cwcli.simulate.road_log import CAMERA_FRAME, plan, road_config, write_road
+from cwcli.stages.inputs.mounting import MountingChoice, mounting_source
 from cwcli.vision.camera import Camera, Mounting
 
 TF_MESSAGE = """geometry_msgs/TransformStamped[] transforms

@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from cwcli.channels.lanes import ANNOTATIONS_TOPIC, LANES_TOPIC
+from cwcli.channels.lens import Lenses
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.report.drive import read_drive
 from cwcli.report.frames import thumbnails
 from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.stages.lanes_channels import ANNOTATIONS_TOPIC, LANES_TOPIC
-from cwcli.stages.lanes_lens import Lenses
 from cwcli.stages.path_overlay import path_overlay
-from cwcli.stages.result import StageResult
 from cwcli.vision import methods
 from cwcli.vision.overlay import LEFT_RGB
 from cwcli.vision.rectify import camera_points, lowest_row_px

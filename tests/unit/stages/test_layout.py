@@ -16,11 +16,11 @@ from typing import Any, Literal
 import foxglove.layouts as fl
 import pytest
 
+from cwcli.channels.published import topics
 from cwcli.logs.log import Log
 from cwcli.logs.schemas import message_schema
-from cwcli.stages.layout import STAGE_TABS, CameraTopics, LogTopics, layout, log_topics
-from cwcli.stages.layout_panels import PANEL_TYPES, Panels, path, quoted
-from cwcli.stages.published import topics
+from cwcli.report.layout import STAGE_TABS, CameraTopics, LogTopics, layout, log_topics
+from cwcli.report.layout_panels import PANEL_TYPES, Panels, path, quoted
 
 ROOT = Path(__file__).parents[3]
 CONFIGS: dict[str, type[Any]] = {

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cwcli.stages.needs import NEEDS, STAGES, readiness
+from cwcli.pipeline.needs import NEEDS, STAGES, readiness
 
 
 def by_command(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str, ...]]]:

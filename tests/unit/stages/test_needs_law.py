@@ -12,12 +12,12 @@ import pytest
 from cwcli.cli.commands.run import default_options
 from cwcli.cli.options.shared import SensorOptions
 from cwcli.errors import MissingSignalError
-from cwcli.fleet.execute import run_stages
-from cwcli.fleet.needs import signals_for
 from cwcli.logs.log import Log
+from cwcli.pipeline.call import Selection, StageCall
+from cwcli.pipeline.execute import run_stages
+from cwcli.pipeline.missing import signals_for
+from cwcli.pipeline.needs import NEEDS, PREDICT_FROM_OBSERVER, WARN_OF_LANE_DEPARTURE, WARN_OF_TARGETS, readiness
 from cwcli.signals.roles import Role, bind
-from cwcli.stages.call import Selection, StageCall
-from cwcli.stages.needs import NEEDS, PREDICT_FROM_OBSERVER, WARN_OF_LANE_DEPARTURE, WARN_OF_TARGETS, readiness
 from tests.unit.stages.lateral_logs import IMU, SPEED, STEERING, drive, ego_state_channel, write_lane_log
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"

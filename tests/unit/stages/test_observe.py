@@ -10,6 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from cwcli.channels.observer import OBSERVER_TOPIC, read_observer, recorded_vehicle
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import Samples
@@ -17,11 +18,10 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.stages.observe import ObserveConfig, observe
-from cwcli.stages.observer_channel import OBSERVER_TOPIC, read_observer, recorded_vehicle
-from cwcli.stages.result import StageResult
 from tests.unit.stages.lateral_logs import (
     IMU,
     LANES,

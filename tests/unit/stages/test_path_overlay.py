@@ -15,12 +15,12 @@ from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
+from cwcli.simulate.road_log import plan, road_config, write_road
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.path_overlay import ANNOTATIONS_TOPIC, path_overlay
 from cwcli.stages.predict import PredictConfig, predict
-from cwcli.stages.simulate_road import plan, road_config, write_road
 from cwcli.vision.camera import Mounting
 from cwcli.vision.path_overlay import PATH_RGB
 

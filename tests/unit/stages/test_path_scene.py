@@ -9,9 +9,9 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from cwcli.channels.path_scene import LIFETIME_NS, N_POINTS, PATH_SCENE_TOPIC, path_scene
 from cwcli.logs.writer import LogWriter
 from cwcli.signals.columns import OutputChannel, Strings
-from cwcli.stages.path_scene import LIFETIME_NS, N_POINTS, PATH_SCENE_TOPIC, path_scene
 
 MS = 1_000_000
 K = 51

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cwcli.channels.states import PredictedPaths, read_paths
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.observer_paths import body_paths
 from cwcli.stages.predict import PredictConfig, predict
-from cwcli.stages.result import StageResult
-from cwcli.stages.states import PredictedPaths, read_paths
 from cwcli.stages.warn_lanes import body_of
 from tests.unit.stages.lateral_logs import EGO_TRUTH, START_NS, TRUTH, drive, ego_state_channel, write_lane_log
 

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from cwcli.channels.published import POLICY, PUBLISHED, topics
 from cwcli.logs.schemas import message_schema, schema_folder
-from cwcli.stages.published import POLICY, PUBLISHED, topics
 
-STAGES = Path(__file__).parents[3] / "cwcli" / "stages"
+PACKAGE = Path(__file__).parents[3] / "cwcli"
 TOPIC = re.compile(r"/cwcli/[\w/<>]*\w>?(?:/\w+)*")
 
 
 def topics_in_code() -> Iterator[str]:
     """The literals of the stages that are topics; what an f-string fills in counts as the policy."""
-    for path in sorted(STAGES.rglob("*.py")):
+    for path in sorted([*PACKAGE.glob("channels/*.py"), *PACKAGE.rglob("stages/**/*.py")]):
         if path.name in ("published.py", "layout.py"):  # the list itself; who only shows what is in it
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

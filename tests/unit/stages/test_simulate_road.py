@@ -13,8 +13,8 @@ from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder
 from mcap_ros2.decoder import DecoderFactory as Ros2Decoder
 
 from cwcli.errors import UsageError
+from cwcli.simulate.road_log import RoadConfig, plan, road_config, write_road
 from cwcli.simulation.road.drive import RoadDriveConfig
-from cwcli.stages.simulate_road import RoadConfig, plan, road_config, write_road
 
 CONFIG = RoadConfig(RoadDriveConfig(weather="overcast", seed=3, duration_s=1.0, rate_hz=10.0), format="png")
 

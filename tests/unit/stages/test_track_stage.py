@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cwcli.channels.states_and_paths import constant_strings
+from cwcli.channels.targets import read_targets, target_channels
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.channels import constant_strings
+from cwcli.stages.inputs.detections import SensorSetting, check_carriers, detections_of, sensor_models
 from cwcli.stages.records import map_of
 from cwcli.stages.track import TrackConfig, _tracks
-from cwcli.stages.track_channels import read_targets, target_channels
-from cwcli.stages.track_sensors import SensorSetting, check_carriers, detections_of, sensor_models
 from cwcli.stages.track_truth import scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, Kind, SensorModel

@@ -11,13 +11,13 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Strings
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.simulation.lane_drive import Road
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict
-from cwcli.stages.result import StageResult
 from cwcli.stages.warn import WarnConfig, warn
 from cwcli.warning.lane_departure import LaneDepartureConfig, earliest_line_m
 from tests.unit.stages.lateral_logs import START_NS, LaneDrive, drive, write_lane_log

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.channels.warning_events import read_warning_events
 from cwcli.signals.columns import Columns, Strings
-from cwcli.stages.warning_events import read_warning_events
 
 RAISED, HELD, CLEARED = 1, 2, 3
 

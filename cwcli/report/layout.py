@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from cwcli.channels.published import topics
+from cwcli.channels.states_and_paths import BODY_FRAME, MAP_FRAME
 from cwcli.control.encounter import POLICIES
 from cwcli.logs.log import Log
+from cwcli.report.layout_panels import Mosaic, Panels, Series, Settings, column, path, row, split
 from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
 from cwcli.signals.roles import OWN_TOPIC_PREFIX, ChannelLike, bind
-from cwcli.stages.channels import BODY_FRAME, MAP_FRAME
-from cwcli.stages.layout_panels import Mosaic, Panels, Series, Settings, column, path, row, split
-from cwcli.stages.published import topics
 
 FIX_SCHEMAS = frozenset(
     {"sensor_msgs/NavSatFix", "sensor_msgs/msg/NavSatFix", "foxglove.LocationFix", "foxglove.LocationFixes"}

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
-from cwcli.stages.result import InputCount
-from cwcli.stages.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, calibrated_camera, default_camera
 from cwcli.vision.rectify import needs_rectifying
 

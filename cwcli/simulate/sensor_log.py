@@ -16,12 +16,12 @@ from cwcli.output import write_file
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.vehicle_state import STATE_NAMES
+from cwcli.simulate.cdr import DEFINITIONS, headings, imu_messages, navsat_fixes, velocity_reports
+from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, bsm_json, ode_json
 from cwcli.simulation.drive import SimulatedDrive, simulate
 from cwcli.simulation.scenario import HOST, Scenario, Vehicle, load_scenario, scenario_text
 from cwcli.simulation.spec import TOP_KEYS
 from cwcli.simulation.streams import to_ns
-from cwcli.stages.simulate_cdr import DEFINITIONS, headings, imu_messages, navsat_fixes, velocity_reports
-from cwcli.stages.simulate_v2x import BSM_SCHEMA, ODE_SCHEMA, bsm_json, ode_json
 
 SENSOR_TOPICS = {
     "gnss": ("/gps/fix", "sensor_msgs/msg/NavSatFix"),

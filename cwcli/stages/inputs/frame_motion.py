@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.states import read_states
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.roles import bind
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.result import InputCount
-from cwcli.stages.sources import SourceConfig, read_sources
-from cwcli.stages.states import read_states
+from cwcli.stages.inputs.sources import SourceConfig, read_sources
 
 MAX_AGE_S = 0.5
 UP = 2

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.states import N_STATES, VehicleStates, vehicle_rows
+from cwcli.channels.states_and_paths import BODY_FRAME, MAP_FRAME, constant_strings
 from cwcli.errors import DataError
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel, OutputField, Repeated, Strings
 from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
-from cwcli.stages.channels import BODY_FRAME, MAP_FRAME, constant_strings
-from cwcli.stages.states import N_STATES, VehicleStates, vehicle_rows
 from cwcli.tracking.convert import MIN_HEADING_SPEED_MPS, target_rows, vehicle_states
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from cwcli import __version__
 from cwcli.logs.log import Log
-from cwcli.stages.result import Summary
+from cwcli.pipeline.result import Summary
 
 HASH = "input_sha256"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
+    from cwcli.pipeline.result import StageResult
 
 
 @dataclass(frozen=True)

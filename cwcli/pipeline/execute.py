@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.fleet.needs import Missing
+from cwcli.pipeline.call import Selection, Stage
+from cwcli.pipeline.missing import Missing
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.call import Selection, Stage
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
-    from cwcli.stages.result import StageResult
+    from cwcli.pipeline.result import StageResult
 
 Missed = Callable[[str, "Log", Selection], "Missing | None"]
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cwcli.channels.states import N_STATES
+from cwcli.channels.states_and_paths import EGO_ID, constant_strings, pose_channel, vehicle_states
 from cwcli.control.encounter import POLICIES
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.channels import EGO_ID, constant_strings, pose_channel, vehicle_states
-from cwcli.stages.control_summary import Replayed
-from cwcli.stages.states import N_STATES
+from cwcli.stages.summaries.control import Replayed
 from cwcli.warning.types import VehicleTrack
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.channels.states_and_paths import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
 from cwcli.metrics.table import Table
+from cwcli.pipeline.result import InputCount, Section
 from cwcli.signals.columns import Field, Int64Array, OutputChannel, Strings
-from cwcli.stages.channels import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
-from cwcli.stages.result import InputCount, Section
 from cwcli.warning.output import HELD, RAISED
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log

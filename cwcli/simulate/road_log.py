@@ -16,14 +16,14 @@ from cwcli.errors import UsageError
 from cwcli.logs.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Ragged, StreamedChannel, Strings
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
+from cwcli.simulate.cdr import DEFINITIONS, imu_messages, velocity_reports
+from cwcli.simulate.sensor_log import WrittenChannel
 from cwcli.simulation.road.camera import CAMERAS, PAPER_PREVIEW_M
 from cwcli.simulation.road.car import BEARING, LATERAL_SPEED, STEER, YAW_RATE, X, Y
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.sensors import SensorData
 from cwcli.simulation.streams import stream, to_ns
-from cwcli.stages.simulate import WrittenChannel
-from cwcli.stages.simulate_cdr import DEFINITIONS, imu_messages, velocity_reports
 
 CAMERA_TOPIC = "/camera/image"
 CALIBRATION_TOPIC = "/camera/calibration"

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.states import read_states
 from cwcli.dynamics.samples import Samples
+from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.stages.result import InputCount
-from cwcli.stages.sources import Sources
-from cwcli.stages.states import read_states
+from cwcli.stages.inputs.sources import Sources
 
 UP = 2
 SPEED, YAW_RATE = 2, 5

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.channels.lanes import LaneFrames
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.columns import FloatArray
-from cwcli.stages.lanes_channels import LaneFrames
-from cwcli.stages.result import Cell, Section
 
 SIDES = ("left", "right")
 

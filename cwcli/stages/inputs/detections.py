@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.states import VehicleStates
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.build_motion import MAP_FRAMES
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Strings
 from cwcli.signals.elements import taken
-from cwcli.stages.states import VehicleStates
 from cwcli.tracking.convert import polar_from_cartesian
 from cwcli.tracking.detections import Axes, Detections, EgoStates, Kind, SensorModel
 

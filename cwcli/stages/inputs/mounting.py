@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import InputCount
 from cwcli.signals.roles import OWN_TOPIC_PREFIX, is_truth_topic
 from cwcli.signals.transforms import BODY_FRAMES, CameraPose, Transform, body_from_frame, camera_pose
-from cwcli.stages.result import InputCount
 from cwcli.vision.camera import Mounting
 
 HEIGHTS_M = (0.2, 5.0)

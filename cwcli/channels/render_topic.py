@@ -31,7 +31,7 @@ def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
     """
     if topic is None:
         return
-    from cwcli.stages.published import topics
+    from cwcli.channels.published import topics
 
     check_topic_name(topic)
     if topic == camera_topic:

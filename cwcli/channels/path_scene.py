@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.states import vehicle_rows
+from cwcli.channels.states_and_paths import EGO_ID, MAP_FRAME, constant_strings
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Repeated, Strings
-from cwcli.stages.channels import EGO_ID, MAP_FRAME, constant_strings
-from cwcli.stages.states import vehicle_rows
 
 PATH_SCENE_TOPIC = "/cwcli/paths/scene"
 MIN_PERIOD_NS = 95_000_000

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.states_and_paths import in_log_order
 from cwcli.dynamics.samples import PREVIEW_M, LateralTrack, Status, count_statuses
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.errors import DataError
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaves import matrix, numbers, whole_numbers
-from cwcli.stages.channels import in_log_order
 
 OBSERVER_TOPIC = "/cwcli/observer"
 OBSERVER_PATH_TOPIC = "/cwcli/observer/path"

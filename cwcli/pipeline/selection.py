@@ -8,8 +8,8 @@ from decimal import Decimal, InvalidOperation
 from typing import TYPE_CHECKING
 
 from cwcli.errors import UsageError
+from cwcli.pipeline.call import Selection
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.call import Selection
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log

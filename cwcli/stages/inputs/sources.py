@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cwcli.logs.log import Log
+from cwcli.pipeline.result import InputCount
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock, disagreeing_clocks
@@ -15,7 +16,6 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, Field, Int64Array, Ragged, Strings
 from cwcli.signals.quality import Quality
 from cwcli.signals.roles import bind
-from cwcli.stages.result import InputCount
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cwcli.metrics.table import Table
-from cwcli.stages.result import Cell, InputCount, Section
+from cwcli.pipeline.result import Cell, InputCount, Section
 from cwcli.stages.track_truth import TruthScores
 from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.detections import Counts, Kind

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.channels.observer import STATE_NAMES
 from cwcli.dynamics.samples import LateralTrack, Status
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.resample import resample
-from cwcli.stages.observe_inputs import Inputs
-from cwcli.stages.observer_channel import STATE_NAMES
-from cwcli.stages.result import Cell, Section
+from cwcli.stages.inputs.lateral_sensors import Inputs
 
 MAX_GAP_S = 0.5
 SETTLED_S = 2.0

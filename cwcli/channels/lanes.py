@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.lens import lens_fields
+from cwcli.channels.painted_frames import StartImages, painted_channel
 from cwcli.signals.columns import (
     FloatArray,
     Int64Array,
@@ -16,8 +18,6 @@ from cwcli.signals.columns import (
     Repeated,
     StreamedChannel,
 )
-from cwcli.stages.lanes_lens import lens_fields
-from cwcli.stages.painted_frames import StartImages, painted_channel
 from cwcli.vision.camera import Camera
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import GeometrySigmas, LaneGeometry

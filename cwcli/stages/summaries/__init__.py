@@ -1,0 +1,1 @@
+"""What the stages say at their end: the sections of their summaries."""
