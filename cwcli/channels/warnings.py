@@ -1,94 +1,30 @@
-"""What several warning rules say of one log, as one channel and one set of tables."""
+"""`/cwcli/warnings`, what one or several rules say of a log, and in words `/cwcli/log`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cwcli.channels.states_and_paths import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
-from cwcli.metrics.table import Table
-from cwcli.pipeline.result import InputCount, Section
 from cwcli.signals.columns import Field, Int64Array, OutputChannel, Strings
 from cwcli.warning.output import HELD, RAISED
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
-EVENT = "event_id"
+
+Warnings = tuple[Int64Array, Mapping[str, Field]]
+"""Log times (w,), non-decreasing, and columns of `cwcli.v1.Warning`."""
 
 
-@dataclass(frozen=True)
-class RuleOutcome:
-    """One rule's warnings.
-
-    Attributes:
-        rule: Its name.
-        log_time_ns: Shape (w,), non-decreasing.
-        channel: Columns of `cwcli.v1.Warning`.
-        tables: The rule's, its events first.
-        sections, inputs, notes: For the summary.
-    """
-
-    rule: str
-    log_time_ns: Int64Array
-    channel: Mapping[str, Field]
-    tables: tuple[Table, ...]
-    sections: tuple[Section, ...]
-    inputs: tuple[InputCount, ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-def numbered(outcomes: Sequence[RuleOutcome]) -> list[RuleOutcome]:
-    """The same with event ids that go on from rule to rule, so that each is unique in the channel."""
-    result: list[RuleOutcome] = []
-    n_before = 0
-    for outcome in outcomes:
-        n = int(np.max(np.asarray(outcome.channel[EVENT]), initial=0))
-        result.append(_moved(outcome, n_before) if n_before else outcome)
-        n_before += n
-    return result
-
-
-def _moved(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
-    channel = {**outcome.channel, EVENT: np.asarray(outcome.channel[EVENT]) + n_before}
-    tables = []
-    for table in outcome.tables:
-        if EVENT in table.columns:
-            ids = np.asarray(table.columns[EVENT])  # 0: no event, in the table of conflicts
-            moved = np.where(ids > 0, ids + n_before, ids)
-            tables.append(replace(table, columns={**table.columns, EVENT: moved}))
-        else:
-            tables.append(table)
-    sections = tuple(_moved_section(section, n_before) for section in outcome.sections)
-    return replace(outcome, channel=channel, tables=tuple(tables), sections=sections)
-
-
-def _moved_section(section: Section, n_before: int) -> Section:
-    if section.columns[0] != "event":
-        return section
-    rows = tuple((row[0] + n_before if isinstance(row[0], int) else row[0], *row[1:]) for row in section.rows)
-    return replace(section, rows=rows)
-
-
-def channels_of(outcomes: Sequence[RuleOutcome]) -> tuple[OutputChannel, OutputChannel]:
-    """`/cwcli/warnings`, and in words `/cwcli/log`."""
-    log_time_ns = np.concatenate([outcome.log_time_ns for outcome in outcomes])
+def warning_channels(parts: Sequence[Warnings]) -> tuple[OutputChannel, OutputChannel]:
+    """`/cwcli/warnings`, and in words `/cwcli/log`, of the warnings of one or several rules."""
+    log_time_ns = np.concatenate([times for times, _ in parts])
     order = np.argsort(log_time_ns, kind="stable")
-    fields = {name: _joined([outcome.channel[name] for outcome in outcomes], order) for name in outcomes[0].channel}
+    fields = {name: _joined([columns[name] for _, columns in parts], order) for name in parts[0][1]}
     return OutputChannel(WARNINGS_TOPIC, "cwcli.v1.Warning", log_time_ns[order], fields), _log_channel(
         log_time_ns[order], fields
     )
-
-
-def tables_of(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
-    """All tables; one whose name is taken has the rule's name behind its own."""
-    tables: dict[str, Table] = {}
-    for outcome in outcomes:
-        for table in outcome.tables:
-            name = table.name if table.name not in tables else f"{table.name}_{outcome.rule.replace('-', '_')}"
-            tables[name] = replace(table, name=name)
-    return tables
 
 
 def _joined(parts: Sequence[Field], order: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Field:

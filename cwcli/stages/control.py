@@ -17,10 +17,11 @@ from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.codec import Role
+from cwcli.signals.columns import OutputChannel
 from cwcli.signals.roles import bind
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.records import Record, configuration_of, map_of, run_records
-from cwcli.stages.summaries.control import Replayed, control_table, sections, series_table
+from cwcli.stages.summaries.control import Replayed, control_table, published_steps, sections, series_table
 from cwcli.stages.warn import vehicle_tracks
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import DEFAULT_RULE, RULES
@@ -104,9 +105,14 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         "control", sections(replayed, log.start_ns, model, config.rule.rule), tuple(inputs), (*bound.notes, *notes)
     )
     tables = (control_table(replayed, model, config.rule.rule), series_table(replayed))
+    channels: tuple[OutputChannel, ...] = ()
+    if replayed:
+        local_map = map_of(run_records(log).get("estimate", {}))
+        size_m = (host.length_m, host.width_m)
+        channels = control_channels(published_steps(replayed), host_size_m=size_m, local_map=local_map)
     return StageResult(
         "control",
-        control_channels(replayed, host, map_of(run_records(log).get("estimate", {}))) if replayed else (),
+        channels,
         {table.name: table for table in tables},
         summary,
         run_record("control", log, config, summary),

@@ -19,7 +19,7 @@ from cwcli.channels.states import (
     vehicle_rows,
 )
 from cwcli.channels.targets import read_targets
-from cwcli.channels.warnings import RuleOutcome, channels_of, numbered, tables_of
+from cwcli.channels.warnings import warning_channels
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
@@ -32,6 +32,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.roles import bind
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
+from cwcli.stages.summaries.warn import RuleOutcome, numbered, tables_of
 from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
@@ -101,9 +102,8 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
             *(f"{group} is left out: {error.what}" for group, error in missing),
         ),
     )
-    return StageResult(
-        "warn", channels_of(outcomes), tables_of(outcomes), summary, run_record("warn", log, config, summary)
-    )
+    channels = warning_channels([(outcome.log_time_ns, outcome.channel) for outcome in outcomes])
+    return StageResult("warn", channels, tables_of(outcomes), summary, run_record("warn", log, config, summary))
 
 
 def _distinct_inputs(outcomes: list[RuleOutcome]) -> tuple[InputCount, ...]:

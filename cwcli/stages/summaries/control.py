@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.channels.control import ReplayedSteps
 from cwcli.control.controller import speed_difference
 from cwcli.control.encounter import POLICIES, Encounter
 from cwcli.metrics.table import ColumnDoc, Table
@@ -108,6 +109,29 @@ class Replayed:
             "brake_pressure_mpa": outcome.pressure_mpa[policy, rows],
             "is_extrapolated": outcome.time_s[rows] > self.encounter.recorded_until_s + SINGULAR,
         }
+
+
+def published_steps(replayed: Sequence[Replayed]) -> list[ReplayedSteps]:
+    """Of each replay the published steps that are later than all of the one before.
+
+    The replays do not overlap in time but for the seconds before a warning, which only the first one tells.
+    """
+    last_ns, steps = -1, []
+    for one in replayed:
+        rows = one.published_rows
+        rows = rows[one.stamps_ns[rows] > last_ns]
+        last_ns = int(one.stamps_ns[rows[-1]])
+        policies = range(len(POLICIES))
+        steps.append(
+            ReplayedSteps(
+                one.event_id,
+                one.other.id,
+                one.stamps_ns[rows],
+                tuple(one.states(policy)[rows] for policy in policies),
+                tuple(one.series(policy, rows) for policy in policies),
+            )
+        )
+    return steps
 
 
 def control_table(replayed: Sequence[Replayed], predictor: str, rule: str) -> Table:
