@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.states import VehicleStates, read_states
 from cwcli.channels.states_and_paths import EGO_ID, EGO_STATE_TOPIC
 from cwcli.estimation.consistency import effective_count, nees
@@ -21,7 +22,6 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
-from cwcli.signals.roles import ROLE_TEXT
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import Sources, read_sources
 from cwcli.stages.records import Record, json_entry, map_of, number, run_records, sources_of

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.binding import is_truth_topic
 from cwcli.channels.lanes import LANES_TOPIC
 from cwcli.channels.lens import Lenses
 from cwcli.logs.channel import ChannelInfo
@@ -15,7 +16,6 @@ from cwcli.metrics.headline import Headline
 from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, width_stability
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, row_of, stamps, whole_numbers
-from cwcli.signals.roles import is_truth_topic
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import HIGHEST
 from cwcli.vision.overlay import HORIZON_GAP, MIN_GAP_PX

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from cwcli.channels.binding import bind
 from cwcli.channels.observer import read_observer
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.signals.codec import Role
-from cwcli.signals.roles import bind
 from cwcli.stages.summaries.observe import truth_errors
 
 METRICS_OF: dict[str, tuple[str, float]] = {

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from cwcli.channels.binding import ROLE_TEXT, Role, bind
 from cwcli.errors import MissingSignalError
 from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.needs import NEEDS, PREDICT_FROM_OBSERVER, STAGES, WARN_OF_TARGETS, Need
-from cwcli.signals.roles import ROLE_TEXT, Role, bind
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log

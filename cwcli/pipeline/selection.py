@@ -23,7 +23,7 @@ def select(log: Log, topic: Sequence[str], start: str | None, end: str | None) -
     Raises:
         UsageError: A malformed option, or an empty span.
     """
-    from cwcli.signals.roles import parse_overrides
+    from cwcli.channels.binding import parse_overrides
 
     start_ns, end_ns = _span(start, end, log.start_ns, "--{}")
     return Selection(topics=parse_overrides(topic), start_ns=start_ns, end_ns=end_ns)
@@ -39,7 +39,7 @@ def check_selection(topic: Sequence[str], start: str | None, end: str | None, *,
     Raises:
         UsageError: A malformed option, a role that does not exist, or an end that is before the start in every log.
     """
-    from cwcli.signals.roles import check_roles, parse_overrides
+    from cwcli.channels.binding import check_roles, parse_overrides
 
     name = spelled.format("topic")
     check_roles(parse_overrides(topic, name), name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from cwcli.channels.binding import OWN_TOPIC_PREFIX, ChannelLike, bind
 from cwcli.channels.published import topics
 from cwcli.channels.states_and_paths import BODY_FRAME, MAP_FRAME
 from cwcli.control.encounter import POLICIES
@@ -12,7 +13,6 @@ from cwcli.logs.log import Log
 from cwcli.report.layout_panels import Mosaic, Panels, Series, Settings, column, path, row, split
 from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
-from cwcli.signals.roles import OWN_TOPIC_PREFIX, ChannelLike, bind
 
 FIX_SCHEMAS = frozenset(
     {"sensor_msgs/NavSatFix", "sensor_msgs/msg/NavSatFix", "foxglove.LocationFix", "foxglove.LocationFixes"}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cwcli.channels.binding import bind
 from cwcli.channels.control import control_channels
 from cwcli.channels.states import PredictedPaths, VehicleStates, read_states, require_ego
 from cwcli.control.encounter import RecordedTrack, Span, replay_warning
@@ -18,7 +19,6 @@ from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
-from cwcli.signals.roles import bind
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.records import Record, configuration_of, map_of, run_records
 from cwcli.stages.summaries.control import Replayed, control_table, published_steps, sections, series_table

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.binding import bind
 from cwcli.channels.lanes import LaneFrames, annotations_channel, lanes_channel, rendered_channel
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
@@ -22,7 +23,6 @@ from cwcli.pipeline.run_record import run_record
 from cwcli.signals.clocks import NO_STAMP
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, OutputChannel
-from cwcli.signals.roles import bind
 from cwcli.stages.inputs.camera import CameraSource, camera_source
 from cwcli.stages.inputs.frame_motion import Motion, read_motion
 from cwcli.stages.inputs.mounting import MountingChoice, check_mounting, mounting_source

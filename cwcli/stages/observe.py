@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cwcli.channels.binding import Bindings, bind
 from cwcli.channels.observer import STATE_NAMES, VEHICLE_ENTRY, observer_channel, vehicle_entry
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
@@ -18,7 +19,6 @@ from cwcli.logs.log import Log
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.codec import Role
-from cwcli.signals.roles import Bindings, bind
 from cwcli.stages.inputs.lane_samples import LANE_FIELDS, read_lanes
 from cwcli.stages.inputs.lateral_sensors import Inputs, inputs_of
 from cwcli.stages.inputs.sources import SourceConfig, read_sources

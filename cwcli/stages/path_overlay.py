@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.binding import bind
 from cwcli.channels.lanes import LANES_TOPIC, LINE_STRIP, PIXELS_PER_THICKNESS
 from cwcli.channels.lens import Lenses
 from cwcli.channels.painted_frames import painted_channel
@@ -21,7 +22,6 @@ from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputField, Repeated, StreamedChannel
-from cwcli.signals.roles import bind
 from cwcli.stages.inputs.camera import CameraSource, camera_source
 from cwcli.stages.records import configuration_of, inputs_of, number, run_records
 from cwcli.vision.camera import Camera, Mounting

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cwcli.channels.binding import bind
 from cwcli.channels.path_scene import path_scene
 from cwcli.channels.states import VehicleStates, read_states, require_ego, rows_by_stamp, vehicle_rows
 from cwcli.channels.states_and_paths import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, predicted_paths
@@ -23,7 +24,6 @@ from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.prediction.rollout import Discretisation, check_request
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
-from cwcli.signals.roles import bind
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 MAX_MESSAGE_AGE_S = 1.0

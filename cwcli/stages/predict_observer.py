@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.binding import bind
 from cwcli.channels.observer import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
 from cwcli.channels.states import read_states, rows_by_stamp
 from cwcli.channels.states_and_paths import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
@@ -28,7 +29,6 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.resample import resample
-from cwcli.signals.roles import bind
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
 from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from cwcli.channels.binding import bind
 from cwcli.channels.states import read_states
 from cwcli.channels.targets import target_channels
 from cwcli.logs.log import Log
@@ -16,7 +17,6 @@ from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.roles import bind
 from cwcli.stages.inputs.detections import (
     SensorSetting,
     check_carriers,

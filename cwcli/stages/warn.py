@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.binding import bind
 from cwcli.channels.states import (
     PredictedPaths,
     VehicleStates,
@@ -29,7 +30,6 @@ from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.roles import bind
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.summaries.warn import RuleOutcome, numbered, tables_of

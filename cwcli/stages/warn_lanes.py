@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.binding import Bindings
 from cwcli.channels.observer import recorded_vehicle
 from cwcli.channels.states import read_paths, rows_by_stamp
 from cwcli.dynamics.vehicle import Vehicle
@@ -16,7 +17,6 @@ from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
-from cwcli.signals.roles import Bindings
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import logged_within
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDepartureResult, evaluate_lane_departure

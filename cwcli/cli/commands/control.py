@@ -145,8 +145,8 @@ class _Sources:
         Raises:
             MissingSignalError: The log has neither both states nor the sensors from which to estimate them.
         """
+        from cwcli.channels.binding import Role, bind
         from cwcli.pipeline.missing import Missing
-        from cwcli.signals.roles import Role, bind
 
         if stage != "estimate":
             return None

@@ -39,7 +39,7 @@ def command(log: LogArgument, reading: ReadingOptions, sensors: SensorOptions, t
 
 def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
     """What `--json` prints."""
-    from cwcli.signals.roles import Role, bind, parse_overrides
+    from cwcli.channels.binding import Role, bind, parse_overrides
 
     bindings = bind(
         log.channels,

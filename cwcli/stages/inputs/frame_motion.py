@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.binding import bind
 from cwcli.channels.states import read_states
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.roles import bind
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from cwcli.channels.binding import OWN_TOPIC_PREFIX, is_truth_topic
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount
-from cwcli.signals.roles import OWN_TOPIC_PREFIX, is_truth_topic
 from cwcli.signals.transforms import BODY_FRAMES, CameraPose, Transform, body_from_frame, camera_pose
 from cwcli.vision.camera import Mounting
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cwcli.channels.binding import bind
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.build import build, require_rows
@@ -15,7 +16,6 @@ from cwcli.signals.clocks import Clock, disagreeing_clocks
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, Field, Int64Array, Ragged, Strings
 from cwcli.signals.quality import Quality
-from cwcli.signals.roles import bind
 
 
 @dataclass(frozen=True)

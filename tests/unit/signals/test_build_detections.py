@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from cwcli.channels.binding import bind
 from cwcli.logs.log import Log
 from cwcli.signals.build import build, fields_for
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Ragged
-from cwcli.signals.roles import bind
 from tests.unit.signals.signal_columns import T0_NS, columns_of, development_log, stamp_fields
 
 NAN = float("nan")

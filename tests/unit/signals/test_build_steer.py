@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from cwcli.channels.binding import bind
 from cwcli.signals.build import build
 from cwcli.signals.canonical import SteerSignal
 from cwcli.signals.codec import Role
-from cwcli.signals.roles import bind
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from cwcli.channels.binding import bind
 from cwcli.errors import MissingSignalError
 from cwcli.signals.build import build
 from cwcli.signals.canonical import (
@@ -23,7 +24,6 @@ from cwcli.signals.canonical import (
 from cwcli.signals.codec import Role
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.quality import Quality
-from cwcli.signals.roles import bind
 from tests.unit.signals.signal_columns import development_log, official_columns
 
 MS = 1_000_000

@@ -29,5 +29,5 @@ def test_fields_of_every_input_can_be_looked_up() -> None:
 
 
 def test_binding_imports_no_numpy() -> None:
-    code = "import sys, cwcli.signals.roles; assert 'numpy' not in sys.modules"
+    code = "import sys, cwcli.channels.binding; assert 'numpy' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

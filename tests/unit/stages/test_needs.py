@@ -104,7 +104,7 @@ def test_readiness_names_what_a_stage_would_use() -> None:
 
 
 def test_needs_name_roles() -> None:
-    from cwcli.signals.roles import Role
+    from cwcli.channels.binding import Role
 
     known = {role.value for role in Role}
     for need in NEEDS.values():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cwcli.channels.binding import Role, bind
 from cwcli.cli.commands.run import default_options
 from cwcli.cli.options.shared import SensorOptions
 from cwcli.errors import MissingSignalError
@@ -17,7 +18,6 @@ from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.execute import run_stages
 from cwcli.pipeline.missing import signals_for
 from cwcli.pipeline.needs import NEEDS, PREDICT_FROM_OBSERVER, WARN_OF_LANE_DEPARTURE, WARN_OF_TARGETS, readiness
-from cwcli.signals.roles import Role, bind
 from tests.unit.stages.lateral_logs import IMU, SPEED, STEERING, drive, ego_state_channel, write_lane_log
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"

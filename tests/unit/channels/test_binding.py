@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import pytest
 
+from cwcli.channels.binding import Bindings, bind, parse_overrides
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.codec import Role
 from cwcli.signals.inputs import INPUTS, input_for, normalise
-from cwcli.signals.roles import Bindings, bind, parse_overrides
 
 
 @dataclass(frozen=True)
