@@ -163,7 +163,7 @@ def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
     with Together() as together:
         if job.writing.output is not None:
             progress.step(f"writing {job.writing.output}")
-            annotate(
+            report = annotate(
                 log,
                 [channel for result in outcome.results for channel in result.channels],
                 {f"cwcli.run.{result.stage}": result.metadata for result in outcome.results},
@@ -172,6 +172,7 @@ def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
                 force=job.writing.force,
                 together=together,
             )
+            outcome.left_profile = report.left_profile
         if job.metrics_dir is not None:
             make_folder(job.metrics_dir)
         for path, table in tables.items():
@@ -215,6 +216,10 @@ def tell(job: Job, console: Console, outcome: Outcome) -> None:
         console.note(f"{stage} was left out: {reason}")
     for reason, count in outcome.faults.items():
         console.note(f"{outcome.name}: {reason}: {count}")
+    if outcome.left_profile:
+        console.note(
+            f"the annotated log's profile is no longer {outcome.left_profile}: it holds more than ROS messages"
+        )
     print_written(console, outcome.written)
     if not outcome.written and job.writing.output is None:
         console.note("nothing was written; -o FILE writes the annotated log")

@@ -1,7 +1,8 @@
 """The same log with more channels.
 
 Chunks, message indexes, attachments and metadata records of the source are copied byte for byte. New messages lie in
-chunks of their own, right after the source's chunk whose time they belong to. The summary is built anew.
+chunks of their own, right after the source's chunk whose time they belong to. The summary is built anew. A ROS profile
+in the header is left out where a channel is not of ROS.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from cwcli.logs.annotate_ids import NewChannel, assign_ids
 from cwcli.logs.feeds import column_feed
 from cwcli.logs.layout import Layout, read_layout
 from cwcli.logs.message_merge import MessageMerge
+from cwcli.logs.profile import kept_profile
 from cwcli.logs.record_writer import RecordWriter
 from cwcli.output import Together, open_output
 from cwcli.signals.columns import OutputChannel
@@ -40,6 +42,7 @@ class AnnotateReport:
         n_chunks_copied, n_chunks_added: Chunks of the source and new ones.
         replaced_topics: Topics of the source that were left out.
         n_chunks_lost, n_bytes_lost: Damaged parts of the source that were left out (`recover`).
+        left_profile: The source's profile, if the copy's is empty because not all channels are what it promises.
     """
 
     target: str
@@ -51,6 +54,7 @@ class AnnotateReport:
     replaced_topics: tuple[str, ...]
     n_chunks_lost: int
     n_bytes_lost: int
+    left_profile: str
 
 
 def annotate(
@@ -94,6 +98,11 @@ def annotate(
         _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
         _refuse(sorted(layout.metadata_names() & set(metadata)), "metadata record", source.name, replace)
         new = assign_ids(layout, channels, replaced)
+        profile = kept_profile(
+            layout.profile,
+            [*(each for each in layout.channels.values() if each.id not in replaced), *(each.channel for each in new)],
+            layout.schemas | {each.schema.id: each.schema for each in new},
+        )
         merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
         copy = SourceCopy(
             layout,
@@ -102,6 +111,7 @@ def annotate(
             replaced_ids=frozenset(replaced),
             replaced_metadata=frozenset(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
+            profile=profile,
             name=source.name,
         )
         inputs = (source.path,)
@@ -118,6 +128,7 @@ def annotate(
         replaced_topics=tuple(sorted({each.topic for each in replaced.values()})),
         n_chunks_lost=layout.n_chunks_lost,
         n_bytes_lost=layout.n_bytes_lost,
+        left_profile=layout.profile if profile != layout.profile else "",
     )
 
 

@@ -29,6 +29,7 @@ class SourceCopy:
         replaced_ids: Channels to leave out.
         replaced_metadata: Names of metadata records to leave out.
         written_schema_ids: Schemas that stand at the beginning already.
+        profile: That of the copy.
         name: For messages.
 
     Attributes:
@@ -43,6 +44,7 @@ class SourceCopy:
         replaced_ids: frozenset[int],
         replaced_metadata: frozenset[str],
         written_schema_ids: frozenset[int],
+        profile: str,
         name: str,
     ) -> None:
         self._layout = layout
@@ -51,6 +53,7 @@ class SourceCopy:
         self._replaced_ids = replaced_ids
         self._replaced_metadata = replaced_metadata
         self._written_schema_ids = written_schema_ids
+        self._profile = profile
         self._name = name
         self.n_messages = 0
         self.n_chunks = 0
@@ -58,10 +61,10 @@ class SourceCopy:
     def begin(self, writer: RecordWriter) -> None:
         """The header, and the definitions that the summary is to list; written too where their chunk may be lost."""
         layout = self._layout
-        if layout.header_length:
+        if layout.header_length and layout.profile == self._profile:
             writer.copy_header(self._descriptor, layout.header_length)
         else:
-            writer.header("", "")
+            writer.header(self._profile, layout.library)
         kept = [each for each in layout.channels.values() if each.id not in self._replaced_ids]
         orphans = {layout.channels[each].schema_id for each in self._replaced_ids} - {each.schema_id for each in kept}
         listed_only = not layout.n_bytes_lost

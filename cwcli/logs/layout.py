@@ -34,6 +34,7 @@ from cwcli.logs.records import (
     PREFIX,
     RecordError,
     read_chunk,
+    read_header,
     read_message_index,
     read_prefix,
 )
@@ -86,12 +87,15 @@ class Layout:
 
     Attributes:
         header_length: Bytes of magic and header.
+        profile, library: From the header.
         items: The data section in file order.
         schemas, channels: By id.
         n_chunks_lost, n_bytes_lost: What `recover` left out.
     """
 
     header_length: int = 0
+    profile: str = ""
+    library: str = ""
     items: list[Item] = field(default_factory=list)
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -173,6 +177,7 @@ class _Walk:
         layout = self._layout
         try:
             if opcode == Opcode.HEADER:
+                layout.profile, layout.library = read_header(self._view, at + PREFIX.size, end)
                 layout.header_length = end
             elif opcode == Opcode.CHUNK:
                 return self._take_chunk(at, end)

@@ -28,6 +28,7 @@ class Outcome:
         left_out: Stage -> why it did not run.
         faults: What is wrong with the input file, as counts.
         written: Files, in the order in which they were written.
+        left_profile: The input's profile, if the annotated log could not keep it.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Outcome:
     left_out: dict[str, str] = field(default_factory=dict)
     faults: dict[str, int] = field(default_factory=dict)
     written: list[str] = field(default_factory=list)
+    left_profile: str = ""
 
 
 def run_stages(

@@ -39,6 +39,7 @@ def write_log(
     chunk_size: int = 4000,
     chunked: bool = True,
     index_types: IndexType = IndexType.ALL,
+    profile: str = "test-drive",
     **options: bool,
 ) -> Path:
     """Two channels at 100 Hz and 10 Hz over four seconds, one without messages, an attachment and a metadata record."""
@@ -52,7 +53,7 @@ def write_log(
             index_types=index_types,
             **options,
         )
-        writer.start("ros2", "test")
+        writer.start(profile, "test")
         imu_schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"float64 x")
         imu = writer.register_channel("/imu", "cdr", imu_schema, {"qos": "best effort"})
         plain = writer.register_channel("/plain", "json", 0)

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from mcap.writer import CompressionType, IndexType
+from mcap.writer import CompressionType, IndexType, Writer
 
 from cwcli.errors import EXIT_OUTPUT, OutputError
 from cwcli.logs.annotate import annotate
@@ -64,7 +64,7 @@ def test_source_is_untouched_and_channel_is_there(tmp_path: Path, kind: str) -> 
     assert after.without(STATE) == before.messages
     assert after.attachments == before.attachments
     assert after.metadata == [*before.metadata, *RUN.items()]
-    assert after.profile == "ros2"
+    assert after.profile == "test-drive"
     state = after.messages[STATE]
     assert [row[1] for row in state] == state_channel().log_time_ns.tolist()
     assert {row[0] for row in state} == {"cwcli.v1.VehicleState"}
@@ -89,6 +89,45 @@ def test_records_between_the_chunks_are_copied_byte_for_byte(tmp_path: Path) -> 
         summary_start = int.from_bytes(source.read_bytes()[-28:-20], "little")
         assert stream.read(summary_start) == (tmp_path / "out.mcap").read_bytes()[:summary_start]
     assert read_content(tmp_path / "out.mcap") == read_content(source)
+
+
+PROMISES = {  # source's profile, its channels' (message encoding, schema encoding), whether a state is added -> profile
+    "ROS 2": ("ros2", [("cdr", "ros2msg"), ("cdr", "ros2idl")], False, "ros2"),
+    "ROS 2 without definitions": ("ros2", [("cdr", None)], False, "ros2"),
+    "ROS 2 and protobuf that is added": ("ros2", [("cdr", "ros2msg")], True, ""),
+    "ROS 2 and JSON of the source": ("ros2", [("cdr", "ros2msg"), ("json", None)], False, ""),
+    "ROS 2 and a foreign definition": ("ros2", [("cdr", "ros2msg"), ("cdr", "protobuf")], False, ""),
+    "ROS 1": ("ros1", [("ros1", "ros1msg")], False, "ros1"),
+    "ROS 1 and protobuf that is added": ("ros1", [("ros1", "ros1msg")], True, ""),
+    "another's profile": ("acme", [("cdr", "ros2msg")], True, "acme"),
+}
+
+
+@pytest.mark.parametrize("case", PROMISES)
+def test_profile_stays_only_while_every_channel_keeps_it(tmp_path: Path, case: str) -> None:
+    profile, encodings, is_added, expected = PROMISES[case]
+    source = tmp_path / "in.mcap"
+    with source.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile, "recorder 1.2")
+        for k, (message_encoding, schema_encoding) in enumerate(encodings):
+            schema = writer.register_schema(f"a/msg/M{k}", schema_encoding, b"float64 x") if schema_encoding else 0
+            writer.add_message(writer.register_channel(f"/{k}", message_encoding, schema), k, b"12345678", k)
+        writer.finish()
+    report = annotate(SourceStub(source), [state_channel()] if is_added else [], {}, tmp_path / "out.mcap")
+    with (tmp_path / "out.mcap").open("rb") as stream:
+        header = make_reader(stream).get_header()
+    assert (header.profile, header.library) == (expected, "recorder 1.2")
+    assert report.left_profile == (profile if expected == "" else "")
+    assert read_content(tmp_path / "out.mcap").without(STATE) == read_content(source).messages
+
+
+def test_replaced_channel_does_not_count_for_the_profile(tmp_path: Path) -> None:
+    """A JSON channel that a stage's own replaces is gone; the state that takes its place is no ROS message either."""
+    source = write_log(tmp_path / "in.mcap", profile="ros2")
+    report = annotate(SourceStub(source), [state_channel("/plain")], {}, tmp_path / "out.mcap", replace=True)
+    assert report.left_profile == "ros2"
+    assert read_content(tmp_path / "out.mcap").profile == ""
 
 
 def test_new_messages_lie_near_their_time(tmp_path: Path) -> None:
