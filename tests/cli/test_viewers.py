@@ -1,4 +1,8 @@
-"""docs/viewers.md: Rerun's own converter and the page's script find paths, fixes and logs in an annotated log."""
+"""docs/viewers.md: Rerun's own converter and the page's script find paths, fixes and logs in an annotated log.
+
+Whether Rerun draws an entity in a spatial view is a matter of frames (https://rerun.io/docs/concepts/transforms):
+each entity has one, named or its path's own, and is drawn where a chain of transforms leads from it to the view's.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any
@@ -58,18 +63,67 @@ def run_tool(command: list[str], environment: dict[str, str]) -> None:
 
 
 def read_recording(path: Path) -> dict[str, Columns]:
-    """Entity -> column -> values of the rows that have a log time, in order."""
+    """Entity -> column -> values of the rows that have a log time, in order; then of those that hold for all times."""
     entities: dict[str, Columns] = defaultdict(lambda: defaultdict(list))
-    for chunk in RrdReader(str(path)).store().stream():
-        batch = chunk.to_record_batch()
-        if TIMELINE not in batch.schema.names:
-            continue
+    batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in RrdReader(str(path)).store().stream()]
+    for entity, batch in sorted(batches, key=lambda each: TIMELINE not in each[1].schema.names):
         for name in batch.schema.names:
             column = batch.column(name)
-            entities[chunk.entity_path][name] += (
-                column.cast("int64").to_pylist() if name == TIMELINE else column.to_pylist()
-            )
+            entities[entity][name] += column.cast("int64").to_pylist() if name == TIMELINE else column.to_pylist()
     return entities
+
+
+@dataclass(frozen=True)
+class View:
+    """Where a view of the blueprint looks from, and which entities it may show."""
+
+    origin: str
+    contents: list[str]
+
+    def holds(self, entity: str) -> bool:
+        return any(entity.startswith(each[:-2]) if each.endswith("**") else entity == each for each in self.contents)
+
+
+def view_named(path: Path, name: str) -> View:
+    reader = RrdReader(str(path))
+    [blueprint] = reader.blueprints()
+    rows = {chunk.entity_path: chunk.to_record_batch().to_pylist()[0] for chunk in reader.stream(store=blueprint)}
+    [(entity, row)] = [each for each in rows.items() if each[1].get("ViewBlueprint:display_name") == [name]]
+    return View(row["ViewBlueprint:space_origin"][0], rows[f"{entity}/ViewContents"]["ViewContents:query"])
+
+
+def named_frames(columns: Columns) -> set[str]:
+    """The frames that were said for an entity, now or once for all."""
+    return {each[0] for each in columns.get("CoordinateFrame:frame", []) if each}
+
+
+def root_frame(frame: str, parents: dict[str, str]) -> str:
+    """Where the chain of transforms from a frame ends; an entity's own frame hangs on that of the entity above it."""
+    while frame in parents or (frame.startswith("tf#/") and frame != "tf#/"):
+        frame = parents.get(frame) or frame[: max(frame.rindex("/"), len("tf#/"))]
+    return frame
+
+
+def drawn_in(view: View, entities: dict[str, Columns]) -> set[str]:
+    """Entities with something to draw in 3D whose frame leads to the view's."""
+    parents = {
+        child[0]: parent[0]
+        for columns in entities.values()
+        for child, parent in zip(
+            columns.get("Transform3D:child_frame", []), columns.get("Transform3D:parent_frame", []), strict=True
+        )
+        if child and parent
+    }
+    held = {entity: columns for entity, columns in entities.items() if view.holds(entity)}
+    roots = {root_frame(frame, parents) for columns in held.values() for frame in named_frames(columns)}
+    own = named_frames(entities.get(view.origin, {}))  # else the named frames' root if there is but one
+    target = root_frame(next(iter(own or roots)) if len(own or roots) == 1 else f"tf#{view.origin}", parents)
+    return {
+        entity
+        for entity, columns in held.items()
+        if {"LineStrips3D:strips", "TransformAxes3D:axis_length"} & columns.keys()
+        and {root_frame(frame, parents) for frame in named_frames(columns) or {f"tf#{entity}"}} == {target}
+    }
 
 
 def in_time_order(columns: Columns, name: str) -> list[Any]:
@@ -120,17 +174,43 @@ def test_converter_finds_poses_and_transforms(converted: dict[str, Columns]) -> 
     assert frames == {"base_link"}
 
 
-def test_script_of_the_page_draws_paths_and_speeds(annotated: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def script_made(annotated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the page's script makes of the log."""
     [script] = re.findall(r"<!-- rerun -->\n```python\n(.*?)```", PAGE, re.DOTALL)
-    (tmp_path / "rerun_view.py").write_text(script, encoding="utf-8")
-    target = tmp_path / "annotated.rrd"
-    command = [sys.executable, str(tmp_path / "rerun_view.py"), str(annotated), str(target)]
-    run_tool(command, rerun_environment(tmp_path))
+    folder = tmp_path_factory.mktemp("script")
+    (folder / "rerun_view.py").write_text(script, encoding="utf-8")
+    target = folder / "annotated.rrd"
+    command = [sys.executable, str(folder / "rerun_view.py"), str(annotated), str(target)]
+    run_tool(command, rerun_environment(folder))
+    return target
+
+
+def test_script_of_the_page_draws_paths_and_speeds(annotated: Path, script_made: Path) -> None:
     with Log.open(annotated) as log:
         x_m = np.asarray(log.columns("/cwcli/ego/path").fields["x_m"]).reshape(201, -1)
-    found = read_recording(target)
+    found = read_recording(script_made)
     strips = in_time_order(found["/paths/ego"], "LineStrips3D:strips")
     assert np.allclose([[point[0] for point in strip[0]] for strip in strips], x_m, rtol=0, atol=1e-4)
     assert len(found["/speed/d9583520"]["Scalars:scalars"]) == 201
     assert len(found["/cwcli/log"]["TextLog:text"]) == 2
-    assert len(RrdReader(str(target)).blueprints()) == 1
+
+
+def test_main_view_of_the_page_draws_the_paths_and_the_ego(script_made: Path) -> None:
+    view = view_named(script_made, "From above")
+    assert drawn_in(view, read_recording(script_made)) == {"/paths/ego", "/paths/d9583520", "/cwcli/ego/pose"}
+
+
+def test_frames_decide_what_is_drawn() -> None:
+    """By hand: a path in a frame of its own is not in the view of another, but for a transform that links them."""
+    view = View("/", ["/paths/**"])
+    path: Columns = {"LineStrips3D:strips": [[]]}
+    said: Columns = {"CoordinateFrame:frame": [["map"]]}
+    assert drawn_in(view, {"/paths/a": path}) == {"/paths/a"}
+    assert drawn_in(view, {"/paths/a": path, "/": said}) == set()
+    assert drawn_in(view, {"/paths/a": path, "/paths/b": said}) == set()
+    assert drawn_in(view, {"/paths/a": path | said, "/": said, "/other": path | said}) == {"/paths/a"}
+    body: Columns = {"CoordinateFrame:frame": [["base_link"]]}
+    link: Columns = {"Transform3D:child_frame": [["base_link"]], "Transform3D:parent_frame": [["map"]]}
+    assert drawn_in(view, {"/paths/a": path | body, "/": said}) == set()
+    assert drawn_in(view, {"/paths/a": path | body, "/": said, "/tf": link}) == {"/paths/a"}
