@@ -17,25 +17,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from cwcli.channels.published import EGO_PATH, EGO_STATE, LANES, OBSERVER, OBSERVER_PATH, OF_ROLE, OWN_PREFIX, TARGETS
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.codec import Input, Role
-from cwcli.signals.inputs import input_for, inputs_of
-
-__all__ = ["Binding", "Bindings", "ChannelLike", "Role", "bind", "is_truth_topic", "parse_overrides"]
+from cwcli.signals.codec import Role
+from cwcli.signals.inputs import input_for, inputs_of, normalise
 
 TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
-OWN_TOPIC_PREFIX = "/cwcli/"
-OWN_TOPICS: dict[Role, str] = {
-    Role.EGO_STATE: "/cwcli/ego/state",
-    Role.REMOTE_STATE: "/cwcli/remote/state",
-    Role.EGO_PATH: "/cwcli/ego/path",
-    Role.REMOTE_PATH: "/cwcli/remote/path",
-    Role.TARGETS: "/cwcli/targets",
-    Role.LANES: "/cwcli/lanes",
-    Role.OBSERVER: "/cwcli/observer",
-    Role.OBSERVER_PATH: "/cwcli/observer/path",
-}
-ROLE_TEXT: dict[Role, str] = {
+ROLE_TEXT: dict[str, str] = {
     Role.EGO_POSITION: "the ego position",
     Role.EGO_VELOCITY: "the ego velocity over ground",
     Role.EGO_SPEED: "the ego speed",
@@ -48,44 +36,25 @@ ROLE_TEXT: dict[Role, str] = {
     Role.TRUTH: "the truth",
     Role.DETECTIONS: "detections of other road users",
     Role.TARGET_TRUTH: "the targets' truth",
-    Role.EGO_STATE: "the ego state",
-    Role.REMOTE_STATE: "the remote vehicles' states",
-    Role.EGO_PATH: "the ego path",
-    Role.REMOTE_PATH: "the remote vehicles' paths",
-    Role.TARGETS: "the tracked targets",
-    Role.LANES: "the lane boundaries",
-    Role.OBSERVER: "the observed lateral motion",
-    Role.OBSERVER_PATH: "the path from the observer",
     Role.LATERAL_TRUTH: "the truth of the lateral motion",
+    **{role: channel.what for role, channel in OF_ROLE.items()},
 }
-_ESTIMATE_FIRST = "run `cwcli estimate LOG -o estimated.mcap` first"
-_PREDICT_FIRST = "run `cwcli predict LOG -o predicted.mcap` first"
-ROLE_HINT: dict[Role, str] = {
+ROLE_HINT: dict[str, str] = {
     Role.EGO_POSITION: "a position is a NavSatFix, a LocationFix, an Odometry, or the ego's own V2X messages "
     "(--ego-station ID)",
     Role.EGO_SPEED: "a speed is a TwistStamped, a VelocityReport or the twist of an Odometry",
     Role.REMOTE: "remote vehicles are read from BSM and CAM messages",
     Role.DETECTIONS: "detections are a RadarScan, RadarTracks, a Detection3DArray, a SceneUpdate with cubes, or JSON "
     "(docs/detections.md)",
-    Role.EGO_STATE: _ESTIMATE_FIRST,
-    Role.REMOTE_STATE: _ESTIMATE_FIRST,
-    Role.EGO_PATH: _PREDICT_FIRST,
-    Role.REMOTE_PATH: _PREDICT_FIRST,
-    Role.TARGETS: "run `cwcli track LOG -o tracked.mcap` first, after `cwcli estimate`",
-    Role.LANES: "run `cwcli lanes LOG -o lanes.mcap` first",
-    Role.OBSERVER: "run `cwcli observe LOG -o observed.mcap` first, after `cwcli lanes`",
-    Role.OBSERVER_PATH: "run `cwcli predict LOG --from observer -o predicted.mcap` first, after `cwcli observe`",
+    **{role: f"run `cwcli {channel.stage} LOG -o annotated.mcap` first" for role, channel in OF_ROLE.items()},
 }
-_STEP_TEXT = {
-    Role.LANES: "`cwcli lanes`",
-    Role.OBSERVER: "`cwcli observe`",
-    Role.OBSERVER_PATH: "`cwcli predict --from observer`",
-}
-OWN_STEPS = tuple(_STEP_TEXT)
+FROM_CAMERA = (LANES, OBSERVER, OBSERVER_PATH)
 """From a camera to a path without a position, in order."""
+EVERY_ROLE = tuple(ROLE_TEXT)
+"""Those of inputs, then those of cwcli's own channels."""
 TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH, Role.LATERAL_TRUTH})
 MANY_TOPICS = frozenset({Role.REMOTE, Role.DETECTIONS})
-MAY_BE_EMPTY = frozenset({Role.TARGETS})
+MAY_BE_EMPTY = frozenset({TARGETS.role})
 """Roles for which a channel without messages is an answer: the road was empty."""
 EVERY_CHANNEL = frozenset({Role.DETECTIONS})
 """Roles that take every candidate: each is a source of its own."""
@@ -112,7 +81,7 @@ class Binding:
         is_override: The user named it.
     """
 
-    role: Role
+    role: str
     topic: str
     schema_name: str
     message_encoding: str
@@ -130,22 +99,22 @@ class Bindings:
     """The outcome of `bind`.
 
     Attributes:
-        by_role: Role -> its channels: one, or several where the user listed them or each is a source of its own.
+        by_role: str -> its channels: one, or several where the user listed them or each is a source of its own.
             Unbound roles are absent.
         notes: What the user should know, one line each.
     """
 
-    by_role: Mapping[Role, tuple[Binding, ...]] = field(default_factory=dict)
+    by_role: Mapping[str, tuple[Binding, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def __contains__(self, role: Role) -> bool:
+    def __contains__(self, role: str) -> bool:
         return role in self.by_role
 
-    def of(self, role: Role) -> tuple[Binding, ...]:
+    def of(self, role: str) -> tuple[Binding, ...]:
         """The channels of a role, () when it is not bound."""
         return self.by_role.get(role, ())
 
-    def topic(self, role: Role) -> str | None:
+    def topic(self, role: str) -> str | None:
         """The (first) topic of a role, None when it is not bound."""
         bound = self.of(role)
         return bound[0].topic if bound else None
@@ -164,8 +133,8 @@ def bind(
     channels: Sequence[ChannelLike],
     overrides: Mapping[str, str],
     *,
-    required: Collection[Role],
-    optional: Collection[Role] = (),
+    required: Collection[str],
+    optional: Collection[str] = (),
     ego_station: str | None = None,
     where: str = "",
     command: str = "",
@@ -189,7 +158,7 @@ def bind(
         MissingSignalError: A required role has no candidate, or more than one.
     """
     named = _check_overrides(channels, overrides, where)
-    by_role: dict[Role, tuple[Binding, ...]] = {}
+    by_role: dict[str, tuple[Binding, ...]] = {}
     notes: list[str] = []
     for role in dict.fromkeys((*required, *optional)):
         if role in named:
@@ -244,49 +213,53 @@ def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -
         UsageError: One does not.
     """
     for name, value in overrides.items():
-        if name not in {known.value for known in Role}:
+        if name not in EVERY_ROLE:
             raise UsageError(f"{name_of_option} {name}={value}: there is no role {name}", hint=_role_names())
 
 
-def _candidates(channels: Sequence[ChannelLike], role: Role, ego_station: str | None) -> list[Binding]:
+def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
     """The channels of the lowest rank that can fill the role, one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
     for channel in channels:
-        entry = input_for(role, channel.schema_name)
-        if entry is None or entry.rank is None:
-            continue
         if getattr(channel, "message_count", None) == 0 and role not in MAY_BE_EMPTY:
             continue
-        if _suits(channel, role, entry, ego_station):
-            ranked.setdefault(channel.topic, (entry.rank, _binding(channel, role)))
+        rank = _rank(channel, role, ego_station)
+        if rank is not None:
+            ranked.setdefault(channel.topic, (rank, _binding(channel, role)))
     lowest = min((rank for rank, _ in ranked.values()), default=0)
     return [binding for rank, binding in ranked.values() if rank == lowest]
 
 
-def _suits(channel: ChannelLike, role: Role, entry: Input, ego_station: str | None) -> bool:
-    if role in OWN_TOPICS:
-        return channel.topic == OWN_TOPICS[role]
-    if channel.topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(channel.topic) != (role in TRUTH_ROLES):
-        return False
-    if entry.needs_ego_station and ego_station is None:
-        return False
-    return entry.fits(channel.topic)
+def _rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
+    """How far back a channel stands among those that can fill the role; None if it does not by itself."""
+    if role in OF_ROLE:
+        return 0 if channel.topic == OF_ROLE[role].topic and _can_hold(role, channel.schema_name) else None
+    entry = input_for(role, channel.schema_name)
+    if entry is None or channel.topic.startswith(OWN_PREFIX) or (entry.needs_ego_station and ego_station is None):
+        return None
+    if is_truth_topic(channel.topic) != (role in TRUTH_ROLES):
+        return None
+    return entry.rank if entry.fits(channel.topic) else None
+
+
+def _can_hold(role: str, schema_name: str) -> bool:
+    own = OF_ROLE.get(role)
+    return input_for(role, schema_name) is not None if own is None else normalise(schema_name) == own.schema
 
 
 def _check_overrides(
     channels: Sequence[ChannelLike], overrides: Mapping[str, str], where: str
-) -> dict[Role, tuple[Binding, ...]]:
-    named: dict[Role, tuple[Binding, ...]] = {}
+) -> dict[str, tuple[Binding, ...]]:
+    named: dict[str, tuple[Binding, ...]] = {}
     check_roles(overrides)
     for name, value in overrides.items():
-        role = Role(name)
-        topics = value.split(",") if role in MANY_TOPICS else [value]
-        named[role] = tuple(_named_channel(channels, role, topic.strip(), where) for topic in topics)
+        topics = value.split(",") if name in MANY_TOPICS else [value]
+        named[name] = tuple(_named_channel(channels, name, topic.strip(), where) for topic in topics)
     return named
 
 
-def _named_channel(channels: Sequence[ChannelLike], role: Role, topic: str, where: str) -> Binding:
-    usable = {channel.topic: channel for channel in channels if input_for(role, channel.schema_name)}
+def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
+    usable = {channel.topic: channel for channel in channels if _can_hold(role, channel.schema_name)}
     channel = usable.get(topic) or usable.get(f"/{topic}")
     if channel is not None:
         return _binding(channel, role, is_override=True)
@@ -302,7 +275,7 @@ def _named_channel(channels: Sequence[ChannelLike], role: Role, topic: str, wher
 
 
 def _unbound(
-    role: Role, candidates: Sequence[Binding], channels: Sequence[ChannelLike], where: str, command: str
+    role: str, candidates: Sequence[Binding], channels: Sequence[ChannelLike], where: str, command: str
 ) -> MissingSignalError:
     needed = f" (needed by `cwcli {command}`)" if command else ""
     found = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name or 'no schema'})" for channel in channels))
@@ -317,7 +290,7 @@ def _unbound(
         channel.topic for channel in channels if any(entry.role == role for entry in inputs_of(channel.schema_name))
     ]
     hint = _from_the_camera(role, channels, command) or ROLE_HINT.get(role, "")
-    if by_hand and role not in OWN_TOPICS:
+    if by_hand and role not in OF_ROLE:
         hint = f"{hint}; " if hint else ""
         hint += f"{', '.join(dict.fromkeys(by_hand))} can be named with --topic {role}=/name"
     return MissingSignalError(
@@ -325,38 +298,39 @@ def _unbound(
     )
 
 
-def _from_the_camera(role: Role, channels: Sequence[ChannelLike], command: str) -> str:
+def _from_the_camera(role: str, channels: Sequence[ChannelLike], command: str) -> str:
     """What to do about the ego's state or path in a log without a position, but with a camera; "" for other logs."""
-    is_asked = command in ("predict", "warn", "run") and role in (Role.EGO_STATE, Role.EGO_PATH)
+    is_asked = command in ("predict", "warn", "run") and role in (EGO_STATE.role, EGO_PATH.role)
     if not is_asked or _candidates(channels, Role.EGO_POSITION, None):
         return ""
     topics = {channel.topic for channel in channels}
-    made = [step for step in OWN_STEPS if OWN_TOPICS[step] in topics]
-    if not made and not _candidates(channels, Role.CAMERA, None):
+    steps = list(FROM_CAMERA)
+    while steps and any(step.topic in topics for step in steps):
+        del steps[0]
+    if len(steps) == len(FROM_CAMERA) and not _candidates(channels, Role.CAMERA, None):
         return ""
-    steps = list(OWN_STEPS)[OWN_STEPS.index(made[-1]) + 1 :] if made else list(OWN_STEPS)
-    words = [_STEP_TEXT[step] for step in steps]
+    words = [f"`cwcli {step.stage}`" for step in steps]
     has_speed = any(_candidates(channels, each, None) for each in (Role.EGO_SPEED, Role.EGO_VELOCITY))
-    if Role.OBSERVER in steps and not has_speed:
-        words[steps.index(Role.OBSERVER)] += " (it needs the car's speed too, which no channel holds)"
+    if OBSERVER in steps and not has_speed:
+        words[steps.index(OBSERVER)] += " (it needs the car's speed too, which no channel holds)"
     if command == "warn":
         words.append("`cwcli warn --rules lane-departure`")
     return f"no channel holds a position for `cwcli estimate`; from the camera: {', '.join(words)}"
 
 
-def _too_many(role: Role, candidates: Sequence[Binding]) -> str:
+def _too_many(role: str, candidates: Sequence[Binding]) -> str:
     count = {2: "two"}.get(len(candidates), str(len(candidates)))
     names = [f"{candidate.topic} ({candidate.schema_name})" for candidate in candidates]
     return f"{count} channels hold {ROLE_TEXT[role]}: {', '.join(names[:-1])} and {names[-1]}"
 
 
-def _option(role: Role, candidates: Sequence[Binding]) -> str:
+def _option(role: str, candidates: Sequence[Binding]) -> str:
     return " or ".join(f"--topic {role}={candidate.topic}" for candidate in candidates)
 
 
 def _role_names() -> str:
-    return f"roles: {', '.join(Role)}"
+    return f"roles: {', '.join(EVERY_ROLE)}"
 
 
-def _binding(channel: ChannelLike, role: Role, *, is_override: bool = False) -> Binding:
+def _binding(channel: ChannelLike, role: str, *, is_override: bool = False) -> Binding:
     return Binding(role, channel.topic, channel.schema_name, channel.message_encoding, is_override)

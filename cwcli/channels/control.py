@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.published import CONTROL_POSE, CONTROL_STATE, CONTROL_STEP
 from cwcli.channels.states import N_STATES
 from cwcli.channels.states_and_paths import EGO_ID, constant_strings, pose_channel, vehicle_states
 from cwcli.control.encounter import POLICIES
@@ -61,7 +62,7 @@ def control_channels(
         channels += [
             _states(name, stamp_ns, state, host_size_m, local_map),
             _steps(policy, stamp_ns, replays),
-            pose_channel(f"/cwcli/control/{name}/pose", stamp_ns, state),
+            pose_channel(CONTROL_POSE.of(name).topic, stamp_ns, state),
         ]
     return tuple(channels)
 
@@ -80,7 +81,7 @@ def _states(
         latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(state[:, 0], state[:, 1], np.zeros(n))
     length_m, width_m = (np.full(n, np.nan if size is None else size) for size in host_size_m)
     return vehicle_states(
-        f"/cwcli/control/{policy}/state",
+        CONTROL_STATE.of(policy).topic,
         ids=constant_strings(EGO_ID, n),
         stamp_ns=stamp_ns,
         log_time_ns=stamp_ns,
@@ -105,4 +106,5 @@ def _steps(policy: int, stamp_ns: Int64Array, replays: Sequence[ReplayedSteps]) 
     }
     for name in SERIES:
         fields[name] = np.concatenate([np.asarray(one.series[policy][name]) for one in replays])
-    return OutputChannel(f"/cwcli/control/{POLICIES[policy]}/step", "cwcli.v1.ControlStep", stamp_ns, fields)
+    step = CONTROL_STEP.of(POLICIES[policy])
+    return OutputChannel(step.topic, step.schema, stamp_ns, fields)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cwcli.channels.lens import lens_fields
 from cwcli.channels.painted_frames import StartImages, painted_channel
+from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.signals.columns import (
     FloatArray,
     Int64Array,
@@ -23,9 +24,6 @@ from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import GeometrySigmas, LaneGeometry
 from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
 from cwcli.vision.raw_images import Image
-
-LANES_TOPIC = "/cwcli/lanes"
-ANNOTATIONS_TOPIC = "/cwcli/lanes/annotations"
 
 LINE_STRIP = 3  # foxglove.PointsAnnotation.Type
 PIXELS_PER_THICKNESS = 320.0
@@ -98,7 +96,7 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
     }
     if frames.rectified_from is not None:
         fields |= lens_fields(frames.rectified_from, frames.image_size)
-    return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", frames.log_time_ns, fields)
+    return OutputChannel(LANES.topic, "cwcli.v1.Lanes", frames.log_time_ns, fields)
 
 
 def annotations_channel(frames: LaneFrames) -> StreamedChannel:
@@ -128,7 +126,7 @@ def annotations_channel(frames: LaneFrames) -> StreamedChannel:
         }
         return {"points": Repeated(lines_of.astype(np.int64), lines)}
 
-    return StreamedChannel(ANNOTATIONS_TOPIC, "foxglove.ImageAnnotations", frames.log_time_ns, rows=rows)
+    return StreamedChannel(LANE_LINES.topic, "foxglove.ImageAnnotations", frames.log_time_ns, rows=rows)
 
 
 def rendered_channel(frames: LaneFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:

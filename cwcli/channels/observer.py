@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.published import OBSERVER
 from cwcli.channels.states_and_paths import in_log_order
 from cwcli.dynamics.samples import PREVIEW_M, LateralTrack, Status, count_statuses
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
@@ -16,8 +17,6 @@ from cwcli.errors import DataError
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaves import matrix, numbers, whole_numbers
 
-OBSERVER_TOPIC = "/cwcli/observer"
-OBSERVER_PATH_TOPIC = "/cwcli/observer/path"
 SCHEMA = "cwcli.v1.LateralState"
 RECORD = "cwcli.run.observe"
 VEHICLE_ENTRY = "vehicle"
@@ -62,7 +61,7 @@ def observer_channel(track: LateralTrack, log_time_ns: Int64Array, preview_m: fl
         "mass_sigma_kg": track.mass_sigma_kg,
         "preview_distance_m": np.full(n, preview_m),
     }
-    return in_log_order(OutputChannel(OBSERVER_TOPIC, SCHEMA, log_time_ns, fields))
+    return in_log_order(OutputChannel(OBSERVER.topic, SCHEMA, log_time_ns, fields))
 
 
 def read_observer(columns: Columns) -> Observed:

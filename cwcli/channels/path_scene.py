@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.published import PATH_SCENE
 from cwcli.channels.states import vehicle_rows
 from cwcli.channels.states_and_paths import EGO_ID, MAP_FRAME, constant_strings
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Repeated, Strings
 
-PATH_SCENE_TOPIC = "/cwcli/paths/scene"
 MIN_PERIOD_NS = 95_000_000
 """A little less than 0.1 s, so that of states at 10 or 20 Hz none is missed by jitter."""
 N_POINTS = 11
@@ -84,5 +84,5 @@ def _scene(log_time_ns: Int64Array, stamp_ns: Int64Array, names: list[str], poin
         "lines": Repeated(one_each, line),
     }
     return OutputChannel(
-        PATH_SCENE_TOPIC, "foxglove.SceneUpdate", log_time_ns, {"entities": Repeated(one_each, entity)}
+        PATH_SCENE.topic, "foxglove.SceneUpdate", log_time_ns, {"entities": Repeated(one_each, entity)}
     )

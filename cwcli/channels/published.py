@@ -1,75 +1,83 @@
-"""Every channel that cwcli publishes: its topic, its schema, who writes it.
+"""Every channel that cwcli publishes, one line each: topic, schema, the stage that writes it, what it is, its role.
 
-The channel reference (docs/channels.md) and the viewer layout are made from this list. A new channel is a line here.
+How a channel is written and how it is read back stands in the file of its message beside this one. Whoever else needs a
+topic (binding, the channel reference, the viewer layout, the report) takes it from here: no topic is spelled twice.
+Importing this takes no numpy.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from cwcli.control.encounter import POLICIES
+from dataclasses import dataclass, replace
 
 POLICY = "<policy>"
 
 
 @dataclass(frozen=True)
-class Published:
+class Channel:
     """A channel.
 
     Attributes:
-        topic: Its name; `<policy>` stands for each of `POLICIES`.
+        topic: Its name; `<policy>` stands for each of `cwcli.control.encounter.POLICIES`.
         schema: Full name of the protobuf message.
         stage: The command that writes it.
-        what: For viewers' channels (`foxglove.*`), in a few words.
+        what: What it holds, in a few words.
+        role: Name under which later stages find it, "" for what only viewers read.
     """
 
     topic: str
     schema: str
     stage: str
-    what: str = ""
+    what: str
+    role: str = ""
+
+    def of(self, policy: str) -> Channel:
+        """The channel of one policy."""
+        return replace(self, topic=self.topic.replace(POLICY, policy))
 
 
-PUBLISHED = (
-    Published("/cwcli/ego/state", "cwcli.v1.VehicleState", "estimate"),
-    Published("/cwcli/remote/state", "cwcli.v1.VehicleState", "estimate"),
-    Published("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego on the globe"),
-    Published("/cwcli/ego/pose", "foxglove.PoseInFrame", "estimate", "the ego in `map`"),
-    Published("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`"),
-    Published("/cwcli/targets", "cwcli.v1.Target", "track"),
-    Published("/cwcli/targets/scene", "foxglove.SceneUpdate", "track", "the targets, with velocity and id"),
-    Published("/cwcli/ego/path", "cwcli.v1.PredictedPath", "predict"),
-    Published("/cwcli/remote/path", "cwcli.v1.PredictedPath", "predict"),
-    Published("/cwcli/paths/scene", "foxglove.SceneUpdate", "predict", "the predicted paths as lines in `map`"),
-    Published("/cwcli/warnings", "cwcli.v1.Warning", "warn"),
-    Published("/cwcli/log", "foxglove.Log", "warn", "the warnings, in words"),
-    Published("/cwcli/control/<policy>/state", "cwcli.v1.VehicleState", "control"),
-    Published(
-        "/cwcli/control/<policy>/pose",
-        "foxglove.PoseInFrame",
-        "control",
-        "where the ego would have been in `map`, for each policy",
-    ),
-    Published("/cwcli/control/<policy>/step", "cwcli.v1.ControlStep", "control"),
-    Published("/cwcli/lanes", "cwcli.v1.Lanes", "lanes"),
-    Published(
-        "/cwcli/lanes/annotations", "foxglove.ImageAnnotations", "lanes", "the lane boundaries in the camera's image"
-    ),
-    Published("/cwcli/observer", "cwcli.v1.LateralState", "observe"),
-    Published("/cwcli/observer/path", "cwcli.v1.PredictedPath", "predict --from observer"),
-    Published(
-        "/cwcli/observer/path/annotations",
-        "foxglove.ImageAnnotations",
-        "predict --from observer",
-        "that path in the camera's image, with the car's width and the 90 % band",
-    ),
+OWN_PREFIX = "/cwcli/"
+_STATE, _PATH = "cwcli.v1.VehicleState", "cwcli.v1.PredictedPath"
+_SCENE, _POSE, _LINES = "foxglove.SceneUpdate", "foxglove.PoseInFrame", "foxglove.ImageAnnotations"
+_FROM_OBSERVER = "predict --from observer"
+
+EGO_STATE = Channel("/cwcli/ego/state", _STATE, "estimate", "the ego state", "ego_state")
+REMOTE_STATE = Channel("/cwcli/remote/state", _STATE, "estimate", "the remote vehicles' states", "remote_state")
+EGO_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego on the globe")
+EGO_POSE = Channel("/cwcli/ego/pose", _POSE, "estimate", "the ego in `map`")
+TRANSFORMS = Channel("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`")
+TARGETS = Channel("/cwcli/targets", "cwcli.v1.Target", "track", "the tracked targets", "targets")
+TARGET_SCENE = Channel("/cwcli/targets/scene", _SCENE, "track", "the targets, with velocity and id")
+EGO_PATH = Channel("/cwcli/ego/path", _PATH, "predict", "the ego path", "ego_path")
+REMOTE_PATH = Channel("/cwcli/remote/path", _PATH, "predict", "the remote vehicles' paths", "remote_path")
+PATH_SCENE = Channel("/cwcli/paths/scene", _SCENE, "predict", "the predicted paths as lines in `map`")
+WARNINGS = Channel("/cwcli/warnings", "cwcli.v1.Warning", "warn", "the warnings")
+WARNING_LOG = Channel("/cwcli/log", "foxglove.Log", "warn", "the warnings, in words")
+CONTROL_STATE = Channel("/cwcli/control/<policy>/state", _STATE, "control", "what the ego would have done")
+CONTROL_POSE = Channel("/cwcli/control/<policy>/pose", _POSE, "control", "where the ego would have been in `map`")
+CONTROL_STEP = Channel("/cwcli/control/<policy>/step", "cwcli.v1.ControlStep", "control", "the steps of the replay")
+LANES = Channel("/cwcli/lanes", "cwcli.v1.Lanes", "lanes", "the lane boundaries", "lanes")
+LANE_LINES = Channel("/cwcli/lanes/annotations", _LINES, "lanes", "the lane boundaries in the camera's image")
+OBSERVER = Channel("/cwcli/observer", "cwcli.v1.LateralState", "observe", "the observed lateral motion", "observer")
+OBSERVER_PATH = Channel("/cwcli/observer/path", _PATH, _FROM_OBSERVER, "the path from the observer", "observer_path")
+OBSERVER_PATH_LINES = Channel(
+    "/cwcli/observer/path/annotations",
+    _LINES,
+    _FROM_OBSERVER,
+    "that path in the camera's image, with the car's width and the 90 % band",
 )
-"""In the order in which the stages run."""
+
+PUBLISHED = tuple(each for each in tuple(globals().values()) if isinstance(each, Channel))
+"""All of the above, in the order in which the stages run."""
+OF_ROLE = {channel.role: channel for channel in PUBLISHED if channel.role}
+"""Role -> the channel that fills it."""
 
 
 def topics() -> dict[str, str]:
     """Topic -> schema of every channel, with the policies' names filled in."""
+    from cwcli.control.encounter import POLICIES
+
     return {
-        entry.topic.replace(POLICY, policy): entry.schema
-        for entry in PUBLISHED
-        for policy in (POLICIES if POLICY in entry.topic else ("",))
+        channel.of(policy).topic: channel.schema
+        for channel in PUBLISHED
+        for policy in (POLICIES if POLICY in channel.topic else ("",))
     }

@@ -5,18 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.published import EGO_FIX, EGO_POSE, TRANSFORMS
 from cwcli.prediction.rollout import Paths
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, OutputField, Strings
-
-EGO_STATE_TOPIC = "/cwcli/ego/state"
-REMOTE_STATE_TOPIC = "/cwcli/remote/state"
-EGO_PATH_TOPIC = "/cwcli/ego/path"
-REMOTE_PATH_TOPIC = "/cwcli/remote/path"
-WARNINGS_TOPIC = "/cwcli/warnings"
-EGO_FIX_TOPIC = "/cwcli/ego/fix"
-EGO_POSE_TOPIC = "/cwcli/ego/pose"
-TRANSFORMS_TOPIC = "/cwcli/tf"
-LOG_TOPIC = "/cwcli/log"
 
 MAP_FRAME = "map"
 BODY_FRAME = "base_link"
@@ -149,9 +140,9 @@ def viewer_channels(
         "rotation.w": np.cos(half),
     }
     return (
-        OutputChannel(EGO_FIX_TOPIC, "foxglove.LocationFix", stamp_ns, fix),
-        pose_channel(EGO_POSE_TOPIC, stamp_ns, state),
-        OutputChannel(TRANSFORMS_TOPIC, "foxglove.FrameTransform", stamp_ns, transform),
+        OutputChannel(EGO_FIX.topic, "foxglove.LocationFix", stamp_ns, fix),
+        pose_channel(EGO_POSE.topic, stamp_ns, state),
+        OutputChannel(TRANSFORMS.topic, "foxglove.FrameTransform", stamp_ns, transform),
     )
 
 

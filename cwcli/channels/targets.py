@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.published import TARGET_SCENE, TARGETS
 from cwcli.channels.states import N_STATES, VehicleStates, vehicle_rows
 from cwcli.channels.states_and_paths import BODY_FRAME, MAP_FRAME, constant_strings
 from cwcli.errors import DataError
@@ -13,8 +14,6 @@ from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
 from cwcli.tracking.convert import MIN_HEADING_SPEED_MPS, target_rows, vehicle_states
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 
-TARGETS_TOPIC = "/cwcli/targets"
-TARGET_SCENE_TOPIC = "/cwcli/targets/scene"
 LIFETIME_NS = 1_000_000_000
 BALL_M = 1.5
 TEXT_M = 1.0
@@ -60,7 +59,7 @@ def target_channels(
         "accel_sigma_mps2": motion[order, 2],
         "yaw_rate_sigma_radps": motion[order, 3],
     }
-    targets = OutputChannel(TARGETS_TOPIC, "cwcli.v1.Target", log_time_ns[order], fields)
+    targets = OutputChannel(TARGETS.topic, "cwcli.v1.Target", log_time_ns[order], fields)
     return targets, _scene(log_time_ns[order], rows.stamp_ns[order], ids, frame, state)
 
 
@@ -136,7 +135,7 @@ def _scene(
         "texts": Repeated(one_each, {**pose(2.0 * BALL_M, still), **text, **color(TEXT_COLOR)}),
     }
     offsets = np.append(first, n).astype(np.int64)
-    return OutputChannel(TARGET_SCENE_TOPIC, "foxglove.SceneUpdate", times, {"entities": Repeated(offsets, entities)})
+    return OutputChannel(TARGET_SCENE.topic, "foxglove.SceneUpdate", times, {"entities": Repeated(offsets, entities)})
 
 
 def read_targets(columns: Columns) -> VehicleStates:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.states_and_paths import LOG_TOPIC, WARNINGS_TOPIC, constant_strings
+from cwcli.channels.published import WARNING_LOG, WARNINGS
+from cwcli.channels.states_and_paths import constant_strings
 from cwcli.signals.columns import Field, Int64Array, OutputChannel, Strings
 from cwcli.warning.output import HELD, RAISED
 
@@ -22,7 +23,7 @@ def warning_channels(parts: Sequence[Warnings]) -> tuple[OutputChannel, OutputCh
     log_time_ns = np.concatenate([times for times, _ in parts])
     order = np.argsort(log_time_ns, kind="stable")
     fields = {name: _joined([columns[name] for _, columns in parts], order) for name in parts[0][1]}
-    return OutputChannel(WARNINGS_TOPIC, "cwcli.v1.Warning", log_time_ns[order], fields), _log_channel(
+    return OutputChannel(WARNINGS.topic, "cwcli.v1.Warning", log_time_ns[order], fields), _log_channel(
         log_time_ns[order], fields
     )
 
@@ -46,7 +47,7 @@ def _log_channel(log_time_ns: Int64Array, fields: Mapping[str, Field]) -> Output
     assert isinstance(messages, Strings)
     rows = np.flatnonzero(state != HELD)  # a held warning says nothing new
     return OutputChannel(
-        LOG_TOPIC,
+        WARNING_LOG.topic,
         "foxglove.Log",
         log_time_ns[rows],
         {

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import ROLE_TEXT
+from cwcli.channels.published import EGO_STATE
 from cwcli.channels.states import VehicleStates, read_states
-from cwcli.channels.states_and_paths import EGO_ID, EGO_STATE_TOPIC
+from cwcli.channels.states_and_paths import EGO_ID
 from cwcli.estimation.consistency import effective_count, nees
 from cwcli.logs.log import Log
 from cwcli.metrics.chi_square import mean_bounds
@@ -59,10 +60,10 @@ class Ego:
 
 def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
     """Add the metrics of the ego's states; nothing if the log has none."""
-    if all(channel.topic != EGO_STATE_TOPIC for channel in log.channels):
+    if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         return Ego()
     record = run_records(log).get("estimate", {})
-    states = _in_order(read_states(log.columns(EGO_STATE_TOPIC)))
+    states = _in_order(read_states(log.columns(EGO_STATE.topic)))
     if not len(states):
         return Ego()
     reports = json_entry(record, "sources", list)

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import is_truth_topic
-from cwcli.channels.lanes import LANES_TOPIC
 from cwcli.channels.lens import Lenses
+from cwcli.channels.published import LANES
 from cwcli.logs.channel import ChannelInfo
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
@@ -45,9 +45,9 @@ Image = tuple[float, float, float, float]
 
 def add_lanes(headline: Headline, log: Log, *, with_truth: bool) -> None:
     """Add the metrics of the lanes channel; nothing if the log has none."""
-    if all(channel.topic != LANES_TOPIC for channel in log.channels):
+    if all(channel.topic != LANES.topic for channel in log.channels):
         return
-    columns = log.columns(LANES_TOPIC)
+    columns = log.columns(LANES.topic)
     if not len(columns):
         return
     found = np.stack([numbers(columns, f"{side}.found") > 0.0 for side in SIDES], axis=1)

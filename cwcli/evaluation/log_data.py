@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from cwcli.channels.published import OWN_PREFIX
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.records import json_entry, number, run_records
-
-OWN_TOPICS = "/cwcli/"
 
 
 def add_data(headline: Headline, log: Log) -> None:
@@ -18,7 +17,7 @@ def add_data(headline: Headline, log: Log) -> None:
     inputs: dict[tuple[str, str], dict[str, Any]] = {}
     for record in run_records(log).values():
         for entry in json_entry(record, "counts", list):
-            if isinstance(entry, dict) and not str(entry.get("topic")).startswith(OWN_TOPICS):
+            if isinstance(entry, dict) and not str(entry.get("topic")).startswith(OWN_PREFIX):
                 inputs.setdefault((str(entry.get("topic")), str(entry.get("role"))), entry)
     if inputs:
         read = sum(number(entry, "read") for entry in inputs.values())

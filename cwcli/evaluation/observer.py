@@ -6,6 +6,7 @@ import math
 
 from cwcli.channels.binding import bind
 from cwcli.channels.observer import read_observer
+from cwcli.channels.published import OBSERVER
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.signals.codec import Role
@@ -22,8 +23,8 @@ METRICS_OF: dict[str, tuple[str, float]] = {
 
 def add_observer(headline: Headline, log: Log, *, with_truth: bool) -> None:
     """Add the errors of the observer; nothing if the log has no observer, or no truth of the lateral motion."""
-    bound = bind(log.channels, {}, required=(), optional=(Role.OBSERVER, Role.LATERAL_TRUTH), where=log.name)
-    observer, truth = bound.topic(Role.OBSERVER), bound.topic(Role.LATERAL_TRUTH)
+    bound = bind(log.channels, {}, required=(), optional=(OBSERVER.role, Role.LATERAL_TRUTH), where=log.name)
+    observer, truth = bound.topic(OBSERVER.role), bound.topic(Role.LATERAL_TRUTH)
     if observer is None or truth is None or not with_truth:
         return
     columns = log.load({observer: None, truth: None})

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.published import EGO_PATH, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
-from cwcli.channels.states_and_paths import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, REMOTE_STATE_TOPIC
+from cwcli.channels.states_and_paths import EGO_ID
 from cwcli.evaluation.estimate import Ego
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
@@ -32,15 +33,15 @@ def add_prediction(headline: Headline, log: Log, ego: Ego, table: Table | None) 
         table: The stage's table `prediction`, or None: the models are then predicted again.
     """
     topics = {channel.topic for channel in log.channels}
-    if EGO_PATH_TOPIC not in topics or ego.states is None:
+    if EGO_PATH.topic not in topics or ego.states is None:
         return
     states = {"ego": ego.states}
-    paths = {"ego": read_paths(log.columns(EGO_PATH_TOPIC))}
-    if REMOTE_STATE_TOPIC in topics and REMOTE_PATH_TOPIC in topics:
-        columns = log.load({REMOTE_STATE_TOPIC: None, REMOTE_PATH_TOPIC: None})
+    paths = {"ego": read_paths(log.columns(EGO_PATH.topic))}
+    if REMOTE_STATE.topic in topics and REMOTE_PATH.topic in topics:
+        columns = log.load({REMOTE_STATE.topic: None, REMOTE_PATH.topic: None})
         states["remote"], paths["remote"] = (
-            read_states(columns[REMOTE_STATE_TOPIC]),
-            read_paths(columns[REMOTE_PATH_TOPIC]),
+            read_states(columns[REMOTE_STATE.topic]),
+            read_paths(columns[REMOTE_PATH.topic]),
         )
     for who, published in paths.items():
         _add_published(headline, who, published, states[who])

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
-from cwcli.channels.states_and_paths import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
-from cwcli.channels.targets import TARGETS_TOPIC, read_targets
+from cwcli.channels.targets import read_targets
 from cwcli.channels.warning_events import WarningEvent, read_warning_events
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
@@ -54,10 +54,10 @@ def add_warnings(headline: Headline, log: Log) -> None:
 
     The metrics without a rule in their name are of the first collision rule; of several rules each has its own too.
     """
-    if all(channel.topic != WARNINGS_TOPIC for channel in log.channels):
+    if all(channel.topic != WARNINGS.topic for channel in log.channels):
         return
     record = run_records(log).get("warn", {})
-    events = read_warning_events(log.columns(WARNINGS_TOPIC))
+    events = read_warning_events(log.columns(WARNINGS.topic))
     rules = _rules(configuration_of(record))
     if LANE_DEPARTURE in rules:
         headline.count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))
@@ -100,12 +100,12 @@ def judge_warnings(
 ) -> dict[str, WarningScores]:
     """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores. Empty where states are missing."""
     configuration = configuration_of(record)
-    others_topic = TARGETS_TOPIC if configuration.get("source") == "targets" else REMOTE_STATE_TOPIC
-    if not rules or not {EGO_STATE_TOPIC, others_topic} <= {channel.topic for channel in log.channels}:
+    others_topic = TARGETS.topic if configuration.get("source") == "targets" else REMOTE_STATE.topic
+    if not rules or not {EGO_STATE.topic, others_topic} <= {channel.topic for channel in log.channels}:
         return {}
-    columns = log.load(dict.fromkeys((EGO_STATE_TOPIC, others_topic)))
-    host = read_states(columns[EGO_STATE_TOPIC])
-    others = (read_targets if others_topic == TARGETS_TOPIC else read_states)(columns[others_topic])
+    columns = log.load(dict.fromkeys((EGO_STATE.topic, others_topic)))
+    host = read_states(columns[EGO_STATE.topic])
+    others = (read_targets if others_topic == TARGETS.topic else read_states)(columns[others_topic])
     start_ns, end_ns = (whole(configuration.get(name)) for name in ("start_ns", "end_ns"))
     host, others = host.logged_within(start_ns, end_ns), others.logged_within(start_ns, end_ns)
     if not len(host):

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from cwcli.channels.binding import ROLE_TEXT, Role, bind
+from cwcli.channels.binding import ROLE_TEXT, bind
+from cwcli.channels.published import OBSERVER, REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
 from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.needs import NEEDS, PREDICT_FROM_OBSERVER, STAGES, WARN_OF_TARGETS, Need
+from cwcli.signals.codec import Role
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
@@ -58,8 +60,8 @@ class SignalsFor:
             UsageError: An override of a topic does not fit the log.
         """
         for group in self.needs.get(stage, NEEDS[stage]).groups:
-            errors = [self._unbound(Role(name), log, selection) for name in group]
-            role, error = Role(group[0]), errors[0]
+            errors = [self._unbound(name, log, selection) for name in group]
+            role, error = group[0], errors[0]
             if error is None or None in errors:
                 continue
             notes = bind(
@@ -70,12 +72,12 @@ class SignalsFor:
                 ego_station=self.ego_station,
                 where=log.name,
             ).notes
-            if notes and role is Role.EGO_POSITION:
+            if notes and role == Role.EGO_POSITION:
                 raise error
             return Missing(notes[0] if notes else self._reason(stage, role, log, selection), error)
         return None
 
-    def _unbound(self, role: Role, log: Log, selection: Selection) -> MissingSignalError | None:
+    def _unbound(self, role: str, log: Log, selection: Selection) -> MissingSignalError | None:
         try:
             bind(
                 log.channels,
@@ -89,11 +91,11 @@ class SignalsFor:
             return error
         return None
 
-    def _reason(self, stage: str, role: Role, log: Log, selection: Selection) -> str:
-        if role in (Role.REMOTE, Role.REMOTE_STATE, Role.REMOTE_PATH):
+    def _reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:
+        if role in (Role.REMOTE, REMOTE_STATE.role, REMOTE_PATH.role):
             return NO_REMOTE if self._unbound(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE
         reason = f"no channel holds {ROLE_TEXT[role]}"
-        has_observer = self._unbound(Role.OBSERVER, log, selection) is None
+        has_observer = self._unbound(OBSERVER.role, log, selection) is None
         return f"{reason} (from the camera: {FROM_CAMERA[stage]})" if has_observer and stage in FROM_CAMERA else reason
 
 

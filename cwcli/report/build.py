@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cwcli import __version__
-from cwcli.channels.states_and_paths import WARNINGS_TOPIC
+from cwcli.channels.published import WARNINGS
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.log import Log
 from cwcli.metrics.gates import GateResult, check_gates
@@ -221,9 +221,9 @@ def _candidate(entry: Entry, results: Sequence[GateResult]) -> _Candidate:
 
 def _count_warnings(path: str) -> int:
     with Log.open(path) as log:
-        if WARNINGS_TOPIC not in {channel.topic for channel in log.channels}:
+        if WARNINGS.topic not in {channel.topic for channel in log.channels}:
             return 0
-        columns = log.columns(WARNINGS_TOPIC, ["state"])
+        columns = log.columns(WARNINGS.topic, ["state"])
     state = columns.fields.get("state")
     if isinstance(state, Strings) or not isinstance(state, np.ndarray):
         return 0

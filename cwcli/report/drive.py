@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.lanes import LANES_TOPIC
+from cwcli.channels.published import EGO_STATE, LANES, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
-from cwcli.channels.states_and_paths import EGO_STATE_TOPIC, REMOTE_STATE_TOPIC, WARNINGS_TOPIC
-from cwcli.channels.targets import TARGETS_TOPIC, read_targets
+from cwcli.channels.targets import read_targets
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
 from cwcli.logs.log import Log
@@ -107,11 +106,11 @@ class Drive:
 
 
 TOPICS: Mapping[str, tuple[str, ...] | None] = {
-    EGO_STATE_TOPIC: None,
-    REMOTE_STATE_TOPIC: OTHER_FIELDS,
-    TARGETS_TOPIC: None,
-    WARNINGS_TOPIC: WARNING_FIELDS,
-    LANES_TOPIC: None,
+    EGO_STATE.topic: None,
+    REMOTE_STATE.topic: OTHER_FIELDS,
+    TARGETS.topic: None,
+    WARNINGS.topic: WARNING_FIELDS,
+    LANES.topic: None,
 }
 """The channels that the report shows, and which of their fields it needs (None: all)."""
 
@@ -142,7 +141,7 @@ def read_drive(log: Log) -> Drive:
     wanted = {topic: fields for topic, fields in TOPICS.items() if topic in there}
     columns = log.load(wanted) if wanted else {}
     warn = records.get("warn", {})
-    ego = read_states(columns[EGO_STATE_TOPIC]) if EGO_STATE_TOPIC in columns else None
+    ego = read_states(columns[EGO_STATE.topic]) if EGO_STATE.topic in columns else None
     notes: list[str] = []
     others = [*_remotes(columns), *_targets(columns, notes)]
     if configuration_of(warn).get("source") == "targets":
@@ -155,8 +154,8 @@ def read_drive(log: Log) -> Drive:
         ego=ego if ego is not None and len(ego) else None,
         others=tuple(others),
         measured=measured,
-        warnings=columns.get(WARNINGS_TOPIC),
-        lanes=columns.get(LANES_TOPIC),
+        warnings=columns.get(WARNINGS.topic),
+        lanes=columns.get(LANES.topic),
         rule=rule_of(warn),
         records=records,
         camera=_camera(log, records),
@@ -165,9 +164,9 @@ def read_drive(log: Log) -> Drive:
 
 
 def _remotes(columns: Mapping[str, Columns]) -> list[OtherTrack]:
-    if REMOTE_STATE_TOPIC not in columns:
+    if REMOTE_STATE.topic not in columns:
         return []
-    read = columns[REMOTE_STATE_TOPIC]
+    read = columns[REMOTE_STATE.topic]
     numbers: dict[str, Any] = {}
     for name in OTHER_FIELDS:
         values = read.fields.get(name)
@@ -184,10 +183,10 @@ def _remotes(columns: Mapping[str, Columns]) -> list[OtherTrack]:
 
 
 def _targets(columns: Mapping[str, Columns], notes: list[str]) -> list[OtherTrack]:
-    if TARGETS_TOPIC not in columns:
+    if TARGETS.topic not in columns:
         return []
     try:
-        states = read_targets(columns[TARGETS_TOPIC])
+        states = read_targets(columns[TARGETS.topic])
     except DataError as error:
         notes.append(f"the targets are not drawn: {error.what}")
         return []

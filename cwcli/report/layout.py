@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from cwcli.channels.binding import OWN_TOPIC_PREFIX, ChannelLike, bind
-from cwcli.channels.published import topics
+from cwcli.channels.binding import ChannelLike, bind
+from cwcli.channels.published import (
+    CONTROL_STATE,
+    CONTROL_STEP,
+    EGO_FIX,
+    EGO_PATH,
+    EGO_STATE,
+    LANES,
+    OBSERVER,
+    OBSERVER_PATH,
+    OWN_PREFIX,
+    REMOTE_PATH,
+    REMOTE_STATE,
+    TARGETS,
+    WARNING_LOG,
+    WARNINGS,
+    Channel,
+    topics,
+)
 from cwcli.channels.states_and_paths import BODY_FRAME, MAP_FRAME
 from cwcli.control.encounter import POLICIES
 from cwcli.logs.log import Log
@@ -31,7 +50,6 @@ DRAWN_SCHEMAS = frozenset(
     }
 )
 """What its 3D panel draws, of what drives hold."""
-STATE_SCHEMA = "cwcli.v1.VehicleState"
 MEASURED_SPEED = ("longitudinal_velocity", "twist.twist.linear.x", "twist.linear.x", "data")
 MEASURED_YAW_RATE = ("angular_velocity.z",)
 MAX_CAMERAS = 4
@@ -76,12 +94,12 @@ def log_topics(log: Log) -> LogTopics:
     others = [channel for channel in log.channels if channel.topic not in published]
     infos = _named(others, lambda channel: input_for(Role.CAMERA_INFO, channel.schema_name) is not None)
     images = _named(others, lambda channel: input_for(Role.CAMERA, channel.schema_name) is not None)
-    own = [channel for channel in others if not channel.topic.startswith(OWN_TOPIC_PREFIX)]
+    own = [channel for channel in others if not channel.topic.startswith(OWN_PREFIX)]
     return LogTopics(
         fixes=_named(own, lambda channel: channel.schema_name in FIX_SCHEMAS),
         cameras=tuple(CameraTopics(topic, _calibration(topic, infos)) for topic in images[:MAX_CAMERAS]),
         drawn=_named(own, lambda channel: channel.schema_name in DRAWN_SCHEMAS),
-        truth=_named(own, lambda channel: channel.schema_name == STATE_SCHEMA),
+        truth=_named(own, lambda channel: channel.schema_name == EGO_STATE.schema),
         speed=_measured(own, Role.EGO_SPEED, MEASURED_SPEED),
         yaw_rate=_measured(own, Role.IMU, MEASURED_YAW_RATE),
     )
@@ -116,8 +134,8 @@ class _Layout:
     def drive(self) -> Mosaic:
         """Where everybody is: from above, on the globe, in the camera; and what was warned of."""
         below = row(
-            self.panels.log("log", "Warnings", "/cwcli/log"),
-            self.panels.states("drive", "Warnings", [("/cwcli/warnings.state", "state")]),
+            self.panels.log("log", "Warnings", WARNING_LOG.topic),
+            self.panels.states("drive", "Warnings", [_of(WARNINGS, "state")]),
         )
         beside = column(self._map(), self._image("front", self.log.cameras[:1]))
         return split("column", split("row", self._scene(), beside, 55.0), below, 75.0)
@@ -138,19 +156,17 @@ class _Layout:
         return row(
             column(
                 self.panels.states(
-                    "warnings", "Events", [("/cwcli/warnings.state", "state"), ("/cwcli/warnings.event_id", "event")]
+                    "warnings", "Events", [_of(WARNINGS, "state"), (path(WARNINGS.topic, "event_id"), "event")]
                 ),
-                self.panels.plot(
-                    "distance", "Predicted distance [m]", [_of("/cwcli/warnings", "predicted_distance_m")]
-                ),
-                self.panels.plot("ttc", "Time [s]", _each("/cwcli/warnings", "ttc_s", "time_to_event_s")),
-                self.panels.plot("probability", "Probability", [_of("/cwcli/warnings", "probability")]),
+                self.panels.plot("distance", "Predicted distance [m]", [_of(WARNINGS, "predicted_distance_m")]),
+                self.panels.plot("ttc", "Time [s]", _each(WARNINGS, "ttc_s", "time_to_event_s")),
+                self.panels.plot("probability", "Probability", [_of(WARNINGS, "probability")]),
             ),
             column(
-                self._path("ego-path", "Path of the ego [m]", "/cwcli/ego/path"),
-                self._path("observer-path", "Path of the ego from the observer [m]", "/cwcli/observer/path"),
-                self._path("remote-path", "Latest path of another vehicle [m]", "/cwcli/remote/path"),
-                self.panels.raw("warnings", "/cwcli/warnings"),
+                self._path("ego-path", "Path of the ego [m]", EGO_PATH.topic),
+                self._path("observer-path", "Path of the ego from the observer [m]", OBSERVER_PATH.topic),
+                self._path("remote-path", "Latest path of another vehicle [m]", REMOTE_PATH.topic),
+                self.panels.raw("warnings", WARNINGS.topic),
             ),
         )
 
@@ -162,25 +178,18 @@ class _Layout:
         return row(
             column(*images),
             column(
-                self.panels.plot(
-                    "lane-width", "Lane [m]", _each("/cwcli/lanes", "lateral_deviation_m", "lane_width_m")
-                ),
+                self.panels.plot("lane-width", "Lane [m]", _each(LANES, "lateral_deviation_m", "lane_width_m")),
                 self.panels.plot(
                     "lane-heading",
                     "Heading from the lane [rad]",
-                    [
-                        *_each("/cwcli/lanes", "heading_deviation_rad"),
-                        *_each("/cwcli/observer", "heading_deviation_rad"),
-                    ],
+                    [_of(LANES, "heading_deviation_rad"), _of(OBSERVER, "heading_deviation_rad")],
                 ),
-                self.panels.plot(
-                    "lane-curvature", "Curvature of the lane [1/m]", _each("/cwcli/lanes", "curvature_1pm")
-                ),
-                self.panels.plot("lane-found", "Probability of the boundaries", _each("/cwcli/lanes", *found)),
+                self.panels.plot("lane-curvature", "Curvature of the lane [1/m]", _each(LANES, "curvature_1pm")),
+                self.panels.plot("lane-found", "Probability of the boundaries", _each(LANES, *found)),
                 self.panels.plot(
                     "observer",
                     "Observer [m/s, rad/s]",
-                    _each("/cwcli/observer", "lateral_speed_mps", "yaw_rate_radps"),
+                    _each(OBSERVER, "lateral_speed_mps", "yaw_rate_radps"),
                 ),
             ),
         )
@@ -189,35 +198,38 @@ class _Layout:
         """The tracked targets; they are in the 3D panel of the first tab too."""
         return row(
             column(
-                self.panels.plot("target-position", "Position [m]", _each("/cwcli/targets", "x_m", "y_m"), points=True),
-                self.panels.plot(
-                    "target-velocity", "Velocity [m/s]", _each("/cwcli/targets", "vx_mps", "vy_mps"), points=True
-                ),
+                self.panels.plot("target-position", "Position [m]", _each(TARGETS, "x_m", "y_m"), points=True),
+                self.panels.plot("target-velocity", "Velocity [m/s]", _each(TARGETS, "vx_mps", "vy_mps"), points=True),
             ),
-            self.panels.raw("targets", "/cwcli/targets"),
+            self.panels.raw("targets", TARGETS.topic),
         )
 
     def control(self) -> Mosaic:
         """What each policy would have made of a warning."""
 
-        def of_policies(kind: str, *names: str) -> list[Series]:
+        def of_policies(kind: Channel, *names: str) -> list[Series]:
             return [
-                (path(f"/cwcli/control/{policy}/{kind}", name), f"{policy} {name}" if names[1:] else policy)
+                (path(kind.of(policy).topic, name), f"{policy} {name}" if names[1:] else policy)
                 for policy in POLICIES
                 for name in names
             ]
 
         return column(
-            self.panels.plot("control-speed", "Speed [m/s]", of_policies("state", "speed_mps")),
-            self.panels.plot("control-gap", "Gap between the outlines [m]", of_policies("step", "gap_m")),
-            self.panels.plot("control-pedals", "Pedals", of_policies("step", "throttle", "brake_pressure_mpa")),
+            self.panels.plot("control-speed", "Speed [m/s]", of_policies(CONTROL_STATE, "speed_mps")),
+            self.panels.plot("control-gap", "Gap between the outlines [m]", of_policies(CONTROL_STEP, "gap_m")),
+            self.panels.plot("control-pedals", "Pedals", of_policies(CONTROL_STEP, "throttle", "brake_pressure_mpa")),
         )
 
     def messages(self) -> Mosaic:
-        """What is in the file, and the messages as they are."""
+        """What is in the file; as they are the ego's states, and the messages of channels that no other panel shows."""
+        shown = json.dumps(self.panels.settings)
+        others = [topic for topic in topics() if not re.search(rf'"{re.escape(topic)}[".]', shown)]
         return row(
             self.panels.add("SourceInfo", "source", "Channels"),
-            column(self.panels.raw("ego", "/cwcli/ego/state"), self.panels.raw("tf", "/cwcli/tf")),
+            column(
+                self.panels.raw("ego", EGO_STATE.topic),
+                *(self.panels.raw(topic.removeprefix(OWN_PREFIX), topic) for topic in others),
+            ),
         )
 
     def _scene(self) -> str:
@@ -237,13 +249,13 @@ class _Layout:
         )
 
     def _map(self) -> str:
-        colors = {"/cwcli/ego/fix": ESTIMATED_COLOR, **dict.fromkeys(self.log.fixes, RAW_COLOR)}
+        colors = {EGO_FIX.topic: ESTIMATED_COLOR, **dict.fromkeys(self.log.fixes, RAW_COLOR)}
         return self.panels.add(
             "map",
             "map",
             "Fixes: measured and estimated",
             topicColors=colors,
-            followTopic="/cwcli/ego/fix",
+            followTopic=EGO_FIX.topic,
             disabledTopics=[],
             layer="map",
             zoomLevel=17,
@@ -264,17 +276,17 @@ class _Layout:
         return self.panels.map_plot(name, title, path(topic, "x_m[:]"), (path(topic, "y_m[:]"), "path"))
 
     def _of_states(self, name: str) -> list[Series]:
-        sources = [("/cwcli/ego/state", "ego"), ("/cwcli/remote/state", "others")]
+        sources = [(EGO_STATE.topic, "ego"), (REMOTE_STATE.topic, "others")]
         sources += [(topic, topic) for topic in self.log.truth]
         return [(path(topic, name), label) for topic, label in sources]
 
 
-def _of(topic: str, name: str) -> Series:
-    return path(topic, name), name
+def _of(channel: Channel, name: str) -> Series:
+    return path(channel.topic, name), name
 
 
-def _each(topic: str, *names: str) -> list[Series]:
-    return [_of(topic, name) for name in names]
+def _each(channel: Channel, *names: str) -> list[Series]:
+    return [_of(channel, name) for name in names]
 
 
 def _named(channels: Sequence[ChannelLike], is_one: Callable[[ChannelLike], bool]) -> tuple[str, ...]:

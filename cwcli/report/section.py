@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cwcli.channels.states_and_paths import EGO_PATH_TOPIC, REMOTE_PATH_TOPIC
+from cwcli.channels.published import EGO_PATH, REMOTE_PATH
 from cwcli.errors import CwcliError
 from cwcli.logs.log import Log
 from cwcli.report.drawing import Figure
@@ -155,7 +155,7 @@ def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tu
     """The paths of both cars, as known at the warning; targets have no published ones."""
     topics = {channel.topic for channel in log.channels}
     found: list[Path2D | None] = []
-    for topic, vehicle in ((EGO_PATH_TOPIC, _ego_id(drive)), (REMOTE_PATH_TOPIC, encounter.other_id)):
+    for topic, vehicle in ((EGO_PATH.topic, _ego_id(drive)), (REMOTE_PATH.topic, encounter.other_id)):
         path = None
         if topic in topics:
             try:

@@ -15,7 +15,10 @@ if TYPE_CHECKING:  # binding channels to roles takes no numpy
 
 
 class Role(StrEnum):
-    """What a channel is for. The value is the name in `--topic NAME=/topic`."""
+    """What an input channel is for. The value is the name in `--topic NAME=/topic`.
+
+    The roles of the channels that cwcli itself publishes stand with them (`cwcli.channels.published`).
+    """
 
     EGO_POSITION = "ego_position"
     EGO_VELOCITY = "ego_velocity"
@@ -29,14 +32,6 @@ class Role(StrEnum):
     TRUTH = "truth"
     DETECTIONS = "detections"
     TARGET_TRUTH = "target_truth"
-    EGO_STATE = "ego_state"
-    REMOTE_STATE = "remote_state"
-    EGO_PATH = "ego_path"
-    REMOTE_PATH = "remote_path"
-    TARGETS = "targets"
-    LANES = "lanes"
-    OBSERVER = "observer"
-    OBSERVER_PATH = "observer_path"
     LATERAL_TRUTH = "lateral_truth"
 
 

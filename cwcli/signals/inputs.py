@@ -346,23 +346,12 @@ INPUTS: dict[str, tuple[Input, ...]] = {
     "foxglove.SceneUpdate": _DRAWN,
     "foxglove_msgs/SceneUpdate": _DRAWN,
     "cwcli.Detections": _detections(_JSON_DETECTIONS, _build_json_detections),
-    "cwcli.v1.Target": (
-        Input(Role.TARGET_TRUTH, _TARGET, _build_target_truth),
-        Input(Role.TARGETS, _TARGET, None),
-    ),
+    "cwcli.v1.Target": (Input(Role.TARGET_TRUTH, _TARGET, _build_target_truth),),
     "cwcli.v1.VehicleState": (
         Input(Role.TRUTH, _STATE, _build_vehicle_state, fits=is_ego_topic),
         Input(Role.TARGET_TRUTH, _STATE, _build_state_truth, fits=is_target_topic),
-        Input(Role.EGO_STATE, _STATE, None),
-        Input(Role.REMOTE_STATE, _STATE, None),
     ),
-    "cwcli.v1.PredictedPath": (
-        Input(Role.EGO_PATH, {}, None),
-        Input(Role.REMOTE_PATH, {}, None),
-        Input(Role.OBSERVER_PATH, {}, None),
-    ),
-    "cwcli.v1.Lanes": (Input(Role.LANES, {}, None),),
-    "cwcli.v1.LateralState": (Input(Role.OBSERVER, {}, None), Input(Role.LATERAL_TRUTH, {}, None)),
+    "cwcli.v1.LateralState": (Input(Role.LATERAL_TRUTH, {}, None),),
 }
 
 
@@ -373,6 +362,6 @@ def inputs_of(schema_name: str) -> tuple[Input, ...]:
     return INPUTS.get(name) or INPUTS.get(name.rsplit(".", 1)[-1], ())
 
 
-def input_for(role: Role, schema_name: str) -> Input | None:
+def input_for(role: str, schema_name: str) -> Input | None:
     """The entry of a schema for a role, or None."""
     return next((entry for entry in inputs_of(schema_name) if entry.role == role), None)

@@ -9,6 +9,7 @@ import numpy as np
 
 from cwcli.channels.binding import bind
 from cwcli.channels.control import control_channels
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.states import PredictedPaths, VehicleStates, read_states, require_ego
 from cwcli.control.encounter import RecordedTrack, Span, replay_warning
 from cwcli.errors import DataError, UsageError
@@ -17,7 +18,6 @@ from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.records import Record, configuration_of, map_of, run_records
@@ -73,29 +73,29 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     bound = bind(
         log.channels,
         config.topics,
-        required=(Role.EGO_STATE, Role.REMOTE_STATE),
+        required=(EGO_STATE.role, REMOTE_STATE.role),
         where=log.name,
         command="control",
     )
     topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
     columns = log.load(dict.fromkeys(topics.values()))
     inputs: list[InputCount] = []
-    tracks: dict[Role, list[VehicleTrack]] = {}
-    for role in (Role.EGO_STATE, Role.REMOTE_STATE):
+    tracks: dict[str, list[VehicleTrack]] = {}
+    for role in (EGO_STATE.role, REMOTE_STATE.role):
         everything = read_states(columns[topics[role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
-        inputs.append(InputCount(topics[role], role.value, len(everything), len(states)))
-        if role is Role.EGO_STATE:
+        inputs.append(InputCount(topics[role], role, len(everything), len(states)))
+        if role == EGO_STATE.role:
             require_ego(states, log_name=log.name, topic=topics[role])
-        is_other = role is Role.REMOTE_STATE
+        is_other = role == REMOTE_STATE.role
         uses_onset = is_other and RULES[config.rule.rule].uses_onset
         paths = _predicted(model, states, config.rule.horizon_s + (MAX_MESSAGE_AGE_S if is_other else 0.0))
         tracks[role] = vehicle_tracks(states, paths, with_onset=uses_onset)
-    if len(tracks[Role.EGO_STATE]) != 1:
+    if len(tracks[EGO_STATE.role]) != 1:
         raise DataError(
-            f"expected the states of one ego, found {len(tracks[Role.EGO_STATE])}", where=topics[Role.EGO_STATE]
+            f"expected the states of one ego, found {len(tracks[EGO_STATE.role])}", where=topics[EGO_STATE.role]
         )
-    (host,), others = tracks[Role.EGO_STATE], tracks[Role.REMOTE_STATE]
+    (host,), others = tracks[EGO_STATE.role], tracks[REMOTE_STATE.role]
     events = evaluate(host, others, config.rule).events.records()
     replayed, notes = _replays(host, others, events, config.span)
     if not events:

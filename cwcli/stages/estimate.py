@@ -7,15 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.states import N_STATES, vehicle_rows
-from cwcli.channels.states_and_paths import (
-    EGO_ID,
-    EGO_STATE_TOPIC,
-    REMOTE_STATE_TOPIC,
-    constant_strings,
-    vehicle_states,
-    viewer_channels,
-)
+from cwcli.channels.states_and_paths import EGO_ID, constant_strings, vehicle_states, viewer_channels
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Measurements
@@ -199,7 +193,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
             tracks[station] = summarise(track)
     latitude_deg, longitude_deg = _geographic(state, local_map)
     channel = vehicle_states(
-        REMOTE_STATE_TOPIC,
+        REMOTE_STATE.topic,
         ids=Strings(signal.station.codes[order], signal.station.values),
         stamp_ns=signal.stamp_ns[order],
         log_time_ns=signal.log_time_ns[order],
@@ -237,7 +231,7 @@ def _ego_channels(ego: Track, local_map: LocalMap | None) -> tuple[OutputChannel
     latitude_deg, longitude_deg = _geographic(ego.state, local_map)
     unknown = np.full(n, np.nan)
     states = vehicle_states(
-        EGO_STATE_TOPIC,
+        EGO_STATE.topic,
         ids=constant_strings(EGO_ID, n),
         stamp_ns=ego.stamp_ns,
         log_time_ns=ego.stamp_ns,

@@ -9,6 +9,7 @@ import numpy as np
 
 from cwcli.channels.binding import Bindings, bind
 from cwcli.channels.observer import STATE_NAMES, VEHICLE_ENTRY, observer_channel, vehicle_entry
+from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import LateralTrack, Status
@@ -24,7 +25,7 @@ from cwcli.stages.inputs.lateral_sensors import Inputs, inputs_of
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.summaries.observe import observer_section, observer_table, truth_errors, truth_section
 
-FIELDS = {Role.LANES: LANE_FIELDS, Role.LATERAL_TRUTH: ("stamp_ns", *STATE_NAMES)}
+FIELDS: dict[str, tuple[str, ...]] = {LANES.role: LANE_FIELDS, Role.LATERAL_TRUTH: ("stamp_ns", *STATE_NAMES)}
 SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
@@ -61,8 +62,8 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     own = bind(
         log.channels,
         config.topics,
-        required=(Role.LANES,),
-        optional=(Role.EGO_STATE, Role.LATERAL_TRUTH),
+        required=(LANES.role,),
+        optional=(EGO_STATE.role, Role.LATERAL_TRUTH),
         where=log.name,
         command="observe",
     )
@@ -74,9 +75,9 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         optional=SENSORS,
         also={bindings[0].topic: FIELDS.get(role) for role, bindings in own.by_role.items()},
     )
-    lanes_topic = own.by_role[Role.LANES][0].topic
+    lanes_topic = own.by_role[LANES.role][0].topic
     lanes = read_lanes(sources.columns[lanes_topic], where=log.name)
-    state_topic = own.topic(Role.EGO_STATE)
+    state_topic = own.topic(EGO_STATE.role)
     inputs = inputs_of(
         sources,
         None if state_topic is None else sources.columns[state_topic],

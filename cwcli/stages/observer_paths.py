@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.channels.observer import OBSERVER_TOPIC, Observed, read_observer, recorded_vehicle
+from cwcli.channels.observer import Observed, read_observer, recorded_vehicle
+from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.logs.log import Log
 from cwcli.prediction.lateral import LateralPathConfig, lateral_paths
@@ -66,7 +67,7 @@ def body_paths(
     log: Log,
     config: LateralPathConfig | None = None,
     *,
-    topic: str = OBSERVER_TOPIC,
+    topic: str = OBSERVER.topic,
     calibrate: bool = True,
     start_ns: int | None = None,
     end_ns: int | None = None,

@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lanes import LANES_TOPIC, LINE_STRIP, PIXELS_PER_THICKNESS
+from cwcli.channels.lanes import LINE_STRIP, PIXELS_PER_THICKNESS
 from cwcli.channels.lens import Lenses
 from cwcli.channels.painted_frames import painted_channel
+from cwcli.channels.published import LANES, OBSERVER_PATH_LINES
 from cwcli.channels.render_topic import check_render_topic
 from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
@@ -31,7 +32,6 @@ from cwcli.vision.overlay import burn_in, line_points
 from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, PathLines, paint_path, path_lines
 from cwcli.vision.raw_images import Image
 
-ANNOTATIONS_TOPIC = "/cwcli/observer/path/annotations"
 LANES_STAGE = "lanes"
 LINE_LOOP = 2  # foxglove.PointsAnnotation.Type
 LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
@@ -104,7 +104,7 @@ class _Scene:
 
 def has_lanes(log: Log) -> bool:
     """Whether the log holds the channel of `cwcli lanes`."""
-    return LANES_TOPIC in {channel.topic for channel in log.channels}
+    return LANES.topic in {channel.topic for channel in log.channels}
 
 
 def path_overlay(
@@ -137,11 +137,11 @@ def path_overlay(
     chosen = {**record.topics, **(topics or {})}
     if not has_lanes(log):
         raise MissingSignalError(
-            f"no channel {LANES_TOPIC} (needed to draw paths on the image)",
+            f"no channel {LANES.topic} (needed to draw paths on the image)",
             where=log.name,
             hint="run `cwcli lanes` first",
         )
-    columns = log.columns(LANES_TOPIC)
+    columns = log.columns(LANES.topic)
     camera_topic = _camera_topic(log, chosen, record.camera_topic, is_needed=render is not None)
     check_render_topic(log, render, camera_topic)
     source = camera_source(log, camera_topic, chosen, record.mounting, record.field_of_view_rad)
@@ -261,7 +261,7 @@ def _annotations(scene: _Scene) -> StreamedChannel:
         }
         return {"points": Repeated(counts, lines)}
 
-    return StreamedChannel(ANNOTATIONS_TOPIC, "foxglove.ImageAnnotations", scene.log_time_ns, rows=rows)
+    return StreamedChannel(OBSERVER_PATH_LINES.topic, "foxglove.ImageAnnotations", scene.log_time_ns, rows=rows)
 
 
 _Shape = tuple[int, FloatArray, Sequence[float], Sequence[float], float]

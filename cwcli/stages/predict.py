@@ -11,8 +11,9 @@ import numpy as np
 
 from cwcli.channels.binding import bind
 from cwcli.channels.path_scene import path_scene
+from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.states import VehicleStates, read_states, require_ego, rows_by_stamp, vehicle_rows
-from cwcli.channels.states_and_paths import EGO_ID, EGO_PATH_TOPIC, REMOTE_PATH_TOPIC, predicted_paths
+from cwcli.channels.states_and_paths import EGO_ID, predicted_paths
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table, TableColumn
@@ -22,7 +23,6 @@ from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.prediction.rollout import Discretisation, check_request
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import OutputChannel
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
@@ -95,8 +95,8 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     bound = bind(
         log.channels,
         config.topics,
-        required=(Role.EGO_STATE,),
-        optional=(Role.REMOTE_STATE,),
+        required=(EGO_STATE.role,),
+        optional=(REMOTE_STATE.role,),
         where=log.name,
         command="predict",
     )
@@ -106,16 +106,16 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     errors: list[dict[str, Any]] = []
     inputs: list[InputCount] = []
     for role, path_topic, extra_s in (
-        (Role.EGO_STATE, EGO_PATH_TOPIC, 0.0),
-        (Role.REMOTE_STATE, REMOTE_PATH_TOPIC, MAX_MESSAGE_AGE_S),
+        (EGO_STATE.role, EGO_PATH.topic, 0.0),
+        (REMOTE_STATE.role, REMOTE_PATH.topic, MAX_MESSAGE_AGE_S),
     ):
         if role not in topics:
             continue
         everything = read_states(columns[topics[role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
-        if role is Role.EGO_STATE:
+        if role == EGO_STATE.role:
             require_ego(states, log_name=log.name, topic=topics[role])
-        inputs.append(InputCount(topics[role], role.value, len(everything), len(states)))
+        inputs.append(InputCount(topics[role], role, len(everything), len(states)))
         paths = predict_vehicles(
             config.model,
             states.ids.codes,

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
-from cwcli.channels.observer import OBSERVER_PATH_TOPIC, Observed, read_observer, recorded_vehicle
+from cwcli.channels.observer import Observed, read_observer, recorded_vehicle
+from cwcli.channels.published import EGO_STATE, OBSERVER, OBSERVER_PATH
 from cwcli.channels.states import read_states, rows_by_stamp
 from cwcli.channels.states_and_paths import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
 from cwcli.errors import MissingSignalError, UsageError
@@ -77,8 +78,8 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
     own = bind(
         log.channels,
         config.topics,
-        required=(Role.OBSERVER,),
-        optional=(Role.EGO_STATE, Role.LATERAL_TRUTH),
+        required=(OBSERVER.role,),
+        optional=(EGO_STATE.role, Role.LATERAL_TRUTH),
         where=log.name,
         command="predict --from observer",
     )
@@ -90,14 +91,14 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
         optional=(Role.TRUTH,),
         also={bindings[0].topic: None for bindings in own.by_role.values()},
     )
-    topic = own.by_role[Role.OBSERVER][0].topic
+    topic = own.by_role[OBSERVER.role][0].topic
     observed = read_observer(sources.columns[topic])
     has_state = np.isfinite(observed.track.state[:, 0])
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
     vehicle, notes = recorded_vehicle(log.metadata)
     body = predict_body(observed, vehicle, settings, calibrate=config.calibrate)
-    state_topic = own.topic(Role.EGO_STATE)
+    state_topic = own.topic(EGO_STATE.role)
     states = None if state_topic is None else sources.columns[state_topic]
     own_motion = _own_motion(observed)
     in_map = None if states is None or not len(states) else _ego_state_poses(states, observed)
@@ -161,7 +162,7 @@ def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> t
     x_m, y_m = poses.at_xy_m[rows].T
     left_out = {NO_STATE: int(np.count_nonzero(~has_state)), NO_POSE: int(np.count_nonzero(has_state & ~has_pose))}
     channel = predicted_paths(
-        OBSERVER_PATH_TOPIC,
+        OBSERVER_PATH.topic,
         ids=constant_strings(EGO_ID, len(rows)),
         stamp_ns=body.stamp_ns[rows],
         log_time_ns=body.observed.log_time_ns[rows],
@@ -170,7 +171,7 @@ def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> t
         frame_id=poses.frame_id,
     )
     set_aside = {reason: n for reason, n in left_out.items() if n}
-    return channel, InputCount(topic, Role.OBSERVER.value, len(has_state), len(rows), set_aside=set_aside)
+    return channel, InputCount(topic, OBSERVER.role, len(has_state), len(rows), set_aside=set_aside)
 
 
 def _own_motion(observed: Observed) -> Poses:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from cwcli.channels.binding import bind
+from cwcli.channels.published import EGO_STATE
 from cwcli.channels.states import read_states
 from cwcli.channels.targets import target_channels
 from cwcli.logs.log import Log
@@ -110,14 +111,14 @@ def track(log: Log, config: TrackConfig) -> StageResult:
 
 def _ego(log: Log, config: SourceConfig) -> tuple[EgoStates | None, tuple[InputCount, ...]]:
     """The car's states, if an earlier `cwcli estimate` has left them in the log."""
-    bound = bind(log.channels, config.topics, required=(), optional=(Role.EGO_STATE,), where=log.name)
-    topic = bound.topic(Role.EGO_STATE)
+    bound = bind(log.channels, config.topics, required=(), optional=(EGO_STATE.role,), where=log.name)
+    topic = bound.topic(EGO_STATE.role)
     if topic is None:
         return None, ()
     states = read_states(log.columns(topic))
     if not len(states):
         return None, ()
-    return ego_states(states), (InputCount(topic, Role.EGO_STATE.value, len(states), len(states)),)
+    return ego_states(states), (InputCount(topic, EGO_STATE.role, len(states), len(states)),)
 
 
 def _tracks(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
+from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS
 from cwcli.channels.states import (
     PredictedPaths,
     VehicleStates,
@@ -28,7 +29,6 @@ from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
@@ -43,8 +43,8 @@ from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult, outl
 ALL_RULES = (*RULES, LANE_DEPARTURE)
 ONSET = "onset"
 """The motion model that says where a manoeuvre leads that has just begun."""
-OF_EGO = (Role.EGO_STATE, Role.EGO_PATH)
-OF_OTHERS = (Role.REMOTE_STATE, Role.REMOTE_PATH)
+OF_EGO = (EGO_STATE.role, EGO_PATH.role)
+OF_OTHERS = (REMOTE_STATE.role, REMOTE_PATH.role)
 
 Source = Literal["v2x", "targets"]
 
@@ -164,7 +164,7 @@ def _collisions(log: Log, config: WarnConfig, names: tuple[str, ...]) -> list[Ru
     bound = bind(
         log.channels,
         config.topics,
-        required=OF_EGO + (OF_OTHERS if config.source == "v2x" else (Role.TARGETS,)),
+        required=OF_EGO + (OF_OTHERS if config.source == "v2x" else (TARGETS.role,)),
         where=log.name,
         command="warn",
     )
@@ -172,33 +172,33 @@ def _collisions(log: Log, config: WarnConfig, names: tuple[str, ...]) -> list[Ru
     columns = log.load(dict.fromkeys(topics.values()))
     uses_onset = any(RULES[name].uses_onset for name in names)
     inputs: list[InputCount] = []
-    tracks: dict[Role, list[VehicleTrack]] = {}
-    predicted: dict[Role, PredictedPaths] = {}
-    for state_role, path_role in ((Role.EGO_STATE, Role.EGO_PATH), (Role.REMOTE_STATE, Role.REMOTE_PATH)):
+    tracks: dict[str, list[VehicleTrack]] = {}
+    predicted: dict[str, PredictedPaths] = {}
+    for state_role, path_role in ((EGO_STATE.role, EGO_PATH.role), (REMOTE_STATE.role, REMOTE_PATH.role)):
         if state_role not in topics:
             continue
         everything = read_states(columns[topics[state_role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
-        if state_role is Role.EGO_STATE:
+        if state_role == EGO_STATE.role:
             require_ego(states, log_name=log.name, topic=topics[state_role])
         predicted[path_role] = read_paths(columns[topics[path_role]])
-        is_other = state_role is Role.REMOTE_STATE
+        is_other = state_role == REMOTE_STATE.role
         tracks[state_role] = vehicle_tracks(states, predicted[path_role], with_onset=is_other and uses_onset)
         n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
-        inputs.append(InputCount(topics[state_role], state_role.value, len(everything), n_used))
-        inputs.append(InputCount(topics[path_role], path_role.value, len(predicted[path_role]), n_used))
-    hosts = tracks[Role.EGO_STATE]
+        inputs.append(InputCount(topics[state_role], state_role, len(everything), n_used))
+        inputs.append(InputCount(topics[path_role], path_role, len(predicted[path_role]), n_used))
+    hosts = tracks[EGO_STATE.role]
     if len(hosts) != 1:
-        raise DataError(f"expected the states of one ego, found {len(hosts)}", where=topics[Role.EGO_STATE])
+        raise DataError(f"expected the states of one ego, found {len(hosts)}", where=topics[EGO_STATE.role])
     if config.source == "targets":
-        everything = read_targets(columns[topics[Role.TARGETS]])
+        everything = read_targets(columns[topics[TARGETS.role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
-        paths = _paths_of(states, like=predicted[Role.EGO_PATH], where=topics[Role.EGO_PATH])
-        tracks[Role.REMOTE_STATE] = vehicle_tracks(states, paths, with_onset=uses_onset)
-        inputs.append(InputCount(topics[Role.TARGETS], Role.TARGETS.value, len(everything), len(states)))
+        paths = _paths_of(states, like=predicted[EGO_PATH.role], where=topics[EGO_PATH.role])
+        tracks[REMOTE_STATE.role] = vehicle_tracks(states, paths, with_onset=uses_onset)
+        inputs.append(InputCount(topics[TARGETS.role], TARGETS.role, len(everything), len(states)))
     outcomes = []
     for name in names:
-        result = evaluate(hosts[0], tracks[Role.REMOTE_STATE], replace(config.rule, rule=name))
+        result = evaluate(hosts[0], tracks[REMOTE_STATE.role], replace(config.rule, rule=name))
         sections = _sections(result, log.start_ns)
         outcomes.append(
             RuleOutcome(name, result.log_time_ns, result.channel, result.tables, sections, tuple(inputs), bound.notes)

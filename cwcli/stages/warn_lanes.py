@@ -8,20 +8,20 @@ import numpy as np
 
 from cwcli.channels.binding import Bindings
 from cwcli.channels.observer import recorded_vehicle
+from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.channels.states import read_paths, rows_by_stamp
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import Cell, InputCount, Section
 from cwcli.prediction.paths import Paths
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import logged_within
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDepartureResult, evaluate_lane_departure
 
-NEEDED = (Role.OBSERVER_PATH, Role.LANES)
+NEEDED = (OBSERVER_PATH.role, LANES.role)
 NO_PATH = "no path from the observer"
 BOUNDARY = ("lateral_m", "slope", "ground_curvature_1pm")
 PLACES = tuple(f"{side}.{name}" for side in ("left", "right") for name in ("found", *BOUNDARY))
@@ -87,10 +87,8 @@ def warn_of_lane_departure(
     )
     without = len(stamp_ns) - len(mine)
     inputs = (
-        InputCount(path_topic, Role.OBSERVER_PATH.value, len(predicted), len(theirs)),
-        InputCount(
-            lanes_topic, Role.LANES.value, len(lanes), len(mine), set_aside={NO_PATH: without} if without else {}
-        ),
+        InputCount(path_topic, OBSERVER_PATH.role, len(predicted), len(theirs)),
+        InputCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside={NO_PATH: without} if without else {}),
     )
     return LaneWarnings(result, inputs, _sections(result, log.start_ns), notes)
 

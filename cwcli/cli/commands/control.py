@@ -145,12 +145,14 @@ class _Sources:
         Raises:
             MissingSignalError: The log has neither both states nor the sensors from which to estimate them.
         """
-        from cwcli.channels.binding import Role, bind
+        from cwcli.channels.binding import bind
+        from cwcli.channels.published import EGO_STATE, REMOTE_STATE
         from cwcli.pipeline.missing import Missing
+        from cwcli.signals.codec import Role
 
         if stage != "estimate":
             return None
-        states, sources = (Role.EGO_STATE, Role.REMOTE_STATE), (Role.EGO_POSITION, Role.REMOTE)
+        states, sources = (EGO_STATE.role, REMOTE_STATE.role), (Role.EGO_POSITION, Role.REMOTE)
         found = bind(log.channels, selection.topics, required=(), optional=states, where=log.name)
         has_states = any(role in found for role in states)
         bind(

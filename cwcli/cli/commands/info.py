@@ -39,20 +39,20 @@ def command(log: LogArgument, reading: ReadingOptions, sensors: SensorOptions, t
 
 def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
     """What `--json` prints."""
-    from cwcli.channels.binding import Role, bind, parse_overrides
+    from cwcli.channels.binding import EVERY_ROLE, bind, parse_overrides
 
     bindings = bind(
         log.channels,
         parse_overrides(reading.topic),
         required=(),
-        optional=tuple(Role),
+        optional=EVERY_ROLE,
         ego_station=sensors.ego_station,
         where=log.name,
     )
     roles: dict[str, list[str]] = {}
     for role, bound in bindings.by_role.items():
         for binding in bound:
-            roles.setdefault(binding.topic, []).append(role.value)
+            roles.setdefault(binding.topic, []).append(str(role))
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     return {
         "name": log.name,
@@ -69,7 +69,7 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
         "channels": [_channel(channel, duration_s, roles.get(channel.topic, [])) for channel in log.channels],
         "attachments": [{"name": entry.name, "size_bytes": entry.size} for entry in log.attachments],
         "metadata": [name for name, _ in log.metadata],
-        "commands": _commands({role.value for role in bindings.by_role}),
+        "commands": _commands(set(map(str, bindings.by_role))),
         "notes": list(bindings.notes),
         "faults": log.faults.counts(),
     }

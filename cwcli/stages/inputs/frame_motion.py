@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.channels.binding import bind
+from cwcli.channels.published import EGO_STATE
 from cwcli.channels.states import read_states
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount
@@ -61,11 +62,11 @@ class Motion:
 def read_motion(log: Log, topics: Mapping[str, str]) -> Motion:
     """The estimated state if `cwcli estimate` has run; else the speed channel and the gyroscope, as far as there are
     any."""
-    bound = bind(log.channels, topics, required=(), optional=(Role.EGO_STATE,), where=log.name)
-    topic = bound.topic(Role.EGO_STATE)
+    bound = bind(log.channels, topics, required=(), optional=(EGO_STATE.role,), where=log.name)
+    topic = bound.topic(EGO_STATE.role)
     if topic is not None:
         states = read_states(log.columns(topic))
-        count = InputCount(topic, Role.EGO_STATE.value, len(states), len(states))
+        count = InputCount(topic, EGO_STATE.role, len(states), len(states))
         order = np.argsort(states.stamp_ns, kind="stable")
         stamp_ns, state = states.stamp_ns[order], states.state[order]
         return Motion(Series(stamp_ns, state[:, 2]), Series(stamp_ns, state[:, 5]), (count,))

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.published import LANES
 from cwcli.channels.states import rows_by_stamp
 from cwcli.dynamics.samples import LaneSamples
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
 
@@ -82,7 +82,7 @@ def read_lanes(columns: Columns, *, where: str) -> ReadLanes:
     )
     count = InputCount(
         columns.topic,
-        Role.LANES.value,
+        LANES.role,
         len(columns),
         len(rows) - n_empty,
         rejected={reason: n for reason, n in rejected.items() if n},

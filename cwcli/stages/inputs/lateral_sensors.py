@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.published import EGO_STATE
 from cwcli.channels.states import read_states
 from cwcli.dynamics.samples import Samples
 from cwcli.pipeline.result import InputCount
@@ -64,7 +65,7 @@ def inputs_of(sources: Sources, ego_state: Columns | None, *, use_gyro: bool, us
         if use_gyro and yaw_rate is None:
             yaw_rate = Samples(stamp_ns, state[:, YAW_RATE], np.sqrt(variance))
             yaw_rate_source = ego_state.topic
-        counts.append(InputCount(ego_state.topic, Role.EGO_STATE.value, len(states), len(states)))
+        counts.append(InputCount(ego_state.topic, EGO_STATE.role, len(states), len(states)))
     if speed is None:
         speed, speed_source = _speed_over_ground(sources)
     steer, steer_source = _steer(sources) if use_steer else (None, "")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from cwcli.channels.binding import OWN_TOPIC_PREFIX, is_truth_topic
+from cwcli.channels.binding import is_truth_topic
+from cwcli.channels.published import OWN_PREFIX
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount
@@ -177,4 +178,4 @@ def _read(log: Log, topic: str, tree: dict[str, Transform], frame_id: str) -> In
 
 
 def _is_left_out(topic: str) -> bool:
-    return topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(topic)
+    return topic.startswith(OWN_PREFIX) or is_truth_topic(topic)

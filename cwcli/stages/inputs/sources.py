@@ -101,7 +101,8 @@ def read_sources(
     loaded = log.load({**wanted, **further})
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
-    for role, bindings in bound.by_role.items():
+    for role in dict.fromkeys((*required, *optional)):
+        bindings = bound.of(role)
         signals: list[Signal] = []
         for binding in bindings:
             columns = logged_within(loaded[binding.topic], config.start_ns, config.end_ns)

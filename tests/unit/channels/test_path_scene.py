@@ -9,7 +9,8 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.path_scene import LIFETIME_NS, N_POINTS, PATH_SCENE_TOPIC, path_scene
+from cwcli.channels.path_scene import LIFETIME_NS, N_POINTS, path_scene
+from cwcli.channels.published import PATH_SCENE
 from cwcli.logs.writer import LogWriter
 from cwcli.signals.columns import OutputChannel, Strings
 
@@ -40,7 +41,7 @@ def scenes(channel: OutputChannel, folder: Path) -> list[tuple[int, Any]]:
         log.write_columns(channel)
     with (folder / "scene.mcap").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return [(row.message.log_time, row.decoded_message) for row in reader.iter_decoded_messages(PATH_SCENE_TOPIC)]
+        return [(row.message.log_time, row.decoded_message) for row in reader.iter_decoded_messages(PATH_SCENE.topic)]
 
 
 def test_a_path_is_a_line_with_its_first_and_last_point(tmp_path: Path) -> None:

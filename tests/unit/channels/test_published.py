@@ -1,57 +1,84 @@
-"""The list of published channels is complete: it has every topic that the stages and the schemas name."""
+"""The table of published channels: every topic is spelled there and nowhere else, and each has what belongs to it."""
 
 from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+import subprocess
+import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
-from cwcli.channels.published import POLICY, PUBLISHED, topics
+from cwcli.channels.published import OF_ROLE, POLICY, PUBLISHED, Channel, topics
 from cwcli.logs.schemas import message_schema, schema_folder
 
-PACKAGE = Path(__file__).parents[3] / "cwcli"
-TOPIC = re.compile(r"/cwcli/[\w/<>]*\w>?(?:/\w+)*")
+ROOT = Path(__file__).parents[3]
+TOPIC = re.compile(r"(?<!\w)/cwcli/[\w/<>]*[\w>]")
+EACH = pytest.mark.parametrize("channel", PUBLISHED, ids=lambda channel: channel.topic)
 
 
-def topics_in_code() -> Iterator[str]:
-    """The literals of the stages that are topics; what an f-string fills in counts as the policy."""
-    for path in sorted([*PACKAGE.glob("channels/*.py"), *PACKAGE.rglob("stages/**/*.py")]):
-        if path.name in ("published.py", "layout.py"):  # the list itself; who only shows what is in it
-            continue
+def spelled_topics() -> dict[str, set[str]]:
+    """What string literals of the package, docstrings aside, say below `/cwcli/` -> the files that say it."""
+    found = defaultdict(set)
+    for path in sorted((ROOT / "cwcli").rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        words = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in words:
+                for topic in TOPIC.findall(node.value):
+                    found[topic].add(path.relative_to(ROOT).as_posix())
+    return found
+
+
+def test_every_topic_is_spelled_in_one_file() -> None:
+    spelled = spelled_topics()
+    published = {channel.topic: {"cwcli/channels/published.py"} for channel in PUBLISHED}
+    examples = {"/cwcli/camera"}  # of options for topics that the user names
+    assert {topic: files for topic, files in spelled.items() if topic not in examples} == published
+
+
+def test_one_module_beside_the_table_writes_each_channel() -> None:
+    """A descriptor without a file of its own would be a topic that nobody writes."""
+    names = {name: value for name, value in vars(sys.modules[Channel.__module__]).items() if isinstance(value, Channel)}
+    assert tuple(names.values()) == PUBLISHED
+    users = defaultdict(set)
+    for path in sorted((ROOT / "cwcli").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            text = ""
-            if isinstance(node, ast.JoinedStr):
-                text = "".join(part.value if isinstance(part, ast.Constant) else POLICY for part in node.values)
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                text = node.value
-            if re.fullmatch(r"/cwcli/[\w/<>]+[\w>]", text):
-                yield text
+            if isinstance(node, ast.ImportFrom) and node.module == Channel.__module__:
+                for alias in node.names:
+                    users[alias.name].add(path.name)
+    assert {name for name in names if not users[name]} == set()
 
 
-def test_every_topic_in_the_stages_is_published() -> None:
-    named = {topic for topic in topics_in_code() if topic != "/cwcli/control/"}
-    assert len(named) >= 14
-    assert named - {entry.topic for entry in PUBLISHED} == set()
+@EACH
+def test_schema_is_there_and_its_comment_names_the_topic(channel: Channel) -> None:
+    assert message_schema(channel.schema).descriptor.full_name == channel.schema
+    if channel.schema.startswith("cwcli.v1."):
+        folder = schema_folder() / "cwcli" / "v1"
+        files = [entry for entry in folder.iterdir() if entry.name.endswith(".proto")]
+        text = "".join(entry.read_text(encoding="utf-8") for entry in files)
+        assert channel.topic in TOPIC.findall(text)
 
 
-def test_the_schemas_name_the_topics_of_their_messages() -> None:
-    folder = schema_folder() / "cwcli" / "v1"
-    text = "".join(entry.read_text(encoding="utf-8") for entry in folder.iterdir() if entry.name.endswith(".proto"))
-    own = {entry.topic for entry in PUBLISHED if entry.schema.startswith("cwcli.v1.")}
-    assert own - set(TOPIC.findall(text)) == set()
+@EACH
+def test_the_channel_reference_has_a_row(channel: Channel) -> None:
+    page = (ROOT / "docs" / "channels.md").read_text(encoding="utf-8")
+    role = f"`{channel.role}`" if channel.role else ""
+    assert f"| `{channel.topic}` | `{channel.schema}` | `{channel.stage}` | {role} | {channel.what} |" in page
 
 
-@pytest.mark.parametrize("schema", sorted({entry.schema for entry in PUBLISHED}))
-def test_schema_is_there(schema: str) -> None:
-    assert message_schema(schema).descriptor.full_name == schema
-
-
-def test_topics_are_told_once_and_the_policies_are_filled_in() -> None:
-    names = [entry.topic for entry in PUBLISHED]
+def test_topics_and_roles_are_told_once_and_the_policies_are_filled_in() -> None:
+    names = [channel.topic for channel in PUBLISHED]
     assert len(names) == len(set(names))
+    roles = [channel.role for channel in PUBLISHED if channel.role]
+    assert len(roles) == len(set(roles)) == len(OF_ROLE)
     assert topics()["/cwcli/control/driver/pose"] == "foxglove.PoseInFrame"
-    assert not any("<" in topic for topic in topics())
-    assert all(entry.what for entry in PUBLISHED if entry.schema.startswith("foxglove."))
+    assert not any(POLICY in topic for topic in topics())
+    assert all(channel.what and channel.stage for channel in PUBLISHED)
+
+
+def test_the_table_takes_no_numpy() -> None:
+    code = "import sys, cwcli.channels.published; assert 'numpy' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -10,13 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.channels.states_and_paths import (
-    EGO_PATH_TOPIC,
-    EGO_STATE_TOPIC,
-    constant_strings,
-    predicted_paths,
-    vehicle_states,
-)
+from cwcli.channels.published import EGO_PATH, EGO_STATE
+from cwcli.channels.states_and_paths import constant_strings, predicted_paths, vehicle_states
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.log import Log
@@ -86,7 +81,7 @@ def test_errors_against_the_truth(tmp_path: Path) -> None:
     estimated = straight(x0_m=0.3, y_m=-0.4, speed_mps=10.1)
     estimated[:, 3] = math.radians(1.0)
     estimated[:, 4], estimated[:, 5] = 0.2, math.radians(-2.0)
-    log = log_of(tmp_path / "a.mcap", [states(EGO_STATE_TOPIC, estimated), states("/truth/ego", straight())])
+    log = log_of(tmp_path / "a.mcap", [states(EGO_STATE.topic, estimated), states("/truth/ego", straight())])
     found = values(log)
     expected = {
         "ego.position_rmse_m": 0.5,
@@ -107,7 +102,7 @@ def test_errors_against_the_truth(tmp_path: Path) -> None:
 
 def test_a_truth_topic_can_be_chosen_and_must_be_there(tmp_path: Path) -> None:
     channels = [
-        states(EGO_STATE_TOPIC, straight()),
+        states(EGO_STATE.topic, straight()),
         states("/truth/a", straight(y_m=1.0)),
         states("/truth/b", straight(y_m=2.0)),
     ]
@@ -129,9 +124,9 @@ def test_predictions_that_are_a_metre_per_second_too_fast(tmp_path: Path) -> Non
     log = log_of(
         tmp_path / "a.mcap",
         [
-            states(EGO_STATE_TOPIC, own),
+            states(EGO_STATE.topic, own),
             states("/truth/ego", straight(x0_m=-0.3, y_m=0.4)),
-            paths(EGO_PATH_TOPIC, own, speed_mps=11.0),
+            paths(EGO_PATH.topic, own, speed_mps=11.0),
         ],
     )
     rows = rows_of(evaluate_log(log))
@@ -304,7 +299,7 @@ def test_records_of_others_are_never_trusted(tmp_path: Path, text: str) -> None:
     entries = dict.fromkeys(("configuration", "sources", "counts", "scores"), text)
     records = {f"cwcli.run.{stage}": entries for stage in ("estimate", "predict", "warn", "track", "x")}
     own = straight()
-    channels = [states(EGO_STATE_TOPIC, own), paths(EGO_PATH_TOPIC, own, speed_mps=10.0), states("/truth/ego", own)]
+    channels = [states(EGO_STATE.topic, own), paths(EGO_PATH.topic, own, speed_mps=10.0), states("/truth/ego", own)]
     empty = {name: Strings(np.zeros(0, np.int32), ()) for name in ("rule", "host_id", "other_id", "message")}
     numbers = {name: np.zeros(0, np.int64) for name in ("stamp_ns", "event_id", "state")}
     channels.append(OutputChannel("/cwcli/warnings", "cwcli.v1.Warning", np.zeros(0, np.int64), {**numbers, **empty}))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.channels.lanes import LANES_TOPIC
+from cwcli.channels.published import LANES
 from cwcli.signals.columns import OutputChannel
 from tests.unit.evaluation.small_logs import T0_NS, log_of, values
 
@@ -40,7 +40,7 @@ def lanes_channel(*, right_found: list[bool], width_m: list[float]) -> OutputCha
     for side, line in (("left", (1.75, 0.01, 0.002)), ("right", (-1.75, 0.0, 0.0))):
         for name, value in zip(("lateral_m", "slope", "ground_curvature_1pm"), line, strict=True):
             fields[f"{side}.{name}"] = np.full(n, value)
-    return OutputChannel(LANES_TOPIC, "cwcli.v1.Lanes", stamp_ns, fields)
+    return OutputChannel(LANES.topic, "cwcli.v1.Lanes", stamp_ns, fields)
 
 
 def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.binding import bind
+from cwcli.channels.published import EGO_PATH, LANES, OBSERVER, OBSERVER_PATH
 from cwcli.signals.build import build
 from cwcli.signals.canonical import SteerSignal
 from cwcli.signals.codec import Role
@@ -79,9 +80,9 @@ def test_lanes_and_observer_are_bound_by_name_and_their_truth_by_its_segment() -
     found = bind(
         channels,
         {},
-        required=(Role.LANES, Role.OBSERVER, Role.LATERAL_TRUTH, Role.OBSERVER_PATH, Role.EGO_PATH),
+        required=(LANES.role, OBSERVER.role, Role.LATERAL_TRUTH, OBSERVER_PATH.role, EGO_PATH.role),
     )
-    assert {role.value: found.topic(role) for role in found.by_role} == {
+    assert {role: found.topic(role) for role in found.by_role} == {
         "lanes": "/cwcli/lanes",
         "observer": "/cwcli/observer",
         "lateral_truth": "/truth/lateral",
@@ -89,5 +90,5 @@ def test_lanes_and_observer_are_bound_by_name_and_their_truth_by_its_segment() -
         "ego_path": "/cwcli/ego/path",
     }
     assert (
-        bind(channels, {"lanes": "/truth/boundaries"}, required=(Role.LANES,)).topic(Role.LANES) == "/truth/boundaries"
+        bind(channels, {"lanes": "/truth/boundaries"}, required=(LANES.role,)).topic(LANES.role) == "/truth/boundaries"
     )

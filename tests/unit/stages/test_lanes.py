@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.lanes import ANNOTATIONS_TOPIC, LANES_TOPIC
+from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
@@ -49,8 +49,8 @@ def written(path: Path, config: LanesConfig, target: Path) -> dict[str, list[obj
 def test_boundaries_are_published_frame_by_frame(tmp_path: Path) -> None:
     source = write_log(tmp_path / "road.mcap", road_frames(14))
     messages = written(source, LanesConfig(method="zhang2011", render=RENDERED), tmp_path / "out.mcap")
-    assert len(messages["/camera/image"]) == len(messages[LANES_TOPIC]) == len(messages[ANNOTATIONS_TOPIC]) == 14
-    log_time_ns, last = messages[LANES_TOPIC][-1]
+    assert len(messages["/camera/image"]) == len(messages[LANES.topic]) == len(messages[LANE_LINES.topic]) == 14
+    log_time_ns, last = messages[LANES.topic][-1]
     assert log_time_ns == START_NS + 13 * STEP_NS + 5_000_000
     assert last.stamp_ns == START_NS + 13 * STEP_NS
     y_px = np.arange(1.0, 150.0)
@@ -67,7 +67,7 @@ def test_annotations_lie_on_the_image_of_the_camera(tmp_path: Path) -> None:
     frames = [cv2.resize(cv2.imdecode(np.frombuffer(f, np.uint8), 1), (640, 480)) for f in road_frames(14)]
     source = write_log(tmp_path / "road.mcap", [encoded(image, ".png") for image in frames])
     messages = written(source, LanesConfig(method="zhang2011"), tmp_path / "out.mcap")
-    lane, annotation = messages[LANES_TOPIC][-1][1], messages[ANNOTATIONS_TOPIC][-1][1]
+    lane, annotation = messages[LANES.topic][-1][1], messages[LANE_LINES.topic][-1][1]
     assert [line.type for line in annotation.points] == [3, 3]
     for line, side in zip(annotation.points, (lane.left, lane.right), strict=True):
         assert line.timestamp.ToNanoseconds() == lane.stamp_ns
@@ -81,7 +81,7 @@ def test_rendered_frames_are_the_cameras_with_lines(tmp_path: Path) -> None:
     source = write_log(tmp_path / "road.mcap", [*road_frames(5), b"damaged", *road_frames(5, first=5)])
     messages = written(source, LanesConfig(method="zhang2011", render=RENDERED), tmp_path / "out.mcap")
     rendered = messages[RENDERED]
-    assert [time for time, _ in rendered] == [time for time, _ in messages[LANES_TOPIC]]
+    assert [time for time, _ in rendered] == [time for time, _ in messages[LANES.topic]]
     assert len(rendered) == 10
     originals = {m.timestamp.ToNanoseconds(): m for _, m in messages["/camera/image"]}
     for _, message in rendered:
@@ -216,7 +216,7 @@ def test_span_limits_the_frames(tmp_path: Path) -> None:
         method="zhang2011", start_ns=START_NS + STEP_NS, end_ns=START_NS + 4 * STEP_NS, render=RENDERED
     )
     messages = written(path, config, tmp_path / "out.mcap")
-    assert [m.stamp_ns for _, m in messages[LANES_TOPIC]] == [START_NS + k * STEP_NS for k in (1, 2, 3)]
+    assert [m.stamp_ns for _, m in messages[LANES.topic]] == [START_NS + k * STEP_NS for k in (1, 2, 3)]
     assert len(messages[RENDERED]) == 3
 
 

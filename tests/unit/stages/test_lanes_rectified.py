@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from cwcli.channels.lanes import ANNOTATIONS_TOPIC, LANES_TOPIC
 from cwcli.channels.lens import Lenses
+from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
@@ -136,7 +136,7 @@ def test_lens_is_told_with_the_lanes_and_read_back(seen: Seen, tmp_path: Path) -
     with Log.open(seen.path) as log:
         annotate(log, seen.result.channels, {}, tmp_path / "out.mcap")
     with Log.open(tmp_path / "out.mcap") as log:
-        from_file, in_memory = (Lenses(each.columns(LANES_TOPIC)).camera(3) for each in (log, seen.log))
+        from_file, in_memory = (Lenses(each.columns(LANES.topic)).camera(3) for each in (log, seen.log))
     assert from_file == in_memory
     if seen.lens.model != "equidistant" and not any(seen.lens.coefficients):  # a roll alone: searched as it is
         assert from_file is None
@@ -231,7 +231,7 @@ def test_camera_without_distortion_and_roll_gives_the_same_bytes(
     with_choice = written(tmp_path / "a.mcap")
     monkeypatch.setitem(methods.METHODS, "cwcli", replace(methods.METHODS["cwcli"], is_rectified=False))
     assert written(tmp_path / "b.mcap") == with_choice
-    assert ANNOTATIONS_TOPIC.encode() in with_choice
+    assert LANE_LINES.topic.encode() in with_choice
 
 
 def test_zhang2011_searches_the_frame_as_it_is(bent: Seen) -> None:

@@ -10,7 +10,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.observer import OBSERVER_TOPIC, read_observer, recorded_vehicle
+from cwcli.channels.observer import read_observer, recorded_vehicle
+from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import Samples
@@ -96,7 +97,7 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
             (message.log_time, decoded)
             for _, _, message, decoded in make_reader(
                 file, validate_crcs=True, decoder_factories=[DecoderFactory()]
-            ).iter_decoded_messages(topics=[OBSERVER_TOPIC])
+            ).iter_decoded_messages(topics=[OBSERVER.topic])
         ]
     rows = result.tables["observer"].records()
     assert len(found) == len(rows) == 121
@@ -109,7 +110,7 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
         assert message.Status.Name(message.status) == f"STATUS_{row['status'].upper()}"
         assert (message.preview_distance_m, message.mass_kg) == (33.5, 1215.0)
     with Log.open(target) as log:
-        back = read_observer(log.columns(OBSERVER_TOPIC)).track
+        back = read_observer(log.columns(OBSERVER.topic)).track
         car, notes = recorded_vehicle(log.metadata)
     np.testing.assert_array_equal(back.state[:, 1], [row["yaw_rate_radps"] for row in rows])
     assert (car, notes) == (load_vehicle(), ())

@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from cwcli.channels.published import OBSERVER_PATH_LINES
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
@@ -19,7 +20,7 @@ from cwcli.simulate.road_log import plan, road_config, write_road
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.observe import ObserveConfig, observe
-from cwcli.stages.path_overlay import ANNOTATIONS_TOPIC, path_overlay
+from cwcli.stages.path_overlay import path_overlay
 from cwcli.stages.predict import PredictConfig, predict
 from cwcli.vision.camera import Mounting
 from cwcli.vision.path_overlay import PATH_RGB
@@ -60,7 +61,7 @@ def decoded(path: Path) -> dict[str, list[object]]:
     messages: dict[str, list[object]] = {}
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, message, body in reader.iter_decoded_messages(topics=[ANNOTATIONS_TOPIC, RENDERED]):
+        for _, channel, message, body in reader.iter_decoded_messages(topics=[OBSERVER_PATH_LINES.topic, RENDERED]):
             messages.setdefault(channel.topic, []).append((message.log_time, body))
     return messages
 
@@ -74,7 +75,7 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     assert overlay.notes == ()
     annotate(log, overlay.channels, {}, tmp_path / "out.mcap")
     messages = decoded(tmp_path / "out.mcap")
-    drawn = messages[ANNOTATIONS_TOPIC]
+    drawn = messages[OBSERVER_PATH_LINES.topic]
     assert [time for time, _ in drawn] == log_time_ns.tolist()
     assert [len(body.points) for _, body in drawn] == [0 if k == 4 else 4 for k in range(n)]
     band, centre, left, _ = drawn[7][1].points
@@ -104,7 +105,7 @@ def test_predict_publishes_the_observers_path_on_the_frames(log: Log) -> None:
     result = predict(observed, PredictConfig(origin="observer", horizon_s=2.0, render=RENDERED))
     by_topic = {channel.topic: channel for channel in result.channels}
     n = len(stamps(log)[0])
-    assert len(by_topic[ANNOTATIONS_TOPIC]) == len(by_topic[RENDERED]) == n
+    assert len(by_topic[OBSERVER_PATH_LINES.topic]) == len(by_topic[RENDERED]) == n
     plain = predict(observed, PredictConfig(origin="observer", horizon_s=2.0))
     assert {channel.topic for channel in plain.channels} == set(by_topic) - {RENDERED}
     with pytest.raises(UsageError, match="--render"):
