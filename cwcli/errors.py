@@ -44,6 +44,12 @@ class UsageError(CwcliError):
     exit_code = EXIT_USAGE
 
 
+class PluginError(CwcliError):
+    """A plug-in of another package can't be used."""
+
+    exit_code = EXIT_USAGE
+
+
 class InputError(CwcliError):
     """The input can't be read, or is damaged."""
 

@@ -132,12 +132,10 @@ def check_request(model: str, discretisation: Discretisation, horizon_s: float, 
 
 
 def _model(name: str, discretisation: Discretisation) -> Model:
-    known = MODELS | HYPOTHESES
-    if name not in known:
-        raise UsageError(f"there is no motion model '{name}'", hint=f"one of: {', '.join(MODELS)}")
-    if discretisation == "paper" and not known[name].in_paper:
+    model = HYPOTHESES[name] if name in HYPOTHESES else MODELS.require(name)
+    if discretisation == "paper" and not model.in_paper:
         raise UsageError(f"model '{name}' has no form in song2016", hint="use --discretisation exact")
-    return known[name]
+    return model
 
 
 def _check_shapes(state: FloatArray, covariance: FloatArray | None) -> None:

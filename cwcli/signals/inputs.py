@@ -1,6 +1,7 @@
 """The registry of inputs: which schema can fill which role, which leaf fields that takes, and who builds the signal.
 
-To add a message type: write its builder in a file, and add one entry here.
+To add a message type: write its builder in a file, and add one entry here. Other packages add theirs in the group
+`cwcli.inputs`: an entry point named like the schema, for an `Input` or a tuple of them.
 """
 
 from __future__ import annotations
@@ -8,9 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, lru_cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from cwcli.errors import PluginError
+from cwcli.registry import Registry, named, plugin_entry
 from cwcli.signals.codec import Build, Fields, Input, Reading, Role
 from cwcli.signals.leaf_names import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
 
@@ -25,8 +27,7 @@ GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "sep
 
 def _named(name: str) -> Any:
     """`module.name` of this package."""
-    module, _, attribute = name.rpartition(".")
-    return getattr(import_module(f"cwcli.signals.{module}"), attribute)
+    return named(f"cwcli.signals.{name.replace('.', ':')}")
 
 
 def _builder(name: str) -> Build:
@@ -297,7 +298,7 @@ def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...
 # what is drawn for viewers counts only where no sensor reports for itself
 _DRAWN = _detections(_CUBES, _build_cubes, rank=1)
 
-INPUTS: dict[str, tuple[Input, ...]] = {
+_BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "sensor_msgs/NavSatFix": _fix(_ROS_FIX),
     "foxglove.LocationFix": _fix(_FOXGLOVE_FIX),
     "foxglove_msgs/LocationFix": _fix(_FOXGLOVE_FIX),
@@ -353,6 +354,23 @@ INPUTS: dict[str, tuple[Input, ...]] = {
     ),
     "cwcli.v1.LateralState": (Input(Role.LATERAL_TRUTH, {}, None),),
 }
+
+
+def _accept(entry: object, error: Callable[[str], PluginError]) -> tuple[Input, ...]:
+    """A plug-in's inputs, with their builders guarded."""
+    inputs = entry if isinstance(entry, tuple) else (entry,)
+    if any(isinstance(one, Input) and one.build is None for one in inputs):
+        raise error("has no builder")
+    return tuple(plugin_entry(Input, {"build": _check_built})(one, error) for one in inputs)
+
+
+def _check_built(built: object, columns: Columns, reading: Reading) -> object:
+    from cwcli.signals.contract import check_built
+
+    return check_built(built, columns, reading)
+
+
+INPUTS: Registry[tuple[Input, ...]] = Registry("input", "cwcli.inputs", _BUILTIN, _accept, spell=normalise)
 
 
 @lru_cache(maxsize=256)

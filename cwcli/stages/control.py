@@ -126,10 +126,8 @@ def check_config(config: ControlConfig) -> None:
         UsageError: An unknown model or rule, or a setting out of range.
     """
     model = config.predictor or DEFAULT_MODEL
-    if model not in MODELS:
-        raise UsageError(f"there is no motion model '{model}'", hint=f"one of: {', '.join(MODELS)}")
-    if config.rule.rule not in RULES:
-        raise UsageError(f"there is no warning rule '{config.rule.rule}'", hint=f"one of: {', '.join(RULES)}")
+    MODELS.require(model)
+    RULES.require(config.rule.rule)
     if not (np.isfinite(config.rule.horizon_s) and config.rule.horizon_s > 0.0):
         raise UsageError(f"a horizon of {config.rule.horizon_s:g} is not positive")
     if not MIN_SPAN_S <= config.span.duration_s <= 600.0:

@@ -172,8 +172,7 @@ def check_config(config: LanesConfig) -> None:
     Raises:
         UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
     """
-    if config.method not in METHODS:
-        raise UsageError(f"there is no lane method {config.method}", hint=f"known: {', '.join(METHODS)}")
+    METHODS.require(config.method)
     if not 0.0 < config.preview_m <= MAX_PREVIEW_M:
         raise UsageError(f"--preview {config.preview_m:g} must be positive, and at most {MAX_PREVIEW_M:g} m")
     if config.mounting is not None:

@@ -46,7 +46,7 @@ from cwcli.vision.lane_model import (
     pitch_of,
     prior_of,
 )
-from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
+from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, Method
 
 MAX_PIXELS = 256_000
 """Of the search image: a camera's image is halved until it has no more."""
@@ -258,3 +258,12 @@ def search_size(width_px: int, height_px: int) -> tuple[int, int]:
     while width_px * height_px > MAX_PIXELS:
         width_px, height_px = (width_px + 1) // 2, (height_px + 1) // 2
     return width_px, height_px
+
+
+METHOD = Method(
+    summary="both boundaries together as stripes of a marking's width, tracked; finds the horizon itself",
+    search_size=search_size,
+    make=LaneTracker,
+    uses_motion=True,
+    is_rectified=True,
+)

@@ -88,3 +88,25 @@ class Method:
     prepare: Callable[[GreyImage], object] | None = None
     uses_motion: bool = False
     is_rectified: bool = False
+
+
+def check_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:
+    """The size that a plug-in's search wants.
+
+    Raises:
+        ValueError: It is not two positive whole numbers.
+    """
+    if not (isinstance(size, tuple) and len(size) == 2 and all(isinstance(side, int) and side > 0 for side in size)):
+        raise ValueError(f"{size!r} is no (width_px, height_px)")
+    return size
+
+
+def check_fit(fit: LaneFit, frame: LaneFrame) -> LaneFit:
+    """What a plug-in's search found.
+
+    Raises:
+        TypeError: It is no fit of two boundaries.
+    """
+    if not (isinstance(fit, LaneFit) and isinstance(fit.left, Boundary) and isinstance(fit.right, Boundary)):
+        raise TypeError(f"{fit!r} is no LaneFit of two boundaries")
+    return fit

@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.kernels import lane_search
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
-from cwcli.vision.method import LaneFit, LaneFrame
+from cwcli.vision.method import LaneFit, LaneFrame, Method
 from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, ResponseArray, block_responses
 
 CROSSOVER_RATE = 0.45
@@ -174,3 +174,11 @@ class Zhang2011Search:
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:
     """The paper's image size, whatever the camera's."""
     return WIDTH_PX, HEIGHT_PX
+
+
+METHOD = Method(
+    summary="the paper's genetic search on 320 x 240",
+    search_size=search_size,
+    make=Zhang2011Search,
+    prepare=block_responses,
+)

@@ -66,7 +66,7 @@ def evaluate(
     log_time_ns, channel = warnings_channel(
         pairs,
         ids,
-        rule=rule.name,
+        rule=config.rule,
         host_id=host.id,
         clock_ns=host.stamp_ns,
         clock_log_ns=host.log_time_ns,
@@ -75,11 +75,11 @@ def evaluate(
     return WarningResult(
         log_time_ns=log_time_ns,
         channel=channel,
-        events=events_table(pairs, ids, rule=rule.name, host_id=host.id, clock_ns=host.stamp_ns),
+        events=events_table(pairs, ids, rule=config.rule, host_id=host.id, clock_ns=host.stamp_ns),
         conflicts=conflicts_table(pairs, ids, host_id=host.id),
         pairs=pairs_table(pairs, host_id=host.id),
         series=series_table(pairs, host_id=host.id),
-        scores=scores_table(pairs, rule=rule.name, hours=hours),
+        scores=scores_table(pairs, rule=config.rule, hours=hours),
         counts=_counts(pairs),
     )
 
@@ -90,8 +90,7 @@ def check_config(config: WarningConfig) -> None:
     Raises:
         UsageError: An unknown rule, or a value out of its range.
     """
-    if config.rule not in RULES:
-        raise UsageError(f"there is no warning rule '{config.rule}'", hint=f"one of: {', '.join(RULES)}")
+    RULES.require(config.rule)
     positive = {"horizon": config.horizon_s, "distance": config.distance_m, "max age": config.max_age_s}
     for name, value in positive.items():
         if not (np.isfinite(value) and value > 0.0):

@@ -44,7 +44,7 @@ def test_file_and_environment_are_in_it(cwcli: Run, tmp_path: Path) -> None:
         ('[estimate]\nmodel = "x"', ["estimate.model = 'x'", "cwcli"]),
         ("[estimate]\nrate = [1]", ["estimate.rate must not be a list"]),
         ("[estimate]\nrate = {a = 1}", ["estimate.rate must be a value"]),
-        ('[lanes]\nmethod = "x"', ["there is no lane method x", "hint:  known: cwcli"]),
+        ('[lanes]\nmethod = "x"', ["there is no lane method 'x'", "hint:  one of: cwcli"]),
         ("[lanes]\npreview = -4", ["--preview -4 must be positive"]),
         ('run = {stages = ["control"]}\n[control]\nduration = 0', ["a duration of 0 s is not between"]),
         ("[estimat]\nrate = 1", ["unknown key [estimat]", "did you mean estimate"]),

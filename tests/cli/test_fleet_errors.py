@@ -108,7 +108,7 @@ def test_ctrl_c_while_workers_start_is_one_line(short: Path, tmp_path: Path, del
         (["--predict-horizon", "-1"], "a horizon of -1 s is not"),
         (["--predict-model", "nope"], "there is no motion model 'nope'"),
         (["--predict-from", "observer", "--predict-model", "ctrv"], "does not start from the observer"),
-        (["--lanes-method", "nope"], "there is no lane method nope"),
+        (["--lanes-method", "nope"], "there is no lane method 'nope'"),
         (["--lanes-seed", "-1"], "--seed -1 must lie between"),
         (["--lanes-camera-height", "-3"], "--camera-height"),
         (["--lanes-render", "no topic"], "--render 'no topic' is no topic's name"),

@@ -34,14 +34,6 @@ EXAMPLES = (
 )
 
 
-def _models(incomplete: str) -> list[tuple[str, str]]:
-    return [(name, model.summary) for name, model in MODELS.items() if name.startswith(incomplete)]
-
-
-def _rules(incomplete: str) -> list[tuple[str, str]]:
-    return [(name, rule.summary) for name, rule in RULES.items() if name.startswith(incomplete)]
-
-
 @dataclass(frozen=True)
 class ControlOptions(StageOptions):
     """Options of the stage."""
@@ -54,7 +46,7 @@ class ControlOptions(StageOptions):
             "--predictor",
             metavar="NAME",
             show_default=DEFAULT_MODEL,
-            autocompletion=_models,
+            autocompletion=MODELS.complete,
             help=f"Motion model that finds the warnings: {', '.join(MODELS)} (see `cwcli predict --help`).",
         ),
     ] = None
@@ -64,7 +56,7 @@ class ControlOptions(StageOptions):
             "--rule",
             metavar="NAME",
             show_default=f"song2016 with --predictor, else {DEFAULT_RULE}",
-            autocompletion=_rules,
+            autocompletion=RULES.complete,
             help=f"Warning rule: {', '.join(RULES)} (see `cwcli warn --help`).",
         ),
     ] = None

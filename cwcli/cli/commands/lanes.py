@@ -26,10 +26,6 @@ EXAMPLES = (
 MOUNTING = Mounting()
 
 
-def _methods(incomplete: str) -> list[tuple[str, str]]:
-    return [(name, method.summary) for name, method in METHODS.items() if name.startswith(incomplete)]
-
-
 @dataclass(frozen=True)
 class LanesOptions(StageOptions):
     """Options of the stage."""
@@ -41,8 +37,8 @@ class LanesOptions(StageOptions):
         typer.Option(
             "--method",
             metavar="NAME",
-            autocompletion=_methods,
-            help="; ".join(f"{name}: {method.summary}" for name, method in METHODS.items()) + ".",
+            autocompletion=METHODS.complete,
+            help=METHODS.help(),
         ),
     ] = DEFAULT_METHOD
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the random numbers of a genetic search.")] = 0

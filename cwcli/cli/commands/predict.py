@@ -20,10 +20,6 @@ EXAMPLES = (
 )
 
 
-def _models(incomplete: str) -> list[tuple[str, str]]:
-    return [(name, model.summary) for name, model in MODELS.items() if name.startswith(incomplete)]
-
-
 @dataclass(frozen=True)
 class PredictOptions(StageOptions):
     """Options of the stage."""
@@ -35,9 +31,9 @@ class PredictOptions(StageOptions):
         typer.Option(
             "--model",
             metavar="NAME",
-            autocompletion=_models,
-            help="; ".join(f"{name}: {model.summary}" for name, model in MODELS.items())
-            + ". From the observer: lateral (auto): the yaw rate goes over to the road's; lateral-zhang2011: speed, "
+            autocompletion=MODELS.complete,
+            help=MODELS.help()
+            + " From the observer: lateral (auto): the yaw rate goes over to the road's; lateral-zhang2011: speed, "
             "lateral speed and yaw rate stay.",
         ),
     ] = DEFAULT_MODEL

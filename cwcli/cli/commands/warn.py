@@ -26,10 +26,6 @@ DEFAULTS = WarningConfig()
 LANE_DEFAULTS = LaneDepartureConfig()
 
 
-def _rules(incomplete: str) -> list[tuple[str, str]]:
-    return [(name, rule.summary) for name, rule in RULES.items() if name.startswith(incomplete)]
-
-
 @dataclass(frozen=True)
 class WarnOptions(StageOptions):
     """Options of the stage."""
@@ -41,8 +37,8 @@ class WarnOptions(StageOptions):
         typer.Option(
             "--rule",
             metavar="NAME",
-            autocompletion=_rules,
-            help="; ".join(f"{name}: {rule.summary}" for name, rule in RULES.items()) + ".",
+            autocompletion=RULES.complete,
+            help=RULES.help(),
         ),
     ] = DEFAULT_RULE
     rules: Annotated[

@@ -1,18 +1,24 @@
-"""The motion models: one file each, and one line here."""
+"""The motion models: one file each, and one line here. Other packages add theirs in the group `cwcli.motion_models`."""
 
 from __future__ import annotations
 
-from cwcli.prediction.models import auto, ca, cj_cya, ctra, ctrv, cv, onset
-from cwcli.prediction.models.base import Model
+from cwcli.prediction.models import onset
+from cwcli.prediction.models.base import Model, check_responses, check_trust
+from cwcli.registry import Registry, plugin_entry
 
-MODELS: dict[str, Model] = {
-    "auto": auto.MODEL,
-    "cv": cv.MODEL,
-    "ca": ca.MODEL,
-    "ctrv": ctrv.MODEL,
-    "ctra": ctra.MODEL,
-    "cj-cya": cj_cya.MODEL,
-}
+MODELS: Registry[Model] = Registry(
+    "motion model",
+    "cwcli.motion_models",
+    {
+        "auto": "cwcli.prediction.models.auto:MODEL",
+        "cv": "cwcli.prediction.models.cv:MODEL",
+        "ca": "cwcli.prediction.models.ca:MODEL",
+        "ctrv": "cwcli.prediction.models.ctrv:MODEL",
+        "ctra": "cwcli.prediction.models.ctra:MODEL",
+        "cj-cya": "cwcli.prediction.models.cj_cya:MODEL",
+    },
+    plugin_entry(Model, {"responses": check_responses, "trust": check_trust}),
+)
 DEFAULT_MODEL = "auto"
 
 HYPOTHESES: dict[str, Model] = {

@@ -39,10 +39,8 @@ def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) 
 
 
 MODEL = Model(
-    name="auto",
     summary="derivatives trusted as far as the filter's covariance allows, fading with time",
     uses=(True, True, True, True),
     responses=responses,
     trust=trust,
-    in_paper=False,
 )

@@ -44,8 +44,7 @@ class Model:
     """A motion model.
 
     Attributes:
-        name: Key in the registry and on the command line.
-        summary: One line for `--help` and the docs.
+        summary: One line for `--help`.
         uses: Which of (accel, jerk, yaw rate, yaw accel) move it.
         responses: Times (any shape), prior -> `Responses`.
         trust: State (n, 8), covariance (n, 8, 8) or None, prior -> shape (n, 4): the factor in [0, 1] put on each
@@ -56,13 +55,12 @@ class Model:
         in_paper: Whether song2016's recursion (eq. 2, 9, 10) covers it.
     """
 
-    name: str
     summary: str
     uses: tuple[bool, bool, bool, bool]
     responses: Callable[[FloatArray, DriverPrior], Responses]
     trust: Trust
     hold: Hold | None = None
-    in_paper: bool = True
+    in_paper: bool = False
 
 
 def full_trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
@@ -70,7 +68,7 @@ def full_trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPr
     return np.ones((len(state), 4))
 
 
-def polynomial(name: str, summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
+def polynomial(summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
     """A model in which the derivatives it uses stay constant: A = t, J = t^2/2, W = t, D = t^2/2, or 0."""
 
     def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
@@ -84,4 +82,33 @@ def polynomial(name: str, summary: str, uses: tuple[bool, bool, bool, bool]) -> 
             half_square if yaw_accel else none,
         )
 
-    return Model(name=name, summary=summary, uses=uses, responses=responses, trust=full_trust)
+    return Model(summary=summary, uses=uses, responses=responses, trust=full_trust, in_paper=True)
+
+
+def check_responses(responses: Responses, time_s: FloatArray, *others: object) -> Responses:
+    """A plug-in's responses, checked against the times that they are for.
+
+    Raises:
+        TypeError: They are none.
+        ValueError: One has another shape.
+    """
+    if not isinstance(responses, Responses):
+        raise TypeError(f"a {type(responses).__name__}, no Responses")
+    for name, values in responses._asdict().items():
+        if np.shape(values) != np.shape(time_s):
+            raise ValueError(f"{name} has shape {np.shape(values)}, not {np.shape(time_s)}")
+    return responses
+
+
+def check_trust(trust: FloatArray, state: FloatArray, *others: object) -> FloatArray:
+    """A plug-in's trust, checked against the states that it is for.
+
+    Raises:
+        ValueError: It has not the shape (n, 4), or is not between 0 and 1.
+    """
+    if np.shape(trust) != (len(state), 4):
+        raise ValueError(f"shape {np.shape(trust)}, not ({len(state)}, 4)")
+    known = trust[np.isfinite(state).all(axis=1)]
+    if not ((known >= 0.0) & (known <= 1.0)).all():
+        raise ValueError("a factor that is not between 0 and 1")
+    return trust

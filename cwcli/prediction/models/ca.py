@@ -2,4 +2,4 @@
 
 from cwcli.prediction.models.base import polynomial
 
-MODEL = polynomial("ca", "constant acceleration and heading", (True, False, False, False))
+MODEL = polynomial("constant acceleration and heading", (True, False, False, False))

@@ -2,4 +2,4 @@
 
 from cwcli.prediction.models.base import polynomial
 
-MODEL = polynomial("cj-cya", "constant jerk and yaw acceleration", (True, True, True, True))
+MODEL = polynomial("constant jerk and yaw acceleration", (True, True, True, True))

@@ -2,4 +2,4 @@
 
 from cwcli.prediction.models.base import polynomial
 
-MODEL = polynomial("ctra", "constant turn rate and acceleration", (True, False, True, False))
+MODEL = polynomial("constant turn rate and acceleration", (True, False, True, False))

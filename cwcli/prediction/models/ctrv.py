@@ -2,4 +2,4 @@
 
 from cwcli.prediction.models.base import polynomial
 
-MODEL = polynomial("ctrv", "constant turn rate and speed", (False, False, True, False))
+MODEL = polynomial("constant turn rate and speed", (False, False, True, False))

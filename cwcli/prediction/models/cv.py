@@ -2,4 +2,4 @@
 
 from cwcli.prediction.models.base import polynomial
 
-MODEL = polynomial("cv", "constant speed and heading", (False, False, False, False))
+MODEL = polynomial("constant speed and heading", (False, False, False, False))

@@ -61,11 +61,9 @@ def hold(state: FloatArray, prior: DriverPrior) -> FloatArray:
 
 
 MODEL = Model(
-    name="onset",
     summary="a manoeuvre that has begun goes on to the car's limits",
     uses=(True, True, True, True),
     responses=responses,
     trust=trust,
     hold=hold,
-    in_paper=False,
 )

@@ -1,14 +1,19 @@
-"""The warning rules: one file each, and one line here."""
+"""The collision rules: one file each, and one line here. Other packages add theirs in the group `cwcli.rules`."""
 
 from __future__ import annotations
 
-from cwcli.warning.rules import cwcli, path_ttc, song2016, ttc
-from cwcli.warning.rules.base import Rule
+from cwcli.registry import Registry, plugin_entry
+from cwcli.warning.rules.base import Rule, check_decision
 
-RULES: dict[str, Rule] = {
-    "cwcli": cwcli.RULE,
-    "song2016": song2016.RULE,
-    "ttc": ttc.RULE,
-    "path-ttc": path_ttc.RULE,
-}
+RULES: Registry[Rule] = Registry(
+    "warning rule",
+    "cwcli.rules",
+    {
+        "cwcli": "cwcli.warning.rules.cwcli:RULE",
+        "song2016": "cwcli.warning.rules.song2016:RULE",
+        "ttc": "cwcli.warning.rules.ttc:RULE",
+        "path-ttc": "cwcli.warning.rules.path_ttc:RULE",
+    },
+    plugin_entry(Rule, {"decide": check_decision}),
+)
 DEFAULT_RULE = "cwcli"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -44,15 +44,34 @@ class Rule:
     """A warning rule.
 
     Attributes:
-        name: Key in the registry and on the command line.
-        summary: One line for `--help` and the docs.
+        summary: One line for `--help`.
         persistence_s: How long `armed` must have held before a warning, unless the user says otherwise.
         decide: Measures, those under the onset hypothesis (or None), options, persistence -> `Decision`.
         uses_onset: Whether it looks at the onset hypothesis.
     """
 
-    name: str
     summary: str
     persistence_s: float
     decide: Callable[[Measures, Measures | None, WarningConfig, float], Decision]
     uses_onset: bool = False
+
+
+def check_decision(decision: Decision, measures: Measures, *others: object) -> Decision:
+    """A plug-in's decision, checked against the evaluations that it is about.
+
+    Raises:
+        TypeError: It is none.
+        ValueError: One of its arrays has another shape, or a mask is none.
+    """
+    if not isinstance(decision, Decision):
+        raise TypeError(f"a {type(decision).__name__}, no Decision")
+    shape = measures.distance_m.shape
+    for name in (entry.name for entry in fields(Decision)):
+        values = getattr(decision, name)
+        if values is None and name in ("at_once", "probability", "alert_probability"):
+            continue
+        kind = np.bool_ if name in ("armed", "raised", "held", "at_once") else np.float64
+        if np.shape(values) != shape or np.asarray(values).dtype != kind:
+            found = np.asarray(values)
+            raise ValueError(f"{name} is {found.dtype} of shape {found.shape}, not {kind.__name__} of shape {shape}")
+    return decision

@@ -68,7 +68,6 @@ def _where(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
 
 
 RULE = Rule(
-    name="cwcli",
     summary="collision on the mean paths, probable under both covariances, persistent",
     persistence_s=0.1,
     decide=decide,

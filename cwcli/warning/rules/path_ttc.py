@@ -27,7 +27,6 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 
 
 RULE = Rule(
-    name="path-ttc",
     summary="outlines overlap along the predicted paths within the horizon",
     persistence_s=0.0,
     decide=decide,

@@ -27,7 +27,6 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 
 
 RULE = Rule(
-    name="song2016",
     summary="predicted distance at the horizon below the collision distance (song2016)",
     persistence_s=0.0,
     decide=decide,

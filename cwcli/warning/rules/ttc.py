@@ -26,7 +26,6 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 
 
 RULE = Rule(
-    name="ttc",
     summary="centre distance over closing speed below the horizon",
     persistence_s=0.0,
     decide=decide,

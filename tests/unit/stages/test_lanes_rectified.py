@@ -20,13 +20,15 @@ from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import StageResult
 from cwcli.prediction.paths import Paths
+from cwcli.registry import Registry, plugin_entry
 from cwcli.report.drive import read_drive
 from cwcli.report.frames import thumbnails
 from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.path_overlay import path_overlay
-from cwcli.vision import methods
+from cwcli.vision.method import Method
+from cwcli.vision.methods import METHODS
 from cwcli.vision.overlay import LEFT_RGB
 from cwcli.vision.rectify import camera_points, lowest_row_px
 from tests.unit.vision.fake_frames import encoded
@@ -229,7 +231,10 @@ def test_camera_without_distortion_and_roll_gives_the_same_bytes(
         return target.read_bytes()
 
     with_choice = written(tmp_path / "a.mcap")
-    monkeypatch.setitem(methods.METHODS, "cwcli", replace(methods.METHODS["cwcli"], is_rectified=False))
+    unrectified = replace(METHODS["cwcli"], is_rectified=False)
+    monkeypatch.setattr(
+        "cwcli.stages.lanes.METHODS", Registry("", "", {"cwcli": unrectified}, plugin_entry(Method, {}))
+    )
     assert written(tmp_path / "b.mcap") == with_choice
     assert LANE_LINES.topic.encode() in with_choice
 

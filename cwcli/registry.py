@@ -1,0 +1,240 @@
+"""What there are several of: built-in entries from a literal table, more from the entry points of other packages.
+
+A package adds an entry by an entry point in the registry's group, `name = "module:attribute"`. Entries are imported
+when they are asked for; names alone take no import. What a plug-in does wrong, when it is imported or when it is
+called, is a `PluginError` that names its package.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache, wraps
+from importlib import import_module
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, TypeVar
+
+from cwcli.errors import CwcliError, PluginError, UsageError
+
+T = TypeVar("T")
+Check = Callable[..., Any]
+"""The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """An entry point of another package: `name = target` in a group; `package` is its name and version."""
+
+    name: str
+    target: str
+    package: str
+
+    def load(self, what: str) -> object:
+        """The object that it names.
+
+        Raises:
+            PluginError: It can't be imported.
+        """
+        try:
+            return named(self.target)
+        except (Exception, SystemExit) as error:
+            raise self.error(what, f"can't be imported: {_said(error)}") from error
+
+    def error(self, what: str, problem: str) -> PluginError:
+        """What is wrong with it, as an error."""
+        return PluginError(
+            f"the {what} '{self.name}' of the package {self.package} {problem}",
+            hint=f"it is {self.target}; without it: uninstall {self.package.split()[0]}",
+        )
+
+
+class Registry(Mapping[str, T]):
+    """Name -> entry: the built-in ones in the order of the table, then those of plug-ins by name.
+
+    Args:
+        what: One of them in words, for messages.
+        group: The entry points' group.
+        builtin: Name -> the entry, or `module:attribute` where it is.
+        accept: What a plug-in's entry point names, wrapped so that its errors are the plug-in's; see `plugin_entry`.
+        spell: The name by which an entry point's name is known.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        group: str,
+        builtin: Mapping[str, T | str],
+        accept: Callable[[object, Callable[[str], PluginError]], T],
+        *,
+        spell: Callable[[str], str] = str,
+    ) -> None:
+        self.what, self.group = what, group
+        self._builtin, self._accept, self._spell = builtin, accept, spell
+        self._loaded: dict[str | Plugin, T] = {}
+
+    def __getitem__(self, name: str) -> T:
+        plugins = self._plugins()
+        found = plugins[name] if name in plugins else self._builtin[name]
+        if not isinstance(found, (str, Plugin)):
+            return found
+        if found not in self._loaded:
+            self._loaded[found] = self._load(found)
+        return self._loaded[found]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self._builtin, *self._plugins()))
+
+    def __len__(self) -> int:
+        return len(self._builtin) + len(self._plugins())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._builtin or name in self._plugins()
+
+    def require(self, name: str) -> T:
+        """The entry of a name that a user gave.
+
+        Raises:
+            UsageError: There is none.
+        """
+        if name not in self:
+            raise UsageError(f"there is no {self.what} '{name}'", hint=f"one of: {', '.join(self)}")
+        return self[name]
+
+    def summaries(self) -> dict[str, str]:
+        """Name -> the entry's `summary`; of a plug-in that can't be used: why, so that the others can."""
+        return {name: self._summary(name) for name in self}
+
+    def help(self) -> str:
+        """The names with their summaries, for an option's help."""
+        return "; ".join(f"{name}: {summary}" for name, summary in self.summaries().items()) + "."
+
+    def complete(self, incomplete: str) -> list[tuple[str, str]]:
+        """The names that begin so, with their summaries, for the shell's completion."""
+        return [(name, summary) for name, summary in self.summaries().items() if name.startswith(incomplete)]
+
+    def _summary(self, name: str) -> str:
+        try:
+            return str(getattr(self[name], "summary", ""))
+        except PluginError as error:
+            return error.what
+
+    def _load(self, found: str | Plugin) -> T:
+        if isinstance(found, str):
+            entry: T = named(found)
+            return entry
+        return self._accept(found.load(self.what), lambda problem: found.error(self.what, problem))
+
+    def _plugins(self) -> dict[str, Plugin]:
+        out: dict[str, Plugin] = {}
+        for plugin in _installed(tuple(sys.path)).get(self.group, ()):
+            name = self._spell(plugin.name)
+            if name in self._builtin:
+                raise plugin.error(self.what, "has the name of one of cwcli's own")
+            if name in out:
+                raise plugin.error(self.what, f"has the name of one of the package {out[name].package}")
+            out[name] = plugin
+        return out
+
+
+def named(target: str) -> Any:
+    """The object that `module:attribute` names."""
+    module, _, attribute = target.partition(":")
+    return attrgetter(attribute)(import_module(module))
+
+
+def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Callable[[str], PluginError]], T]:
+    """Accepts a `kind`, a dataclass, with each of its functions guarded, and their results checked.
+
+    Args:
+        checks: Attribute -> what its results must be.
+    """
+
+    def accept(entry: object, error: Callable[[str], PluginError]) -> T:
+        if not isinstance(entry, kind):
+            raise error(f"is no {kind.__name__} but a {type(entry).__name__}")
+        functions = {
+            field.name: guarded(getattr(entry, field.name), field.name, checks.get(field.name), error)
+            for field in fields(entry)  # type: ignore[arg-type]
+            if callable(getattr(entry, field.name))
+        }
+        return replace(entry, **functions)  # type: ignore[type-var]
+
+    return accept
+
+
+def guarded(
+    function: Callable[..., Any], name: str, check: Check | None, error: Callable[[str], PluginError]
+) -> Callable[..., Any]:
+    """A plug-in's function whose errors, and those of what it returns, are the plug-in's."""
+
+    @wraps(function)
+    def call(*arguments: Any, **named_arguments: Any) -> Any:
+        try:
+            result = function(*arguments, **named_arguments)
+        except CwcliError:
+            raise
+        except Exception as raised:
+            raise error(f"raised in {name}: {_said(raised)}") from raised
+        if check is None:
+            return result
+        try:
+            return check(result, *arguments, **named_arguments)
+        except (TypeError, ValueError) as wrong:
+            raise error(f"returned from {name} what it must not: {wrong}") from wrong
+
+    return call
+
+
+def _said(error: BaseException) -> str:
+    """`ZeroDivisionError: division by zero (rule.py, line 7)`."""
+    import traceback
+
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
+    places = [f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in frames if frame.filename[0] != "<"]
+    return f"{type(error).__name__}: {' '.join(str(error).split())}{places[-1] if places else ''}"
+
+
+@lru_cache(maxsize=8)
+def _installed(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
+    """Group -> plug-ins by name, of the packages in the folders of `sys.path`; the first of a package counts.
+
+    The files are read as they are: importlib.metadata would take ten times as long, which each start would pay for.
+    """
+    out: dict[str, list[Plugin]] = {}
+    seen: set[str] = set()
+    for folder in dict.fromkeys(path):
+        try:
+            names = sorted(os.listdir(folder or "."))  # noqa: PTH208 - a path for each name would cost more than the rest
+        except OSError:
+            continue
+        for name in names:
+            if not name.endswith((".dist-info", ".egg-info")):
+                continue
+            package, _, version = name.rpartition(".")[0].partition("-")
+            known = re.sub(r"[-_.]+", "-", package).lower()
+            if known not in seen:
+                seen.add(known)
+                for group, plugin in _entry_points(f"{folder or '.'}/{name}/entry_points.txt", f"{package} {version}"):
+                    out.setdefault(group, []).append(plugin)
+    return {group: sorted(plugins, key=lambda plugin: plugin.name) for group, plugins in out.items()}
+
+
+def _entry_points(file: str, package: str) -> Iterator[tuple[str, Plugin]]:
+    """The group and the entry points of the groups of cwcli in one file."""
+    try:
+        text = Path(file).read_bytes()
+    except OSError:
+        return
+    if b"[cwcli." not in text:
+        return
+    group = ""
+    for line in text.decode("utf-8", "replace").splitlines():
+        name, separator, target = (part.strip() for part in line.partition("="))
+        if line.startswith("["):
+            group = line.strip("[] \t")
+        elif separator and group.startswith("cwcli.") and not name.startswith(("#", ";")):
+            yield group, Plugin(name, target.partition("[")[0].strip(), package.strip())

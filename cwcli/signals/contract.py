@@ -1,0 +1,78 @@
+"""What a builder of an input owes: a signal of its role, sound as a table, and a count of every message."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from cwcli.signals.canonical import (
+    CameraInfoSignal,
+    DetectionSignal,
+    HeadingSignal,
+    ImuSignal,
+    PoseSignal,
+    PositionSignal,
+    RemoteSignal,
+    Signal,
+    SpeedSignal,
+    SteerSignal,
+    TargetTruthSignal,
+    VelocitySignal,
+)
+from cwcli.signals.codec import Reading, Role
+from cwcli.signals.columns import Columns, Strings
+from cwcli.signals.quality import Quality
+
+KINDS: dict[Role, tuple[type[Signal], ...]] = {
+    Role.EGO_POSITION: (PositionSignal, PoseSignal),
+    Role.EGO_VELOCITY: (VelocitySignal, SpeedSignal),
+    Role.EGO_SPEED: (SpeedSignal, VelocitySignal),
+    Role.EGO_HEADING: (HeadingSignal,),
+    Role.IMU: (ImuSignal,),
+    Role.EGO_STEER: (SteerSignal,),
+    Role.REMOTE: (RemoteSignal,),
+    Role.CAMERA_INFO: (CameraInfoSignal,),
+    Role.TRUTH: (PositionSignal, PoseSignal),
+    Role.DETECTIONS: (DetectionSignal,),
+    Role.TARGET_TRUTH: (TargetTruthSignal,),
+}
+"""Role -> the signals that can fill it; a twist's `frame_id` decides between speed and velocity."""
+
+
+def check_built(built: object, columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
+    """A builder's result, checked against the channel.
+
+    Raises:
+        TypeError: It is no signal of the role with its `Quality`.
+        ValueError: Columns of different lengths, stamps that do not increase, or messages that are not accounted for.
+    """
+    if not (isinstance(built, tuple) and len(built) == 2 and isinstance(built[1], Quality)):
+        raise TypeError("it is no (signal, Quality)")
+    signal, quality = built
+    kinds = KINDS.get(reading.role, ())
+    if not isinstance(signal, kinds):
+        names = " or ".join(kind.__name__ for kind in kinds)
+        raise TypeError(f"{type(signal).__name__} for {reading.role}, not {names or 'a role of its own'}")
+    n_read = len(columns) + columns.n_undecodable
+    n_known = quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values())
+    if not quality.read == n_read == n_known:
+        raise ValueError(f"{n_read} messages, {quality.read} of them read, {n_known} used, rejected or set aside")
+    if not isinstance(signal, CameraInfoSignal):
+        _check_rows(signal, quality)
+    return signal, quality
+
+
+def _check_rows(signal: object, quality: Quality) -> None:
+    stamp_ns = getattr(signal, "stamp_ns")  # noqa: B009 - each signal but the camera's has stamps
+    n = len(stamp_ns)
+    if stamp_ns.dtype != np.int64 or (np.diff(stamp_ns) < 0).any():
+        raise ValueError("stamps that are no int64, or not in order")
+    if isinstance(signal, DetectionSignal):
+        n_rows = {"offsets": n + 1, "values": int(signal.offsets[-1]), "covariance": int(signal.offsets[-1])}
+    else:
+        n_rows = {}
+    for field in fields(signal):  # type: ignore[arg-type]
+        values = getattr(signal, field.name)
+        if isinstance(values, (np.ndarray, Strings)) and len(values) != n_rows.get(field.name, n):
+            raise ValueError(f"{field.name} has {len(values)} rows, not {n_rows.get(field.name, n)}")
