@@ -7,13 +7,13 @@ called, is a `PluginError` that names its package.
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, wraps
-from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 from cwcli.errors import CwcliError, PluginError, UsageError
 
 T = TypeVar("T")
+MAX_BYTES = 1 << 20
 Check = Callable[..., Any]
 """The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
 
@@ -143,7 +144,7 @@ class Registry(Mapping[str, T]):
 def named(target: str) -> Any:
     """The object that `module:attribute` names."""
     module, _, attribute = target.partition(":")
-    return attrgetter(attribute)(import_module(module))
+    return attrgetter(attribute)(importlib.import_module(module))
 
 
 def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Callable[[str], PluginError]], T]:
@@ -193,7 +194,8 @@ def _said(error: BaseException) -> str:
     """`ZeroDivisionError: division by zero (rule.py, line 7)`."""
     import traceback
 
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
+    ours = (__file__, importlib.__file__)
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in ours]
     places = [f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in frames if frame.filename[0] != "<"]
     return f"{type(error).__name__}: {' '.join(str(error).split())}{places[-1] if places else ''}"
 
@@ -226,9 +228,13 @@ def _installed(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
 def _entry_points(file: str, package: str) -> Iterator[tuple[str, Plugin]]:
     """The group and the entry points of the groups of cwcli in one file."""
     try:
-        text = Path(file).read_bytes()
+        descriptor = os.open(file, os.O_RDONLY)
     except OSError:
         return
+    try:
+        text = os.read(descriptor, MAX_BYTES)
+    finally:
+        os.close(descriptor)
     if b"[cwcli." not in text:
         return
     group = ""

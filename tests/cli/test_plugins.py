@@ -1,0 +1,249 @@
+"""Packages of others add a rule, a motion model, a lane method, an input; a bad one is an error that names it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from cwcli.errors import EXIT_USAGE
+from cwcli.logs.log import Log
+from cwcli.registry import _installed
+from tests.cli.conftest import ROOT, Run
+from tests.cli.plugin_package import ENTRY_POINTS, MODULES, install
+from tests.unit.vision import lane_logs
+
+T0_NS = 1_700_000_000_000_000_000
+STEP_NS = 100_000_000
+KNOTS, MPS = 20.0, 20.0 * 1852.0 / 3600.0
+
+
+@pytest.fixture(scope="module")
+def extra(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Environment in which the package is installed."""
+    return with_path(install(tmp_path_factory.mktemp("site")))
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A camera's log."""
+    return Path(lane_logs.write_log(tmp_path_factory.mktemp("frames") / "frames.mcap", lane_logs.road_frames(3)))
+
+
+def with_path(*folders: Path) -> dict[str, str]:
+    return {"PYTHONPATH": os.pathsep.join(map(str, (*folders, ROOT)))}
+
+
+def ship_log(path: Path) -> Path:
+    """Ten seconds of a ship that goes north at 20 knots: positions, and its own log."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = [
+            writer.register_channel(topic, "json", writer.register_schema(schema, "jsonschema", b"{}"))
+            for topic, schema in (("/gps", "foxglove.LocationFix"), ("/log", "ship_msgs/msg/Log"))
+        ]
+        for k in range(100):
+            at = T0_NS + k * STEP_NS
+            stamp = {"timestamp": {"sec": at // 10**9, "nsec": at % 10**9}}
+            fix = {"latitude": 54.0 + k * 0.1 * MPS / 111_320.0, "longitude": 10.0, "altitude": 0.0}
+            for channel, message in zip(channels, (fix, {"knots": KNOTS}), strict=True):
+                writer.add_message(channel, at, json.dumps(stamp | message).encode(), at)
+        writer.finish()
+    return path
+
+
+def test_the_package_is_one_to_importlib_too(tmp_path: Path) -> None:
+    (found,) = importlib.metadata.distributions(path=[str(install(tmp_path))])
+    names = {(entry.group, entry.name, entry.value) for entry in found.entry_points}
+    assert names == {(group, name, target) for group, each in ENTRY_POINTS.items() for name, target in each.items()}
+    plugins = _installed((str(tmp_path),))
+    assert names == {(group, plugin.name, plugin.target) for group, each in plugins.items() for plugin in each}
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        ("warn", "near: centres nearer than 30 m."),
+        ("run", "near: centres nearer than 30 m."),
+        ("predict", "half: half of the acceleration."),
+        ("lanes", "middle: two upright lines."),
+    ],
+)
+def test_help_lists_plugins(cwcli: Run, extra: dict[str, str], command: str, line: str) -> None:
+    shown = " ".join(cwcli(command, "--help", env=extra).stdout.decode().split())
+    assert line in shown
+    assert line not in " ".join(cwcli(command, "--help").stdout.decode().split())
+
+
+def test_generated_docs_list_plugins(cwcli: Run, extra: dict[str, str], tmp_path: Path) -> None:
+    code = "from cwcli.cli.reference import pages; print('\\n'.join(pages().values()))"
+    assert "near: centres nearer than 30 m" in " ".join(run_python(code, extra).split())
+
+
+def run_python(code: str, environment: Mapping[str, str]) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **environment}, capture_output=True, text=True, check=True
+    )
+    return done.stdout
+
+
+def test_model_and_rule_of_a_package_run(cwcli: Run, extra: dict[str, str], intersection: Path, tmp_path: Path) -> None:
+    arguments = ("--predict-model", "half", "--warn-rule", "near", "-o", "out.mcap", "--quiet")
+    done = cwcli("run", intersection, *arguments, env=extra)
+    assert done.returncode == 0, done.stderr.decode()
+    with Log.open(tmp_path / "out.mcap") as log:
+        warnings, paths = log.columns("/cwcli/warnings"), log.columns("/cwcli/ego/path")
+    assert warnings.fields["rule"].values == ("near",)  # type: ignore[union-attr]
+    assert paths.fields["model"].values == ("half",)  # type: ignore[union-attr]
+
+
+def test_lane_method_of_a_package_runs(cwcli: Run, extra: dict[str, str], frames: Path, tmp_path: Path) -> None:
+    done = cwcli("lanes", frames, "--method", "middle", "-o", "out.mcap", "--quiet", env=extra)
+    assert done.returncode == 0, done.stderr.decode()
+    with Log.open(tmp_path / "out.mcap") as log:
+        feet = log.columns("/cwcli/lanes").fields["left.c"]
+    np.testing.assert_array_equal(feet, [40.0, 40.0, 40.0])  # a quarter of 160
+
+
+def test_input_of_a_package_fills_its_role(cwcli: Run, extra: dict[str, str], tmp_path: Path) -> None:
+    log = ship_log(tmp_path / "ship.mcap")
+    roles = [json.loads(cwcli("info", log, "--json", env=env).stdout)["channels"][1]["roles"] for env in (extra, {})]
+    assert roles == [["ego_speed"], []]
+    done = cwcli("estimate", log, "-o", "out.mcap", "--json", env=extra)
+    assert done.returncode == 0, done.stderr.decode()
+    with Log.open(tmp_path / "out.mcap") as annotated:
+        speed = np.asarray(annotated.columns("/cwcli/ego/state").fields["speed_mps"])
+    np.testing.assert_allclose(speed[20:-20], MPS, atol=0.05)
+
+
+def broken(folder: Path, module: str, old: str, new: str) -> dict[str, str]:
+    """The environment of a package in which one module has been changed."""
+    assert old in MODULES[module]
+    return with_path(install(folder / "site", modules=MODULES | {module: MODULES[module].replace(old, new)}))
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new", "said"),
+    [
+        ("rule", "import numpy as np", "import nothing_like_it", "can't be imported: ModuleNotFoundError: No module"),
+        ("rule", "RULE = Rule(", "RULE = dict(", "is no Rule but a dict"),
+        (
+            "rule",
+            "near = ",
+            "1 / 0; near = ",
+            "raised in decide: ZeroDivisionError: division by zero (rule.py, line",
+        ),
+        ("rule", "< 30.0", "< 30.0; near = near[1:]", "returned from decide what it must not: armed is bool of shape"),
+        ("rule", "return Decision(near", "return Decision(near * 1.0", "armed is float64 of shape"),
+        ("rule", "return Decision(", "return (lambda *all: all)(", "a tuple, no Decision"),
+        ("model", "return Responses(0.5 * time_s", "return Responses(time_s[1:]", "speed_to_accel has shape"),
+        ("model", "return Responses(0.5 * time_s", "raise KeyError(0.5", "raised in responses: KeyError"),
+        (
+            "model",
+            "trust=full_trust",
+            "trust=lambda state, *others: state[:, :4]",
+            "a factor that is not between",
+        ),
+        ("model", "trust=full_trust", "trust=lambda state, *others: state", "trust what it must not: shape"),
+        ("method", "return LaneFit(*sides)", "return sides", "returned from step what it must not"),
+        ("method", "for place in (0.25", "for place in (0.25 / 0", "raised in step: ZeroDivisionError"),
+        ("method", "def step", "def stride", "makes a Middle, which has no step"),
+        ("method", "(160, 90)", "(160.0, 90)", "is no (width_px, height_px)"),
+        ("speed", "return signal, ledger.quality", "return signal", "it is no (signal, Quality)"),
+        ("speed", "speed_mps[rows], nan,", "speed_mps, nan[1:],", "yaw_rate_radps has 99 rows, not 100"),
+        ("speed", "Role.EGO_SPEED", "Role.EGO_HEADING", "SpeedSignal for ego_heading, not HeadingSignal"),
+        ("speed", "ledger.quality\n", "ledger.quality.__class__('', '')\n", "100 messages, 0 of them read"),
+        ("speed", "INPUT = Input(", "INPUT = (lambda *all: list(all))(", "is no Input but a list"),
+    ],
+)
+def test_a_plugin_that_fails_is_named_and_nothing_is_written(
+    cwcli: Run, module: str, old: str, new: str, said: str, intersection: Path, frames: Path, tmp_path: Path
+) -> None:
+    arguments: dict[str, tuple[Any, ...]] = {
+        "rule": ("run", intersection, "--warn-rule", "near"),
+        "model": ("run", intersection, "--predict-model", "half"),
+        "method": ("lanes", frames, "--method", "middle"),
+        "speed": ("estimate", ship_log(tmp_path / "ship.mcap")),
+    }
+    environment = broken(tmp_path, module, old, new)
+    done = cwcli(
+        *arguments[module],
+        "-o",
+        "out.mcap",
+        "--metrics-dir" if module in ("rule", "model") else "--metrics",
+        "out" if module in ("rule", "model") else "out.csv",
+        env=environment,
+    )
+    text = " ".join(done.stderr.decode().split())
+    assert done.returncode == EXIT_USAGE, text
+    assert text.startswith("error: "), text
+    assert said in text
+    assert "' of the package extra 1.2 " in text
+    assert "uninstall extra" in text
+    assert "Traceback" not in text
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_a_broken_plugin_hurts_only_who_asks_for_it(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    environment = broken(tmp_path, "rule", "import numpy as np", "import nothing_like_it")
+    assert cwcli("run", intersection, "-o", "out.mcap", "--quiet", env=environment).returncode == 0
+    shown = " ".join(cwcli("warn", "--help", env=environment).stdout.decode().split())
+    assert "near: the warning rule 'near' of the package extra 1.2 can't be imported: ModuleNotFoundError" in shown
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "command"),
+    [
+        ("cwcli.rules", "ttc", "warn"),
+        ("cwcli.motion_models", "cv", "predict"),
+        ("cwcli.lane_methods", "zhang2011", "lanes"),
+        ("cwcli.inputs", "sensor_msgs/msg/NavSatFix", "info"),
+    ],
+)
+def test_a_name_that_cwcli_has_is_refused(
+    cwcli: Run, group: str, name: str, command: str, intersection: Path, tmp_path: Path
+) -> None:
+    site = install(tmp_path / "site", {group: {name: "extra.rule:RULE"}})
+    done = cwcli(command, intersection, env=with_path(site))
+    assert done.returncode == EXIT_USAGE
+    text = " ".join(done.stderr.decode().split())
+    assert f"'{name}' of the package extra 1.2 has the name of one of cwcli's own" in text
+
+
+def test_a_name_that_another_package_has_is_refused(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    points = {"cwcli.rules": {"near": "extra.rule:RULE"}}
+    sites = [install(tmp_path / package, points, package=package) for package in ("extra", "more")]
+    done = cwcli("warn", intersection, env=with_path(*sites))
+    assert done.returncode == EXIT_USAGE
+    text = " ".join(done.stderr.decode().split())
+    assert "'near' of the package more 1.2 has the name of one of the package extra 1.2" in text
+
+
+def test_the_first_of_a_package_on_the_path_counts(tmp_path: Path) -> None:
+    one = install(tmp_path / "one", {"cwcli.rules": {"near": "extra.rule:RULE"}})
+    two = install(tmp_path / "two", {"cwcli.rules": {"far": "extra.rule:FAR"}})
+    assert [plugin.name for plugin in _installed((str(one), str(two)))["cwcli.rules"]] == ["near"]
+
+
+def test_looking_for_plugins_takes_no_5_ms(tmp_path: Path) -> None:
+    for k in range(300):
+        install(tmp_path, {"console_scripts": {f"tool{k}": "tool:main"}}, {}, package=f"tool{k}")
+        if k % 3:  # of the packages of a development environment about a third has any
+            (tmp_path / f"tool{k}-1.2.dist-info" / "entry_points.txt").unlink()
+    took_s = []
+    for k in range(10):
+        begin = time.process_time()
+        assert not _installed((str(tmp_path), f"no folder {k}"))
+        took_s.append(time.process_time() - begin)
+    assert min(took_s) < 0.005
