@@ -104,7 +104,7 @@ def everything(cwcli: str, folder: Path, only: str) -> dict[str, dict[str, str]]
     simulated.mkdir()
     logs = sorted((ROOT / "sample_logs").glob("*.mcap"))
     for name, command in SIMULATED.items():
-        path = simulated / f"{name}.mcap"
+        path = simulated / f"simulated-{name}.mcap"
         subprocess.run([cwcli, *command, "-q", "-o", str(path)], check=True)
         logs.append(path)
     logs += sorted(SHARED.glob("*.mcap"))
