@@ -15,13 +15,13 @@ from cwcli.channels.states import VehicleStates, read_states, rows_by_stamp, veh
 from cwcli.channels.targets import read_targets
 from cwcli.channels.warning_events import WarningEvent, read_warning_events
 from cwcli.logs.log import Log
+from cwcli.measures.pair import ActualTrack, Motion, relative_motion
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.records import Record, configuration_of, rule_of, run_records, whole
-from cwcli.warning.actual import Motion, relative_motion
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.types import ActualTrack, WarningConfig, outline_of
+from cwcli.warning.types import WarningConfig, outline_of
 
 NS_PER_H = 3600 * NS_PER_S
 

@@ -14,6 +14,7 @@ from cwcli.channels.targets import read_targets
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
 from cwcli.logs.log import Log
+from cwcli.measures.pair import ActualTrack
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -29,7 +30,7 @@ from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.stages.inputs.measurements import ego_measurements
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.records import configuration_of, inputs_of, map_of, rule_of, run_records, sources_of
-from cwcli.warning.types import ActualTrack, WarningConfig, outline_of
+from cwcli.warning.types import WarningConfig, outline_of
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 OTHER_FIELDS = ("id", "stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "length_m", "width_m")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.measures.pair import ActualTrack, Motion, interpolate
 from cwcli.report.decimate import envelope_rows, track_rows
 from cwcli.report.drawing import (
     ALERT,
@@ -29,8 +30,6 @@ from cwcli.report.paths import Path2D
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.actual import Motion, interpolate
-from cwcli.warning.types import ActualTrack
 
 OTHER = OTHERS[0]
 BEFORE_S, AFTER_S = 4.0, 5.0

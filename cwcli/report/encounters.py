@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.channels.warning_events import WarningEvent, read_warning_events
+from cwcli.measures.pair import ActualTrack, Motion, interpolate, relative_motion
 from cwcli.report.drive import Drive, OtherTrack, ego_size
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.leaves import numbers
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.actual import Motion, interpolate, relative_motion
 from cwcli.warning.conflicts import RealConflict, Verdict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.types import ActualTrack
 
 MAX_DETAILED_OTHERS = 400
 """Other vehicles whose distance to the ego is computed: those that are warned of, then the longest heard."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
+from cwcli.measures.pair import ActualTrack, interpolate
 from cwcli.report.decimate import spot_rows, track_rows
 from cwcli.report.drawing import (
     ALERT,
@@ -26,8 +27,6 @@ from cwcli.report.drawing import (
 from cwcli.report.drive import Drive, OtherTrack
 from cwcli.report.encounters import Meetings
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.warning.actual import interpolate
-from cwcli.warning.types import ActualTrack
 
 MAX_OTHERS = 12
 MAX_NAMED = 4

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.measures.pair import Motion
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.actual import Motion
 from cwcli.warning.types import WarningConfig
 
 TRUE, FALSE, LATE, UNDECIDED = "true", "false", "late", "undecided"

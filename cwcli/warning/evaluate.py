@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.measures.pair import ActualTrack, post_encroachment_time, relative_motion
 from cwcli.signals.columns import FloatArray
-from cwcli.warning.actual import post_encroachment_time, relative_motion
 from cwcli.warning.align import read_paths
 from cwcli.warning.conflicts import judge, real_conflicts
 from cwcli.warning.output import (
@@ -23,7 +23,7 @@ from cwcli.warning.output import (
 from cwcli.warning.pair import PairEvaluation, ScoredPair, evaluate_pair
 from cwcli.warning.rules import RULES
 from cwcli.warning.rules.base import Rule
-from cwcli.warning.types import ActualTrack, VehicleTrack, WarningConfig, WarningResult
+from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
 
 NS_PER_H = 3_600_000_000_000
 MAX_DISTANCE_M = 1e4

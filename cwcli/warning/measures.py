@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.measures.outlines import Size, overlap_margin
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.align import Points
-from cwcli.warning.outlines import Size, overlap_margin
 from cwcli.warning.probability import normal_cdf
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.measures.pair import Motion
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.warning.actual import Motion
 from cwcli.warning.align import Points, pair_up, read_covariance, read_paths
 from cwcli.warning.conflicts import RealConflict, Verdict
 from cwcli.warning.events import Span, find_events

@@ -83,19 +83,6 @@ def _or(value: float | None, default: float) -> float:
 
 
 @dataclass(frozen=True)
-class ActualTrack:
-    """What a vehicle really did, for the scores.
-
-    Attributes:
-        stamp_ns: Shape (n,), strictly increasing.
-        state: Shape (n, >= 4): x_m, y_m, speed_mps, heading_rad first.
-    """
-
-    stamp_ns: Int64Array
-    state: FloatArray
-
-
-@dataclass(frozen=True)
 class WarningConfig:
     """Options of the evaluation.
 

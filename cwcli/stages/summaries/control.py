@@ -12,11 +12,11 @@ import numpy as np
 from cwcli.channels.control import ReplayedSteps
 from cwcli.control.controller import speed_difference
 from cwcli.control.encounter import POLICIES, Encounter
+from cwcli.measures.outlines import outline_distance
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.outlines import outline_distance
 from cwcli.warning.types import VehicleTrack
 
 UNKNOWN_NS = -1

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from cwcli.channels.states import VehicleStates
+from cwcli.measures.pair import ActualTrack
 from cwcli.report.drive import Drive, OtherTrack
 from cwcli.report.encounters import find_meetings
 from cwcli.report.story import tell
 from cwcli.report.tables import encounter_facts
 from cwcli.signals.columns import Columns, Strings
-from cwcli.warning.types import ActualTrack, WarningConfig
+from cwcli.warning.types import WarningConfig
 
 S = 1_000_000_000
 NORTH = math.pi / 2.0

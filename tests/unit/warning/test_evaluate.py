@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
+from cwcli.measures.pair import ActualTrack
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import Strings
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import RULES
-from cwcli.warning.types import ActualTrack, VehicleTrack, WarningConfig, WarningResult
+from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
 from tests.unit.warning.vehicles import seconds, stamps, straight
 
 

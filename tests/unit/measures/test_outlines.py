@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.warning.outlines import outline_distance, overlap_margin, time_to_contact
+from cwcli.measures.outlines import outline_distance, overlap_margin, time_to_contact
 
 CAR = (4.5, 1.8)
 SQUARE = (2.0, 2.0)

@@ -7,16 +7,28 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.measures.outlines import Size, outline_distance, overlap_margin, time_to_contact
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.outlines import Size, outline_distance, overlap_margin, time_to_contact
-from cwcli.warning.types import ActualTrack
 
 PET_LIMIT_S = 5.0
 PET_STEP_S = 0.1
 OUTLINE_RANGE_M = 100.0  # outlines are compared within this centre distance
 
 BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ActualTrack:
+    """What a vehicle really did, for the scores.
+
+    Attributes:
+        stamp_ns: Shape (n,), strictly increasing.
+        state: Shape (n, >= 4): x_m, y_m, speed_mps, heading_rad first.
+    """
+
+    stamp_ns: Int64Array
+    state: FloatArray
 
 
 @dataclass(frozen=True)
