@@ -163,7 +163,7 @@ def _refine(
         start.state[n] = guess - now.latency_s
         # The first position must not count twice: at constant speed a shift in time is a shift in place.
         start.covariance[0, 0] = start.covariance[1, 1] = FAR_M**2
-        result = run_pass([now, *others], start, parameters, walks, np.zeros(0), smooth=False, reset_after=50)
+        result = run_pass([now, *others], start, parameters.motion(walks), np.zeros(0), smooth=False, reset_after=50)
         likelihood = result.log_likelihood
         if not np.isfinite(result.last_state).all():
             return Latency(0.0, float("nan"), "not observable"), -float("inf")

@@ -8,6 +8,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from cwcli.kernels import ekf
 from cwcli.signals.columns import FloatArray, Int64Array
 
 
@@ -25,12 +26,12 @@ class Kind(IntEnum):
             The estimator levels it and uses it as one ACCEL and one YAW_RATE series.
     """
 
-    POSITION = 0
-    VELOCITY = 1
-    SPEED = 2
-    HEADING = 3
-    ACCEL = 4
-    YAW_RATE = 5
+    POSITION = ekf.Sensor.POSITION
+    VELOCITY = ekf.Sensor.VELOCITY
+    SPEED = ekf.Sensor.SPEED
+    HEADING = ekf.Sensor.HEADING
+    ACCEL = ekf.Sensor.ACCEL
+    YAW_RATE = ekf.Sensor.YAW_RATE
     IMU = 6
 
 

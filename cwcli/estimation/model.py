@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from cwcli.kernels import ekf
 from cwcli.signals.columns import FloatArray
 
 
@@ -49,21 +48,22 @@ class ModelParameters:
     accel_bias_walk: float = 0.005
     yaw_rate_bias_walk: float = 1e-5
 
-    def packed(self) -> FloatArray:
-        """Return the kernel's parameter vector, shape (11,)."""
-        jerk_rate, yaw_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
-        return np.array(
-            [
-                1.0 / self.accel_decay_s,
-                jerk_rate,
-                2.0 * jerk_rate * self.jerk_sigma_mps3**2,
-                1.0 / self.yaw_rate_decay_s,
-                yaw_rate,
-                2.0 * yaw_rate * self.yaw_accel_sigma_radps2**2,
-                self.standstill_speed_mps,
-                self.side_slip_m**2,
-                self.reverse_mps,
-                self.standstill_floor,
-                self.course_rad**2,
-            ]
+    def motion(self, walk: FloatArray) -> ekf.Motion:
+        """Return the kernel's model; walk (n,): random walk variance per second of the parameter states."""
+        jerk_rate, yaw_accel_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
+        return ekf.Motion.damped(
+            {
+                "accel_rate": 1.0 / self.accel_decay_s,
+                "jerk_rate": jerk_rate,
+                "jerk_noise": 2.0 * jerk_rate * self.jerk_sigma_mps3**2,
+                "yaw_rate_rate": 1.0 / self.yaw_rate_decay_s,
+                "yaw_accel_rate": yaw_accel_rate,
+                "yaw_accel_noise": 2.0 * yaw_accel_rate * self.yaw_accel_sigma_radps2**2,
+                "standstill_speed": self.standstill_speed_mps,
+                "standstill_floor": self.standstill_floor,
+                "xy_noise": self.side_slip_m**2,
+                "heading_noise": self.course_rad**2,
+                "reverse_speed": self.reverse_mps,
+            },
+            walk,
         )

@@ -9,8 +9,9 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import PassResult, Series, TimeOrder, line_up, run_events
+from cwcli.estimation.passes import PassResult, Series, TimeOrder, line_up
 from cwcli.estimation.start import start_with_parameters
+from cwcli.kernels import ekf
 from cwcli.kernels import lineup as kernel
 from cwcli.signals.columns import FloatArray
 
@@ -120,8 +121,8 @@ class _Trials:
         self._walk = walk
         self._lineup = line_up(series, self._start.time_s, np.zeros(0), reset_after=50, orders=orders)
 
-    def _run(self, parameters: ModelParameters) -> PassResult:
-        return run_events(self._lineup.events, self._lineup.table, self._start, parameters, self._walk, 0, smooth=False)
+    def _run(self, parameters: ModelParameters) -> ekf.Pass:
+        return self._lineup.run(self._start, parameters.motion(self._walk), smooth=False)
 
     def likelihood(self, parameters: ModelParameters) -> float:
         """The log-likelihood alone."""

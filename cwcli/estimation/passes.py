@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
 from cwcli.estimation.median import median
-from cwcli.estimation.model import ModelParameters
 from cwcli.kernels import ekf, lineup
 from cwcli.signals.columns import FloatArray
 
@@ -19,10 +18,9 @@ N_MOTION = 8
 START_TOLERANCE_S = 1e-9
 MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first-order expansion in the heading
 MAX_PIECES = 600  # of one gap: a longer one counts as a minute, or the covariance of a pause of hours would overflow
-RATE_PATIENCE = (
-    2  # a spike of an inertial sensor lasts a sample or two; what lasts longer is a manoeuvre, and is believed
-)
+RATE_PATIENCE = 2  # a spike of an inertial sensor lasts a sample or two; what lasts longer is a manoeuvre, and is used
 PATIENCE_S = 3.0
+BEFORE_START = -1
 IntArray = npt.NDArray[np.int32]
 
 
@@ -90,7 +88,7 @@ class PassResult:
         last_state, last_covariance: Filter state after the last event, (n,), (n, n).
         log_likelihood: Sum over used innovations.
         nis: Per series: shape (k, 3): normalised innovation squared, mean nu^2, mean h P h'.
-        status: Per series: shape (k,): 0 gated, 1 used, 2 used after a reset, -1 before the start (its nis is NaN).
+        status: Per series: shape (k,): an `ekf.UpdateStatus`, or BEFORE_START (its nis is NaN).
     """
 
     state: FloatArray
@@ -139,33 +137,26 @@ def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, r
 def run_pass(
     series: Sequence[Series],
     start: Start,
-    parameters: ModelParameters,
-    walk: FloatArray,
+    motion: ekf.Motion,
     output_s: FloatArray,
     *,
     smooth: bool,
     reset_after: int,
-    q_matrix: FloatArray | None = None,
     orders: dict[float, TimeOrder] | None = None,
 ) -> PassResult:
     """Filter (and smooth) all series from `start` on.
 
     Args:
         series: The measurements. Rows before `start.time_s` are left out: at the start they would be old.
-        start: Initial state; its length n decides the model (6: song2016, more: eight states and parameters).
-        parameters: Motion model.
-        walk: Shape (n,): random walk variance per second of the parameter states (first eight unused).
+        start: Initial state, as long as the motion model's.
+        motion: Motion model with its numbers.
         output_s: Shape (m,), increasing; rows before the start are taken at the start.
         smooth: Run the smoother too.
         reset_after: See `EstimatorConfig`.
-        q_matrix: Shape (6, 6) for song2016's model.
         orders: Where passes over the same times, outputs and patience keep their time order, by the start's time.
     """
     lineup = line_up(series, start.time_s, output_s, reset_after=reset_after, orders=orders)
-    result = run_events(
-        lineup.events, lineup.table, start, parameters, walk, len(output_s), smooth=smooth, q_matrix=q_matrix
-    )
-    return lineup.by_series(result)
+    return lineup.by_series(lineup.run(start, motion, smooth=smooth))
 
 
 @dataclass(frozen=True)
@@ -173,19 +164,25 @@ class Lineup:
     """Series in time order, ready for any number of passes that differ in the motion model alone.
 
     Attributes:
-        events, table: See `run_events`.
+        events, sources: See `ekf.run`.
+        n_output: How many of the events want a state.
         in_time, order: See `TimeOrder`.
     """
 
-    events: Events
-    table: SeriesTable
+    events: ekf.Events
+    sources: ekf.Sources
+    n_output: int
     in_time: list[npt.NDArray[np.bool_]]
     order: npt.NDArray[np.intp]
 
-    def by_series(self, result: PassResult) -> PassResult:
+    def run(self, start: Start, motion: ekf.Motion, *, smooth: bool) -> ekf.Pass:
+        """Run a pass; `nis` and `status` of the result are in time order."""
+        return ekf.run(self.events, self.sources, motion, start.state, start.covariance, self.n_output, smooth=smooth)
+
+    def by_series(self, result: ekf.Pass) -> PassResult:
         """The result with `nis` and `status` from time order back in the rows of each series."""
-        nis, status = np.empty_like(result.nis[0]), np.empty_like(result.status[0])
-        nis[self.order], status[self.order] = result.nis[0], result.status[0]
+        nis, status = np.empty_like(result.nis), np.empty_like(result.status)
+        nis[self.order], status[self.order] = result.nis, result.status
         edges = np.cumsum([0] + [np.count_nonzero(rows) for rows in self.in_time])
         found_nis, found_status = [], []
         for (i, j), rows in zip(itertools.pairwise(edges.tolist()), self.in_time, strict=True):
@@ -194,9 +191,17 @@ class Lineup:
                 found_status.append(status[i:j])
                 continue
             found_nis.append(np.full((len(rows), 3), np.nan))
-            found_status.append(np.full(len(rows), -1, np.int8))
+            found_status.append(np.full(len(rows), BEFORE_START, np.int8))
             found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
-        return replace(result, nis=tuple(found_nis), status=tuple(found_status))
+        return PassResult(
+            result.state,
+            result.covariance,
+            result.last_state,
+            result.last_covariance,
+            result.log_likelihood,
+            tuple(found_nis),
+            tuple(found_status),
+        )
 
 
 def line_up(
@@ -216,15 +221,22 @@ def line_up(
     series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
     values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
     noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
-    table = SeriesTable(
-        np.array([s.kind for s in series], np.int32),
-        np.array([s.bias_state for s in series], np.int32),
-        np.array([s.latency_state for s in series], np.int32),
-        np.array([s.gate for s in series], np.float64),
-        order_of.patience,
+    sources = ekf.Sources(
+        sensor=np.array([s.kind for s in series], np.int32),
+        bias_state=np.array([s.bias_state for s in series], np.int32),
+        latency_state=np.array([s.latency_state for s in series], np.int32),
+        gate=np.array([s.gate for s in series], np.float64),
+        patience=order_of.patience,
     )
-    events = Events(order_of.time_s, order_of.first, order_of.out_row, order_of.index, values, noise)
-    return Lineup(events, table, in_time, order)
+    events = ekf.Events(
+        time_s=order_of.time_s,
+        first=order_of.first,
+        out_row=order_of.out_row,
+        source=order_of.index,
+        values=values,
+        noise=noise,
+    )
+    return Lineup(events, sources, len(output_s), in_time, order)
 
 
 def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
@@ -232,80 +244,8 @@ def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
     return [
         f"{s.source}: {n} {s.kind.name.lower()} rows before the first heading, left out of the filter"
         for s, status in zip(series, result.status, strict=True)
-        if (n := int((status < 0).sum()))
+        if (n := int((status == BEFORE_START).sum()))
     ]
-
-
-@dataclass(frozen=True)
-class Events:
-    """All steps and updates in time order: see `ekf.forward` for the shapes."""
-
-    time_s: FloatArray
-    first: IntArray
-    out_row: IntArray
-    series: IntArray
-    values: FloatArray
-    noise: FloatArray
-
-
-@dataclass(frozen=True)
-class SeriesTable:
-    """What the kernel has to know of each series, (S,) each: see `ekf.forward`."""
-
-    kind: IntArray
-    bias_state: IntArray
-    latency_state: IntArray
-    gate: FloatArray
-    patience: IntArray
-
-
-def run_events(
-    events: Events,
-    table: SeriesTable,
-    start: Start,
-    parameters: ModelParameters,
-    walk: FloatArray,
-    n_output: int,
-    *,
-    smooth: bool,
-    q_matrix: FloatArray | None = None,
-) -> PassResult:
-    """Run the kernel over prepared events; `nis` and `status` of the result are one array each, in time order.
-
-    Args:
-        events: Times and measurements in time order.
-        table: What the kernel needs to know of each source.
-        start: State (n,) and covariance (n, n) at the first event.
-        parameters: Of the motion model.
-        walk: Shape (n,): random walk variance per second of the parameter states (first eight unused).
-        n_output: How many of the events want a state.
-        smooth: Run the backward pass too.
-        q_matrix: Shape (6, 6), for the model with six states; else None.
-    """
-    n, n_steps, n_updates = len(start.state), len(events.time_s), len(events.series)
-    x, p = start.state.copy(), np.ascontiguousarray(start.covariance).copy()
-    kept_steps, kept = (n_steps, 2 * n_updates) if smooth else (0, 0)
-    x_post = np.empty((kept_steps, n))
-    flip = np.zeros(kept_steps, np.int8)
-    yaw_decay = np.empty(kept_steps)
-    gain = np.empty((kept, n))
-    partials = np.empty((kept, 5))
-    innovation = np.empty((kept, 2))
-    status = np.zeros(n_updates, np.int8)
-    nis = np.empty((n_updates, 3))
-    out_x, out_p = np.empty((n_output, n)), np.empty((n_output, n, n))
-    packed = parameters.packed()
-    head = (events.time_s, events.first, events.out_row, events.series)
-    kinds = (table.kind, table.bias_state, table.latency_state)
-    likelihood = ekf.forward(
-        *head, events.values, events.noise, *kinds, table.gate, table.patience, packed,
-        np.zeros((6, 6)) if q_matrix is None else q_matrix, walk, x, p,
-        x_post, flip, yaw_decay, gain, partials, innovation, status, nis, out_x, out_p,
-        np.zeros(len(table.kind), np.int32), np.full(len(table.kind), events.time_s[0]),
-    )  # fmt: skip
-    if smooth:
-        ekf.backward(*head, *kinds, packed, x_post, flip, yaw_decay, gain, partials, innovation, status, out_x, out_p)
-    return PassResult(out_x, out_p, x, p, likelihood, (nis,), (status,))
 
 
 def _patience(s: Series, reset_after: int) -> int:

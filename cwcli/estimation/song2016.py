@@ -15,11 +15,12 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, Events, Series, SeriesTable, Start, old_rows, run_events, run_pass
+from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
 from cwcli.estimation.start import find_start, hold_before_start
 from cwcli.estimation.track import SourceReport, Track
+from cwcli.kernels import ekf
+from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -86,8 +87,8 @@ def estimate_song2016(
         output_stamp_ns = np.arange(epoch, epoch + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64)
     grid: FloatArray = begin + step * np.arange(round((end - begin) / step) + 1, dtype=np.float64)
     result = run_pass(
-        series, replace(start, time_s=begin), ModelParameters(), np.zeros(6), grid,
-        smooth=not config.causal, reset_after=config.reset_after, q_matrix=process_noise(step),
+        series, replace(start, time_s=begin), ekf.Motion.song2016(process_noise(step)), grid,
+        smooth=not config.causal, reset_after=config.reset_after,
     )  # fmt: skip
     # The states are known at the steps; between them the step before holds.
     wanted = seconds(output_stamp_ns, epoch)
@@ -103,7 +104,8 @@ def estimate_song2016(
         notes += old_rows(series, result)
     reports = tuple(
         SourceReport(
-            s.source, s.kind, n_read=p.n_read, n_used=int((status > 0).sum()), n_gated=int((status == 0).sum()),
+            s.source, s.kind, n_read=p.n_read, n_used=int((status >= UpdateStatus.USED).sum()),
+            n_gated=int((status == UpdateStatus.GATED).sum()),
             n_not_finite=p.n_not_finite, n_interpolated=p.n_interpolated, nis_mean=_mean(nis[:, 0]),
             nis_dof=s.width, noise_origin=s.noise_origin, latency_s=p.series.latency_s,
             sigma=float(np.sqrt(s.noise[:, 0].mean())) if len(s) else float("nan"),
@@ -139,19 +141,21 @@ def filter_vectors(
     noise[0, [0, 2]] = variance[:2]
     noise[1:, 0] = variance[2:]
     step, kind = np.nonzero(measured)
-    events = Events(
-        step_s * np.arange(n, dtype=np.float64),
-        np.concatenate(([0], np.cumsum(measured.sum(axis=1)))).astype(np.int32),
-        np.arange(n, dtype=np.int32),
-        kind.astype(np.int32),
-        values[step, kind],
-        noise[kind],
+    events = ekf.Events(
+        time_s=step_s * np.arange(n, dtype=np.float64),
+        first=np.concatenate(([0], np.cumsum(measured.sum(axis=1)))).astype(np.int32),
+        out_row=np.arange(n, dtype=np.int32),
+        source=kind.astype(np.int32),
+        values=values[step, kind],
+        noise=noise[kind],
     )
     none = np.full(len(VECTOR_KINDS), -1, np.int32)
-    table = SeriesTable(np.array(VECTOR_KINDS, np.int32), none, none, np.zeros(len(VECTOR_KINDS)), -none)
-    start = Start(0.0, np.array(z[0], dtype=np.float64), np.diag(variance))
-    q = process_noise(step_s) if q is None else q
-    result = run_events(events, table, start, ModelParameters(), np.zeros(6), n, smooth=smooth, q_matrix=q)
+    sensor = np.array(VECTOR_KINDS, np.int32)
+    sources = ekf.Sources(
+        sensor=sensor, bias_state=none, latency_state=none, gate=np.zeros(len(sensor)), patience=-none
+    )
+    motion = ekf.Motion.song2016(process_noise(step_s) if q is None else q)
+    result = ekf.run(events, sources, motion, np.array(z[0], dtype=np.float64), np.diag(variance), n, smooth=smooth)
     return result.state, result.covariance
 
 

@@ -15,10 +15,11 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import N_MOTION, PassResult, Start, old_rows, run_pass
+from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
 from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import Tuned, tune
+from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -141,7 +142,7 @@ def estimate_track(
     notes += remark
     output_s = seconds(output_stamp_ns, epoch) + late_s
     result = run_pass(
-        tuned.series, start, tuned.parameters, tuned.walk, output_s,
+        tuned.series, start, tuned.motion, output_s,
         smooth=not config.causal, reset_after=config.reset_after,
     )  # fmt: skip
     if config.causal:
@@ -176,7 +177,7 @@ def _start_again(tuned: Tuned, start: Start, reset_after: int) -> Start:
         return start
     here = np.array([start.time_s])
     for _ in range(MOST_STARTS):
-        found = run_pass(tuned.series, start, tuned.parameters, tuned.walk, here, smooth=True, reset_after=reset_after)
+        found = run_pass(tuned.series, start, tuned.motion, here, smooth=True, reset_after=reset_after)
         state = found.state[0]
         if not np.isfinite(state).all():
             break
@@ -223,8 +224,12 @@ def _report(p: Prepared, tuned: Tuned, i: int, result: PassResult) -> SourceRepo
     s, latency = tuned.series[i], tuned.latencies[i]
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
-    if int((status >= 0).sum()) >= MIN_NIS_ROWS:
-        kept = nis[status > 0] if (status > 0).any() else nis[status == 0]
+    if int((status != BEFORE_START).sum()) >= MIN_NIS_ROWS:
+        kept = (
+            nis[status >= UpdateStatus.USED]
+            if (status >= UpdateStatus.USED).any()
+            else nis[status == UpdateStatus.GATED]
+        )
         mean = float(kept.mean())
         bounds = mean_bounds(s.width, effective_count(kept))
         inside = bounds[0] <= mean <= bounds[1]
@@ -238,12 +243,12 @@ def _report(p: Prepared, tuned: Tuned, i: int, result: PassResult) -> SourceRepo
         source=s.source,
         kind=s.kind,
         n_read=p.n_read,
-        n_used=int((status > 0).sum()),
-        n_gated=int((status == 0).sum()),
+        n_used=int((status >= UpdateStatus.USED).sum()),
+        n_gated=int((status == UpdateStatus.GATED).sum()),
         n_not_finite=p.n_not_finite,
         n_interpolated=p.n_interpolated,
         n_held_back=p.n_held_back,
-        n_resets=int((status == 2).sum()),
+        n_resets=int((status == UpdateStatus.USED_AFTER_RESET).sum()),
         nis_mean=mean,
         nis_dof=s.width,
         nis_bounds=bounds,

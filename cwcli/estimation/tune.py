@@ -14,6 +14,7 @@ from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import settle_noise
 from cwcli.estimation.passes import N_MOTION, Series
 from cwcli.estimation.prepare import Prepared
+from cwcli.kernels import ekf
 from cwcli.metrics.chi_square import chi_square_quantile
 from cwcli.signals.columns import FloatArray
 
@@ -27,15 +28,14 @@ class Tuned:
 
     Attributes:
         series, latencies: Parallel to what was prepared.
-        parameters: Motion model.
-        walk, prior: Shape (n,): random walk (per second) and prior variances; motion states are zero there.
+        motion: Motion model, with the random walks of the parameter states.
+        prior: Shape (n,): prior variances; motion states are zero there.
         notes: Remarks for the user.
     """
 
     series: tuple[Series, ...]
     latencies: tuple[Latency, ...]
-    parameters: ModelParameters
-    walk: FloatArray
+    motion: ekf.Motion
     prior: FloatArray
     notes: tuple[str, ...]
 
@@ -61,7 +61,7 @@ def tune(prepared: Sequence[Prepared], config: EstimatorConfig, parameters: Mode
         for s, latency in zip(series, latencies, strict=True)
         if latency.status == "not observable" and len(s)
     )
-    return Tuned(gated, tuple(latencies), parameters, walk, prior, notes)
+    return Tuned(gated, tuple(latencies), parameters.motion(walk), prior, notes)
 
 
 def with_bias_states(

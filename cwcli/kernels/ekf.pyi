@@ -1,56 +1,114 @@
+from enum import IntEnum
+from typing import TypedDict
+
 import numpy as np
 import numpy.typing as npt
 
 _F = npt.NDArray[np.float64]
 _I = npt.NDArray[np.int32]
-_B = npt.NDArray[np.int8]
 
-def forward(
-    time_s: _F,
-    first: _I,
-    out_row: _I,
-    series: _I,
-    z: _F,
-    r: _F,
-    kind: _I,
-    bias: _I,
-    lag: _I,
-    gate: _F,
-    reset_after: _I,
-    model: _F,
-    q_matrix: _F,
-    q_walk: _F,
-    x: _F,
-    p: _F,
-    x_post: _F,
-    flip: _B,
-    yaw_decay: _F,
-    gain: _F,
-    partials: _F,
-    innovation: _F,
-    status: _B,
-    nis: _F,
-    out_x: _F,
-    out_p: _F,
-    streak: _I,
-    believed: _F,
-) -> float: ...
-def backward(
-    time_s: _F,
-    first: _I,
-    out_row: _I,
-    series: _I,
-    kind: _I,
-    bias: _I,
-    lag: _I,
-    model: _F,
-    x_post: _F,
-    flip: _B,
-    yaw_decay: _F,
-    gain: _F,
-    partials: _F,
-    innovation: _F,
-    status: _B,
-    out_x: _F,
-    out_p: _F,
-) -> None: ...
+class Sensor(IntEnum):
+    """What a source measures: see `cwcli.estimation.measurements.Kind`."""
+
+    POSITION = ...
+    VELOCITY = ...
+    SPEED = ...
+    HEADING = ...
+    ACCEL = ...
+    YAW_RATE = ...
+
+class UpdateStatus(IntEnum):
+    GATED = ...
+    USED = ...
+    USED_AFTER_RESET = ...
+
+class DampedMotion(TypedDict):
+    """The struct of this name in ekf_motion.pxd; rates in 1/s."""
+
+    accel_rate: float
+    jerk_rate: float
+    jerk_noise: float
+    yaw_rate_rate: float
+    yaw_accel_rate: float
+    yaw_accel_noise: float
+    standstill_speed: float
+    standstill_floor: float
+    xy_noise: float
+    heading_noise: float
+    reverse_speed: float
+
+class Motion:
+    """What the state does between measurements: a motion model with its numbers."""
+
+    @staticmethod
+    def damped(numbers: DampedMotion, walk_noise: _F) -> Motion:
+        """Eight states and parameters, see `cwcli.estimation.model.ModelParameters`.
+
+        Args:
+            numbers: As the struct says.
+            walk_noise: (n,): random walk variance per second of the parameter states (first eight unused).
+        """
+
+    @staticmethod
+    def song2016(step_noise: _F) -> Motion:
+        """Six states, acceleration and yaw rate stay over a step (eq. 2, 6); step_noise: (6, 6), Q."""
+
+class Events:
+    """All steps and updates in time order: T steps, U updates.
+
+    Args:
+        time_s: (T,), increasing.
+        first: (T + 1,): the updates of step k are first[k]..first[k + 1] - 1.
+        out_row: (T,): row of the output that step k fills, or -1.
+        source: (U,): index into the arrays of `Sources`.
+        values, noise: (U, 2), scalars in the first column, and (U, 3): r00, r01, r11.
+    """
+
+    def __init__(self, *, time_s: _F, first: _I, out_row: _I, source: _I, values: _F, noise: _F) -> None: ...
+
+class Sources:
+    """What the filter has to know of each of S sources, (S,) each.
+
+    Args:
+        sensor: A `Sensor`.
+        bias_state, latency_state: Index of the parameter state; -1 = none.
+        gate: Chi-square limit of the squared normalised innovation; <= 0 switches the gate off.
+        patience: After so many gated updates in a row the next one is used.
+    """
+
+    def __init__(self, *, sensor: _I, bias_state: _I, latency_state: _I, gate: _F, patience: _I) -> None: ...
+
+class Pass:
+    """What a pass found.
+
+    Attributes:
+        state, covariance: (m, n), (m, n, n): filtered or smoothed, at the output rows.
+        last_state, last_covariance: (n,), (n, n): of the filter after the last step.
+        nis: (U, 3): squared normalised innovation, mean nu^2 over the axes, mean h P h' over the axes.
+        status: (U,): an `UpdateStatus`.
+        log_likelihood: Of the used innovations.
+    """
+
+    state: _F
+    covariance: _F
+    last_state: _F
+    last_covariance: _F
+    nis: _F
+    status: npt.NDArray[np.int8]
+    log_likelihood: float
+
+def run(
+    events: Events,
+    sources: Sources,
+    motion: Motion,
+    start_state: _F,
+    start_covariance: _F,
+    n_output: int,
+    *,
+    smooth: bool,
+) -> Pass:
+    """Filter all events from the state (n,) and covariance (n, n) at the first step on; then smooth, if asked to.
+
+    Raises:
+        ValueError: If the start has not as many states as the motion model.
+    """

@@ -1,29 +1,50 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the vehicle-state kernel: the motion model, its Jacobian and its noise."""
 
-from libc.math cimport cos, sin
+from libc.math cimport M_PI, cos, sin
+
+from cwcli.kernels.ekf cimport MotionModel
 
 cdef enum:
-    NMAX = 16
-    NH = 5
+    NMAX = 16  # states at most
+    NH = 5     # states that one measurement depends on at most
 
-# Order of the entries of `model` (see cwcli.estimation.model.ModelParameters).
+# From N_MOTION on stand the slowly varying parameters. SONG2016 has the first six.
 cdef enum:
-    P_RATE_A = 0        # 1/s, decay of the acceleration
-    P_RATE_J = 1        # 1/s, decay of the jerk
-    P_Q_J = 2           # white noise behind the jerk, (m/s^3)^2/s
-    P_RATE_W = 3        # 1/s, decay of the yaw rate
-    P_RATE_ALPHA = 4    # 1/s, decay of the yaw acceleration
-    P_Q_ALPHA = 5       # white noise behind the yaw acceleration at speed, (rad/s^2)^2/s
-    P_V_YAW = 6         # m/s, speed below which a car hardly turns
-    P_Q_XY = 7          # m^2/s, side-slip and map error
-    P_FLIP = 8          # m/s, reversing faster than this is taken for a heading that is wrong by pi
-    P_Q_FLOOR = 9       # part of P_Q_ALPHA left at standstill
-    P_Q_HEADING = 10    # rad^2/s, side-slip and roll: what the gyroscope does not see of the course
-    P_COUNT = 11
+    X = 0
+    Y = 1
+    SPEED = 2
+    HEADING = 3
+    ACCEL = 4
+    YAW_RATE = 5
+    JERK = 6
+    YAW_ACCEL = 7
+    N_MOTION = 8
+
+cdef struct DampedMotion:
+    double accel_rate          # 1/s, decay of the acceleration
+    double jerk_rate           # 1/s, decay of the jerk
+    double jerk_noise          # white noise behind the jerk, (m/s^3)^2/s
+    double yaw_rate_rate       # 1/s, decay of the yaw rate
+    double yaw_accel_rate      # 1/s, decay of the yaw acceleration
+    double yaw_accel_noise     # white noise behind the yaw acceleration at speed, (rad/s^2)^2/s
+    double standstill_speed    # m/s, speed below which a car hardly turns
+    double standstill_floor    # part of yaw_accel_noise left at standstill
+    double xy_noise            # m^2/s, side-slip and map error
+    double heading_noise       # rad^2/s, side-slip and roll: what the gyroscope does not see of the course
+    double reverse_speed       # m/s, reversing faster than this is taken for a heading that is wrong by pi
+
+
+cdef struct Model:
+    int kind                   # MotionModel
+    int n                      # states
+    DampedMotion damped
+    double walk_noise[NMAX]    # DAMPED: random walks of the parameters, per second
+    double step_noise[36]      # SONG2016: Q of a step
 
 
 cdef struct Step:
+    int kind                   # MotionModel
     double dt
     double c
     double s
@@ -80,22 +101,28 @@ cdef inline void companion(double dt, double rate1, double rate2, double* out) n
     out[5] = jj
 
 
-cdef inline double decay_of_yaw_rate(double v2, const double* model) noexcept nogil:
-    """A car that stands does not turn: its yaw rate dies away. v2 is the expected square of the speed."""
+cdef inline double speed_squared(const double* x, const double* p) noexcept nogil:
+    """Its expectation."""
+    return x[SPEED] * x[SPEED] + p[SPEED * NMAX + SPEED]
+
+
+cdef inline double decay_of_yaw_rate(double v2, const Model* model) noexcept nogil:
+    """A car that stands does not turn: its yaw rate dies away."""
     cdef double standing = 0.25 / (v2 + 0.25)             # 1 at rest, 1/2 at half a metre per second
     if standing < 0.02:
-        return model[P_RATE_W]
-    return model[P_RATE_W] + 3.3 * standing * standing    # within 0.3 s at rest
+        return model.damped.yaw_rate_rate
+    return model.damped.yaw_rate_rate + 3.3 * standing * standing    # within 0.3 s at rest
 
 
-cdef inline void linearise(const double* x, double dt, double yaw_decay, const double* model, int n, Step* f,
+cdef inline void linearise(const double* x, double dt, double yaw_decay, const Model* model, Step* f,
                     double* cached) noexcept nogil:
     """Fill the transition over dt about x. `cached` keeps the linear part of the last dt (14 numbers)."""
     cdef double heading
+    f.kind = model.kind
     f.dt = dt
-    if n == 6:                                            # song2016, eq. 2 and 6
-        heading = x[3]
-        f.ds = x[2] * dt + 0.5 * x[4] * dt * dt
+    if model.kind == MotionModel.SONG2016:                # eq. 2 and 6
+        heading = x[HEADING]
+        f.ds = x[SPEED] * dt + 0.5 * x[ACCEL] * dt * dt
         f.c = cos(heading)
         f.s = sin(heading)
         f.xv = dt
@@ -105,11 +132,11 @@ cdef inline void linearise(const double* x, double dt, double yaw_decay, const d
         f.pal = 0.0
         return
     if cached[0] != dt:
-        companion(dt, model[P_RATE_A], model[P_RATE_J], cached + 1)
+        companion(dt, model.damped.accel_rate, model.damped.jerk_rate, cached + 1)
         cached[0] = dt
         cached[13] = -1.0
     if cached[13] != yaw_decay:
-        companion(dt, yaw_decay, model[P_RATE_ALPHA], cached + 7)
+        companion(dt, yaw_decay, model.damped.yaw_accel_rate, cached + 7)
         cached[13] = yaw_decay
     f.f_va = cached[1]
     f.f_vj = cached[2]
@@ -129,89 +156,89 @@ cdef inline void linearise(const double* x, double dt, double yaw_decay, const d
     f.xj = dt * dt * dt / 6.0
     f.pw = 0.5 * dt
     f.pal = dt * dt / 6.0
-    heading = x[3] + f.pw * x[5] + f.pal * x[7]
-    f.ds = f.xv * x[2] + f.xa * x[4] + f.xj * x[6]
+    heading = x[HEADING] + f.pw * x[YAW_RATE] + f.pal * x[YAW_ACCEL]
+    f.ds = f.xv * x[SPEED] + f.xa * x[ACCEL] + f.xj * x[JERK]
     f.c = cos(heading)
     f.s = sin(heading)
 
 
-cdef inline void propagate(double* x, Step* f, int n) noexcept nogil:
+cdef inline void propagate(double* x, const Step* f) noexcept nogil:
     cdef double a, w
-    x[0] += f.ds * f.c
-    x[1] += f.ds * f.s
-    if n == 6:
-        x[2] += x[4] * f.dt
-        x[3] += x[5] * f.dt
+    x[X] += f.ds * f.c
+    x[Y] += f.ds * f.s
+    if f.kind == MotionModel.SONG2016:
+        x[SPEED] += x[ACCEL] * f.dt
+        x[HEADING] += x[YAW_RATE] * f.dt
         return
-    a = x[4]
-    w = x[5]
-    x[2] += f.f_va * a + f.f_vj * x[6]
-    x[3] += f.f_pw * w + f.f_pal * x[7]
-    x[4] = f.f_aa * a + f.f_aj * x[6]
-    x[6] = f.f_ja * a + f.f_jj * x[6]
-    x[5] = f.f_ww * w + f.f_wal * x[7]
-    x[7] = f.f_alw * w + f.f_alal * x[7]
+    a = x[ACCEL]
+    w = x[YAW_RATE]
+    x[SPEED] += f.f_va * a + f.f_vj * x[JERK]
+    x[HEADING] += f.f_pw * w + f.f_pal * x[YAW_ACCEL]
+    x[ACCEL] = f.f_aa * a + f.f_aj * x[JERK]
+    x[JERK] = f.f_ja * a + f.f_jj * x[JERK]
+    x[YAW_RATE] = f.f_ww * w + f.f_wal * x[YAW_ACCEL]
+    x[YAW_ACCEL] = f.f_alw * w + f.f_alal * x[YAW_ACCEL]
 
 
-cdef inline void times_f(double* p, Step* f, int n, int row, int col) noexcept nogil:
+cdef inline void times_f(double* p, const Step* f, int n, int row, int col) noexcept nogil:
     """p <- F p along the axis with stride `row`; `col` is the stride of the other axis."""
     cdef int i
     cdef double v, h, a, w, j, al, ds, w_h
     cdef double* q
     for i in range(n):
         q = p + i * col
-        v = q[2 * row]
-        h = q[3 * row]
-        a = q[4 * row]
-        w = q[5 * row]
-        if n == 6:
+        v = q[SPEED * row]
+        h = q[HEADING * row]
+        a = q[ACCEL * row]
+        w = q[YAW_RATE * row]
+        if f.kind == MotionModel.SONG2016:
             ds = f.xv * v + f.xa * a
-            q[0] += f.c * ds - f.s * f.ds * h
-            q[row] += f.s * ds + f.c * f.ds * h
-            q[2 * row] = v + f.dt * a
-            q[3 * row] = h + f.dt * w
+            q[X * row] += f.c * ds - f.s * f.ds * h
+            q[Y * row] += f.s * ds + f.c * f.ds * h
+            q[SPEED * row] = v + f.dt * a
+            q[HEADING * row] = h + f.dt * w
         else:
-            j = q[6 * row]
-            al = q[7 * row]
+            j = q[JERK * row]
+            al = q[YAW_ACCEL * row]
             ds = f.xv * v + f.xa * a + f.xj * j
             w_h = f.ds * (h + f.pw * w + f.pal * al)
-            q[0] += f.c * ds - f.s * w_h
-            q[row] += f.s * ds + f.c * w_h
-            q[2 * row] = v + f.f_va * a + f.f_vj * j
-            q[3 * row] = h + f.f_pw * w + f.f_pal * al
-            q[4 * row] = f.f_aa * a + f.f_aj * j
-            q[6 * row] = f.f_ja * a + f.f_jj * j
-            q[5 * row] = f.f_ww * w + f.f_wal * al
-            q[7 * row] = f.f_alw * w + f.f_alal * al
+            q[X * row] += f.c * ds - f.s * w_h
+            q[Y * row] += f.s * ds + f.c * w_h
+            q[SPEED * row] = v + f.f_va * a + f.f_vj * j
+            q[HEADING * row] = h + f.f_pw * w + f.f_pal * al
+            q[ACCEL * row] = f.f_aa * a + f.f_aj * j
+            q[JERK * row] = f.f_ja * a + f.f_jj * j
+            q[YAW_RATE * row] = f.f_ww * w + f.f_wal * al
+            q[YAW_ACCEL * row] = f.f_alw * w + f.f_alal * al
 
 
-cdef inline void times_ft(double* p, Step* f, int n, int row, int col, int count) noexcept nogil:
+cdef inline void times_ft(double* p, const Step* f, int n, int row, int col, int count) noexcept nogil:
     """p <- F' p along the axis with stride `row`, for `count` vectors `col` apart."""
     cdef int i
     cdef double x, y, v, h, a, w, j, al, ds, w_h
     cdef double* q
     for i in range(count):
         q = p + i * col
-        x = q[0]
-        y = q[row]
-        v = q[2 * row]
-        h = q[3 * row]
-        a = q[4 * row]
-        w = q[5 * row]
+        x = q[X * row]
+        y = q[Y * row]
+        v = q[SPEED * row]
+        h = q[HEADING * row]
+        a = q[ACCEL * row]
+        w = q[YAW_RATE * row]
         ds = f.c * x + f.s * y
         w_h = f.ds * (f.c * y - f.s * x)
-        q[2 * row] = v + f.xv * ds
-        q[3 * row] = h + w_h
-        if n == 6:
-            q[4 * row] = a + f.dt * v + f.xa * ds
-            q[5 * row] = w + f.dt * h
+        q[SPEED * row] = v + f.xv * ds
+        q[HEADING * row] = h + w_h
+        if f.kind == MotionModel.SONG2016:
+            q[ACCEL * row] = a + f.dt * v + f.xa * ds
+            q[YAW_RATE * row] = w + f.dt * h
         else:
-            j = q[6 * row]
-            al = q[7 * row]
-            q[4 * row] = f.xa * ds + f.f_va * v + f.f_aa * a + f.f_ja * j
-            q[6 * row] = f.xj * ds + f.f_vj * v + f.f_aj * a + f.f_jj * j
-            q[5 * row] = f.pw * w_h + f.f_pw * h + f.f_ww * w + f.f_alw * al
-            q[7 * row] = f.pal * w_h + f.f_pal * h + f.f_wal * w + f.f_alal * al
+            j = q[JERK * row]
+            al = q[YAW_ACCEL * row]
+            q[ACCEL * row] = f.xa * ds + f.f_va * v + f.f_aa * a + f.f_ja * j
+            q[JERK * row] = f.xj * ds + f.f_vj * v + f.f_aj * a + f.f_jj * j
+            q[YAW_RATE * row] = f.pw * w_h + f.f_pw * h + f.f_ww * w + f.f_alw * al
+            q[YAW_ACCEL * row] = f.pal * w_h + f.f_pal * h + f.f_wal * w + f.f_alal * al
 
 
 cdef inline void add_sym(double* p, int i, int j, double v) noexcept nogil:
@@ -220,48 +247,61 @@ cdef inline void add_sym(double* p, int i, int j, double v) noexcept nogil:
         p[j * NMAX + i] += v
 
 
-cdef inline void add_noise(double* p, const double* x, double dt, const double* model, const double* q_matrix,
-                    const double* q_walk, int n) noexcept nogil:
+cdef inline void add_noise(double* p, const double* x, double dt, const Model* model) noexcept nogil:
     """Continuous white noise behind jerk and yaw acceleration, random walks for the parameters."""
     cdef int i, j
     cdef double q, v2, v0, t2 = dt * dt, t3 = t2 * dt, t4 = t3 * dt, t5 = t4 * dt
-    if n == 6:
+    if model.kind == MotionModel.SONG2016:
         for i in range(6):
             for j in range(6):
-                p[i * NMAX + j] += q_matrix[i * 6 + j]
+                p[i * NMAX + j] += model.step_noise[i * 6 + j]
         return
-    q = model[P_Q_J]
-    add_sym(p, 2, 2, q * t5 / 20)
-    add_sym(p, 2, 4, q * t4 / 8)
-    add_sym(p, 2, 6, q * t3 / 6)
-    add_sym(p, 4, 4, q * t3 / 3)
-    add_sym(p, 4, 6, q * t2 / 2)
-    add_sym(p, 6, 6, q * dt)
-    v2 = x[2] * x[2] + p[2 * NMAX + 2]
-    v0 = model[P_V_YAW]
+    q = model.damped.jerk_noise
+    add_sym(p, SPEED, SPEED, q * t5 / 20)
+    add_sym(p, SPEED, ACCEL, q * t4 / 8)
+    add_sym(p, SPEED, JERK, q * t3 / 6)
+    add_sym(p, ACCEL, ACCEL, q * t3 / 3)
+    add_sym(p, ACCEL, JERK, q * t2 / 2)
+    add_sym(p, JERK, JERK, q * dt)
+    v2 = speed_squared(x, p)
+    v0 = model.damped.standstill_speed
     q = v2 / (v2 + v0 * v0)
-    if q < model[P_Q_FLOOR]:
-        q = model[P_Q_FLOOR]
-    q *= model[P_Q_ALPHA]
-    add_sym(p, 3, 3, q * t5 / 20)
-    add_sym(p, 3, 5, q * t4 / 8)
-    add_sym(p, 3, 7, q * t3 / 6)
-    add_sym(p, 5, 5, q * t3 / 3)
-    add_sym(p, 5, 7, q * t2 / 2)
-    add_sym(p, 7, 7, q * dt)
+    if q < model.damped.standstill_floor:
+        q = model.damped.standstill_floor
+    q *= model.damped.yaw_accel_noise
+    add_sym(p, HEADING, HEADING, q * t5 / 20)
+    add_sym(p, HEADING, YAW_RATE, q * t4 / 8)
+    add_sym(p, HEADING, YAW_ACCEL, q * t3 / 6)
+    add_sym(p, YAW_RATE, YAW_RATE, q * t3 / 3)
+    add_sym(p, YAW_RATE, YAW_ACCEL, q * t2 / 2)
+    add_sym(p, YAW_ACCEL, YAW_ACCEL, q * dt)
     q = dt * v2 / (v2 + v0 * v0)
-    add_sym(p, 3, 3, q * model[P_Q_HEADING])
-    q *= model[P_Q_XY]
-    add_sym(p, 0, 0, q)
-    add_sym(p, 1, 1, q)
-    for i in range(8, n):
-        p[i * NMAX + i] += q_walk[i] * dt
+    add_sym(p, HEADING, HEADING, q * model.damped.heading_noise)
+    q *= model.damped.xy_noise
+    add_sym(p, X, X, q)
+    add_sym(p, Y, Y, q)
+    for i in range(N_MOTION, model.n):
+        p[i * NMAX + i] += model.walk_noise[i] * dt
 
 
-cdef inline void flip_sign(double* p, int n) noexcept nogil:
-    """p <- T p T with T = diag(-1) at speed, acceleration and jerk."""
+cdef inline bint is_reversed(const double* x, const double* p, const Model* model) noexcept nogil:
+    """The car seems to reverse so fast that rather its heading is wrong by half a turn."""
+    return (model.kind == MotionModel.DAMPED and x[SPEED] < -model.damped.reverse_speed
+            and x[SPEED] * x[SPEED] > 25.0 * p[SPEED * NMAX + SPEED])
+
+
+cdef inline void flip_sign(double* x, double* p, int n) noexcept nogil:
+    """x <- T x, p <- T p T with T = diag(-1) at speed, acceleration and jerk."""
     cdef int i, j
+    x[SPEED] = -x[SPEED]
+    x[ACCEL] = -x[ACCEL]
+    x[JERK] = -x[JERK]
     for i in range(n):
         for j in range(n):
-            if (i == 2 or i == 4 or i == 6) != (j == 2 or j == 4 or j == 6):
+            if (i == SPEED or i == ACCEL or i == JERK) != (j == SPEED or j == ACCEL or j == JERK):
                 p[i * NMAX + j] = -p[i * NMAX + j]
+
+
+cdef inline void turn_round(double* x, double* p, int n) noexcept nogil:
+    flip_sign(x, p, n)
+    x[HEADING] += M_PI

@@ -3,19 +3,22 @@
 
 from libc.math cimport cos, sin
 
-from cwcli.kernels.ekf_motion cimport NH, NMAX, add_sym
+from cwcli.kernels.ekf cimport MotionModel, Sensor
+from cwcli.kernels.ekf_motion cimport (
+    ACCEL, HEADING, JERK, NH, NMAX, SPEED, X, Y, YAW_ACCEL, YAW_RATE, Model, add_sym
+)
 
 
-cdef inline int count_slots(int kind, int bias, int lag) noexcept nogil:
+cdef inline int count_slots(int sensor, int bias, int lag) noexcept nogil:
     """Number of Jacobian entries that `expect` fills per axis."""
-    if kind < 2:
+    if sensor == Sensor.POSITION or sensor == Sensor.VELOCITY:
         return NH if lag >= 0 else 2
     if lag >= 0:
         return 4
     return 2 if bias >= 0 else 1
 
 
-cdef inline int expect(const double* x, int kind, int bias, int lag, double* h, double* hx, int* idx) noexcept nogil:
+cdef inline int expect(const double* x, int sensor, int bias, int lag, double* h, double* hx, int* idx) noexcept nogil:
     """Expected measurement h (1 or 2), its Jacobian hx (2 x NH) at the state indices idx. Returns the width.
 
     A latency state tau is the part of the latency that the stamps do not correct yet: z = h(x(t - tau)) to first order.
@@ -23,25 +26,26 @@ cdef inline int expect(const double* x, int kind, int bias, int lag, double* h, 
     """
     cdef double c, s, u, th, tau = 0.0
     cdef int i
-    cdef int m = count_slots(kind, bias, lag)
+    cdef int m = count_slots(sensor, bias, lag)
     for i in range(m):
         hx[i] = 0.0
         hx[NH + i] = 0.0
         idx[i] = 0
     if lag >= 0:
         tau = x[lag]
-    if kind == 0:                                         # position
-        idx[1] = 1
+    if sensor == Sensor.POSITION:
+        idx[0] = X
+        idx[1] = Y
         hx[0] = 1.0
         hx[NH + 1] = 1.0
-        h[0] = x[0]
-        h[1] = x[1]
+        h[0] = x[X]
+        h[1] = x[Y]
         if lag >= 0:
-            c = cos(x[3])
-            s = sin(x[3])
-            u = x[2]
-            idx[2] = 2
-            idx[3] = 3
+            c = cos(x[HEADING])
+            s = sin(x[HEADING])
+            u = x[SPEED]
+            idx[2] = SPEED
+            idx[3] = HEADING
             idx[4] = lag
             h[0] -= tau * u * c
             h[1] -= tau * u * s
@@ -52,45 +56,44 @@ cdef inline int expect(const double* x, int kind, int bias, int lag, double* h, 
             hx[4] = -u * c
             hx[NH + 4] = -u * s
         return 2
-    if kind == 1:                                         # velocity over ground
-        u = x[2] - tau * x[4]
-        th = x[3] - tau * x[5]
+    if sensor == Sensor.VELOCITY:                         # over ground
+        u = x[SPEED] - tau * x[ACCEL]
+        th = x[HEADING] - tau * x[YAW_RATE]
         c = cos(th)
         s = sin(th)
         h[0] = u * c
         h[1] = u * s
-        idx[0] = 2
-        idx[1] = 3
+        idx[0] = SPEED
+        idx[1] = HEADING
         hx[0] = c
         hx[NH] = s
         hx[1] = -u * s
         hx[NH + 1] = u * c
         if lag >= 0:
-            idx[2] = 4
-            idx[3] = 5
+            idx[2] = ACCEL
+            idx[3] = YAW_RATE
             idx[4] = lag
             hx[2] = -tau * c
             hx[NH + 2] = -tau * s
             hx[3] = tau * u * s
             hx[NH + 3] = -tau * u * c
-            hx[4] = -x[4] * c + u * x[5] * s
-            hx[NH + 4] = -x[4] * s - u * x[5] * c
+            hx[4] = -x[ACCEL] * c + u * x[YAW_RATE] * s
+            hx[NH + 4] = -x[ACCEL] * s - u * x[YAW_RATE] * c
         return 2
     # Scalars: state i with the rate of change in state r.
-    cdef int r = -1
-    i = 2
-    if kind == 2:
-        i = 2
-        r = 4
-    elif kind == 3:
-        i = 3
-        r = 5
-    elif kind == 4:
-        i = 4
-        r = 6
+    cdef int r
+    if sensor == Sensor.SPEED:
+        i = SPEED
+        r = ACCEL
+    elif sensor == Sensor.HEADING:
+        i = HEADING
+        r = YAW_RATE
+    elif sensor == Sensor.ACCEL:
+        i = ACCEL
+        r = JERK
     else:
-        i = 5
-        r = 7
+        i = YAW_RATE
+        r = YAW_ACCEL
     idx[0] = i
     hx[0] = 1.0
     h[0] = x[i]
@@ -107,25 +110,25 @@ cdef inline int expect(const double* x, int kind, int bias, int lag, double* h, 
     return 1
 
 
-cdef inline void inflate(double* x, double* p, int kind, const double* nu, int n) noexcept nogil:
+cdef inline void inflate(double* x, double* p, int sensor, const double* nu, const Model* model) noexcept nogil:
     """Give up what contradicts a source that was rejected too often: widen what it measures."""
-    if kind == 0:
-        add_sym(p, 0, 0, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
-        add_sym(p, 1, 1, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
-        add_sym(p, 2, 2, 25.0)
-        add_sym(p, 3, 3, 1.0)
-    elif kind == 1:
-        add_sym(p, 2, 2, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
-        add_sym(p, 3, 3, 1.0)
-    elif kind == 2:
-        add_sym(p, 2, 2, nu[0] * nu[0] + 1.0)
-    elif kind == 3:
-        add_sym(p, 3, 3, nu[0] * nu[0] + 0.01)
-    elif kind == 4:
-        add_sym(p, 4, 4, nu[0] * nu[0])
-        if n > 6:
-            add_sym(p, 6, 6, 25.0)
+    if sensor == Sensor.POSITION:
+        add_sym(p, X, X, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
+        add_sym(p, Y, Y, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
+        add_sym(p, SPEED, SPEED, 25.0)
+        add_sym(p, HEADING, HEADING, 1.0)
+    elif sensor == Sensor.VELOCITY:
+        add_sym(p, SPEED, SPEED, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
+        add_sym(p, HEADING, HEADING, 1.0)
+    elif sensor == Sensor.SPEED:
+        add_sym(p, SPEED, SPEED, nu[0] * nu[0] + 1.0)
+    elif sensor == Sensor.HEADING:
+        add_sym(p, HEADING, HEADING, nu[0] * nu[0] + 0.01)
+    elif sensor == Sensor.ACCEL:
+        add_sym(p, ACCEL, ACCEL, nu[0] * nu[0])
+        if model.kind == MotionModel.DAMPED:
+            add_sym(p, JERK, JERK, 25.0)
     else:
-        add_sym(p, 5, 5, nu[0] * nu[0])
-        if n > 6:
-            add_sym(p, 7, 7, 1.0)
+        add_sym(p, YAW_RATE, YAW_RATE, nu[0] * nu[0])
+        if model.kind == MotionModel.DAMPED:
+            add_sym(p, YAW_ACCEL, YAW_ACCEL, 1.0)

@@ -81,7 +81,7 @@ def test_nees_of_data_drawn_from_the_model_is_inside_its_bounds() -> None:
             Series("w", Kind.YAW_RATE, t, np.array(yaw), r_yaw),
         ]
         start = Start(0.0, mean0, np.diag(sigma0**2))
-        result = run_pass(series, start, parameters, np.zeros(8), t[-1:], smooth=True, reset_after=5)
+        result = run_pass(series, start, parameters.motion(np.zeros(8)), t[-1:], smooth=True, reset_after=5)
         end.append(nees((result.state - x)[:, :8], result.covariance)[0])
     low, high = mean_bounds(8, 30)
     assert 0.97 * low < np.mean(end) < 1.03 * high

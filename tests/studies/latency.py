@@ -78,7 +78,9 @@ def bound(measurements: Sequence[Measurements], planted: dict[str, float]) -> di
             continue
         used = [replace(s, latency_state=n), *(other for other in series if other.source == "imu")]
         start = start_with_parameters(used, np.append(prior, PRIOR_S**2), causal=False)
-        result = run_pass(used, start, parameters, np.append(walk, 0.0), np.zeros(0), smooth=False, reset_after=50)
+        result = run_pass(
+            used, start, parameters.motion(np.append(walk, 0.0)), np.zeros(0), smooth=False, reset_after=50
+        )
         found[s.source] = float(np.sqrt(result.last_covariance[n, n]))
     return found
 

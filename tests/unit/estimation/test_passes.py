@@ -55,8 +55,8 @@ def test_pass_equals_twin_on_mixed_sensors(seed: int) -> None:
     output = np.linspace(0.0, 4.2, 23)
     parameters = ModelParameters()
     naive = naive_ekf.run(series, start, parameters, walk, output)
-    filtered = run_pass(series, start, parameters, walk, output, smooth=False, reset_after=10)
-    smoothed = run_pass(series, start, parameters, walk, output, smooth=True, reset_after=10)
+    filtered = run_pass(series, start, parameters.motion(walk), output, smooth=False, reset_after=10)
+    smoothed = run_pass(series, start, parameters.motion(walk), output, smooth=True, reset_after=10)
     np.testing.assert_allclose(filtered.state, naive.filtered, atol=ATOL)
     np.testing.assert_allclose(filtered.covariance, naive.filtered_p, atol=ATOL)
     np.testing.assert_allclose(smoothed.state, naive.smoothed, atol=ATOL)
@@ -129,7 +129,7 @@ def test_gate_rejects_a_jump_and_counts_it() -> None:
     state = np.zeros(8)
     state[2] = 10.0
     start = Start(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
-    result = run_pass([s], start, ModelParameters(), np.zeros(8), time, smooth=True, reset_after=20)
+    result = run_pass([s], start, ModelParameters().motion(np.zeros(8)), time, smooth=True, reset_after=20)
     assert np.flatnonzero(result.status[0] == 0).tolist() == [50]
     np.testing.assert_allclose(result.state[:, 0], 10.0 * time, atol=0.2)
 
@@ -143,7 +143,7 @@ def test_gate_gives_in_when_the_measurements_stay_elsewhere() -> None:
     state = np.zeros(8)
     state[2] = 10.0
     start = Start(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
-    result = run_pass([s], start, ModelParameters(), np.zeros(8), time, smooth=False, reset_after=10)
+    result = run_pass([s], start, ModelParameters().motion(np.zeros(8)), time, smooth=False, reset_after=10)
     assert (result.status[0] == 0).sum() == 19  # two seconds from the last believed row
     assert (result.status[0] == 2).sum() == 1
     np.testing.assert_allclose(result.state[-1, :2], xy[-1], atol=0.5)
@@ -152,5 +152,11 @@ def test_gate_gives_in_when_the_measurements_stay_elsewhere() -> None:
 def test_update_and_output_at_the_same_stamp_give_the_updated_state() -> None:
     s = series_of(Kind.POSITION, np.array([0.0]), np.array([[4.0, 2.0]]), (1e-6, 0.0, 1e-6))
     start = Start(0.0, np.zeros(8), np.eye(8))
-    result = run_pass([s], start, ModelParameters(), np.zeros(8), np.array([0.0]), smooth=False, reset_after=3)
+    result = run_pass([s], start, ModelParameters().motion(np.zeros(8)), np.array([0.0]), smooth=False, reset_after=3)
     np.testing.assert_allclose(result.state[0, :2], [4.0, 2.0], atol=1e-4)
+
+
+def test_start_of_another_length_than_the_model_is_refused() -> None:
+    start = Start(0.0, np.zeros(6), np.eye(6))
+    with pytest.raises(ValueError, match="a start of 6 states for a motion model of 8"):
+        run_pass([], start, ModelParameters().motion(np.zeros(8)), np.zeros(1), smooth=False, reset_after=3)
