@@ -27,7 +27,8 @@ class Finding:
         paper: The paper's number, NaN where it prints none.
         ours: Ours: mean or median over the seeds, as `what` says.
         low, high: 95 % interval of `ours` over the seeds; NaN where there is nothing random in it.
-        verdict: `reproduced`, `better`, `worse`, `differs`, or `reported` where the paper gives no number.
+        verdict: `reproduced` (or the bound that `what` tells is met), `better`, `worse`, `differs`, or `reported`
+            where there is nothing to compare with.
         is_required: A `worse` or `differs` here makes the command fail.
     """
 

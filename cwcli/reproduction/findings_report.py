@@ -49,14 +49,22 @@ def reproduction(
     """
     findings = tuple(finding for part in parts for finding in part.findings)
     plots = tuple(plot for part in parts for plot in part.plots)
-    failed = [f"{f.figure}: {f.what}: {f.verdict}" for f in findings if f.has_failed]
     summary = Summary(
         f"reproduce {paper}",
         (*findings_sections(findings), *sections),
         (),
-        (f"{note}; a finding that differs where it must not makes the exit code 1", *notes, *failed),
+        (note, *notes, exit_note(findings)),
     )
     return Reproduction(findings, plots, findings_table(paper, findings), summary)
+
+
+def exit_note(findings: Sequence[Finding]) -> str:
+    """What the exit code is, and why."""
+    n_required = sum(finding.is_required for finding in findings)
+    failed = [f"{f.figure}, {f.what}: {f.verdict}" for f in findings if f.has_failed]
+    if failed:
+        return f"exit code 1: {len(failed)} of {n_required} findings that must hold do not: {'; '.join(failed)}"
+    return f"exit code 0: all {n_required} findings that must hold do"
 
 
 def findings_table(name: str, findings: Sequence[Finding]) -> Table:
@@ -83,11 +91,11 @@ def findings_sections(findings: Sequence[Finding]) -> tuple[Section, ...]:
     sections = []
     for figure in dict.fromkeys(finding.figure for finding in findings):
         rows: list[tuple[Cell, ...]] = [
-            (f.what, f.unit, _number(f.paper), _number(f.ours), _interval(f), f.verdict)
+            (f.what, f.unit, _number(f.paper), _number(f.ours), _interval(f), f.verdict, "yes" if f.is_required else "")
             for f in findings
             if f.figure == figure
         ]
-        columns = ("what", "unit", "paper", "ours", "95 % interval", "verdict")
+        columns = ("what", "unit", "paper", "ours", "95 % interval", "verdict", "must hold")
         sections.append(Section(figure.replace(" ", "_"), figure, columns, tuple(rows)))
     return tuple(sections)
 

@@ -6,10 +6,11 @@ Table 1 is in `test_song2016_table1.py`.
 import numpy as np
 import pytest
 
-from cwcli.reproduction.findings import Finding, ordered, within
+from cwcli.reproduction.findings import Finding, Part, ordered, within
+from cwcli.reproduction.findings_report import exit_note, reproduction
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.methods import STEP_S, trailing_slope
-from cwcli.reproduction.song2016.prediction import prediction_errors, prediction_part
+from cwcli.reproduction.song2016.prediction import Errors, horizon_part, prediction_errors, prediction_part
 from cwcli.reproduction.song2016.warning import (
     PAPER_MOMENTS_S,
     TRAPS,
@@ -17,8 +18,10 @@ from cwcli.reproduction.song2016.warning import (
     false_warnings,
     figure_part,
     first_below,
+    trap_part,
     warning_moments,
 )
+from cwcli.simulation.scenario import load_scenario
 
 SEEDS = 6
 
@@ -64,6 +67,56 @@ def test_order_of_the_families_in_figures_3_and_5(name: str) -> None:
 @pytest.mark.parametrize("name", TRAPS)
 def test_default_rule_is_silent_in_the_traps(name: str) -> None:
     assert false_warnings(name, 3, nothing)["cwcli"] == 0
+
+
+@pytest.mark.parametrize(
+    ("ours", "papers", "verdict"), [(0, 3, "better"), (0, 0, "reproduced"), (1, 3, "worse"), (1, 0, "worse")]
+)
+def test_verdict_of_a_trap_follows_from_both_counts(ours: int, papers: int, verdict: str) -> None:
+    finding = trap_part("following", {"cwcli": ours, "song2016": papers}, 20).findings[0]
+    assert finding.verdict == verdict
+    assert finding.has_failed == (verdict == "worse")
+
+
+@pytest.mark.parametrize(
+    ("ours_s", "verdict"),
+    [(3.55, "better"), (3.7, "reproduced"), (3.3, "reproduced"), (3.75, "worse"), (np.nan, "worse")],
+)
+def test_verdict_of_our_warning_follows_from_the_distance_to_the_ideal(ours_s: float, verdict: str) -> None:
+    """The ideal moment is 3.5 s, the jerk family warns at 3.7 s."""
+    when = {"jerk": 3.7, "acceleration": 4.0, "speed": 4.5, "cwcli": ours_s, "cwcli-v2x": ours_s}
+    moments = Moments(
+        load_scenario("rear-end"),
+        "front",
+        3.5,
+        {key: np.full(3, value) for key, value in when.items()},
+        {},
+        np.zeros(0),
+    )
+    [finding] = [each for each in figure_part("rear-end", moments).findings if "our default, median" in each.what]
+    assert finding.verdict == verdict
+
+
+@pytest.mark.parametrize(("largest_m", "verdict"), [(7.9, "reproduced"), (3.6, "differs"), (9.0, "differs")])
+def test_verdict_of_figure_7_follows_from_its_number(largest_m: float, verdict: str) -> None:
+    horizons = {2.1: np.ones(3), 2.5: np.ones(3), 2.9: np.full(3, largest_m)}
+    findings = horizon_part(Errors(np.zeros(0), {}, {}, {}, horizons, {})).findings
+    assert [each.verdict for each in findings] == ["reported", "reported", verdict]
+
+
+def test_note_tells_the_exit_code_and_why() -> None:
+    nan = float("nan")
+    holds = Finding("fig 9", "moment", "s", 1.0, 1.0, nan, nan, "reproduced", is_required=True)
+    misses = Finding("fig 9", "order", "", 1.0, 0.0, nan, nan, "differs", is_required=True)
+    may_miss = Finding("fig 7", "level", "m", 7.9, 3.6, nan, nan, "differs")
+    assert exit_note([holds, may_miss]) == "exit code 0: all 1 findings that must hold do"
+    assert exit_note([holds, misses, may_miss]) == (
+        "exit code 1: 1 of 2 findings that must hold do not: fig 9, order: differs"
+    )
+    made = reproduction("song2016", [Part((holds, misses, may_miss))], "3 seeds")
+    assert made.summary.notes == ("3 seeds", exit_note(made.findings))
+    assert made.failed == (misses,)
+    assert [row[-1] for section in made.summary.sections for row in section.rows] == ["yes", "yes", ""]
 
 
 def test_trailing_slope_of_a_line_is_its_slope() -> None:

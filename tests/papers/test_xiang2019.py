@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from cwcli.cli.main import run
+from cwcli.reproduction.xiang2019 import report
 from cwcli.reproduction.xiang2019.reproduce import FILTER, NOISE, PAPER_TABLE_1, reproduce, rows_of
+from cwcli.reproduction.xiang2019.sentences import exit_note, shortfalls, verdict
 from cwcli.simulation.dual_sensor import PAPER_RANGES_M, static_target
 from cwcli.tracking.single import run_filter
 
@@ -30,7 +34,7 @@ def test_table_1_of_the_paper_is_typed_right():
 
 
 def test_figure_6_combining_is_better_than_either_sensor_at_all_five_ranges(small):
-    table = small.tables["figure_6"]
+    table = small["figure_6"]
     assert table["range_m"] == list(PAPER_RANGES_M)
     assert (column(table, "combined_high_m") < column(table, "lidar_error_m")).all()
     assert (column(table, "lidar_error_m") < column(table, "radar_error_m")).all()
@@ -48,33 +52,132 @@ def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks():
 
 
 def test_table_1_both_filters_reach_the_papers_ukf(small):
-    table = small.tables["table_1"]
+    table = small["table_1"]
     assert len(table["segment"]) == 8
     for name in ("ekf", "ukf"):
         assert column(table, name).mean() < column(table, "paper_ukf").mean()
 
 
 def test_table_1_the_filters_do_not_differ_by_more_than_one_per_cent(small):
-    table = small.tables["table_1"]
+    table = small["table_1"]
     np.testing.assert_allclose(column(table, "ekf"), column(table, "ukf"), rtol=0.01)
     assert (column(table, "difference_low") <= column(table, "difference")).all()
     assert set(table["better"]) <= {"ukf", "ekf", "neither"}
 
 
 def test_where_the_bend_is_large_the_ukf_wins(small):
-    table = small.tables["where"]
+    table = small["where"]
     bend, gain = column(table, "bend"), column(table, "gain_pct")
     assert (np.abs(gain[bend < 0.1]) < 2.0).all()
     assert gain[bend > 2.0].mean() > 3.0
 
 
 def test_table_2_takes_less_than_the_papers_time(small):
-    table = small.tables["table_2"]
+    table = small["table_2"]
     assert (column(table, "time_ms") < column(table, "paper_ms")).all()
     assert table["samples"] == [500.0, 500.0]
 
 
 def test_the_verdict_names_figures_tables_and_reasons(small):
-    text = "\n".join(small.verdict)
+    text = "\n".join(verdict(small))
     for word in ("Table 1", "Figure 6", "Table 2", "Where", "Why"):
         assert word in text
+
+
+FLIPS = {  # table, its columns' new values -> what was said before, what is said instead
+    "the UKF is the faster one": (
+        "table_2",
+        {"filter": ["ukf", "ekf"], "time_ms": [0.1, 0.2]},
+        "Here the EKF is the faster one, other than in the paper: the EKF's Jacobian costs less than the sigma points",
+        "Here the UKF is the faster one, as in the paper: the EKF's Jacobian costs more than the sigma points",
+    ),
+    "the level is reached": (
+        "figure_6",
+        {"combined_error_m": [0.009] * 5},
+        "below 0.01 m, is reached at 0 of 5 distances",
+        "below 0.01 m, is reached at 5 of 5 distances: 0.009 to 0.009 m",
+    ),
+    "both together are worse somewhere": (
+        "figure_6",
+        {"lidar_gain_pct": [-3.0, 10.0, 10.0, 10.0, 10.0]},
+        "combining lowers the error",
+        "combining does not always lower the error: lidar alone is -3 to 10 % worse (paper: 20 to 150 %)",
+    ),
+    "the UKF wins in table 1": (
+        "table_1",
+        {"ekf": [4.0] * 8, "ukf": [3.0] * 8, "better": ["ukf"] * 8},
+        "Both filters compute nearly the same there; the paper's gap can't come from the unscented transform",
+        "the UKF is better in 8, the EKF in 0, neither in 0; the UKF's mean square error differs by -25.000 %",
+    ),
+    "the process noise does less": (
+        "settings",
+        {"ekf": [2.4, 2.5, 2.5, 2.5]},
+        "the paper's gap of 25 % may come from that",
+        "a change of 4 %; the paper's gap of 25 % can not come from that",
+    ),
+    "the UKF wins nowhere": (
+        "where",
+        {"gain_pct": [-1.0] * 18, "better": ["ekf"] * 18},
+        "arc at 50 m with 10 deg",
+        "the UKF wins in 0 of 18 scenes; of the arcs it wins by more than 5 % in: none",
+    ),
+}
+
+
+def flipped(tables, name, columns):
+    other = copy.deepcopy(tables)
+    other[name].update(columns)
+    return other
+
+
+@pytest.mark.parametrize("case", FLIPS)
+def test_other_numbers_make_other_sentences(small, case):
+    table, columns, before, after = FLIPS[case]
+    calm = flipped(small, "table_2", {"filter": ["ukf", "ekf"], "time_ms": [0.2, 0.1]})  # whatever this machine does
+    assert before in "\n".join(verdict(calm))
+    said = "\n".join(verdict(flipped(calm, table, columns)))
+    assert before not in said
+    assert after in said
+
+
+WORSE = {  # table, columns -> what decides the exit code, what does not
+    "as it is": ("figure_6", {}, [], ["figure 6: both together"]),
+    "the level reached": ("figure_6", {"combined_error_m": [0.009] * 5}, [], []),
+    "a gain below the least": (
+        "figure_6",
+        {"radar_gain_pct": [49.0] * 5},
+        ["figure 6: the radar alone is only 49 % worse than both, the paper 50 %"],
+        ["figure 6: both together"],
+    ),
+    "a filter worse than the paper's UKF": (
+        "table_1",
+        {"ukf": [10.0] * 8},
+        ["table 1: mean square error of the UKF 10.00 per mille, the paper's UKF 3.91"],
+        ["figure 6: both together", *["table 1: "] * 8],
+    ),
+    "one cell worse": (
+        "table_1",
+        {"ekf": [1.0] * 8, "ukf": [1.92, *[1.0] * 7]},
+        [],
+        ["figure 6: both together", "table 1: line, x, UKF: 1.92 per mille, the paper 1.91"],
+    ),
+    "too slow": ("table_2", {"time_ms": [3.0, 0.1]}, ["table 2: UKF 3.00 ms, the paper 2.1 ms"], ["figure 6: both"]),
+}
+
+
+@pytest.mark.parametrize("case", WORSE)
+def test_what_is_worse_than_the_papers_is_said_and_decides_where_it_says(small, case, monkeypatch, capsys):
+    table, columns, deciding, others = WORSE[case]
+    calm = flipped(small, "table_1", {"ekf": [1.0] * 8, "ukf": [1.0] * 8})
+    tables = flipped(calm, table, columns)
+    found = shortfalls(tables)
+    assert list(found.deciding) == deciding
+    assert len(found.others) == len(others)
+    assert all(line.startswith(start) for line, start in zip(found.others, others, strict=True))
+    monkeypatch.setattr(report, "reproduce", lambda n_seeds, progress: tables)
+    code = run(["reproduce", "xiang2019"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert code == bool(deciding)
+    assert f"exit code {code}: " in said
+    assert exit_note(found) in said
+    assert all(line in said for line in found.others)

@@ -140,7 +140,7 @@ def run_part(figure: str, vehicle: Vehicle | None = None) -> Part:
             _below(figure, f"zhang2011: {name} converged", "s", paper.converged_s[k], CONVERGED_S),
             _below(
                 figure,
-                f"cwcli: static error of {name}, no worse",
+                f"cwcli: static error of {name}",
                 "%",
                 ours.static_percent[k],
                 max(paper.static_percent[k], EQUAL_PERCENT),
