@@ -9,10 +9,10 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import PassResult, Series, TimeOrder, line_up
+from cwcli.estimation.passes import PassResult, Series, TimeOrder, pass_input
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels import ekf
-from cwcli.kernels import lineup as kernel
+from cwcli.kernels.estimation import matching_factor
 from cwcli.signals.columns import FloatArray
 
 MIN_ROWS_FOR_NOISE = 50
@@ -48,7 +48,7 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
         return 1.0
     nu2, prior = nis[:, 1], nis[:, 2]
     r = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
-    factor = kernel.matching_factor(nu2, prior, np.ascontiguousarray(r), MAX_FACTOR, BISECTIONS, MAX_NIS)
+    factor = matching_factor(nu2, prior, np.ascontiguousarray(r), most=MAX_FACTOR, n_steps=BISECTIONS, limit=MAX_NIS)
     if s.noise_origin == "message":
         return factor if factor > 1.1 else 1.0
     if s.noise_origin == "message, scaled":
@@ -119,10 +119,10 @@ class _Trials:
     ) -> None:
         self._start = start_with_parameters(series, prior, causal=False)
         self._walk = walk
-        self._lineup = line_up(series, self._start.time_s, np.zeros(0), reset_after=50, orders=orders)
+        self._input = pass_input(series, self._start.time_s, np.zeros(0), reset_after=50, orders=orders)
 
     def _run(self, parameters: ModelParameters) -> ekf.Pass:
-        return self._lineup.run(self._start, parameters.motion(self._walk), smooth=False)
+        return self._input.run(self._start, parameters.motion(self._walk), smooth=False)
 
     def likelihood(self, parameters: ModelParameters) -> float:
         """The log-likelihood alone."""
@@ -130,7 +130,7 @@ class _Trials:
 
     def result(self, parameters: ModelParameters) -> PassResult:
         """Everything, by series."""
-        return self._lineup.by_series(self._run(parameters))
+        return self._input.by_series(self._run(parameters))
 
 
 def _livelier(

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
 from cwcli.estimation.median import median
-from cwcli.kernels import ekf, lineup
+from cwcli.kernels import ekf
+from cwcli.kernels.estimation import lay_steps
 from cwcli.signals.columns import FloatArray
 
 N_MOTION = 8
@@ -155,12 +156,12 @@ def run_pass(
         reset_after: See `EstimatorConfig`.
         orders: Where passes over the same times, outputs and patience keep their time order, by the start's time.
     """
-    lineup = line_up(series, start.time_s, output_s, reset_after=reset_after, orders=orders)
-    return lineup.by_series(lineup.run(start, motion, smooth=smooth))
+    prepared = pass_input(series, start.time_s, output_s, reset_after=reset_after, orders=orders)
+    return prepared.by_series(prepared.run(start, motion, smooth=smooth))
 
 
 @dataclass(frozen=True)
-class Lineup:
+class PassInput:
     """Series in time order, ready for any number of passes that differ in the motion model alone.
 
     Attributes:
@@ -204,14 +205,14 @@ class Lineup:
         )
 
 
-def line_up(
+def pass_input(
     series: Sequence[Series],
     start_s: float,
     output_s: FloatArray,
     *,
     reset_after: int,
     orders: dict[float, TimeOrder] | None = None,
-) -> Lineup:
+) -> PassInput:
     """Put the series into time order from `start_s` on; for the arguments see `run_pass`."""
     known = None if orders is None else orders.get(start_s)
     order_of = known or time_order(series, start_s, output_s, reset_after)
@@ -236,7 +237,7 @@ def line_up(
         values=values,
         noise=noise,
     )
-    return Lineup(events, sources, len(output_s), in_time, order)
+    return PassInput(events, sources, len(output_s), in_time, order)
 
 
 def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
@@ -270,10 +271,9 @@ def _merge(
     which = np.repeat(np.arange(len(series), dtype=np.int32), [len(s) for s in series])
     order = np.argsort(update_s, kind="stable")
     update_s = update_s[order]
-    asked = (update_s, np.maximum(output_s, start_s), start_s, MAX_STEP_S, MAX_PIECES)
-    n = lineup.count_steps(*asked)
-    time, first, out_row = np.empty(n), np.empty(n + 1, np.int32), np.empty(n, np.int32)
-    lineup.lay_steps(*asked, time, first, out_row)
+    time, first, out_row = lay_steps(
+        update_s, np.maximum(output_s, start_s), start_s=start_s, max_step_s=MAX_STEP_S, max_pieces=MAX_PIECES
+    )
     return _without_pauses(time), first, out_row, order, np.ascontiguousarray(which[order])
 
 

@@ -1,4 +1,4 @@
-"""The kernel that lines up a pass against its plain twins."""
+"""The small loops around the filter's passes against their plain twins."""
 
 from __future__ import annotations
 
@@ -7,20 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.kernels import lineup
-from tests.unit.estimation import naive_lineup
+from cwcli.kernels.estimation import lay_steps, matching_factor
+from tests.unit.estimation import naive_estimation
 
 MAX_STEP_S, MAX_PIECES = 0.1, 7
 
 
 def laid(
     update_s: list[float], output_s: list[float], start_s: float
-) -> tuple[naive_lineup.FloatArray, naive_lineup.IntArray, naive_lineup.IntArray]:
-    asked = (np.array(update_s, float), np.array(output_s, float), start_s, MAX_STEP_S, MAX_PIECES)
-    n = lineup.count_steps(*asked)
-    time_s, first, out_row = np.empty(n), np.empty(n + 1, np.int32), np.empty(n, np.int32)
-    lineup.lay_steps(*asked, time_s, first, out_row)
-    return time_s, first, out_row
+) -> tuple[naive_estimation.FloatArray, naive_estimation.IntArray, naive_estimation.IntArray]:
+    update, output = np.array(update_s, float), np.array(output_s, float)
+    return lay_steps(update, output, start_s=start_s, max_step_s=MAX_STEP_S, max_pieces=MAX_PIECES)
 
 
 def test_steps_by_hand() -> None:
@@ -36,7 +33,7 @@ def test_steps(seed: int) -> None:
     rng = np.random.default_rng(seed)
     update_s = np.sort(rng.choice(np.arange(0.0, 3.0, 0.05), rng.integers(0, 40)))
     output_s = np.sort(np.append(rng.choice(np.arange(0.0, 4.0, 0.025), rng.integers(0, 20)), [9.0] * (seed % 2)))
-    expected = naive_lineup.steps(update_s, output_s, 0.0, MAX_STEP_S, MAX_PIECES)
+    expected = naive_estimation.steps(update_s, output_s, 0.0, MAX_STEP_S, MAX_PIECES)
     for found, plain in zip(laid(update_s.tolist(), output_s.tolist(), 0.0), expected, strict=True):
         assert found.tobytes() == plain.tobytes()
 
@@ -51,7 +48,7 @@ def test_steps_end_whatever_the_times_are() -> None:
 def test_matching_factor(seed: int) -> None:
     rng = np.random.default_rng(seed)
     nu2, prior, noise = rng.chisquare(1, 90) * 10.0 ** rng.uniform(-2, 2), rng.uniform(0, 1, 90), rng.uniform(0, 1, 90)
-    found = lineup.matching_factor(nu2, prior, noise, 64.0, 16, 9.0)
-    assert found == naive_lineup.matching_factor(nu2, prior, noise, most=64.0, n_steps=16, limit=9.0)
-    nu2[3] = math.nan  # a row before the start: nothing is believed
-    assert lineup.matching_factor(nu2, prior, noise, 64.0, 16, 9.0) == pytest.approx(1 / 64, rel=1e-3)
+    found = matching_factor(nu2, prior, noise, most=64.0, n_steps=16, limit=9.0)
+    assert found == naive_estimation.matching_factor(nu2, prior, noise, most=64.0, n_steps=16, limit=9.0)
+    nu2[3] = math.nan  # a row before the start: nothing is used
+    assert matching_factor(nu2, prior, noise, most=64.0, n_steps=16, limit=9.0) == pytest.approx(1 / 64, rel=1e-3)

@@ -1,4 +1,4 @@
-"""Plain twins of `cwcli.kernels.lineup`: sorting and searching whole arrays."""
+"""Plain twins of `cwcli.kernels.estimation`: sorting and searching whole arrays."""
 
 from __future__ import annotations
 
