@@ -1,123 +1,131 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Target-tracking kernels: one target through time, the smoother, and one scan against many tracks.
 
-Plain arrays in and out; the GIL is released; nothing is allocated inside a loop. `cwcli.tracking` checks shapes and
-documents units. The models and sensors are in `track_motion.pxd` and `track_sensors.pxd`.
+The GIL is released; nothing is allocated inside a loop. The models and sensors are in `track_motion.pxd` and
+`track_sensors.pxd`. The plain NumPy twin is in tests/unit/tracking/tracking_oracle.py.
 """
 from libc.math cimport INFINITY, NAN
 
+import numpy as np
+
 from cwcli.kernels.track_motion cimport Tuning, cholesky, congruence, predict
-from cwcli.kernels.track_sensors cimport measure, start
-
-cdef enum:
-    USED = 0
-    GATED = 1
-    STARTED = 2
-    SINGULAR = 3
-    PREDICTED = 4
-    EMPTY = 5
+from cwcli.kernels.track_sensors cimport Innovation, Row, is_gated, measure, start
 
 
-cdef Tuning tuning_of(int model, bint unscented, const double[::1] params) noexcept:
-    cdef Tuning t
-    t.model = model
-    t.d = 4 if model == 0 else (6 if model == 1 else 5)
-    t.unscented = unscented
-    t.q_main = params[0]
-    t.q_turn = params[1]
-    t.speed_var = params[2]
-    t.extra_var = params[3]
-    t.kappa = params[4]
-    t.convert = params[5]
-    return t
+cdef class Filter:
+    cdef Tuning tuning
+
+    def __init__(self, Tuning tuning):
+        self.tuning = tuning
 
 
-def n_states(int model):
-    """Number of states of a model: 4 (constant velocity), 6 (constant acceleration), 5 (constant turn rate)."""
-    return 4 if model == 0 else (6 if model == 1 else 5)
+cdef class Rows:
+    cdef const signed char[::1] kind
+    cdef const double[:, ::1] z, origin
+    cdef const double[:, :, ::1] r
+
+    def __init__(self, *, kind, z, r, origin):
+        self.kind, self.z, self.r, self.origin = kind, z, r, origin
 
 
-def filter_one(const double[::1] dt, const signed char[::1] kind, const double[:, ::1] z, const double[:, :, ::1] r,
-               const double[:, ::1] origin, int model, bint unscented, const double[::1] params,
-               const double[::1] gates, double[:, ::1] x, double[:, :, ::1] p, double[:, ::1] xp,
-               double[:, :, ::1] pp, double[:, :, ::1] f, double[:, ::1] innovation, double[::1] nis,
-               double[::1] loglik, signed char[::1] rows, signed char[::1] status):
-    """Filter one target's detections in time order.
+cdef inline Row row_at(Rows rows, Py_ssize_t i) noexcept nogil:
+    cdef Row row
+    row.kind, row.z, row.r, row.origin = rows.kind[i], &rows.z[i, 0], &rows.r[i, 0, 0], &rows.origin[i, 0]
+    return row
 
-    dt (n,): seconds since the row before. kind (n,): -1 predict only, else see `measure`. z (n, 3), r (n, 3, 3),
-    origin (n, 4): the sensor's x, y, vx, vy. params (8,): the six of `Tuning`, the longest gap in s that is bridged,
-    and how many rejections in a row make a new start. gates (4,): NIS limit by number of rows, 0 = none.
-    The outputs x, p, xp, pp, f have n rows, or one row, which then holds the last state (log-likelihood only).
-    Returns the sum of the log-likelihoods.
-    """
-    cdef Tuning t = tuning_of(model, unscented, params)
+
+cdef class Output:
+    cdef readonly object state, covariance, innovation, nis, n_values, status
+    cdef readonly double log_likelihood
+    # What the smoother needs: of each row, or of the last one alone.
+    cdef double[:, ::1] predicted_state
+    cdef double[:, :, ::1] predicted_covariance, jacobian
+
+    def __init__(self, Py_ssize_t n, Py_ssize_t n_kept, int d):
+        self.state, self.predicted_state = np.empty((n_kept, d)), np.empty((n_kept, d))
+        self.covariance, self.predicted_covariance = np.empty((n_kept, d, d)), np.empty((n_kept, d, d))
+        self.jacobian = np.empty((n_kept, d, d))
+        self.innovation, self.nis = np.empty((n, 3)), np.empty(n)
+        self.n_values, self.status = np.empty(n, np.int8), np.empty(n, np.int8)
+
+
+def run(Filter filter, const double[::1] dt_s, Rows rows, *, bint smooth):
+    cdef Output out = Output(dt_s.shape[0], dt_s.shape[0], filter.tuning.d)
+    filter_rows(&filter.tuning, dt_s, rows, out, True)
+    if smooth:
+        smooth_rows(out)
+    return out
+
+
+def log_likelihood(Filter filter, const double[::1] dt_s, Rows rows):
+    cdef Output out = Output(dt_s.shape[0], 1, filter.tuning.d)
+    filter_rows(&filter.tuning, dt_s, rows, out, False)
+    return out.log_likelihood
+
+
+cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Output out, bint keep) except -1:
+    """Filter one target's detections in time order; without `keep` only the last state stays."""
+    cdef double[:, ::1] x = out.state, xp = out.predicted_state, innovation = out.innovation
+    cdef double[:, :, ::1] p = out.covariance, pp = out.predicted_covariance, f = out.jacobian
+    cdef double[::1] nis = out.nis
+    cdef signed char[::1] n_values = out.n_values, status = out.status
     cdef int n = <int>dt.shape[0], d = t.d, i, j, k, m, n_rejected = 0
-    cdef bint keep = x.shape[0] == n, started = False
-    cdef double[6] xs
-    cdef double[36] ps
-    cdef double[6] xn
-    cdef double[36] pn
-    cdef double[36] fn
-    cdef double[3] nu
-    cdef double total = 0.0, ll, v, max_gap = params[6]
-    cdef int max_rejected = <int>params[7]
+    cdef bint started = False
+    cdef double xs[6], ps[36], xn[6], pn[36], fn[36]
+    cdef double total = 0.0
+    cdef Row row
+    cdef Innovation found
     with nogil:
         for i in range(n):
-            rows[i] = 0
+            row = row_at(rows, i)
+            found.n_values = 0
             nis[i] = NAN
-            loglik[i] = 0.0
-            for j in range(3):
-                nu[j] = NAN
-            if not started or dt[i] > max_gap:
-                if kind[i] < 0:
-                    status[i] = PREDICTED if started else EMPTY
-                    if started:                      # a longer gap than is bridged, and nothing to start from yet
-                        started = False
-                        status[i] = EMPTY
+            if not started or dt[i] > t.max_gap_s:
+                if row.kind == RowKind.NOTHING:
+                    started = False                  # a longer gap than is bridged, or nothing to start from yet
+                    status[i] = RowStatus.EMPTY
                 else:
-                    start(&t, kind[i], &z[i, 0], &r[i, 0, 0], &origin[i, 0], xs, ps)
+                    start(t, &row, xs, ps)
                     started = True
                     n_rejected = 0
-                    status[i] = STARTED
+                    status[i] = RowStatus.STARTED
                 for j in range(d):
                     xn[j] = xs[j] if started else NAN
                     for k in range(d):
                         pn[j * d + k] = ps[j * d + k] if started else NAN
                         fn[j * d + k] = 0.0
             else:
-                predict(&t, xs, ps, dt[i], xn, pn, fn)
+                predict(t, xs, ps, dt[i], xn, pn, fn)
                 for j in range(d):
                     xs[j] = xn[j]
                 for j in range(d * d):
                     ps[j] = pn[j]
-                status[i] = PREDICTED
-                if kind[i] >= 0:
-                    ll = measure(&t, xs, ps, kind[i], &z[i, 0], &r[i, 0, 0], &origin[i, 0], &gates[0], True,
-                                 &v, nu, &m)
-                    rows[i] = m
-                    if v < 0.0:
-                        status[i] = SINGULAR
+                status[i] = RowStatus.PREDICTED
+                if row.kind != RowKind.NOTHING:
+                    measure(t, xs, ps, &row, True, True, &found)
+                    if found.nis < 0.0:
+                        status[i] = RowStatus.SINGULAR
                     else:
-                        nis[i] = v
-                        loglik[i] = ll
-                        total += ll
-                        status[i] = USED
-                        if gates[m] > 0.0 and v > gates[m]:
-                            status[i] = GATED
+                        nis[i] = found.nis
+                        total += found.loglik
+                        if is_gated(t, &found):
+                            status[i] = RowStatus.GATED
                             n_rejected += 1
-                            if n_rejected >= max_rejected > 0:
-                                start(&t, kind[i], &z[i, 0], &r[i, 0, 0], &origin[i, 0], xs, ps)
+                            if n_rejected >= t.restart_after > 0:
+                                start(t, &row, xs, ps)
                                 for j in range(d * d):
                                     fn[j] = 0.0
                                     pn[j] = ps[j]
                                 for j in range(d):
                                     xn[j] = xs[j]
                                 n_rejected = 0
-                                status[i] = STARTED
+                                status[i] = RowStatus.STARTED
                         else:
+                            status[i] = RowStatus.USED
                             n_rejected = 0
+            n_values[i] = found.n_values
             for j in range(3):
-                innovation[i, j] = nu[j] if rows[i] > j else NAN
+                innovation[i, j] = found.nu[j] if found.n_values > j else NAN
             if keep or i == n - 1:
                 m = i if keep else 0
                 for j in range(d):
@@ -127,16 +135,20 @@ def filter_one(const double[::1] dt, const signed char[::1] kind, const double[:
                         p[m, j, k] = ps[j * d + k] if started else NAN
                         pp[m, j, k] = pn[j * d + k]
                         f[m, j, k] = fn[j * d + k]
-    return total
+    out.log_likelihood = total
+    return 0
 
 
-def smooth_one(double[:, ::1] x, double[:, :, ::1] p, const double[:, ::1] xp, const double[:, :, ::1] pp,
-               const double[:, :, ::1] f):
-    """Rauch-Tung-Striebel smoother, in place on x (n, d) and p (n, d, d); xp, pp, f from `filter_one`.
+cdef int smooth_rows(Output out) except -1:
+    """Rauch-Tung-Striebel smoother, in place on state and covariance.
 
     With the statistical Jacobians of the unscented filter it is the unscented smoother. Rows with f = 0 are starts,
     over which nothing flows back. The covariance is summed in Joseph form, so it stays positive.
     """
+    cdef double[:, ::1] x = out.state
+    cdef double[:, :, ::1] p = out.covariance
+    cdef const double[:, ::1] xp = out.predicted_state
+    cdef const double[:, :, ::1] pp = out.predicted_covariance, f = out.jacobian
     cdef int n = <int>x.shape[0], d = <int>x.shape[1], i, j, k, b
     cdef double[36] l
     cdef double[36] g
@@ -186,74 +198,61 @@ def smooth_one(double[:, ::1] x, double[:, :, ::1] p, const double[:, ::1] xp, c
             for j in range(d):
                 for k in range(d):
                     p[i, j, k] = q[j * d + k] + s[j * d + k]
+    return 0
 
 
-def predict_many(double[:, ::1] x, double[:, :, ::1] p, double dt, int model, bint unscented,
-                 const double[::1] params):
-    """Bring all tracks x (m, d), p (m, d, d) forward by dt seconds, in place."""
-    cdef Tuning t = tuning_of(model, unscented, params)
+def predict_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, double dt_s):
+    cdef const Tuning* t = &filter.tuning
     cdef int i, j, k, d = t.d
-    cdef double[6] xn
-    cdef double[36] pn
-    cdef double[36] fn
+    cdef double xn[6], pn[36], fn[36]
     with nogil:
         for i in range(x.shape[0]):
-            predict(&t, &x[i, 0], &p[i, 0, 0], dt, xn, pn, fn)
+            predict(t, &x[i, 0], &p[i, 0, 0], dt_s, xn, pn, fn)
             for j in range(d):
                 x[i, j] = xn[j]
                 for k in range(d):
                     p[i, j, k] = pn[j * d + k]
 
 
-def score_many(double[:, ::1] x, double[:, :, ::1] p, const signed char[::1] kind, const double[:, ::1] z,
-               const double[:, :, ::1] r, const double[:, ::1] origin, int model, bint unscented,
-               const double[::1] params, const double[::1] gates, double[:, ::1] loglik):
-    """Log-likelihood of every detection of a scan under every track, (tracks, detections); -inf outside the gate."""
-    cdef Tuning t = tuning_of(model, unscented, params)
+def score_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, Rows rows, Py_ssize_t first, Py_ssize_t last):
+    cdef const Tuning* t = &filter.tuning
+    cdef double[:, ::1] loglik = np.empty((x.shape[0], last - first))
     cdef Py_ssize_t i, j
-    cdef int m
-    cdef double v, ll, reach, dx, dy
-    cdef double[3] nu
+    cdef double reach, dx, dy
+    cdef Row row
+    cdef Innovation found
     with nogil:
         for i in range(x.shape[0]):
-            for j in range(z.shape[0]):
+            for j in range(last - first):
+                row = row_at(rows, first + j)
                 loglik[i, j] = -INFINITY
-                if kind[j] == 0:                     # cheap first: a position far outside any gate
-                    dx = z[j, 0] - x[i, 0]
-                    dy = z[j, 1] - x[i, 1]
-                    reach = gates[2] * (p[i, 0, 0] + p[i, 1, 1] + r[j, 0, 0] + r[j, 1, 1])
-                    if gates[2] > 0.0 and dx * dx + dy * dy > reach:
+                if row.kind == RowKind.POSITION:     # cheap first: a position far outside any gate
+                    dx = row.z[0] - x[i, 0]
+                    dy = row.z[1] - x[i, 1]
+                    reach = t.gate[2] * (p[i, 0, 0] + p[i, 1, 1] + row.r[0] + row.r[4])
+                    if t.gate[2] > 0.0 and dx * dx + dy * dy > reach:
                         continue
-                ll = measure(&t, &x[i, 0], &p[i, 0, 0], kind[j], &z[j, 0], &r[j, 0, 0], &origin[j, 0], &gates[0],
-                             False, &v, nu, &m)
-                if v >= 0.0 and (gates[m] <= 0.0 or v <= gates[m]):
-                    loglik[i, j] = ll
+                measure(t, &x[i, 0], &p[i, 0, 0], &row, False, True, &found)
+                if found.nis >= 0.0 and not is_gated(t, &found):
+                    loglik[i, j] = found.loglik
+    return np.asarray(loglik)
 
 
-def update_many(double[:, ::1] x, double[:, :, ::1] p, const long long[::1] track, const long long[::1] detection,
-                const signed char[::1] kind, const double[:, ::1] z, const double[:, :, ::1] r,
-                const double[:, ::1] origin, int model, bint unscented, const double[::1] params,
-                const double[::1] no_gates):
-    """Update tracks[i] with detections[i] of a scan, in place."""
-    cdef Tuning t = tuning_of(model, unscented, params)
-    cdef Py_ssize_t i, a, b
-    cdef int m
-    cdef double v
-    cdef double[3] nu
+def update_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, const long long[::1] track, Rows rows,
+                const long long[::1] taken):
+    cdef Py_ssize_t i
+    cdef Row row
+    cdef Innovation found
     with nogil:
         for i in range(track.shape[0]):
-            a = track[i]
-            b = detection[i]
-            measure(&t, &x[a, 0], &p[a, 0, 0], kind[b], &z[b, 0], &r[b, 0, 0], &origin[b, 0], &no_gates[0], True,
-                    &v, nu, &m)
+            row = row_at(rows, taken[i])
+            measure(&filter.tuning, &x[track[i], 0], &p[track[i], 0, 0], &row, True, False, &found)
 
 
-def start_many(const signed char[::1] kind, const double[:, ::1] z, const double[:, :, ::1] r,
-               const double[:, ::1] origin, int model, const double[::1] params, double[:, ::1] x,
-               double[:, :, ::1] p):
-    """First state of one new track per detection, into x (n, d) and p (n, d, d)."""
-    cdef Tuning t = tuning_of(model, False, params)
+def start_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, Rows rows, const long long[::1] taken):
     cdef Py_ssize_t i
+    cdef Row row
     with nogil:
-        for i in range(z.shape[0]):
-            start(&t, kind[i], &z[i, 0], &r[i, 0, 0], &origin[i, 0], &x[i, 0], &p[i, 0, 0])
+        for i in range(taken.shape[0]):
+            row = row_at(rows, taken[i])
+            start(&filter.tuning, &row, &x[i, 0], &p[i, 0, 0])

@@ -1,8 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the target-tracking kernels: motion models and the prediction.
 
-State (xiang2019 eq. 15, extended): x, y, vx, vy in the tracking frame, then the model's own: turn rate (model 2) or
-ax, ay (model 1). Matrices are row-major, packed by their own size.
+State (xiang2019 eq. 15, extended): x, y, vx, vy in the tracking frame, then the model's own: turn rate (CTRV) or
+ax, ay (CA). Matrices are row-major, packed by their own size.
 Both filters go through the same code: a filter is a way to linearise. The extended filter takes Jacobians; the
 unscented one takes the statistical linearisation by the sigma points, z = H (x - mean) + z_mean + e with the
 covariance of e, which is algebraically the unscented transform (xiang2019 eq. 7-13) and lets the Joseph form keep
@@ -10,16 +10,21 @@ the covariance symmetric and positive (eq. 14 corrected).
 """
 from libc.math cimport cos, fabs, sin, sqrt
 
+from cwcli.kernels.track cimport Model
+
 cdef struct Tuning:
-    int model          # 0 constant velocity, 1 constant acceleration, 2 constant turn rate and velocity
-    int d              # number of states: 4, 6, 5
+    int model              # track.Model
+    int d                  # number of states: 4, 6, 5
     bint unscented
-    double q_main      # density of acceleration noise (models 0, 2) or of jerk noise (model 1), squared
-    double q_turn      # density of turn-rate noise (model 2), squared
-    double speed_var   # start: variance of each velocity component
-    double extra_var   # start: variance of turn rate or acceleration
-    double kappa       # sigma-point spread: sqrt(n + kappa) sigma
-    double convert     # radar update in Cartesian form when position sigma / range exceeds this; 0 = never
+    double main_noise      # density of acceleration noise (CV, CTRV) or of jerk noise (CA), squared
+    double turn_noise      # density of turn-rate noise (CTRV), squared
+    double speed_variance  # start: of each velocity component
+    double extra_variance  # start: of turn rate or acceleration
+    double kappa           # sigma-point spread: sqrt(n + kappa) sigma
+    double cartesian_below # radar update in Cartesian form when position sigma / range exceeds this; 0 = never
+    double gate[4]         # limit of the squared normalised innovation by its number of values; 0 = none
+    double max_gap_s       # a longer gap is not bridged
+    int restart_after      # so many gated detections in a row make a new start; 0 = never
 
 
 cdef inline void zero(double* a, int n) noexcept nogil:
@@ -63,7 +68,7 @@ cdef inline void turn_terms(double w, double dt, double* s, double* c, double* d
 
 cdef inline void motion(const Tuning* t, const double* x, double dt, double* out) noexcept nogil:
     cdef double s, c, ds, dc, h
-    if t.model == 2:
+    if t.model == Model.CTRV:
         turn_terms(x[4], dt, &s, &c, &ds, &dc)
         out[0] = x[0] + s * x[2] - c * x[3]
         out[1] = x[1] + c * x[2] + s * x[3]
@@ -75,7 +80,7 @@ cdef inline void motion(const Tuning* t, const double* x, double dt, double* out
     out[1] = x[1] + dt * x[3]
     out[2] = x[2]
     out[3] = x[3]
-    if t.model == 1:
+    if t.model == Model.CA:
         h = 0.5 * dt * dt
         out[0] += h * x[4]
         out[1] += h * x[5]
@@ -92,7 +97,7 @@ cdef inline void motion_jacobian(const Tuning* t, const double* x, double dt, do
         f[i] = 0.0
     for i in range(d):
         f[i * d + i] = 1.0
-    if t.model == 2:
+    if t.model == Model.CTRV:
         w = x[4]
         turn_terms(w, dt, &s, &c, &ds, &dc)
         cosa = 1.0 - w * c
@@ -114,7 +119,7 @@ cdef inline void motion_jacobian(const Tuning* t, const double* x, double dt, do
         return
     f[0 * d + 2] = dt
     f[1 * d + 3] = dt
-    if t.model == 1:
+    if t.model == Model.CA:
         f[0 * d + 4] = 0.5 * dt * dt
         f[1 * d + 5] = 0.5 * dt * dt
         f[2 * d + 4] = dt
@@ -124,9 +129,9 @@ cdef inline void motion_jacobian(const Tuning* t, const double* x, double dt, do
 cdef inline void add_process_noise(const Tuning* t, double dt, double* p) noexcept nogil:
     """White acceleration (or jerk) in continuous time, integrated over the step."""
     cdef int d = t.d, k
-    cdef double q = t.q_main, d2 = dt * dt, d3 = d2 * dt
+    cdef double q = t.main_noise, d2 = dt * dt, d3 = d2 * dt
     for k in range(2):
-        if t.model == 1:
+        if t.model == Model.CA:
             p[k * d + k] += q * d3 * d2 / 20.0
             p[k * d + k + 2] += q * d2 * d2 / 8.0
             p[(k + 2) * d + k] += q * d2 * d2 / 8.0
@@ -141,8 +146,8 @@ cdef inline void add_process_noise(const Tuning* t, double dt, double* p) noexce
             p[k * d + k + 2] += q * d2 * 0.5
             p[(k + 2) * d + k] += q * d2 * 0.5
             p[(k + 2) * d + k + 2] += q * dt
-    if t.model == 2:
-        p[4 * d + 4] += t.q_turn * dt
+    if t.model == Model.CTRV:
+        p[4 * d + 4] += t.turn_noise * dt
 
 
 cdef inline void congruence(const double* f, const double* p, int d, double* out) noexcept nogil:
@@ -169,7 +174,7 @@ cdef inline void predict(const Tuning* t, const double* x, const double* p, doub
                          double* xp, double* pp, double* f) noexcept nogil:
     """State and covariance after `dt`, and the (statistical) Jacobian `f` that the smoother needs.
 
-    Models 0 and 1 are linear, so both filters take the closed form; the sigma points are for model 2.
+    CV and CA are linear, so both filters take the closed form; the sigma points are for CTRV.
     """
     cdef int i, j, k, d = t.d
     cdef double[36] l
@@ -179,7 +184,7 @@ cdef inline void predict(const Tuning* t, const double* x, const double* p, doub
     cdef double[6] down
     cdef double[6] centre
     cdef double spread, w, w0, s
-    if t.model == 2 and t.unscented and dt != 0.0 and cholesky(p, d, d, l) == 0:
+    if t.model == Model.CTRV and t.unscented and dt != 0.0 and cholesky(p, d, d, l) == 0:
         spread = sqrt(d + t.kappa)
         w = 0.5 / (d + t.kappa)
         w0 = t.kappa / (d + t.kappa)

@@ -5,7 +5,26 @@ A measurement depends on the first four states only, so its sigma points are tho
 """
 from libc.math cimport M_PI, atan2, cos, floor, log, sin, sqrt
 
+from cwcli.kernels.track cimport RowKind
 from cwcli.kernels.track_motion cimport Tuning, cholesky, congruence, zero
+
+
+cdef struct Row:
+    int kind           # track.RowKind, not NOTHING
+    const double* z
+    const double* r    # 3 x 3
+    const double* origin
+
+
+cdef struct Innovation:
+    int n_values
+    double nu[3]
+    double nis         # -1 when singular
+    double loglik
+
+
+cdef inline bint is_gated(const Tuning* t, const Innovation* found) noexcept nogil:
+    return t.gate[found.n_values] > 0.0 and not found.nis <= t.gate[found.n_values]
 
 
 cdef inline double wrap(double a) noexcept nogil:
@@ -104,7 +123,7 @@ cdef inline int linearise_radar(const Tuning* t, const double* x, const double* 
 cdef inline bint wants_cartesian(const Tuning* t, const double* x, const double* p, const double* o) noexcept nogil:
     """True when the predicted position is so wide for its range that the bearing is not near a line in it."""
     cdef double dx = x[0] - o[0], dy = x[1] - o[1]
-    return p[0] + p[t.d + 1] > t.convert * t.convert * (dx * dx + dy * dy) and t.convert > 0.0
+    return p[0] + p[t.d + 1] > t.cartesian_below * t.cartesian_below * (dx * dx + dy * dy) and t.cartesian_below > 0.0
 
 
 cdef inline int to_cartesian(const double* z, const double* r, const double* o, int m, double cross_speed2,
@@ -134,13 +153,14 @@ cdef inline int to_cartesian(const double* z, const double* r, const double* o, 
     return 3
 
 
-cdef inline double correct(const Tuning* t, double* x, double* p, int m, const double* h, const double* r,
-                           const double* nu, double gate, bint apply, double* nis) noexcept nogil:
-    """Kalman update in Joseph form, in place. Returns the log-likelihood; nis = -1 when singular.
+cdef inline void correct(const Tuning* t, double* x, double* p, const double* h, const double* r, bint apply,
+                         bint gated, Innovation* found) noexcept nogil:
+    """Kalman update in Joseph form, in place; fills in nis and loglik of the innovation.
 
-    h: m rows of 4. r: 3 x 3. With `apply` false, or nis above `gate` (when > 0), the state stays.
+    h: as many rows of 4 as there are values. r: 3 x 3. Without `apply`, or with `gated` outside the gate, the state stays.
     """
-    cdef int i, j, k, b, d = t.d
+    cdef int i, j, k, b, d = t.d, m = found.n_values
+    cdef const double* nu = found.nu
     cdef double[18] pht
     cdef double[18] gain
     cdef double[9] s
@@ -159,9 +179,10 @@ cdef inline double correct(const Tuning* t, double* x, double* p, int m, const d
             for k in range(4):
                 v += h[i * 4 + k] * pht[k * 3 + j]
             s[i * m + j] = v
-    nis[0] = -1.0
+    found.nis = -1.0
+    found.loglik = 0.0
     if cholesky(s, m, m, l) != 0:
-        return 0.0
+        return
     v = 0.0
     for i in range(m):
         y[i] = nu[i]
@@ -170,8 +191,9 @@ cdef inline double correct(const Tuning* t, double* x, double* p, int m, const d
         y[i] /= l[i * m + i]
         v += y[i] * y[i]
         logdet += 2.0 * log(l[i * m + i])
-    nis[0] = v
-    if apply and (gate <= 0.0 or v <= gate):
+    found.nis = v
+    found.loglik = -0.5 * (v + logdet + m * 1.8378770664093453)
+    if apply and not (gated and is_gated(t, found)):
         for i in range(d):                          # gain = pht S^-1
             for j in range(m):
                 y[j] = pht[i * 3 + j]
@@ -200,78 +222,84 @@ cdef inline double correct(const Tuning* t, double* x, double* p, int m, const d
                         v += gain[i * 3 + k] * r[k * 3 + b] * gain[j * 3 + b]
                 p[i * d + j] = v
                 p[j * d + i] = v
-    return -0.5 * (nis[0] + logdet + m * 1.8378770664093453)
 
 
-cdef inline double measure(const Tuning* t, double* x, double* p, int kind, const double* z, const double* r,
-                           const double* o, const double* gates, bint apply, double* nis, double* nu,
-                           int* rows) noexcept nogil:
-    """One detection on one state. kind: 0 x, y; 1 range, azimuth; 2 range, azimuth, range rate."""
+cdef inline void measure(const Tuning* t, double* x, double* p, const Row* row, bint apply, bint gated,
+                         Innovation* found) noexcept nogil:
+    """One detection on one state."""
     cdef double[12] h
     cdef double[9] omega
     cdef double[9] noise
     cdef double[3] expected
     cdef double[3] zc
-    cdef double lx, ly, cross, ll
+    cdef double lx, ly, cross
+    cdef const double* z = row.z
+    cdef const double* o = row.origin
     cdef int i, m
-    zero(nu, 3)
-    if kind == 0:
+    zero(found.nu, 3)
+    if row.kind == RowKind.POSITION:
         zero(h, 8)
         h[0] = 1.0
         h[5] = 1.0
-        nu[0] = z[0] - x[0]
-        nu[1] = z[1] - x[1]
-        rows[0] = 2
-        return correct(t, x, p, 2, h, r, nu, gates[2], apply, nis)
-    m = kind + 1
+        found.nu[0] = z[0] - x[0]
+        found.nu[1] = z[1] - x[1]
+        found.n_values = 2
+        correct(t, x, p, h, row.r, apply, gated, found)
+        return
+    m = 3 if row.kind == RowKind.RADAR else 2
     if wants_cartesian(t, x, p, o):
         lx = cos(z[1])
         ly = sin(z[1])
         cross = ly * (x[2] - o[2]) - lx * (x[3] - o[3])
         cross = (cross * cross + ly * ly * p[2 * t.d + 2] + lx * lx * p[3 * t.d + 3]
                  - 2.0 * lx * ly * p[2 * t.d + 3])
-        m = to_cartesian(z, r, o, m, cross, zc, &lx, &ly, noise)
+        m = to_cartesian(z, row.r, o, m, cross, zc, &lx, &ly, noise)
         zero(h, 12)
         h[0] = 1.0
         h[5] = 1.0
         h[10] = lx
         h[11] = ly
-        nu[0] = zc[0] - x[0]
-        nu[1] = zc[1] - x[1]
+        found.nu[0] = zc[0] - x[0]
+        found.nu[1] = zc[1] - x[1]
         if m == 3:
-            nu[2] = zc[2] - lx * x[2] - ly * x[3]
-        rows[0] = m
-        ll = correct(t, x, p, m, h, noise, nu, gates[m], apply, nis)
-        return ll + log(z[0] if z[0] * z[0] > r[0] else sqrt(r[0]))   # density per metre and radian, as below
-    rows[0] = m
+            found.nu[2] = zc[2] - lx * x[2] - ly * x[3]
+        found.n_values = m
+        correct(t, x, p, h, noise, apply, gated, found)
+        # density per metre and radian, as below
+        found.loglik += log(z[0] if z[0] * z[0] > row.r[0] else sqrt(row.r[0]))
+        return
+    found.n_values = m
     if linearise_radar(t, x, p, o, m, expected, h, omega) != 0:
-        nis[0] = -1.0
-        return 0.0
+        found.nis = -1.0
+        found.loglik = 0.0
+        return
     for i in range(9):
-        noise[i] = r[i] + omega[i]
-    nu[0] = z[0] - expected[0]
-    nu[1] = wrap(z[1] - expected[1])
+        noise[i] = row.r[i] + omega[i]
+    found.nu[0] = z[0] - expected[0]
+    found.nu[1] = wrap(z[1] - expected[1])
     if m == 3:
-        nu[2] = z[2] - expected[2]
-    return correct(t, x, p, m, h, noise, nu, gates[m], apply, nis)
+        found.nu[2] = z[2] - expected[2]
+    correct(t, x, p, h, noise, apply, gated, found)
 
 
-cdef inline void start(const Tuning* t, int kind, const double* z, const double* r, const double* o,
-                       double* x, double* p) noexcept nogil:
+cdef inline void start(const Tuning* t, const Row* row, double* x, double* p) noexcept nogil:
     """First state from one detection (xiang2019 eq. 5, 6): its position, its range rate, else an open velocity."""
     cdef double[9] rc
     cdef double[12] h
     cdef double[3] zc
-    cdef double[3] nu
-    cdef double lx, ly, nis
-    cdef int i, m = 2, d = t.d
+    cdef Innovation found
+    cdef double lx, ly
+    cdef const double* z = row.z
+    cdef const double* r = row.r
+    cdef const double* o = row.origin
+    cdef int i, m, d = t.d
     zero(x, d)
     zero(p, d * d)
-    p[2 * d + 2] = t.speed_var
-    p[3 * d + 3] = t.speed_var
+    p[2 * d + 2] = t.speed_variance
+    p[3 * d + 3] = t.speed_variance
     for i in range(4, d):
-        p[i * d + i] = t.extra_var
-    if kind == 0:
+        p[i * d + i] = t.extra_variance
+    if row.kind == RowKind.POSITION:
         x[0] = z[0]
         x[1] = z[1]
         p[0] = r[0]
@@ -279,7 +307,8 @@ cdef inline void start(const Tuning* t, int kind, const double* z, const double*
         p[d] = r[3]
         p[d + 1] = r[4]
         return
-    m = to_cartesian(z, r, o, kind + 1, t.speed_var + o[2] * o[2] + o[3] * o[3], zc, &lx, &ly, rc)
+    m = 3 if row.kind == RowKind.RADAR else 2
+    m = to_cartesian(z, r, o, m, t.speed_variance + o[2] * o[2] + o[3] * o[3], zc, &lx, &ly, rc)
     x[0] = zc[0]
     x[1] = zc[1]
     p[0] = rc[0]
@@ -290,7 +319,8 @@ cdef inline void start(const Tuning* t, int kind, const double* z, const double*
         zero(h, 12)
         h[2] = lx
         h[3] = ly
-        zero(nu, 3)
-        nu[0] = zc[2]
+        zero(found.nu, 3)
+        found.nu[0] = zc[2]
+        found.n_values = 1
         rc[0] = rc[8]
-        correct(t, x, p, 1, h, rc, nu, 0.0, True, &nis)
+        correct(t, x, p, h, rc, True, False, &found)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from cwcli.kernels import track as kernel
 from cwcli.metrics.chi_square import chi_square_quantile
-from cwcli.signals.columns import FloatArray
 
 
 @dataclass(frozen=True)
@@ -15,7 +13,7 @@ class MotionModel:
     """A motion model of the kernel.
 
     Attributes:
-        code: Number in the kernel.
+        kernel_model: What the kernel computes.
         states: Names of the states, SI units.
         noise: Default density of the driving noise: acceleration in m/s^1.5, or jerk in m/s^2.5 for `ca`.
         turn_noise: Default density of the turn-rate noise, rad/s^1.5, 0 where the model has none.
@@ -23,7 +21,7 @@ class MotionModel:
         doc: One line for `--help`.
     """
 
-    code: int
+    kernel_model: kernel.Model
     states: tuple[str, ...]
     noise: float
     turn_noise: float
@@ -33,9 +31,11 @@ class MotionModel:
 
 _CV = ("x_m", "y_m", "vx_mps", "vy_mps")
 MODELS: dict[str, MotionModel] = {
-    "cv": MotionModel(0, _CV, 1.0, 0.0, 0.0, "constant velocity, accelerations as noise (xiang2019 eq. 15)"),
-    "ca": MotionModel(1, (*_CV, "ax_mps2", "ay_mps2"), 1.0, 0.0, 2.0, "constant acceleration"),
-    "ctrv": MotionModel(2, (*_CV, "turn_rate_radps"), 0.3, 0.2, 0.3, "constant turn rate and velocity"),
+    "cv": MotionModel(
+        kernel.Model.CV, _CV, 1.0, 0.0, 0.0, "constant velocity, accelerations as noise (xiang2019 eq. 15)"
+    ),
+    "ca": MotionModel(kernel.Model.CA, (*_CV, "ax_mps2", "ay_mps2"), 1.0, 0.0, 2.0, "constant acceleration"),
+    "ctrv": MotionModel(kernel.Model.CTRV, (*_CV, "turn_rate_radps"), 0.3, 0.2, 0.3, "constant turn rate and velocity"),
 }
 FILTERS: dict[str, bool] = {"ukf": True, "ekf": False}
 
@@ -89,30 +89,27 @@ class FilterConfig:
         """The motion model."""
         return MODELS[self.model]
 
-    def kernel_params(self) -> FloatArray:
-        """The kernel's `params` (8,); see `kernels/track.pyx`."""
-        motion = self.motion
-        noise = motion.noise if self.noise is None else self.noise
-        turn = motion.turn_noise if self.turn_noise is None else self.turn_noise
-        extra = motion.start_sigma if self.start_sigma is None else self.start_sigma
-        return np.array(
-            [
-                noise**2,
-                turn**2,
-                self.start_speed_mps**2,
-                extra**2,
-                self.kappa,
-                self.cartesian_below,
-                self.max_gap_s,
-                self.restart_after,
-            ]
+    def kernel_filter(self, *, gated: bool = True) -> kernel.Filter:
+        """The kernel's filter; without `gated` every detection counts."""
+        motion, gate = self.motion, [0.0] * 4
+        if gated and self.gate_probability < 1.0:
+            gate[1:] = (chi_square_quantile(self.gate_probability, dof) for dof in (1, 2, 3))
+        return kernel.Filter(
+            {
+                "model": motion.kernel_model,
+                "d": len(motion.states),
+                "unscented": FILTERS[self.filter],
+                "main_noise": (motion.noise if self.noise is None else self.noise) ** 2,
+                "turn_noise": (motion.turn_noise if self.turn_noise is None else self.turn_noise) ** 2,
+                "speed_variance": self.start_speed_mps**2,
+                "extra_variance": (motion.start_sigma if self.start_sigma is None else self.start_sigma) ** 2,
+                "kappa": self.kappa,
+                "cartesian_below": self.cartesian_below,
+                "gate": gate,
+                "max_gap_s": self.max_gap_s,
+                "restart_after": self.restart_after,
+            }
         )
-
-    def gates(self) -> FloatArray:
-        """NIS limits by number of measured values, (4,); 0 = no gate."""
-        if self.gate_probability >= 1.0:
-            return np.zeros(4)
-        return np.array([0.0, *(chi_square_quantile(self.gate_probability, dof) for dof in (1, 2, 3))])
 
 
 @dataclass(frozen=True)

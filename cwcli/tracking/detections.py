@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from cwcli.kernels.track import RowKind
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 
 Axes = Literal["body", "paper"]
@@ -24,8 +25,8 @@ AXES_YAW_RAD: dict[str, float] = {"body": 0.0, "paper": -math.pi / 2}
 class Kind(IntEnum):
     """What the values of a detection are."""
 
-    POSITION = 0  # x, y in m (lidar, xiang2019 eq. 1)
-    RADAR = 2  # range in m, azimuth in rad, range rate in m/s, NaN where not measured (xiang2019 eq. 2-4)
+    POSITION = RowKind.POSITION  # x, y in m (lidar, xiang2019 eq. 1)
+    RADAR = RowKind.RADAR  # range in m, azimuth in rad, range rate in m/s, NaN where not measured (xiang2019 eq. 2-4)
 
 
 DEFAULT_SIGMA: dict[Kind, tuple[float, ...]] = {Kind.POSITION: (0.15, 0.15), Kind.RADAR: (0.3, 0.03, 0.3)}

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.kernels.track import RowKind
 from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.prepare import Prepared
 from cwcli.tracking.scan_loop import Association, ScanLoop
 
 # A sensor watches at least this much, however little it saw: m; m, rad, m/s.
-_LEAST_EXTENT = {0: (20.0, 20.0), 1: (20.0, 1.0), 2: (20.0, 1.0, 10.0)}
+_LEAST_EXTENT = {
+    RowKind.POSITION: (20.0, 20.0),
+    RowKind.RADAR_WITHOUT_RATE: (20.0, 1.0),
+    RowKind.RADAR: (20.0, 1.0, 10.0),
+}
 
 
 def volume(prepared: Prepared, source: int) -> float:
@@ -19,12 +24,12 @@ def volume(prepared: Prepared, source: int) -> float:
     """
     rows = prepared.rows
     mine = rows.source == source
-    kind = int(rows.kind[mine].max(initial=0))
+    kind = RowKind(rows.kind[mine].max(initial=RowKind.POSITION))
     least = np.array(_LEAST_EXTENT[kind])
     if mine.sum() < 2:
         return float(np.prod(least))
     z = rows.z[mine][:, : len(least)]
-    if kind == 0:
+    if kind == RowKind.POSITION:
         z = z - rows.origin[mine, :2]
     else:
         z = z.copy()
@@ -44,7 +49,7 @@ def associate(prepared: Prepared, config: TrackerConfig) -> Association:
     n_scans = np.bincount(prepared.scans.source, minlength=len(names)).clip(1)
     volumes = [volume(prepared, k) for k in range(len(names))]
     n_rows = np.bincount(prepared.rows.source, minlength=len(names))
-    # at least one false detection in all scans together: a density of 0 would believe anything
+    # at least one false detection in all scans together: a density of 0 would take anything for a target
     density = np.array(
         [
             m.clutter_density if m.clutter_density is not None else max(n / s, 1.0 / s) / v

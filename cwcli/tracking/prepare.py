@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import track as kernel
+from cwcli.kernels.track import RowKind
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.detections import (
     AXES_YAW_RAD,
@@ -34,7 +36,7 @@ class Rows:
     Attributes:
         stamp_ns: Shape (n,), int64, non-decreasing.
         source: Shape (n,), index into `sources`.
-        kind: Shape (n,), int8: 0 x, y; 1 range, azimuth; 2 range, azimuth, range rate; -1 predict only.
+        kind: Shape (n,), int8: a `RowKind`.
         z: Shape (n, 3): the values; positions and azimuths in the tracking frame's directions.
         r: Shape (n, 3, 3): their covariance.
         origin: Shape (n, 4): the sensor's x, y, vx, vy in the tracking frame.
@@ -53,6 +55,10 @@ class Rows:
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
+
+    def for_kernel(self) -> kernel.Rows:
+        """What the kernel reads."""
+        return kernel.Rows(kind=self.kind, z=self.z, r=self.r, origin=self.origin)
 
     def take(self, which: Int64Array | Mask | slice) -> Rows:
         """The rows `which`, in that order."""
@@ -248,7 +254,7 @@ def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask
         turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
         z[:, :2] = pose[:, :2] + np.einsum("nij,nj->ni", turn, values)
         noise[:, :2, :2] = turn @ r[index] @ turn.transpose(0, 2, 1)
-        kind = np.zeros(n, np.int8)
+        kind = np.full(n, RowKind.POSITION, np.int8)
     else:
         rate = values[:, 2]
         with np.errstate(invalid="ignore"):
@@ -260,7 +266,7 @@ def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask
         z[:, 1] = azimuth - 2.0 * np.pi * np.floor((azimuth + np.pi) / (2.0 * np.pi))
         z[:, 2] = np.where(has_rate, rate, 0.0)
         noise[:] = r[index]
-        kind = np.where(has_rate, 2, 1).astype(np.int8)
+        kind = np.where(has_rate, RowKind.RADAR, RowKind.RADAR_WITHOUT_RATE).astype(np.int8)
     counts.used = n
     origin = np.concatenate([pose[:, :2], velocity], axis=1)
     return Rows(stamps, np.full(n, source), kind, z, noise, origin, index, sources)

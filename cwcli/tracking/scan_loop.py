@@ -1,7 +1,7 @@
 """One pass over the scans gives every detection a track id.
 
 Per scan: predict, gate, assign (confirmed tracks first, then tentative ones), update, weigh the existence of every
-track, end those that are not believed any more, start new ones from what is left. A track's probability of existence
+track, end those that are unlikely by now, start new ones from what is left. A track's probability of existence
 follows the Bernoulli filter (Ristic et al., IEEE TSP 61(13), 2013) with the assignment as the only hypothesis: a hit
 multiplies its odds by P_D likelihood / clutter density, a miss in view by 1 - P_D.
 """
@@ -16,9 +16,9 @@ import numpy.typing as npt
 from cwcli.kernels import track as kernel
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.associate import assign
-from cwcli.tracking.config import FILTERS, TrackerConfig
+from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import SensorModel
-from cwcli.tracking.prepare import Prepared, Rows
+from cwcli.tracking.prepare import Prepared
 
 Mask = npt.NDArray[np.bool_]
 _MAX_LOG_ODDS = 30.0
@@ -87,10 +87,8 @@ class ScanLoop:
 
     def __init__(self, prepared: Prepared, config: TrackerConfig, density: FloatArray) -> None:
         self.prepared, self.config, self.density = prepared, config, density
-        single = config.single
-        self.code, self.unscented = single.motion.code, FILTERS[single.filter]
-        self.params, self.gates = single.kernel_params(), single.gates()
-        self.living = _Living(config.max_tracks, kernel.n_states(self.code))
+        self.filter, self.rows = config.single.kernel_filter(), prepared.rows.for_kernel()
+        self.living = _Living(config.max_tracks, len(config.single.motion.states))
         self.row_key = np.zeros(len(prepared.rows), np.int64)
         self.born: list[int] = []  # by key - 1
         self.confirmed: dict[int, int] = {}
@@ -100,15 +98,14 @@ class ScanLoop:
 
     def run(self) -> Association:
         """All scans in the order of time."""
-        scans, rows = self.prepared.scans, self.prepared.rows
+        scans = self.prepared.scans
         for k in range(len(scans)):
-            stamp, first = int(scans.stamp_ns[k]), int(scans.first[k])
-            scan = rows.take(slice(first, int(scans.first[k + 1])))
+            stamp, first, last = int(scans.stamp_ns[k]), int(scans.first[k]), int(scans.first[k + 1])
             self._forget(stamp)
             self._predict(stamp)
-            taken = self._update(stamp, scan, first, int(scans.source[k]), scans.pose[k])
+            taken = self._update(stamp, first, last, int(scans.source[k]), scans.pose[k])
             self._end(stamp)
-            self._begin(stamp, scan, first, np.setdiff1d(np.arange(len(scan)), taken))
+            self._begin(stamp, np.setdiff1d(np.arange(first, last), taken))
         return self._result()
 
     def _forget(self, stamp: int) -> None:
@@ -123,28 +120,22 @@ class ScanLoop:
         self.now = stamp
         if not living.n:
             return
-        kernel.predict_many(living.x[: living.n], living.p[: living.n], dt, self.code, self.unscented, self.params)
+        kernel.predict_many(self.filter, living.x[: living.n], living.p[: living.n], dt)
         odds = living.log_odds[: living.n]  # odds of r exp(-dt / life)
         odds[:] = -np.log(np.expm1(np.logaddexp(0.0, -odds) + dt / self.config.mean_life_s))
 
-    def _update(self, stamp: int, scan: Rows, first: int, source: int, pose: FloatArray) -> Int64Array:
-        """Assign and update. Returns the rows of the scan that were taken."""
+    def _update(self, stamp: int, first: int, last: int, source: int, pose: FloatArray) -> Int64Array:
+        """Assign the rows from `first` to before `last` and update. Returns the rows that were taken."""
         living, model = self.living, self.prepared.models[source]
         n = living.n
         x, p, odds = living.x[:n], living.p[:n], living.log_odds[:n]
         seen = in_view(x, pose, model)
         chance = model.detection_probability
         miss = np.where(seen, np.log1p(-chance * self.config.single.gate_probability), 0.0)
-        gain = np.empty((n, len(scan)))
-        kernel.score_many(
-            x, p, scan.kind, scan.z, scan.r, scan.origin, self.code, self.unscented, self.params, self.gates, gain
-        )
+        gain = kernel.score_many(self.filter, x, p, self.rows, first, last)
         gain += np.log(chance / self.density[source])
         track, row = self._assign(gain - miss[:, None])
-        kernel.update_many(
-            x, p, track, row, scan.kind, scan.z, scan.r, scan.origin, self.code, self.unscented, self.params,
-            np.zeros(4),
-        )  # fmt: skip
+        kernel.update_many(self.filter, x, p, track, self.rows, first + row)
         missed = np.ones(n, bool)
         missed[track] = False
         odds[missed] += miss[missed]
@@ -154,7 +145,7 @@ class ScanLoop:
         living.misses[track] = 0
         living.last_hit_ns[track] = stamp
         self.row_key[first + row] = living.key[track]
-        return row
+        return first + row
 
     def _assign(self, worth: FloatArray) -> tuple[Int64Array, Int64Array]:
         """Confirmed tracks choose first; tentative ones share what they leave."""
@@ -166,7 +157,7 @@ class ScanLoop:
         return np.concatenate([old[a], new[b]]), np.concatenate([row, free[rest]])
 
     def _end(self, stamp: int) -> None:
-        """Confirm what is believed, end what is not."""
+        """Confirm what is likely, end what is not."""
         living, config, n = self.living, self.config, self.living.n
         odds, confirmed = living.log_odds[:n], living.is_confirmed[:n]
         for i in np.flatnonzero((odds > _log_odds(config.confirm_probability)) & ~confirmed):
@@ -179,8 +170,8 @@ class ScanLoop:
         if dead.any():
             living.keep(~dead)
 
-    def _begin(self, stamp: int, scan: Rows, first: int, free: Int64Array) -> None:
-        """A tentative track from every detection that is left, as far as there is room."""
+    def _begin(self, stamp: int, free: Int64Array) -> None:
+        """A tentative track from each of the rows `free`, as far as there is room."""
         living = self.living
         room = self.config.max_tracks - living.n
         self.n_refused += max(0, len(free) - room)
@@ -188,16 +179,13 @@ class ScanLoop:
         if not len(free):
             return
         new = slice(living.n, living.n + len(free))
-        kernel.start_many(
-            scan.kind[free], scan.z[free], scan.r[free], scan.origin[free], self.code, self.params,
-            living.x[new], living.p[new],
-        )  # fmt: skip
+        kernel.start_many(self.filter, living.x[new], living.p[new], self.rows, free)
         living.key[new] = len(self.born) + 1 + np.arange(len(free))
         living.log_odds[new] = np.log(self.config.new_target_ratio)
         living.is_confirmed[new] = False
         living.misses[new] = 0
         living.last_hit_ns[new] = stamp
-        self.row_key[first + free] = living.key[new]
+        self.row_key[free] = living.key[new]
         self.born.extend([stamp] * len(free))
         living.n += len(free)
 

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import track as kernel
+from cwcli.kernels.track import RowStatus
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.tracking.config import FILTERS, FilterConfig
+from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.prepare import Rows
 
-USED, GATED, STARTED, SINGULAR, PREDICTED, EMPTY = range(6)
 Int8Array = npt.NDArray[np.int8]
 
 
@@ -51,7 +51,7 @@ class FilterOutput:
         innovation: Shape (n, 3), NaN where not measured.
         nis: Shape (n,), NaN where there was no update.
         n_values: Shape (n,), int8: values in the innovation.
-        status: Shape (n,), int8: USED, GATED, STARTED, SINGULAR, PREDICTED or EMPTY.
+        status: Shape (n,), int8: a `RowStatus`.
         log_likelihood: Sum over the updates.
     """
 
@@ -77,33 +77,16 @@ def run_filter(rows: Rows, config: FilterConfig, *, smooth: bool | None = None) 
 
     The state at a row is after its update: with `smooth=False` nothing later than the row went into it.
     """
-    n = len(rows)
-    code = config.motion.code
-    d = kernel.n_states(code)
-    state, predicted = np.empty((n, d)), np.empty((n, d))
-    covariance, predicted_covariance, jacobian = np.empty((n, d, d)), np.empty((n, d, d)), np.empty((n, d, d))
-    innovation, nis, each = np.empty((n, 3)), np.empty(n), np.empty(n)
-    n_values, status = np.empty(n, np.int8), np.empty(n, np.int8)
-    total = kernel.filter_one(
-        _elapsed_s(rows.stamp_ns), rows.kind, rows.z, rows.r, rows.origin, code, FILTERS[config.filter],
-        config.kernel_params(), config.gates(), state, covariance, predicted, predicted_covariance, jacobian,
-        innovation, nis, each, n_values, status,
-    )  # fmt: skip
-    if config.smooth if smooth is None else smooth:
-        kernel.smooth_one(state, covariance, predicted, predicted_covariance, jacobian)
-    return FilterOutput(state, covariance, innovation, nis, n_values, status, total)
+    smooth = config.smooth if smooth is None else smooth
+    out = kernel.run(config.kernel_filter(), _elapsed_s(rows.stamp_ns), rows.for_kernel(), smooth=smooth)
+    return FilterOutput(
+        out.state, out.covariance, out.innovation, out.nis, out.n_values, out.status, out.log_likelihood
+    )
 
 
 def log_likelihood(rows: Rows, config: FilterConfig) -> float:
     """Log-likelihood of the rows under the filter, without keeping the states. No gate: every row counts."""
-    n, code = len(rows), config.motion.code
-    d = kernel.n_states(code)
-    one, square = np.empty((1, d)), np.empty((1, d, d))
-    return kernel.filter_one(
-        _elapsed_s(rows.stamp_ns), rows.kind, rows.z, rows.r, rows.origin, code, FILTERS[config.filter],
-        config.kernel_params(), np.zeros(4), one, square, one.copy(), square.copy(), square.copy(),
-        np.empty((n, 3)), np.empty(n), np.empty(n), np.empty(n, np.int8), np.empty(n, np.int8),
-    )  # fmt: skip
+    return kernel.log_likelihood(config.kernel_filter(gated=False), _elapsed_s(rows.stamp_ns), rows.for_kernel())
 
 
 def consistency(
@@ -127,8 +110,8 @@ def consistency(
         dof = float(n_values[mine].mean()) if n else np.nan
         low, high = mean_bounds(dof, n)
         out[name] = Consistency(
-            n_used=int((mine & (status == USED)).sum()),
-            n_gated=int((mine & (status != USED)).sum()),
+            n_used=int((mine & (status == RowStatus.USED)).sum()),
+            n_gated=int((mine & (status != RowStatus.USED)).sum()),
             nis_mean=float(nis[mine].mean()) if n else np.nan,
             dof=dof,
             low=low,

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cwcli.kernels.track import RowKind, RowStatus
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import Counts, Detections, EgoStates, SensorModel
 from cwcli.tracking.many import associate
 from cwcli.tracking.prepare import Prepared, Rows, prepare
 from cwcli.tracking.scan_loop import Association
-from cwcli.tracking.single import GATED, STARTED, USED, Consistency, FilterOutput, consistency, run_filter
+from cwcli.tracking.single import Consistency, FilterOutput, consistency, run_filter
 from cwcli.tracking.tune import Tuned, rescale, tune
 
 
@@ -93,13 +94,13 @@ def track_one(
     checks = consistency(rows.sources, rows.source, output.nis, output.n_values, output.status)
     if len(rows):
         shown = run_filter(rows, single, smooth=True) if single.smooth else output
-        updated = np.isin(output.status, (USED, STARTED))
+        updated = np.isin(output.status, (RowStatus.USED, RowStatus.STARTED))
         source = np.where(updated, rows.source, -1)
         first = int(rows.stamp_ns[0])
         tracks = (TargetTrack(1, rows.stamp_ns, shown.state, shown.covariance, source, first),)
     for name, count in prepared.counts.items():
         k = rows.sources.index(name)
-        n_gated = int(((output.status == GATED) & (rows.source == k)).sum())
+        n_gated = int(((output.status == RowStatus.GATED) & (rows.source == k)).sum())
         count.reject("outside the gate", n_gated)
         count.used -= n_gated
     return TrackResult(
@@ -165,7 +166,7 @@ def _with_scans(prepared: Prepared, which: Int64Array, last_ns: int) -> Rows:
     joined = Rows(
         np.concatenate([rows.stamp_ns, empty]),
         np.concatenate([rows.source, np.full(m, -1)]),
-        np.concatenate([rows.kind, np.full(m, -1, np.int8)]),
+        np.concatenate([rows.kind, np.full(m, RowKind.NOTHING, np.int8)]),
         np.concatenate([rows.z, np.zeros((m, 3))]),
         np.concatenate([rows.r, np.tile(np.eye(3), (m, 1, 1))]),
         np.concatenate([rows.origin, np.zeros((m, 4))]),

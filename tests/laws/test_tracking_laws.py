@@ -29,7 +29,7 @@ def moved(model, state, dt_s, p0=None, name="ekf", noise=0.0):
     x = np.array([state], float)
     p = np.zeros((1, len(state), len(state))) if p0 is None else np.array([p0], float)
     config = FilterConfig(filter=name, model=model, noise=noise, turn_noise=noise)
-    kernel.predict_many(x, p, dt_s, MODELS[model].code, FILTERS[name], config.kernel_params())
+    kernel.predict_many(config.kernel_filter(), x, p, dt_s)
     return x[0], p[0]
 
 

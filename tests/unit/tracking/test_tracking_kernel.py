@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.kernels.track import RowStatus
 from cwcli.simulation.dual_sensor import SensorNoise, segment
 from cwcli.tracking.config import FILTERS, MODELS, FilterConfig
 from cwcli.tracking.detections import Detections, Kind, SensorModel
 from cwcli.tracking.prepare import prepare
-from cwcli.tracking.single import STARTED, USED, log_likelihood, run_filter
+from cwcli.tracking.single import log_likelihood, run_filter
 from tests.unit.tracking import tracking_oracle as oracle
 
 NOISE = SensorNoise(azimuth_rad=0.03)
@@ -62,7 +63,7 @@ def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
 def test_start_from_lidar_is_the_point_with_an_open_velocity():
     rows = rows_with_moving_sensor().take(slice(0, 1))
     out = run_filter(rows, FilterConfig(model="cv", start_speed_mps=7.0))
-    assert out.status[0] == STARTED
+    assert out.status[0] == RowStatus.STARTED
     np.testing.assert_allclose(out.state[0], [*rows.z[0, :2], 0.0, 0.0])
     np.testing.assert_allclose(out.covariance[0, :2, :2], rows.r[0, :2, :2])
     np.testing.assert_allclose(out.covariance[0, 2:, 2:], 49.0 * np.eye(2))
@@ -123,7 +124,7 @@ def test_a_bearing_across_pi_is_wrapped():
     rows = prepare([Detections("r", Kind.RADAR, stamp, np.stack([r, azimuth, rate], axis=1))]).rows
     for name in FILTERS:
         out = run_filter(rows, FilterConfig(filter=name, model="cv", smooth=False))
-        assert (out.status[1:] == USED).all()
+        assert (out.status[1:] == RowStatus.USED).all()
         np.testing.assert_allclose(out.state[-1], truth[-1], atol=0.05)
 
 
@@ -135,9 +136,9 @@ def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
     xy[50:] += 40.0  # another target from here on
     rows = prepare([Detections("l", Kind.POSITION, stamp, xy)]).rows
     out = run_filter(rows, FilterConfig(model="cv", noise=0.1, smooth=False, gate_probability=0.999))
-    gated = np.flatnonzero(out.status == 1)
+    gated = np.flatnonzero(out.status == RowStatus.GATED)
     assert gated[0] == 30
-    restart = np.flatnonzero(out.status == STARTED)
+    restart = np.flatnonzero(out.status == RowStatus.STARTED)
     assert restart[0] == 0
     assert 55 <= restart[1] <= 60
     np.testing.assert_allclose(out.state[-1, :2], xy[-1], atol=0.2)
@@ -148,7 +149,7 @@ def test_a_gap_longer_than_is_bridged_makes_a_new_start():
     xy = np.concatenate([np.zeros((10, 2)), np.full((10, 2), 30.0)])
     rows = prepare([Detections("l", Kind.POSITION, stamp, xy)]).rows
     out = run_filter(rows, FilterConfig(max_gap_s=2.0))
-    assert np.flatnonzero(out.status == STARTED).tolist() == [0, 10]
+    assert np.flatnonzero(out.status == RowStatus.STARTED).tolist() == [0, 10]
     np.testing.assert_allclose(out.state[:10, :2], 0.0, atol=1e-9)  # nothing is smoothed across the gap
     np.testing.assert_allclose(out.state[10:, :2], 30.0, atol=1e-9)
 
