@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChannel, Strings
+from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChannel, constant_strings
 from cwcli.vision.frames import DecodedFrame
 from cwcli.vision.overlay import encode_jpeg
 from cwcli.vision.raw_images import Image
@@ -44,9 +44,9 @@ def painted_channel(
         offsets = np.concatenate([[0], np.cumsum([len(each) for each in made])]).astype(np.int64)
         return {
             "timestamp": stamp_ns[start:stop],
-            "frame_id": Strings(np.zeros(n, np.int32), (frame_id,)),
+            "frame_id": constant_strings(frame_id, n),
             "data": Ragged(np.concatenate(made) if made else np.zeros(0, np.uint8), offsets),
-            "format": Strings(np.zeros(n, np.int32), ("jpeg",)),
+            "format": constant_strings("jpeg", n),
         }
 
     return StreamedChannel(topic, "foxglove.CompressedImage", log_time_ns, rows=rows)

@@ -9,12 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import PATH_SCENE
-from cwcli.channels.states import vehicle_rows
-from cwcli.channels.states_and_paths import EGO_ID, MAP_FRAME, constant_strings
-from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Repeated, Strings
+from cwcli.signals.columns import (
+    FloatArray,
+    Int64Array,
+    OutputChannel,
+    OutputField,
+    Repeated,
+    constant_strings,
+    strings_from,
+)
+from cwcli.signals.rows import Rows, rows_by_id
+from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 
 MIN_PERIOD_NS = 95_000_000
 """A little less than 0.1 s, so that of states at 10 or 20 Hz none is missed by jitter."""
@@ -25,34 +33,36 @@ EGO_COLOR = (0.15, 0.5, 1.0, 0.9)
 OTHER_COLOR = (1.0, 0.55, 0.0, 0.9)
 
 
-def path_scene(paths: Sequence[OutputChannel]) -> OutputChannel:
-    """One line a message, with the vehicle's id as the entity's, so that a vehicle's next path replaces its last.
+def write_path_scene(predicted: Sequence[PredictedPaths]) -> OutputChannel:
+    """One line a path, with the vehicle's id as the entity's, so that a vehicle's next path replaces its last.
 
     Args:
-        paths: Channels of `cwcli.v1.PredictedPath` in the map frame, as `predicted_paths` makes them.
+        predicted: Paths in the map frame, each in the order of their log times.
     """
-    parts = [_thinned(channel) for channel in paths]
-    log_time_ns = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
-    stamp_ns = np.concatenate([np.zeros(0, np.int64), *(part[1] for part in parts)])
-    names = [name for part in parts for name in part[2]]
-    points = np.concatenate([np.zeros((0, N_POINTS, 2)), *(part[3] for part in parts)])
+    drawn = [_drawn_rows(each) for each in predicted]
+    chosen = list(zip(predicted, drawn, strict=True))
+    log_time_ns = np.concatenate([np.zeros(0, np.int64), *(each.log_time_ns[rows] for each, rows in chosen)])
+    stamp_ns = np.concatenate([np.zeros(0, np.int64), *(each.stamp_ns[rows] for each, rows in chosen)])
+    names = [each.ids.values[code] for each, rows in chosen for code in each.ids.codes[rows]]
+    points = np.concatenate([np.zeros((0, N_POINTS, 2)), *(_points(each, rows) for each, rows in chosen)])
     order = np.argsort(log_time_ns, kind="stable")
     return _scene(log_time_ns[order], stamp_ns[order], [names[row] for row in order], points[order])
 
 
-def _thinned(channel: OutputChannel) -> tuple[Int64Array, Int64Array, list[str], FloatArray]:
-    """Log times, stamps, ids and points (n, N_POINTS, 2) of the paths that are drawn."""
-    ids, x_m, y_m, stamp_ns = (channel.fields[name] for name in ("id", "x_m", "y_m", "stamp_ns"))
-    assert isinstance(ids, Strings)
-    assert isinstance(x_m, np.ndarray) and isinstance(y_m, np.ndarray) and isinstance(stamp_ns, np.ndarray)
-    kept = [_spaced(rows, channel.log_time_ns) for _, rows in vehicle_rows(ids)]
-    rows = np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
+def _drawn_rows(predicted: PredictedPaths) -> Rows:
+    """The first path of each vehicle in each period."""
+    kept = [_spaced(rows, predicted.log_time_ns) for _, rows in rows_by_id(predicted.ids)]
+    return np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
+
+
+def _points(predicted: PredictedPaths, rows: Rows) -> FloatArray:
+    """Points along some paths, shape (n, N_POINTS, 2)."""
+    x_m, y_m = predicted.paths.x_m, predicted.paths.y_m
     at = np.linspace(0, x_m.shape[1] - 1, N_POINTS).round().astype(np.intp)
-    points = np.stack([x_m[rows][:, at], y_m[rows][:, at]], axis=2).astype(np.float64)
-    return channel.log_time_ns[rows], stamp_ns[rows].astype(np.int64), [ids.values[c] for c in ids.codes[rows]], points
+    return np.stack([x_m[rows][:, at], y_m[rows][:, at]], axis=2)
 
 
-def _spaced(rows: npt.NDArray[np.intp], log_time_ns: Int64Array) -> npt.NDArray[np.intp]:
+def _spaced(rows: Rows, log_time_ns: Int64Array) -> Rows:
     """The first row in each period: times that are one apart in whole periods."""
     if not len(rows):
         return rows
@@ -63,8 +73,6 @@ def _spaced(rows: npt.NDArray[np.intp], log_time_ns: Int64Array) -> npt.NDArray[
 def _scene(log_time_ns: Int64Array, stamp_ns: Int64Array, names: list[str], points: FloatArray) -> OutputChannel:
     n = len(log_time_ns)
     one_each = np.arange(n + 1, dtype=np.int64)
-    distinct = {name: code for code, name in enumerate(dict.fromkeys(names))}
-    ids = Strings(np.array([distinct[name] for name in names], np.int32), tuple(distinct))
     is_ego = np.array([name == EGO_ID for name in names], np.bool_)
     color = np.where(is_ego[:, None], EGO_COLOR, OTHER_COLOR)
     flat = points.reshape(-1, 2)
@@ -79,10 +87,8 @@ def _scene(log_time_ns: Int64Array, stamp_ns: Int64Array, names: list[str], poin
     entity: dict[str, OutputField] = {
         "timestamp": stamp_ns,
         "frame_id": constant_strings(MAP_FRAME, n),
-        "id": ids,
+        "id": strings_from(names),
         "lifetime": np.full(n, LIFETIME_NS, np.int64),
         "lines": Repeated(one_each, line),
     }
-    return OutputChannel(
-        PATH_SCENE.topic, "foxglove.SceneUpdate", log_time_ns, {"entities": Repeated(one_each, entity)}
-    )
+    return OutputChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns, {"entities": Repeated(one_each, entity)})

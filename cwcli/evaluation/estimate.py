@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.states import VehicleStates, read_states
-from cwcli.channels.states_and_paths import EGO_ID
+from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.estimation.consistency import effective_count, nees
 from cwcli.logs.log import Log
 from cwcli.metrics.chi_square import mean_bounds
@@ -24,6 +23,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.sources import Sources, read_sources
 from cwcli.stages.records import Record, json_entry, map_of, number, run_records, sources_of
 from cwcli.stages.truth import truth_xy

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cwcli.channels.binding import bind
-from cwcli.channels.observer import read_observer
+from cwcli.channels.lateral_state import read_observed
 from cwcli.channels.published import OBSERVER
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
@@ -30,7 +30,7 @@ def add_observer(headline: Headline, log: Log, *, with_truth: bool) -> None:
     columns = log.load({observer: None, truth: None})
     if not len(columns[observer]) or not len(columns[truth]):
         return
-    for row in truth_errors(read_observer(columns[observer]).track, columns[truth]).records():
+    for row in truth_errors(read_observed(columns[observer]).track, columns[truth]).records():
         name, scale = METRICS_OF.get(row["state"], ("", 1.0))
         if name and row["n"]:
             headline.add(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH, REMOTE_STATE
-from cwcli.channels.states import PredictedPaths, VehicleStates, read_paths, read_states, vehicle_rows
-from cwcli.channels.states_and_paths import EGO_ID
+from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.evaluation.estimate import Ego
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
@@ -17,6 +17,8 @@ from cwcli.metrics.table import Table
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.rows import rows_by_id
+from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import ERROR_HORIZONS_S, MAX_GAP_S, PredictConfig, prediction_table
 from cwcli.stages.records import json_entry, run_records
 
@@ -55,9 +57,9 @@ def add_prediction(headline: Headline, log: Log, ego: Ego, table: Table | None) 
 
 def _add_published(headline: Headline, who: str, published: PredictedPaths, states: VehicleStates) -> None:
     """The published paths against the vehicles' own later states."""
-    tracks = dict(vehicle_rows(states.ids))
+    tracks = dict(rows_by_id(states.ids))
     found = []
-    for vehicle, rows in vehicle_rows(published.ids):
+    for vehicle, rows in rows_by_id(published.ids):
         if vehicle not in tracks:
             continue
         own = tracks[vehicle]

@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
-from cwcli.channels.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
-from cwcli.channels.targets import read_targets
+from cwcli.channels.target import read_targets
+from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.channels.warning_events import WarningEvent, read_warning_events
 from cwcli.logs.log import Log
 from cwcli.measures.pair import ActualTrack, Motion, relative_motion
 from cwcli.metrics.headline import Headline, metric_of
+from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.records import Record, configuration_of, rule_of, run_records, whole
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
@@ -122,7 +123,7 @@ def judge_warnings(
             host_size=host_size,
             other_size=outline_of(others.length_m[rows], others.width_m[rows]),
         )
-        for vehicle, rows in vehicle_rows(others.ids)
+        for vehicle, rows in rows_by_id(others.ids)
     }
     conflicts = {vehicle: real_conflicts(motion, config) for vehicle, motion in motions.items()}
     return {rule: _scores(_spans(events, rule), motions, conflicts, config, hours) for rule in rules}

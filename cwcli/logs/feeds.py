@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from cwcli.logs.byte_rows import ByteRows
 from cwcli.logs.message_merge import Feed
-from cwcli.logs.protobuf_columns import ColumnError, column_rows, encode_columns
+from cwcli.logs.protobuf_columns import ColumnError, encode_columns
 from cwcli.logs.schemas import message_schema
-from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel
+from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, column_rows
 
 MESSAGE_ENCODING = "protobuf"
 SCHEMA_ENCODING = "protobuf"

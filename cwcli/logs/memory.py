@@ -13,9 +13,9 @@ from cwcli.logs.codecs.protobuf import ProtobufDecoder
 from cwcli.logs.codecs.protobuf_tables import KINDS, MESSAGE, OCTETS, TEXT, is_repeated
 from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen
 from cwcli.logs.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING
-from cwcli.logs.protobuf_columns import column_rows, encode_columns
+from cwcli.logs.protobuf_columns import encode_columns
 from cwcli.logs.schemas import message_schema
-from cwcli.signals.columns import Columns, Field, OutputChannel, OutputField, Ragged, Strings
+from cwcli.signals.columns import Columns, Field, OutputChannel, OutputField, Ragged, Strings, column_rows
 
 BLOCK_ROWS = 4096
 

@@ -57,22 +57,6 @@ def encode_columns(message: Descriptor, fields: Mapping[str, OutputField], n: in
     return assemble(_message_pieces(message, _tree(fields), n), n)
 
 
-def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
-    """Rows `start` to `stop` of a column; the bulk of the data is viewed, not copied."""
-    if isinstance(column, Strings):
-        return Strings(column.codes[start:stop], column.values)
-    if isinstance(column, Ragged):
-        offsets = column.offsets[start : stop + 1]
-        return Ragged(column.values[offsets[0] : offsets[-1]], offsets - offsets[0])
-    if isinstance(column, Repeated):
-        offsets = column.offsets[start : stop + 1]
-        first, last = int(offsets[0]), int(offsets[-1])
-        return Repeated(
-            offsets - first, {path: column_rows(inner, first, last) for path, inner in column.fields.items()}
-        )
-    return column[start:stop]
-
-
 def _tree(fields: Mapping[str, OutputField]) -> _Tree:
     """Dotted paths as nested mappings."""
     tree: dict[str, OutputField | _Tree] = {}

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE, LANES, REMOTE_STATE, TARGETS, WARNINGS
-from cwcli.channels.states import VehicleStates, read_states, rows_by_stamp, vehicle_rows
-from cwcli.channels.targets import read_targets
+from cwcli.channels.target import read_targets
+from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
 from cwcli.logs.log import Log
@@ -25,6 +25,7 @@ from cwcli.signals.canonical import (
 )
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.stages.inputs.measurements import ego_measurements
@@ -198,7 +199,7 @@ def _tracks(
     ids: Strings, stamp_ns: Int64Array, state: FloatArray, length_m: FloatArray, width_m: FloatArray, kind: str
 ) -> list[OtherTrack]:
     found = []
-    for vehicle, unordered in vehicle_rows(ids):
+    for vehicle, unordered in rows_by_id(ids):
         rows = rows_by_stamp(stamp_ns, unordered)
         size = outline_of(length_m[rows], width_m[rows])
         found.append(OtherTrack(vehicle, kind, ActualTrack(stamp_ns[rows], state[rows]), size))

@@ -26,12 +26,12 @@ from cwcli.channels.published import (
     Channel,
     topics,
 )
-from cwcli.channels.states_and_paths import BODY_FRAME, MAP_FRAME
 from cwcli.control.encounter import POLICIES
 from cwcli.logs.log import Log
 from cwcli.report.layout_panels import Mosaic, Panels, Series, Settings, column, path, row, split
 from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
+from cwcli.signals.vehicle_state import BODY_FRAME, MAP_FRAME
 
 FIX_SCHEMAS = frozenset(
     {"sensor_msgs/NavSatFix", "sensor_msgs/msg/NavSatFix", "foxglove.LocationFix", "foxglove.LocationFixes"}

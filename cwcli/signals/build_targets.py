@@ -8,13 +8,13 @@ from cwcli.signals.build_pose import build_pose
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.codec import Reading
-from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.columns import Columns, FloatArray, constant_strings
 from cwcli.signals.leaves import find, frame_id, numbers, texts, whole_numbers
 from cwcli.signals.limits import MAX_POSITION_M, reject_unusable
 from cwcli.signals.quality import Quality, RowLedger
+from cwcli.signals.vehicle_state import MAP_FRAME
 
 ONLY_TARGET = "1"
-VEHICLE_STATE_FRAME = "map"
 
 
 def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
@@ -24,7 +24,7 @@ def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSig
     signal = TargetTruthSignal(
         source=pose.source,
         frame_id=pose.frame_id,
-        id=Strings(np.zeros(n, np.int32), (ONLY_TARGET,)),
+        id=constant_strings(ONLY_TARGET, n),
         stamp_ns=pose.stamp_ns,
         log_time_ns=pose.log_time_ns,
         x_m=pose.x_m,
@@ -44,7 +44,7 @@ def build_state_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSi
     """Build the truth of any number of targets from `cwcli.v1.VehicleState` (frame `map`)."""
     speed_mps, heading_rad = numbers(columns, "speed_mps"), numbers(columns, "heading_rad")
     vx_mps, vy_mps = speed_mps * np.cos(heading_rad), speed_mps * np.sin(heading_rad)
-    return _states(columns, reading, vx_mps, vy_mps, VEHICLE_STATE_FRAME)
+    return _states(columns, reading, vx_mps, vy_mps, MAP_FRAME)
 
 
 def _states(
@@ -53,7 +53,7 @@ def _states(
     ledger = RowLedger(columns, reading.role)
     x_m, y_m = numbers(columns, "x_m"), numbers(columns, "y_m")
     reject_unusable(ledger, np.stack([x_m, y_m], axis=1), MAX_POSITION_M)
-    ids = texts(columns, "id") or Strings(np.zeros(len(columns), np.int32), (ONLY_TARGET,))
+    ids = texts(columns, "id") or constant_strings(ONLY_TARGET, len(columns))
     stamp_ns, has_stamp = whole_numbers(columns, "stamp_ns")
     has_stamp &= stamp_ns > 0
     timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, [x_m, y_m], sender=ids.codes)
@@ -62,7 +62,7 @@ def _states(
     signal = TargetTruthSignal(
         source=columns.topic,
         frame_id=frame,
-        id=Strings(ids.codes[rows], ids.values),
+        id=ids.rows(rows),
         stamp_ns=timeline.stamp_ns,
         log_time_ns=columns.log_time_ns[rows],
         x_m=x_m[rows],

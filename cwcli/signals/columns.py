@@ -7,7 +7,8 @@ the stages (which publish it). Nothing here knows of MCAP.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +49,22 @@ class Strings:
     def __len__(self) -> int:
         return len(self.codes)
 
+    def rows(self, rows: npt.NDArray[np.intp]) -> Strings:
+        """The given rows, in the given order."""
+        return Strings(self.codes[rows], self.values)
+
+
+def constant_strings(value: str, n: int) -> Strings:
+    """`n` rows of one string."""
+    return Strings(np.zeros(n, np.int32), (value,))
+
+
+def strings_from(rows: list[str]) -> Strings:
+    """Dictionary-code n strings, in order of first appearance; an empty one is absent (code -1)."""
+    index: dict[str, int] = {}
+    codes = [index.setdefault(row, len(index)) if row else -1 for row in rows]
+    return Strings(codes=np.array(codes, dtype=np.int32), values=tuple(index))
+
 
 Field = NumericArray | Ragged | Strings
 
@@ -82,6 +99,22 @@ class Columns:
     def __len__(self) -> int:
         return len(self.log_time_ns)
 
+    def logged_within(self, start_ns: int | None, end_ns: int | None) -> Columns:
+        """The messages logged in [start_ns, end_ns)."""
+        if start_ns is None and end_ns is None:
+            return self
+        first = 0 if start_ns is None else int(np.searchsorted(self.log_time_ns, start_ns))
+        last = len(self) if end_ns is None else int(np.searchsorted(self.log_time_ns, end_ns))
+        last = max(first, last)
+        fields: dict[str, Any] = {name: column_rows(values, first, last) for name, values in self.fields.items()}
+        return replace(
+            self,
+            log_time_ns=self.log_time_ns[first:last],
+            publish_time_ns=self.publish_time_ns[first:last],
+            sequence=self.sequence[first:last],
+            fields=fields,
+        )
+
 
 @dataclass(frozen=True)
 class Repeated:
@@ -100,6 +133,22 @@ class Repeated:
 
 
 OutputField = Field | Repeated
+
+
+def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
+    """Rows `start` to `stop` of a column; the bulk of the data is viewed, not copied."""
+    if isinstance(column, Strings):
+        return Strings(column.codes[start:stop], column.values)
+    if isinstance(column, Ragged):
+        offsets = column.offsets[start : stop + 1]
+        return Ragged(column.values[offsets[0] : offsets[-1]], offsets - offsets[0])
+    if isinstance(column, Repeated):
+        offsets = column.offsets[start : stop + 1]
+        first, last = int(offsets[0]), int(offsets[-1])
+        return Repeated(
+            offsets - first, {path: column_rows(inner, first, last) for path, inner in column.fields.items()}
+        )
+    return column[start:stop]
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.angles import heading_from_compass_deg, wrap_angle
-from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.columns import Columns, FloatArray, strings_from
 from cwcli.signals.covariances import (
     SIGMAS_PER_95_PERCENT,
     SIGMAS_PER_95_PERCENT_ELLIPSE,
     covariance_from_ellipse,
 )
-from cwcli.signals.leaves import numbers, strings_from, texts
+from cwcli.signals.leaves import numbers, texts
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import Element, decode

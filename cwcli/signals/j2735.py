@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.angles import heading_from_compass_deg
-from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.columns import Columns, FloatArray, Strings, strings_from
 from cwcli.signals.covariances import covariance_from_ellipse
-from cwcli.signals.leaves import is_one_of, numbers, strings_from, texts
+from cwcli.signals.leaves import is_one_of, numbers, texts
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import Element, decode

@@ -1,11 +1,18 @@
-"""Reading leaf fields out of decoded columns, whatever the message encoding made of them."""
+"""Reading leaf fields out of decoded columns, whatever the message encoding made of them.
+
+Each reader is lenient: what is not there, or no such thing, is NaN or absent. With `required` it is an error instead:
+so are read the channels that cwcli itself has published.
+"""
 
 from __future__ import annotations
 
+from typing import Literal, overload
+
 import numpy as np
 
+from cwcli.errors import DataError
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings, strings_from
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
@@ -30,46 +37,64 @@ def find(columns: Columns, *paths: str) -> Field | None:
     return None
 
 
-def numbers(columns: Columns, *paths: str) -> FloatArray:
+def numbers(columns: Columns, *paths: str, required: bool = False) -> FloatArray:
     """A field as numbers, shape (n,); the first of `paths` that is there, NaN where absent or not a number.
 
     Strings that spell numbers are read as such (JSON written from XER does that).
+
+    Raises:
+        DataError: It is required, and not there as numbers.
     """
     field = find(columns, *paths)
-    if field is None or isinstance(field, Ragged):
-        return np.full(len(columns), np.nan)
+    if isinstance(field, np.ndarray) and field.ndim == 1:
+        return field.astype(np.float64)
+    if required:
+        raise unusable(columns, paths[0])
     if isinstance(field, Strings):
         spelled = np.array([_parse_number(text) for text in field.values] + [np.nan])
         return spelled[field.codes]
-    if field.ndim != 1:
-        return np.full(len(columns), np.nan)
-    return field.astype(np.float64)
+    return np.full(len(columns), np.nan)
 
 
-def whole_numbers(columns: Columns, *paths: str) -> tuple[Int64Array, BoolArray]:
+def whole_numbers(columns: Columns, *paths: str, required: bool = False) -> tuple[Int64Array, BoolArray]:
     """A field as int64 without the detour over floats where it is an integer column.
 
     Returns:
         Values and whether they are there, both of shape (n,).
+
+    Raises:
+        DataError: It is required, and not there as numbers.
     """
     field = find(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1 and np.issubdtype(field.dtype, np.integer):
         return field.astype(np.int64), np.ones(len(columns), dtype=np.bool_)
-    values = numbers(columns, *paths)
+    values = numbers(columns, *paths, required=required)
     is_valid = np.isfinite(values) & (np.abs(values) < 9e18)
     return np.where(is_valid, values, 0.0).astype(np.int64), is_valid
 
 
-def texts(columns: Columns, *paths: str) -> Strings | None:
+@overload
+def texts(columns: Columns, *paths: str, required: Literal[True]) -> Strings: ...
+@overload
+def texts(columns: Columns, *paths: str, required: Literal[False] = False) -> Strings | None: ...
+def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | None:
     """A field as n strings, or None when there is none. Numbers are spelled as integers, byte sequences in hex.
 
     Args:
         columns: n messages.
         paths: Names of the field; the first that is there counts.
+        required: It must be there as strings.
+
+    Raises:
+        DataError: It is required, and not there as strings.
     """
     field = find(columns, *paths)
-    if field is None or isinstance(field, Strings):
+    if isinstance(field, Strings):
         return field
+    if required:
+        raise unusable(columns, paths[0])
+    if field is None:
+        return None
     if isinstance(field, Ragged):
         bounds = field.offsets
         octets = field.values.astype(np.uint8).tobytes()
@@ -81,11 +106,13 @@ def texts(columns: Columns, *paths: str) -> Strings | None:
     return Strings(codes=spelled.codes[codes].astype(np.int32), values=spelled.values)
 
 
-def strings_from(rows: list[str]) -> Strings:
-    """Dictionary-code n strings, in order of first appearance; an empty one is absent (code -1)."""
-    index: dict[str, int] = {}
-    codes = [index.setdefault(row, len(index)) if row else -1 for row in rows]
-    return Strings(codes=np.array(codes, dtype=np.int32), values=tuple(index))
+def unusable(columns: Columns, name: str) -> DataError:
+    """That a channel of cwcli's lacks a field, or has another in its place: another version has written it."""
+    return DataError(
+        f"the channel has no usable field `{name}`",
+        where=columns.topic,
+        hint="write it again with this version of cwcli (`--replace`)",
+    )
 
 
 def is_one_of(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
@@ -97,16 +124,33 @@ def is_one_of(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
     return result
 
 
-def matrix(columns: Columns, path: str, width: int) -> FloatArray:
-    """A repeated numeric field as shape (n, width); rows of another length are NaN."""
+def matrix(columns: Columns, path: str, width: int | None = None, *, required: bool = False) -> FloatArray:
+    """A repeated numeric field as shape (n, width); rows of another length are NaN.
+
+    Args:
+        columns: n messages.
+        path: Name of the field.
+        width: Of a row; None: that of the first.
+        required: Every row must have it.
+
+    Raises:
+        DataError: It is required, and a row has it not.
+    """
     field = find(columns, path)
-    out = np.full((len(columns), width), np.nan)
+    n = len(columns)
+    if isinstance(field, np.ndarray) and field.ndim == 2 and width in (None, field.shape[1]):
+        return np.asarray(field, np.float64)
+    lengths = np.diff(field.offsets) if isinstance(field, Ragged) else np.full(n, -1)
+    if width is None:
+        width = max(int(lengths[0]), 0) if n else 0
+    rows = np.flatnonzero(lengths == width)
+    if isinstance(field, Ragged) and len(rows) == n:
+        return np.asarray(field.values, np.float64).reshape(n, width)
+    if required:
+        raise unusable(columns, path)
+    out = np.full((n, width), np.nan)
     if isinstance(field, Ragged):
-        starts, lengths = field.offsets[:-1], np.diff(field.offsets)
-        rows = np.flatnonzero(lengths == width)
-        out[rows] = field.values[starts[rows, None] + np.arange(width)]
-    elif isinstance(field, np.ndarray) and field.ndim == 2 and field.shape[1] == width:
-        out[:] = field
+        out[rows] = field.values[field.offsets[rows, None] + np.arange(width)]
     return out
 
 

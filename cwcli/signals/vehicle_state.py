@@ -1,4 +1,4 @@
-"""Columns of a vehicle's state (n, 8), in the order of `cwcli.v1.VehicleState`."""
+"""A vehicle's state (n, 8), in the order of `cwcli.v1.VehicleState`, and the names of the ego and of its frames."""
 
 STATE_NAMES = (
     "x_m",
@@ -10,5 +10,9 @@ STATE_NAMES = (
     "jerk_mps3",
     "yaw_accel_radps2",
 )
+N_STATES = len(STATE_NAMES)
 X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
 DERIVATIVES = (ACCEL, JERK, YAW_RATE, YAW_ACCEL)  # in the order of a motion model's responses
+
+EGO_ID = "ego"
+MAP_FRAME, BODY_FRAME = "map", "base_link"

@@ -14,7 +14,15 @@ import numpy.typing as npt
 from cwcli import __version__
 from cwcli.errors import UsageError
 from cwcli.logs.writer import LogWriter
-from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Ragged, StreamedChannel, Strings
+from cwcli.signals.columns import (
+    FloatArray,
+    Int64Array,
+    OutputChannel,
+    OutputField,
+    Ragged,
+    StreamedChannel,
+    constant_strings,
+)
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 from cwcli.simulate.cdr import DEFINITIONS, imu_messages, velocity_reports
 from cwcli.simulate.sensor_log import WrittenChannel
@@ -208,19 +216,15 @@ def _record(drive: RoadDrive, config: RoadConfig) -> dict[str, str]:
     return {"version": __version__, "seed": str(config.drive.seed), "resolved": json.dumps(document)}
 
 
-def _constant(value: str, n: int) -> Strings:
-    return Strings(np.zeros(n, np.int32), (value,))
-
-
 def _camera(drive: RoadDrive, config: RoadConfig, stamp_ns: Int64Array) -> StreamedChannel:
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
         images = [_encoded(drive.frame(index).grey, config.format) for index in range(start, stop)]
         offsets = np.concatenate([[0], np.cumsum([len(image) for image in images])]).astype(np.int64)
         return {
             "timestamp": stamp_ns[start:stop],
-            "frame_id": _constant(CAMERA_FRAME, stop - start),
+            "frame_id": constant_strings(CAMERA_FRAME, stop - start),
             "data": Ragged(np.concatenate(images) if images else np.zeros(0, np.uint8), offsets),
-            "format": _constant(config.format, stop - start),
+            "format": constant_strings(config.format, stop - start),
         }
 
     return StreamedChannel(CAMERA_TOPIC, "foxglove.CompressedImage", stamp_ns + CAMERA_DELAY_NS, rows=rows)
@@ -246,7 +250,7 @@ def _calibration(drive: RoadDrive) -> tuple[OutputChannel, OutputChannel]:
         stamp_ns,
         {
             "timestamp": stamp_ns,
-            "frame_id": _constant(CAMERA_FRAME, n),
+            "frame_id": constant_strings(CAMERA_FRAME, n),
             "width": np.full(n, camera.width_px, np.uint32),
             "height": np.full(n, camera.height_px, np.uint32),
             "K": np.tile(k.ravel(), (n, 1)),
@@ -260,8 +264,8 @@ def _calibration(drive: RoadDrive) -> tuple[OutputChannel, OutputChannel]:
     quaternion = {"x": -c - s, "y": c + s, "z": s - c, "w": c - s}
     transform: dict[str, OutputField] = {
         "timestamp": stamp_ns,
-        "parent_frame_id": _constant(BODY_FRAME, n),
-        "child_frame_id": _constant(CAMERA_FRAME, n),
+        "parent_frame_id": constant_strings(BODY_FRAME, n),
+        "child_frame_id": constant_strings(CAMERA_FRAME, n),
         "translation.x": np.zeros(n),
         "translation.y": np.zeros(n),
         "translation.z": np.full(n, camera.height_m),
@@ -338,7 +342,7 @@ def _ego(drive: RoadDrive, stamp_ns: Int64Array) -> OutputChannel:
     along = drive.speed_at(drive.time_s)
     columns: dict[str, OutputField] = {
         "stamp_ns": stamp_ns,
-        "id": _constant("ego", n),
+        "id": constant_strings("ego", n),
         "x_m": states[:, X],
         "y_m": states[:, Y],
         "speed_mps": np.hypot(along, states[:, LATERAL_SPEED]),

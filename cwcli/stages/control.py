@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.control import control_channels
+from cwcli.channels.control_step import write_replays
+from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.states import PredictedPaths, VehicleStates, read_states, require_ego
+from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
 from cwcli.control.encounter import RecordedTrack, Span, replay_warning
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.log import Log
@@ -109,7 +110,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     if replayed:
         local_map = map_of(run_records(log).get("estimate", {}))
         size_m = (host.length_m, host.width_m)
-        channels = control_channels(published_steps(replayed), host_size_m=size_m, local_map=local_map)
+        channels = write_replays(published_steps(replayed), host_size_m=size_m, local_map=local_map)
     return StageResult(
         "control",
         channels,
@@ -146,7 +147,7 @@ def _predicted(model: str, states: VehicleStates, horizon_s: float) -> Predicted
         horizon_s=horizon_s,
         step_s=PATH_STEP_S,
     )
-    return PredictedPaths(states.ids, states.stamp_ns, states.log_time_ns, model, paths)
+    return PredictedPaths.of(states, model, paths)
 
 
 def _replays(

@@ -7,21 +7,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.states import N_STATES, vehicle_rows
-from cwcli.channels.states_and_paths import EGO_ID, constant_strings, vehicle_states, viewer_channels
+from cwcli.channels.ego_viewers import write_ego
+from cwcli.channels.published import REMOTE_STATE
+from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Measurements
-from cwcli.estimation.track import Track, estimate_track, estimate_tracks
+from cwcli.estimation.track import estimate_track, estimate_tracks
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
+from cwcli.signals.columns import Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.rows import rows_by_id
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import EGO_ID, N_STATES
 from cwcli.stages.inputs.measurements import EgoSignal, ego_measurements, remote_measurements
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
 from cwcli.stages.summaries.estimate import (
@@ -93,12 +95,12 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     ego = estimate_track(measurements, config.estimator, grid_ns)
     remote = _remote_states(sources, local_map, config.estimator)
     errors = against_truth(sources.by_role.get(Role.TRUTH, ()), measurements, ego, local_map, config.truth_origin)
-    channels = [*_ego_channels(ego, local_map), *([remote.channel] if remote else [])]
+    channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance), local_map)
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
     summary = _summary(sources, tracks, errors)
     return StageResult(
         stage="estimate",
-        channels=tuple(channels),
+        channels=(*channels, *([remote.channel] if remote else [])),
         tables=estimate_tables(tracks, errors),
         summary=summary,
         metadata=run_record(
@@ -183,7 +185,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
     place[order] = np.arange(n)
     state, covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
     config = replace(estimator, latency="none")
-    stations = list(vehicle_rows(signal.station))
+    stations = list(rows_by_id(signal.station))
     tracks: dict[str, TrackSummary] = {}
     for first in range(0, len(stations), STATIONS_AT_ONCE):
         group = stations[first : first + STATIONS_AT_ONCE]
@@ -191,20 +193,16 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
         for (station, own), track in zip(group, estimate_tracks(said, config), strict=True):
             state[place[own]], covariance[place[own]] = track.state, track.covariance
             tracks[station] = summarise(track)
-    latitude_deg, longitude_deg = _geographic(state, local_map)
-    channel = vehicle_states(
-        REMOTE_STATE.topic,
-        ids=Strings(signal.station.codes[order], signal.station.values),
-        stamp_ns=signal.stamp_ns[order],
-        log_time_ns=signal.log_time_ns[order],
-        state=state,
-        covariance=covariance,
-        latitude_deg=latitude_deg,
-        longitude_deg=longitude_deg,
-        length_m=signal.length_m[order],
-        width_m=signal.width_m[order],
+    states = VehicleStates(
+        signal.station.rows(order),
+        signal.stamp_ns[order],
+        signal.log_time_ns[order],
+        state,
+        covariance,
+        signal.length_m[order],
+        signal.width_m[order],
     )
-    return RemoteStates(channel, tracks)
+    return RemoteStates(write_states(REMOTE_STATE, states, local_map), tracks)
 
 
 def merged(signals: list[RemoteSignal]) -> RemoteSignal:
@@ -224,43 +222,6 @@ def merged(signals: list[RemoteSignal]) -> RemoteSignal:
     }
     source = ", ".join(s.source for s in signals)
     return RemoteSignal(source=source, station=Strings(codes[order], tuple(names)), **columns)
-
-
-def _ego_channels(ego: Track, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
-    n = len(ego.stamp_ns)
-    latitude_deg, longitude_deg = _geographic(ego.state, local_map)
-    unknown = np.full(n, np.nan)
-    states = vehicle_states(
-        EGO_STATE.topic,
-        ids=constant_strings(EGO_ID, n),
-        stamp_ns=ego.stamp_ns,
-        log_time_ns=ego.stamp_ns,
-        state=ego.state,
-        covariance=ego.covariance,
-        latitude_deg=latitude_deg,
-        longitude_deg=longitude_deg,
-        length_m=unknown,
-        width_m=unknown,
-    )
-    return (
-        states,
-        *viewer_channels(
-            stamp_ns=ego.stamp_ns,
-            state=ego.state,
-            covariance=ego.covariance,
-            latitude_deg=latitude_deg,
-            longitude_deg=longitude_deg,
-            altitude_m=local_map.origin_alt_m if local_map else 0.0,
-        ),
-    )
-
-
-def _geographic(state: FloatArray, local_map: LocalMap | None) -> tuple[FloatArray, FloatArray]:
-    if local_map is None:
-        unknown = np.full(len(state), np.nan)
-        return unknown, unknown
-    latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(state[:, 0], state[:, 1], np.zeros(len(state)))
-    return latitude_deg, longitude_deg
 
 
 def _summary(sources: Sources, tracks: Mapping[str, TrackSummary], errors: TruthErrors | None) -> Summary:

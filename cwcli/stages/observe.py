@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cwcli.channels.binding import Bindings, bind
-from cwcli.channels.observer import STATE_NAMES, VEHICLE_ENTRY, observer_channel, vehicle_entry
+from cwcli.channels.lateral_state import TRUTH_FIELDS, Observed, write_observed
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
@@ -23,9 +23,10 @@ from cwcli.signals.codec import Role
 from cwcli.stages.inputs.lane_samples import LANE_FIELDS, read_lanes
 from cwcli.stages.inputs.lateral_sensors import Inputs, inputs_of
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.records import vehicle_entry
 from cwcli.stages.summaries.observe import observer_section, observer_table, truth_errors, truth_section
 
-FIELDS: dict[str, tuple[str, ...]] = {LANES.role: LANE_FIELDS, Role.LATERAL_TRUTH: ("stamp_ns", *STATE_NAMES)}
+FIELDS: dict[str, tuple[str, ...]] = {LANES.role: LANE_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
 SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
@@ -115,9 +116,9 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         inputs=(lanes.count, *inputs.counts),
         notes=_notes(own, inputs, track, vehicle, config),
     )
-    record = run_record("observe", log, config, summary, **{VEHICLE_ENTRY: vehicle_entry(vehicle)})
+    record = run_record("observe", log, config, summary, **vehicle_entry(vehicle))
     return StageResult(
-        "observe", (observer_channel(track, lanes.log_time_ns, lanes.preview_m),), tables, summary, record
+        "observe", (write_observed(Observed(lanes.log_time_ns, track, lanes.preview_m)),), tables, summary, record
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.channels.observer import Observed, read_observer, recorded_vehicle
+from cwcli.channels.lateral_state import Observed, read_observed
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.logs.log import Log
@@ -14,6 +14,7 @@ from cwcli.prediction.lateral import LateralPathConfig, lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.stages.records import vehicle_of
 
 MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
@@ -85,10 +86,8 @@ def body_paths(
     Raises:
         DataError: The channel is of another version.
     """
-    from cwcli.stages.inputs.sources import logged_within
-
-    observed = read_observer(logged_within(log.columns(topic), start_ns, end_ns))
-    vehicle, notes = recorded_vehicle(log.metadata)
+    observed = read_observed(log.columns(topic).logged_within(start_ns, end_ns))
+    vehicle, notes = vehicle_of(log)
     made = predict_body(observed, vehicle, config, calibrate=calibrate)
     return replace(made, notes=notes)
 

@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.path_scene import path_scene
+from cwcli.channels.path_scene import write_path_scene
+from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
-from cwcli.channels.states import VehicleStates, read_states, require_ego, rows_by_stamp, vehicle_rows
-from cwcli.channels.states_and_paths import EGO_ID, predicted_paths
+from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table, TableColumn
@@ -24,6 +24,8 @@ from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.prediction.rollout import Discretisation, check_request
 from cwcli.signals.columns import OutputChannel
+from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.vehicle_state import EGO_ID
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 MAX_MESSAGE_AGE_S = 1.0
@@ -103,11 +105,12 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
     columns = log.load(dict.fromkeys(topics.values()))
     channels: list[OutputChannel] = []
+    predicted: list[PredictedPaths] = []
     errors: list[dict[str, Any]] = []
     inputs: list[InputCount] = []
-    for role, path_topic, extra_s in (
-        (EGO_STATE.role, EGO_PATH.topic, 0.0),
-        (REMOTE_STATE.role, REMOTE_PATH.topic, MAX_MESSAGE_AGE_S),
+    for role, path_channel, extra_s in (
+        (EGO_STATE.role, EGO_PATH, 0.0),
+        (REMOTE_STATE.role, REMOTE_PATH, MAX_MESSAGE_AGE_S),
     ):
         if role not in topics:
             continue
@@ -126,18 +129,10 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
             step_s=config.step_s,
             discretisation=config.discretisation,
         )
-        channels.append(
-            predicted_paths(
-                path_topic,
-                ids=states.ids,
-                stamp_ns=states.stamp_ns,
-                log_time_ns=states.log_time_ns,
-                model=config.model,
-                paths=paths,
-            )
-        )
+        predicted.append(PredictedPaths.of(states, config.model, paths))
+        channels.append(write_paths(path_channel, predicted[-1]))
         errors.extend(_errors(states, config))
-    channels.append(path_scene(channels))
+    channels.append(write_path_scene(predicted))
     table = _table(errors)
     summary = Summary(
         title="predict",
@@ -167,7 +162,7 @@ def _errors(states: VehicleStates, config: PredictConfig) -> list[dict[str, Any]
     """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
     horizons = error_horizons(config.horizon_s)
     records = []
-    for vehicle, unordered in vehicle_rows(states.ids):
+    for vehicle, unordered in rows_by_id(states.ids):
         rows = rows_by_stamp(states.stamp_ns, unordered)
         stamp_ns = states.stamp_ns[rows]
         compared = compare_models(

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
-from cwcli.channels.observer import Observed, read_observer, recorded_vehicle
+from cwcli.channels.lateral_state import Observed, read_lateral_truth, read_observed
+from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_STATE, OBSERVER, OBSERVER_PATH
-from cwcli.channels.states import read_states, rows_by_stamp
-from cwcli.channels.states_and_paths import EGO_ID, MAP_FRAME, constant_strings, predicted_paths
+from cwcli.channels.vehicle_state import read_states
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
@@ -27,13 +27,14 @@ from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, map_p
 from cwcli.prediction.paths import Paths
 from cwcli.signals.canonical import PoseSignal, Signal
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel
-from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel, constant_strings
 from cwcli.signals.resample import resample
+from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
 from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
 from cwcli.stages.predict import MAX_GAP_S, PredictConfig, error_horizons
+from cwcli.stages.records import vehicle_of
 
 STAGE = "predict_observer"
 """Not `predict`: a run may hold both."""
@@ -92,11 +93,11 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
         also={bindings[0].topic: None for bindings in own.by_role.values()},
     )
     topic = own.by_role[OBSERVER.role][0].topic
-    observed = read_observer(sources.columns[topic])
+    observed = read_observed(sources.columns[topic])
     has_state = np.isfinite(observed.track.state[:, 0])
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
-    vehicle, notes = recorded_vehicle(log.metadata)
+    vehicle, notes = vehicle_of(log)
     body = predict_body(observed, vehicle, settings, calibrate=config.calibrate)
     state_topic = own.topic(EGO_STATE.role)
     states = None if state_topic is None else sources.columns[state_topic]
@@ -161,15 +162,14 @@ def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> t
     rows = np.flatnonzero(has_state & has_pose)
     x_m, y_m = poses.at_xy_m[rows].T
     left_out = {NO_STATE: int(np.count_nonzero(~has_state)), NO_POSE: int(np.count_nonzero(has_state & ~has_pose))}
-    channel = predicted_paths(
-        OBSERVER_PATH.topic,
-        ids=constant_strings(EGO_ID, len(rows)),
-        stamp_ns=body.stamp_ns[rows],
-        log_time_ns=body.observed.log_time_ns[rows],
-        model=body.model,
-        paths=map_paths(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
-        frame_id=poses.frame_id,
+    predicted = PredictedPaths(
+        constant_strings(EGO_ID, len(rows)),
+        body.stamp_ns[rows],
+        body.observed.log_time_ns[rows],
+        body.model,
+        map_paths(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
     )
+    channel = write_paths(OBSERVER_PATH, predicted, frame_id=poses.frame_id)
     set_aside = {reason: n for reason, n in left_out.items() if n}
     return channel, InputCount(topic, OBSERVER.role, len(has_state), len(rows), set_aside=set_aside)
 
@@ -188,9 +188,8 @@ def _own_motion(observed: Observed) -> Poses:
 
 def _ego_state_poses(columns: Columns, observed: Observed) -> Poses:
     """The estimated track, and the pose at each frame; its heading is where the car goes, not where its axis points."""
-    states = read_states(columns)
-    rows = rows_by_stamp(states.stamp_ns)
-    stamp_ns, state = states.stamp_ns[rows], states.state[rows]
+    states = read_states(columns).by_stamp()
+    stamp_ns, state = states.stamp_ns, states.state
     x_m, y_m, course_rad = resample(stamp_ns, state[:, [0, 1, 3]], observed.track.stamp_ns, max_gap_s=MAX_GAP_S).T
     yaw_rad = course_rad - _slip(observed.track.state[:, 0], observed.track.speed_mps)
     return Poses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
@@ -209,10 +208,8 @@ def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, 
     if schema == COURSE_SCHEMA:
         lateral_mps = observed.track.state[:, 0]
         if lateral is not None and len(lateral):
-            true_ns, _ = whole_numbers(lateral, "stamp_ns")
-            rows = rows_by_stamp(true_ns)
-            true_mps = numbers(lateral, "lateral_speed_mps")[rows]
-            lateral_mps = resample(true_ns[rows], true_mps, at_ns, max_gap_s=MAX_GAP_S)
+            true_ns, true_state = read_lateral_truth(lateral)
+            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_GAP_S)
         yaw_rad = yaw_rad - _slip(lateral_mps, observed.track.speed_mps)
     return Poses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
 

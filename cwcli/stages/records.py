@@ -1,4 +1,4 @@
-"""The metadata records `cwcli.run.<stage>`, read back: how a log was annotated.
+"""The metadata records `cwcli.run.<stage>`, read back: how a log was annotated, and with which car it was observed.
 
 A log may come from anybody, so nothing in a record is believed: what is missing or does not fit is as if it were not
 there.
@@ -9,15 +9,18 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import Any, get_args
 
+from cwcli.dynamics.vehicle import Vehicle, load_vehicle
+from cwcli.errors import DataError
 from cwcli.logs.log import Log
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.inputs.sources import SourceConfig
 from cwcli.warning.types import Conflict, Use, WarningConfig
 
 PREFIX = "cwcli.run."
+VEHICLE = "vehicle"
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
 CHOICES: dict[str, tuple[str, ...]] = {"use": get_args(Use), "conflict": get_args(Conflict)}
 
@@ -96,3 +99,26 @@ def rule_of(record: Record) -> WarningConfig:
         if is_fit:
             fitting[entry.name] = value
     return WarningConfig(**fitting)
+
+
+def vehicle_entry(vehicle: Vehicle) -> dict[str, str]:
+    """The car as an entry of the record of `observe`."""
+    return {VEHICLE: json.dumps(asdict(vehicle), sort_keys=True)}
+
+
+def vehicle_of(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
+    """The car with which the log was observed; the shipped example, and a note, if the log does not tell.
+
+    Raises:
+        DataError: The record is damaged.
+    """
+    entry = run_records(log).get("observe", {}).get(VEHICLE)
+    if entry is None:
+        vehicle = load_vehicle()
+        note = f"the log does not tell the car (no record {PREFIX}observe): that of {vehicle.name} is assumed"
+        return vehicle, (note,)
+    try:
+        return Vehicle(**json.loads(entry)), ()
+    except (TypeError, ValueError) as error:
+        what = f"the car in the record {PREFIX}observe can't be read: {error}"
+        raise DataError(what, where=log.name, hint="observe again") from None

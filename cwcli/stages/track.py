@@ -10,8 +10,8 @@ import numpy as np
 
 from cwcli.channels.binding import bind
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.states import read_states
-from cwcli.channels.targets import target_channels
+from cwcli.channels.target import write_targets
+from cwcli.channels.vehicle_state import read_states
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
@@ -94,7 +94,7 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     )
     return StageResult(
         stage="track",
-        channels=target_channels(result, in_map=in_map, known_ns=known_ns),
+        channels=write_targets(result, in_map=in_map, known_ns=known_ns),
         tables=track_tables(result, config.tracker.single, kinds, errors),
         summary=summary,
         metadata=run_record(

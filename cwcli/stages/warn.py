@@ -10,18 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
+from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS
-from cwcli.channels.states import (
-    PredictedPaths,
-    VehicleStates,
-    read_paths,
-    read_states,
-    require_ego,
-    rows_by_stamp,
-    vehicle_rows,
-)
-from cwcli.channels.targets import read_targets
-from cwcli.channels.warnings import warning_channels
+from cwcli.channels.target import read_targets
+from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
+from cwcli.channels.warning import warning_channels
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
@@ -30,6 +23,7 @@ from cwcli.prediction.models import MODELS
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.summaries.warn import RuleOutcome, numbered, tables_of
@@ -212,9 +206,9 @@ def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_ons
     Args:
         with_onset: Add the paths of the onset hypothesis, which are never published: they are no prediction.
     """
-    path_rows = dict(vehicle_rows(predicted.ids))
+    path_rows = dict(rows_by_id(predicted.ids))
     tracks = []
-    for vehicle, unordered in vehicle_rows(states.ids):
+    for vehicle, unordered in rows_by_id(states.ids):
         candidates = path_rows.get(vehicle)
         if candidates is None:
             continue
@@ -254,7 +248,7 @@ def _paths_of(states: VehicleStates, *, like: PredictedPaths, where: str) -> Pre
     step_s = float(time_s[1] - time_s[0])
     horizon_s = float(time_s[-1]) + MAX_MESSAGE_AGE_S
     paths = rollout(like.model, states.state, states.covariance, horizon_s=horizon_s, step_s=step_s)
-    return PredictedPaths(states.ids, states.stamp_ns, states.log_time_ns, like.model, paths)
+    return PredictedPaths.of(states, like.model, paths)
 
 
 def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> Paths:

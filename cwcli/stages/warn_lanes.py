@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.channels.binding import Bindings
-from cwcli.channels.observer import recorded_vehicle
+from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import LANES, OBSERVER_PATH
-from cwcli.channels.states import read_paths, rows_by_stamp
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
@@ -17,8 +16,9 @@ from cwcli.pipeline.result import Cell, InputCount, Section
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.sources import logged_within
+from cwcli.stages.records import vehicle_of
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDepartureResult, evaluate_lane_departure
 
 NEEDED = (OBSERVER_PATH.role, LANES.role)
@@ -65,11 +65,11 @@ def warn_of_lane_departure(
     """
     path_topic, lanes_topic = (bound.by_role[role][0].topic for role in NEEDED)
     loaded = log.load({path_topic: None, lanes_topic: ("stamp_ns", *PLACES)})
-    path_columns, lanes = (logged_within(loaded[topic], start_ns, end_ns) for topic in (path_topic, lanes_topic))
+    path_columns, lanes = (loaded[topic].logged_within(start_ns, end_ns) for topic in (path_topic, lanes_topic))
     if not len(lanes):
         place = f"{log.name}: {lanes_topic}"
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
-    vehicle, notes = recorded_vehicle(log.metadata)
+    vehicle, notes = vehicle_of(log)
     predicted = read_paths(path_columns)
     stamp_ns, log_time_ns, boundaries = _frames(lanes, vehicle)
     paths = body_of(predicted.paths)

@@ -27,10 +27,10 @@ import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.signals.columns import Field, FloatArray, Int64Array, Strings
+from cwcli.signals.columns import Field, FloatArray, Int64Array, constant_strings, strings_from
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
-from cwcli.warning.output import CLEARED, HELD, RAISED, UNKNOWN_NS, strings
+from cwcli.warning.output import CLEARED, HELD, RAISED, UNKNOWN_NS
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
 
 RULE = "lane-departure"
@@ -291,17 +291,17 @@ def _channel(
     n = len(rows)
     return np.array(log, dtype=np.int64), {
         "stamp_ns": np.array(stamp, dtype=np.int64),
-        "rule": Strings(np.zeros(n, np.int32), (RULE,)),
+        "rule": constant_strings(RULE, n),
         "event_id": np.array(number_, dtype=np.int64),
         "state": np.array(state_, dtype=np.int32),
-        "host_id": Strings(np.zeros(n, np.int32), (host_id,)),
-        "other_id": strings([f"{name} boundary" for name in name_]),
+        "host_id": constant_strings(host_id, n),
+        "other_id": strings_from([f"{name} boundary" for name in name_]),
         "time_to_event_s": np.array(time_, dtype=np.float64),
         "predicted_distance_m": np.array(distance_, dtype=np.float64),
         "ttc_s": np.full(n, np.nan),
         "probability": np.array(chance_, dtype=np.float64),
         "alert_probability": np.full(n, np.nan),
-        "message": strings(text_),
+        "message": strings_from(text_),
     }
 
 

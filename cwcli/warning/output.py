@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.signals.columns import Field, Int64Array, Strings
+from cwcli.signals.columns import Field, Int64Array, Strings, constant_strings, strings_from
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import FALSE, LATE, MISSED, TRUE, UNDECIDED
 from cwcli.warning.pair import PairEvaluation, ScoredPair
@@ -18,13 +18,6 @@ UNKNOWN_NS = -1
 
 _Row = tuple[int, int, int, int, str, float, float, float, float, float, str]
 """Of the channel: log time, stamp, event, state, other, time, distance, TTC, two probabilities, message."""
-
-
-def strings(values: Sequence[str]) -> Strings:
-    """Dictionary-coded strings, in order of first appearance."""
-    codes: dict[str, int] = {}
-    coded = np.array([codes.setdefault(value, len(codes)) for value in values], dtype=np.int32)
-    return Strings(coded, tuple(codes))
 
 
 def number_events(pairs: Sequence[ScoredPair]) -> dict[tuple[int, int], int]:
@@ -65,17 +58,17 @@ def warnings_channel(
     log, stamp, number, state, other, time, distance, ttc, probability, compared, text = columns
     channel: dict[str, Field] = {
         "stamp_ns": np.array(stamp, dtype=np.int64),
-        "rule": Strings(np.zeros(len(rows), np.int32), (rule,)),
+        "rule": constant_strings(rule, len(rows)),
         "event_id": np.array(number, dtype=np.int64),
         "state": np.array(state, dtype=np.int32),
-        "host_id": Strings(np.zeros(len(rows), np.int32), (host_id,)),
-        "other_id": strings(other),
+        "host_id": constant_strings(host_id, len(rows)),
+        "other_id": strings_from(other),
         "time_to_event_s": np.array(time, dtype=np.float64),
         "predicted_distance_m": np.array(distance, dtype=np.float64),
         "ttc_s": np.array(ttc, dtype=np.float64),
         "probability": np.array(probability, dtype=np.float64),
         "alert_probability": np.array(compared, dtype=np.float64),
-        "message": strings(text),
+        "message": strings_from(text),
     }
     return np.array(log, dtype=np.int64), channel
 
@@ -216,7 +209,7 @@ def series_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
 
     columns: dict[str, Any] = {
         "stamp_ns": joined([own.stamp_ns for own in owns], np.int64),
-        "host_id": Strings(np.zeros(total, np.int32), (host_id,)),
+        "host_id": constant_strings(host_id, total),
         "other_id": Strings(
             joined([np.full(len(own.stamp_ns), at, np.int32) for at, own in enumerate(owns)], np.int32),
             tuple(own.other.id for own in owns),

@@ -176,10 +176,10 @@ def test_the_car_of_the_record_is_used_for_the_paths(cwcli: Run, tmp_path: Path,
     text = EXAMPLE.read_text().replace("camera_forward_m = 0.0", "camera_forward_m = 1.5")
     (tmp_path / "car.toml").write_text(text)
     assert cwcli("observe", lanes, "--vehicle", "car.toml", "-o", "observed.mcap").returncode == 0
-    from cwcli.channels.observer import recorded_vehicle
     from cwcli.logs.log import Log
+    from cwcli.stages.records import vehicle_of
 
     with Log.open(tmp_path / "observed.mcap") as log:
-        car, _ = recorded_vehicle(log.metadata)
+        car, _ = vehicle_of(log)
     assert car.camera_forward_m == 1.5
     assert car.mass_kg == load_vehicle().mass_kg

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.channels.states_and_paths import EGO_ID
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.log import Log
 from cwcli.prediction.models import DEFAULT_MODEL
+from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.predict import PredictConfig, predict
 

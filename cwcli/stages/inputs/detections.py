@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.states import VehicleStates
+from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.build_motion import MAP_FRAMES
 from cwcli.signals.canonical import DetectionSignal

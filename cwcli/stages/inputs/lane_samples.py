@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.published import LANES
-from cwcli.channels.states import rows_by_stamp
 from cwcli.dynamics.samples import LaneSamples
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.rows import rows_by_stamp
 
 LIMITS = {"lateral_deviation_m": 1e3, "heading_deviation_rad": math.pi / 2.0, "curvature_1pm": 1.0}
 """Larger values are no lane; they are left out."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.states import read_states
+from cwcli.channels.vehicle_state import read_states
 from cwcli.dynamics.samples import Samples
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal

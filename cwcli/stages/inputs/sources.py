@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from cwcli.channels.binding import bind
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount
@@ -14,7 +12,7 @@ from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock, disagreeing_clocks
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import Columns, Field, Int64Array, Ragged, Strings
+from cwcli.signals.columns import Columns
 from cwcli.signals.quality import Quality
 
 
@@ -105,7 +103,7 @@ def read_sources(
         bindings = bound.of(role)
         signals: list[Signal] = []
         for binding in bindings:
-            columns = logged_within(loaded[binding.topic], config.start_ns, config.end_ns)
+            columns = loaded[binding.topic].logged_within(config.start_ns, config.end_ns)
             signal, quality = build(
                 role, columns, config.clock, ego_station=config.ego_station, is_override=binding.is_override
             )
@@ -119,35 +117,5 @@ def read_sources(
                 is_cut = config.start_ns is not None or config.end_ns is not None
                 require_rows(quality, where=log.name, is_cut=is_cut)
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
-    others = {topic: logged_within(loaded[topic], config.start_ns, config.end_ns) for topic in further}
+    others = {topic: loaded[topic].logged_within(config.start_ns, config.end_ns) for topic in further}
     return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), others)
-
-
-def logged_within(columns: Columns, start_ns: int | None, end_ns: int | None) -> Columns:
-    """The messages logged in [start_ns, end_ns); they lie in log-time order."""
-    if start_ns is None and end_ns is None:
-        return columns
-    first = 0 if start_ns is None else int(np.searchsorted(columns.log_time_ns, start_ns))
-    last = len(columns) if end_ns is None else int(np.searchsorted(columns.log_time_ns, end_ns))
-    rows = slice(first, max(first, last))
-    return Columns(
-        columns.topic,
-        columns.schema_name,
-        columns.message_encoding,
-        columns.log_time_ns[rows],
-        columns.publish_time_ns[rows],
-        columns.sequence[rows],
-        {name: _cut(values, rows) for name, values in columns.fields.items()},
-        columns.n_undecodable,
-    )
-
-
-def _cut(values: Field, rows: slice) -> Field:
-    if isinstance(values, Strings):
-        return Strings(values.codes[rows], values.values)
-    if isinstance(values, Ragged):
-        offsets: Int64Array = values.offsets[rows.start : rows.stop + 1]
-        first = int(offsets[0]) if len(offsets) else 0
-        last = int(offsets[-1]) if len(offsets) else 0
-        return Ragged(values.values[first:last], offsets - first)
-    return values[rows]

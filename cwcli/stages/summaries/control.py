@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.control import ReplayedSteps
+from cwcli.channels.control_step import ReplayedSteps
 from cwcli.control.controller import speed_difference
 from cwcli.control.encounter import POLICIES, Encounter
 from cwcli.measures.outlines import outline_distance

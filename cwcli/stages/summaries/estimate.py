@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.states_and_paths import EGO_ID
 from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.metrics.table import Table
@@ -17,6 +16,7 @@ from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.canonical import TimedSignal
 from cwcli.signals.clocks import find_gaps
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.truth import TruthErrors
 from cwcli.text import finite
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.observer import STATE_NAMES
+from cwcli.channels.lateral_state import STATE_NAMES, read_lateral_truth
 from cwcli.dynamics.samples import LateralTrack, Status
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.resample import resample
 from cwcli.stages.inputs.lateral_sensors import Inputs
 
@@ -60,12 +59,11 @@ def observer_table(track: LateralTrack) -> Table:
 
 def truth_errors(track: LateralTrack, truth: Columns) -> Table:
     """Observed minus true of each state, over the frames that are settled; one row a state."""
-    true_ns, _ = whole_numbers(truth, "stamp_ns")
-    order = np.argsort(true_ns, kind="stable")
+    true_ns, true_state = read_lateral_truth(truth)
     settled = _is_settled(track)
     rows: list[tuple[str, int, float, float, float, float, float]] = []
     for k, name in enumerate(STATE_NAMES):
-        true = resample(true_ns[order], numbers(truth, name)[order], track.stamp_ns, max_gap_s=MAX_GAP_S)
+        true = resample(true_ns, true_state[:, k], track.stamp_ns, max_gap_s=MAX_GAP_S)
         error = track.state[:, k] - true
         known = np.isfinite(error) & settled
         rows.append((name, *_scores(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))))

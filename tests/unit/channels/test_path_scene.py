@@ -9,31 +9,25 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.path_scene import LIFETIME_NS, N_POINTS, path_scene
+from cwcli.channels.path_scene import LIFETIME_NS, N_POINTS, write_path_scene
+from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import PATH_SCENE
 from cwcli.logs.writer import LogWriter
-from cwcli.signals.columns import OutputChannel, Strings
+from cwcli.prediction.paths import Paths
+from cwcli.signals.columns import OutputChannel, strings_from
 
 MS = 1_000_000
 K = 51
 
 
-def paths(topic: str, ids: list[str], times_ms: list[int]) -> OutputChannel:
+def paths(ids: list[str], times_ms: list[int]) -> PredictedPaths:
     """Paths that run east from (row, 0) to (row + 50, 0) in metres, one metre a point."""
     n = len(times_ms)
-    names = tuple(dict.fromkeys(ids))
     log_time_ns = np.array(times_ms, np.int64) * MS
-    return OutputChannel(
-        topic,
-        "cwcli.v1.PredictedPath",
-        log_time_ns,
-        {
-            "stamp_ns": log_time_ns - 5 * MS,
-            "id": Strings(np.array([names.index(each) for each in ids], np.int32), names),
-            "x_m": np.arange(n, dtype=np.float64)[:, None] + np.arange(K),
-            "y_m": np.zeros((n, K)),
-        },
-    )
+    nothing = np.zeros((n, K))
+    along = np.arange(n, dtype=np.float64)[:, None] + np.arange(K)
+    whole = Paths(0.05 * np.arange(K), along, nothing, nothing, nothing, np.zeros((n, K, 3)))
+    return PredictedPaths(strings_from(ids), log_time_ns - 5 * MS, log_time_ns, "cv", whole)
 
 
 def scenes(channel: OutputChannel, folder: Path) -> list[tuple[int, Any]]:
@@ -45,7 +39,7 @@ def scenes(channel: OutputChannel, folder: Path) -> list[tuple[int, Any]]:
 
 
 def test_a_path_is_a_line_with_its_first_and_last_point(tmp_path: Path) -> None:
-    [(log_time_ns, scene)] = scenes(path_scene([paths("/cwcli/ego/path", ["ego"], [1000])]), tmp_path)
+    [(log_time_ns, scene)] = scenes(write_path_scene([paths(["ego"], [1000])]), tmp_path)
     [entity] = scene.entities
     [line] = entity.lines
     assert log_time_ns == 1000 * MS
@@ -57,9 +51,9 @@ def test_a_path_is_a_line_with_its_first_and_last_point(tmp_path: Path) -> None:
 
 def test_each_vehicle_is_thinned_for_itself_and_all_stand_in_log_time_order(tmp_path: Path) -> None:
     times = list(range(0, 1000, 50))  # 20 Hz
-    ego = paths("/cwcli/ego/path", ["ego"] * 20, times)
-    others = paths("/cwcli/remote/path", ["a", "b"] * 20, [t + 3 for t in times for _ in range(2)])
-    drawn = scenes(path_scene([ego, others]), tmp_path)
+    ego = paths(["ego"] * 20, times)
+    others = paths(["a", "b"] * 20, [t + 3 for t in times for _ in range(2)])
+    drawn = scenes(write_path_scene([ego, others]), tmp_path)
     names = [scene.entities[0].id for _, scene in drawn]
     assert [time for time, _ in drawn] == sorted(time for time, _ in drawn)
     assert {name: names.count(name) for name in names} == {"ego": 11, "a": 11, "b": 11}  # 950 ms in periods of 95
@@ -68,5 +62,5 @@ def test_each_vehicle_is_thinned_for_itself_and_all_stand_in_log_time_order(tmp_
 
 
 def test_ten_a_second_are_all_drawn_and_no_path_makes_an_empty_channel(tmp_path: Path) -> None:
-    assert len(scenes(path_scene([paths("/p", ["ego"] * 30, list(range(0, 3000, 100)))]), tmp_path)) == 30
-    assert len(path_scene([]).log_time_ns) == 0
+    assert len(scenes(write_path_scene([paths(["ego"] * 30, list(range(0, 3000, 100)))]), tmp_path)) == 30
+    assert len(write_path_scene([]).log_time_ns) == 0

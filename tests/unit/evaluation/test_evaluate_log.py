@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE
-from cwcli.channels.states_and_paths import constant_strings, predicted_paths, vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.log import Log
@@ -19,7 +21,7 @@ from cwcli.metrics.headline import METRICS
 from cwcli.metrics.pooling import rows_of
 from cwcli.metrics.table import Table
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
+from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings, constant_strings
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict
@@ -50,20 +52,8 @@ def straight(*, x0_m: float = 0.0, y_m: float = 0.0, speed_mps: float = 10.0) ->
 
 
 def states(topic: str, state: FloatArray, vehicle: str = "ego", *, variance: float = 0.25) -> OutputChannel:
-    unknown = np.full(N, np.nan)
-    covariance = np.tile(np.eye(8) * variance, (N, 1, 1))
-    return vehicle_states(
-        topic,
-        ids=constant_strings(vehicle, N),
-        stamp_ns=stamps(),
-        log_time_ns=stamps(),
-        state=state,
-        covariance=covariance,
-        latitude_deg=unknown,
-        longitude_deg=unknown,
-        length_m=unknown,
-        width_m=unknown,
-    )
+    known = VehicleStates.of_ego(stamps(), state, np.tile(np.eye(8) * variance, (N, 1, 1)))
+    return write_states(replace(EGO_STATE, topic=topic), replace(known, ids=constant_strings(vehicle, N)), None)
 
 
 def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "ego") -> OutputChannel:
@@ -72,9 +62,8 @@ def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "eg
     x_m = state[:, :1] + speed_mps * time_s
     covariance = np.tile([1.0, 0.0, 1.0], (N, 51, 1))
     whole = Paths(time_s, x_m, np.repeat(state[:, 1:2], 51, 1), 0.0 * x_m, np.full_like(x_m, speed_mps), covariance)
-    return predicted_paths(
-        topic, ids=constant_strings(vehicle, N), stamp_ns=stamps(), log_time_ns=stamps(), model="cv", paths=whole
-    )
+    predicted = PredictedPaths(constant_strings(vehicle, N), stamps(), stamps(), "cv", whole)
+    return write_paths(replace(EGO_PATH, topic=topic), predicted)
 
 
 def test_errors_against_the_truth(tmp_path: Path) -> None:

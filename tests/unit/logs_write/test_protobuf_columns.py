@@ -11,9 +11,9 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message_factory import GetMessageClass
 
 from cwcli.logs.byte_rows import ByteRows
-from cwcli.logs.protobuf_columns import ColumnError, column_rows, encode_columns
+from cwcli.logs.protobuf_columns import ColumnError, encode_columns
 from cwcli.logs.schemas import message_schema
-from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings
+from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, column_rows
 
 SCHEMAS = [
     "cwcli.v1.VehicleState",

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.channels.states import VehicleStates
+from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.measures.pair import ActualTrack
 from cwcli.report.drive import Drive, OtherTrack
 from cwcli.report.encounters import find_meetings

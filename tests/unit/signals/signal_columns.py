@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.signals.columns import Columns, Ragged, Strings
-from cwcli.signals.leaves import strings_from
+from cwcli.signals.columns import Columns, Ragged, Strings, strings_from
 
 LOGS = Path(__file__).parents[3].parent / "shared" / "logs"
 T0_NS = 1_570_522_030_000_000_000

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.states import read_states
+from cwcli.channels.vehicle_state import read_states
 from cwcli.control.encounter import POLICIES, Span
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.estimation.config import EstimatorConfig

@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.observer import read_observer, recorded_vehicle
+from cwcli.channels.lateral_state import read_observed
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
@@ -23,6 +23,7 @@ from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.stages.observe import ObserveConfig, observe
+from cwcli.stages.records import vehicle_of
 from tests.unit.stages.lateral_logs import (
     IMU,
     LANES,
@@ -110,14 +111,15 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
         assert message.Status.Name(message.status) == f"STATUS_{row['status'].upper()}"
         assert (message.preview_distance_m, message.mass_kg) == (33.5, 1215.0)
     with Log.open(target) as log:
-        back = read_observer(log.columns(OBSERVER.topic)).track
-        car, notes = recorded_vehicle(log.metadata)
+        back = read_observed(log.columns(OBSERVER.topic)).track
+        car, notes = vehicle_of(log)
     np.testing.assert_array_equal(back.state[:, 1], [row["yaw_rate_radps"] for row in rows])
     assert (car, notes) == (load_vehicle(), ())
 
 
-def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so() -> None:
-    car, notes = recorded_vehicle([("other", {})])
+def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: Path) -> None:
+    with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
+        car, notes = vehicle_of(log)
     assert car == load_vehicle()
     assert "does not tell the car" in notes[0]
 

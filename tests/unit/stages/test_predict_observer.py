@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.states import PredictedPaths, read_paths
+from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.log import Log

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.channels.states_and_paths import constant_strings
-from cwcli.channels.targets import read_targets, target_channels
+from cwcli.channels.target import read_targets, write_targets
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
-from cwcli.signals.columns import Columns, Strings
+from cwcli.signals.columns import Columns, Strings, constant_strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.inputs.detections import SensorSetting, check_carriers, detections_of, sensor_models
 from cwcli.stages.records import map_of
@@ -129,7 +128,7 @@ def made(in_map=True):
     data = lidar(xy)
     result = track_one([data], {}, PLAIN)
     known = data.scan_stamp_ns, data.scan_stamp_ns + 5_000_000
-    return result, target_channels(result, in_map=in_map, known_ns=known)[0]
+    return result, write_targets(result, in_map=in_map, known_ns=known)[0]
 
 
 def read_back(channel):
@@ -171,7 +170,7 @@ def test_many_targets_keep_their_rows_in_log_time_order():
     data = lidar(xy, T0_NS + STEP_NS * np.repeat(np.arange(30), 2))
     result = track_many([data], {}, PLAIN)
     delay = np.where(np.arange(30) == 10, 250_000_000, 5_000_000)  # one scan came late
-    targets, scene = target_channels(result, in_map=True, known_ns=(data.scan_stamp_ns, data.scan_stamp_ns + delay))
+    targets, scene = write_targets(result, in_map=True, known_ns=(data.scan_stamp_ns, data.scan_stamp_ns + delay))
     assert (np.diff(targets.log_time_ns) >= 0).all()
     assert (np.diff(scene.log_time_ns) > 0).all()
     assert len(targets) == sum(len(track) for track in result.tracks)

@@ -1,4 +1,4 @@
-"""Replayed encounters as channels: for each policy the host's state and pose, and the steps of the replay."""
+"""`cwcli.v1.ControlStep`: replayed encounters; for each policy its steps, and the ego's state and pose under it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.channels.ego_viewers import write_poses
+from cwcli.channels.output import output
 from cwcli.channels.published import CONTROL_POSE, CONTROL_STATE, CONTROL_STEP
-from cwcli.channels.states import N_STATES
-from cwcli.channels.states_and_paths import EGO_ID, constant_strings, pose_channel, vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.control.encounter import POLICIES
-from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, OutputField, Strings
+from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, constant_strings
 from cwcli.signals.geodesy import LocalMap
 
 SERIES = (
@@ -23,7 +24,7 @@ SERIES = (
     "brake_pressure_mpa",
     "is_extrapolated",
 )
-"""Columns of `cwcli.v1.ControlStep` that differ from step to step."""
+"""Fields of `cwcli.v1.ControlStep` that differ from step to step."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class ReplayedSteps:
     series: tuple[Mapping[str, Field], ...]
 
 
-def control_channels(
+def write_replays(
     replays: Sequence[ReplayedSteps], *, host_size_m: tuple[float | None, float | None], local_map: LocalMap | None
 ) -> tuple[OutputChannel, ...]:
     """Three channels a policy.
@@ -59,44 +60,18 @@ def control_channels(
     stamp_ns = np.concatenate([one.stamp_ns for one in replays])
     for policy, name in enumerate(POLICIES):
         state = np.concatenate([one.states[policy] for one in replays])
+        host = VehicleStates.of_ego(stamp_ns, state, size_m=host_size_m)
         channels += [
-            _states(name, stamp_ns, state, host_size_m, local_map),
+            write_states(CONTROL_STATE.of(name), host, local_map),
             _steps(policy, stamp_ns, replays),
-            pose_channel(CONTROL_POSE.of(name).topic, stamp_ns, state),
+            write_poses(CONTROL_POSE.of(name), stamp_ns, state),
         ]
     return tuple(channels)
 
 
-def _states(
-    policy: str,
-    stamp_ns: Int64Array,
-    state: FloatArray,
-    host_size_m: tuple[float | None, float | None],
-    local_map: LocalMap | None,
-) -> OutputChannel:
-    n = len(stamp_ns)
-    unknown = np.full(n, np.nan)
-    latitude_deg, longitude_deg = unknown, unknown
-    if local_map is not None:
-        latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(state[:, 0], state[:, 1], np.zeros(n))
-    length_m, width_m = (np.full(n, np.nan if size is None else size) for size in host_size_m)
-    return vehicle_states(
-        CONTROL_STATE.of(policy).topic,
-        ids=constant_strings(EGO_ID, n),
-        stamp_ns=stamp_ns,
-        log_time_ns=stamp_ns,
-        state=state,
-        covariance=np.full((n, N_STATES, N_STATES), np.nan),
-        latitude_deg=latitude_deg,
-        longitude_deg=longitude_deg,
-        length_m=length_m,
-        width_m=width_m,
-    )
-
-
 def _steps(policy: int, stamp_ns: Int64Array, replays: Sequence[ReplayedSteps]) -> OutputChannel:
     counts = [len(one.stamp_ns) for one in replays]
-    fields: dict[str, OutputField] = {
+    fields: dict[str, Field] = {
         "stamp_ns": stamp_ns,
         "policy": constant_strings(POLICIES[policy], len(stamp_ns)),
         "event_id": np.repeat([one.event_id for one in replays], counts),
@@ -106,5 +81,4 @@ def _steps(policy: int, stamp_ns: Int64Array, replays: Sequence[ReplayedSteps]) 
     }
     for name in SERIES:
         fields[name] = np.concatenate([np.asarray(one.series[policy][name]) for one in replays])
-    step = CONTROL_STEP.of(POLICIES[policy])
-    return OutputChannel(step.topic, step.schema, stamp_ns, fields)
+    return output(CONTROL_STEP.of(POLICIES[policy]), stamp_ns, fields)

@@ -1,16 +1,28 @@
-"""Tracks as channels: `cwcli.v1.Target` for programs, `foxglove.SceneUpdate` for viewers; and back as states."""
+"""`cwcli.v1.Target`: the tracks, as a scene for viewers too; and back as states of vehicles."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.output import output
 from cwcli.channels.published import TARGET_SCENE, TARGETS
-from cwcli.channels.states import N_STATES, VehicleStates, vehicle_rows
-from cwcli.channels.states_and_paths import BODY_FRAME, MAP_FRAME, constant_strings
+from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel, OutputField, Repeated, Strings
-from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    FloatArray,
+    Int64Array,
+    OutputChannel,
+    OutputField,
+    Repeated,
+    Strings,
+    constant_strings,
+)
+from cwcli.signals.leaves import matrix, numbers, texts, unusable, whole_numbers
+from cwcli.signals.rows import rows_by_id
+from cwcli.signals.vehicle_state import ACCEL, BODY_FRAME, MAP_FRAME, N_STATES, YAW_RATE
 from cwcli.tracking.convert import MIN_HEADING_SPEED_MPS, target_rows, vehicle_states
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 
@@ -19,10 +31,9 @@ BALL_M = 1.5
 TEXT_M = 1.0
 BALL_COLOR = (1.0, 0.55, 0.0, 0.8)
 TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
-ACCEL, YAW_RATE = 4, 5  # in the order of VehicleState
 
 
-def target_channels(
+def write_targets(
     result: TrackResult, *, in_map: bool, known_ns: tuple[Int64Array, Int64Array]
 ) -> tuple[OutputChannel, ...]:
     """The tracks as channels.
@@ -44,7 +55,7 @@ def target_channels(
     ids = Strings(codes, names)
     frame = constant_strings(MAP_FRAME if in_map else BODY_FRAME, n)
     state = rows.state[order]
-    fields: dict[str, OutputField] = {
+    fields: dict[str, Field] = {
         "stamp_ns": rows.stamp_ns[order],
         "id": ids,
         "x_m": state[:, 0],
@@ -52,14 +63,14 @@ def target_channels(
         "vx_mps": state[:, 2],
         "vy_mps": state[:, 3],
         "covariance": rows.covariance[order].reshape(n, 16),
-        "sensor": Strings(rows.sensor.codes[order], rows.sensor.values),
+        "sensor": rows.sensor.rows(order),
         "frame_id": frame,
         "accel_mps2": motion[order, 0],
         "yaw_rate_radps": motion[order, 1],
         "accel_sigma_mps2": motion[order, 2],
         "yaw_rate_sigma_radps": motion[order, 3],
     }
-    targets = OutputChannel(TARGETS.topic, "cwcli.v1.Target", log_time_ns[order], fields)
+    targets = output(TARGETS, log_time_ns[order], fields)
     return targets, _scene(log_time_ns[order], rows.stamp_ns[order], ids, frame, state)
 
 
@@ -135,7 +146,7 @@ def _scene(
         "texts": Repeated(one_each, {**pose(2.0 * BALL_M, still), **text, **color(TEXT_COLOR)}),
     }
     offsets = np.append(first, n).astype(np.int64)
-    return OutputChannel(TARGET_SCENE.topic, "foxglove.SceneUpdate", times, {"entities": Repeated(offsets, entities)})
+    return OutputChannel(TARGET_SCENE.topic, TARGET_SCENE.schema, times, {"entities": Repeated(offsets, entities)})
 
 
 def read_targets(columns: Columns) -> VehicleStates:
@@ -147,31 +158,29 @@ def read_targets(columns: Columns) -> VehicleStates:
         DataError: Another version wrote the channel, or the targets are not in the map.
     """
     n = len(columns)
-    ids, frames = texts(columns, "id"), texts(columns, "frame_id")
-    covariance = matrix(columns, "covariance", 16).reshape(n, 4, 4)
-    if ids is None or not np.isfinite(covariance).all():
-        raise DataError(
-            "the targets have no ids or no covariances", where=columns.topic, hint="track again (--replace)"
-        )
-    if n and (
-        frames is None or {frames.values[code] if code >= 0 else "" for code in np.unique(frames.codes)} != {MAP_FRAME}
-    ):
+    ids, frames = texts(columns, "id", required=True), texts(columns, "frame_id", required=True)
+    covariance = matrix(columns, "covariance", 16, required=True).reshape(n, 4, 4)
+    if not np.isfinite(covariance).all():
+        raise unusable(columns, "covariance")
+    if {frames.values[code] if code >= 0 else "" for code in np.unique(frames.codes)} - {MAP_FRAME}:
         raise DataError(
             "the targets are in the car's own frame, and can't be put beside its path",
             where=columns.topic,
             hint="run `cwcli estimate` first, then `cwcli track --replace` on its output",
         )
-    given = np.stack([numbers(columns, name) for name in ("x_m", "y_m", "vx_mps", "vy_mps")], axis=1)
-    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
-    more = np.stack([numbers(columns, name) for name in ("accel_mps2", "yaw_rate_radps")], axis=1)
-    sigma = np.stack([numbers(columns, name) for name in ("accel_sigma_mps2", "yaw_rate_sigma_radps")], axis=1)
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns", required=True)
+    given = np.stack([numbers(columns, name, required=True) for name in ("x_m", "y_m", "vx_mps", "vy_mps")], axis=1)
     state, full = np.zeros((n, N_STATES)), np.zeros((n, N_STATES, N_STATES))
-    for _, unordered in vehicle_rows(ids):
+    for _, unordered in rows_by_id(ids):
         rows = unordered[np.argsort(stamp_ns[unordered], kind="stable")]
         state[rows], full[rows] = vehicle_states(given[rows], covariance[rows])
-    for k, at in enumerate((ACCEL, YAW_RATE)):
-        state[:, at] = np.where(np.isfinite(more[:, k]), more[:, k], 0.0)
-        full[:, at, at] = np.where(np.isfinite(sigma[:, k]), sigma[:, k], 0.0) ** 2
+    for at, name, sigma_name in (
+        (ACCEL, "accel_mps2", "accel_sigma_mps2"),
+        (YAW_RATE, "yaw_rate_radps", "yaw_rate_sigma_radps"),
+    ):
+        value, sigma = numbers(columns, name), numbers(columns, sigma_name)
+        state[:, at] = np.where(np.isfinite(value), value, 0.0)
+        full[:, at, at] = np.where(np.isfinite(sigma), sigma, 0.0) ** 2
     unknown = np.full(n, np.nan)
     everything = VehicleStates(ids, stamp_ns, columns.log_time_ns, state, full, unknown, unknown)
     return everything.rows(_last_of_each(ids.codes, stamp_ns))

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.channels.published import WARNING_LOG, WARNINGS
-from cwcli.channels.states_and_paths import constant_strings
-from cwcli.signals.columns import Field, Int64Array, OutputChannel, Strings
+from cwcli.signals.columns import Field, Int64Array, OutputChannel, Strings, constant_strings
 from cwcli.warning.output import HELD, RAISED
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log

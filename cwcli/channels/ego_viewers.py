@@ -1,0 +1,72 @@
+"""The ego as the standard messages that viewers draw: fix, pose and transform."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.channels.output import output
+from cwcli.channels.published import EGO_FIX, EGO_POSE, EGO_STATE, TRANSFORMS, Channel
+from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, constant_strings
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.vehicle_state import BODY_FRAME, HEADING, MAP_FRAME, X, Y
+
+COVARIANCE_TYPE_KNOWN = 3  # foxglove.LocationFix: KNOWN
+
+
+def write_ego(states: VehicleStates, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
+    """The ego's states, and each of them as fix, pose and transform.
+
+    Args:
+        states: In the order of their log times, which are their stamps.
+        local_map: Where the map lies on the earth; None leaves the fixes unknown.
+    """
+    n = len(states)
+    published = write_states(EGO_STATE, states, local_map)
+    position_covariance = np.zeros((n, 9))
+    position_covariance[:, [0, 1, 3, 4]] = states.covariance[:, :2, :2].reshape(n, 4)
+    fix: dict[str, Field] = {
+        "timestamp": states.stamp_ns,
+        "frame_id": constant_strings(BODY_FRAME, n),
+        "latitude": np.asarray(published.fields["latitude_deg"]),
+        "longitude": np.asarray(published.fields["longitude_deg"]),
+        "altitude": np.full(n, local_map.origin_alt_m if local_map else 0.0),
+        "position_covariance": position_covariance,
+        "position_covariance_type": np.full(n, COVARIANCE_TYPE_KNOWN, np.int32),
+    }
+    transform: dict[str, Field] = {
+        "timestamp": states.stamp_ns,
+        "parent_frame_id": constant_strings(MAP_FRAME, n),
+        "child_frame_id": constant_strings(BODY_FRAME, n),
+        **_placed("translation", "rotation", states.state),
+    }
+    return (
+        published,
+        output(EGO_FIX, states.log_time_ns, fix),
+        write_poses(EGO_POSE, states.stamp_ns, states.state),
+        output(TRANSFORMS, states.log_time_ns, transform),
+    )
+
+
+def write_poses(channel: Channel, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
+    """States (n, 8) as `foxglove.PoseInFrame` in the map frame, each known at its stamp."""
+    fields: dict[str, Field] = {
+        "timestamp": stamp_ns,
+        "frame_id": constant_strings(MAP_FRAME, len(stamp_ns)),
+        **_placed("pose.position", "pose.orientation", state),
+    }
+    return output(channel, stamp_ns, fields)
+
+
+def _placed(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
+    """Place and orientation on the plane of the map."""
+    zeros, half = np.zeros(len(state)), 0.5 * state[:, HEADING]
+    return {
+        f"{place}.x": state[:, X],
+        f"{place}.y": state[:, Y],
+        f"{place}.z": zeros,
+        f"{turn}.x": zeros,
+        f"{turn}.y": zeros,
+        f"{turn}.z": np.sin(half),
+        f"{turn}.w": np.cos(half),
+    }

@@ -1,0 +1,100 @@
+"""`cwcli.v1.LateralState`: the observed lateral motion of the ego, and the truth of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.channels.output import output
+from cwcli.channels.published import OBSERVER
+from cwcli.dynamics.samples import PREVIEW_M, LateralTrack, Status, count_statuses
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
+from cwcli.signals.leaves import matrix, numbers, unusable, whole_numbers
+from cwcli.signals.rows import rows_by_stamp
+
+STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
+N_STATES = len(STATE_NAMES)
+TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES)
+FIRST_STATUS = 1
+"""`Status` counts from 0, the message from 1: 0 is unspecified."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """An observed drive, in the order of its stamps.
+
+    Attributes:
+        log_time_ns: Shape (n,).
+        track: n frames.
+        preview_m: Of the preview point ahead of the camera.
+    """
+
+    log_time_ns: Int64Array
+    track: LateralTrack
+    preview_m: float
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+
+def write_observed(observed: Observed) -> OutputChannel:
+    """One message a frame."""
+    track, n = observed.track, len(observed)
+    fields: dict[str, Field] = {
+        "stamp_ns": track.stamp_ns,
+        **{name: track.state[:, k] for k, name in enumerate(STATE_NAMES)},
+        "steer_rad": track.steer_rad,
+        "speed_mps": track.speed_mps,
+        "curvature_1pm": track.curvature_1pm,
+        "status": track.status.astype(np.int32) + FIRST_STATUS,
+        "covariance": track.covariance.reshape(n, N_STATES**2),
+        "mass_kg": track.mass_kg,
+        "mass_sigma_kg": track.mass_sigma_kg,
+        "preview_distance_m": np.full(n, observed.preview_m),
+    }
+    return output(OBSERVER, observed.log_time_ns, fields)
+
+
+def read_observed(columns: Columns) -> Observed:
+    """The channel of the observer.
+
+    Raises:
+        DataError: A field is missing, or a status is unknown: another version wrote it.
+    """
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns", required=True)
+    order = np.argsort(stamp_ns, kind="stable")
+    n = len(order)
+
+    def column(name: str, *, required: bool = True) -> FloatArray:
+        return numbers(columns, name, required=required)[order]
+
+    number = column("status").astype(np.int64) - FIRST_STATUS
+    if n and not np.isin(number, [status.value for status in Status]).all():
+        raise unusable(columns, "status")
+    status = number.astype(np.int8)
+    preview_m = column("preview_distance_m", required=False)
+    track = LateralTrack(
+        stamp_ns=stamp_ns[order],
+        state=np.column_stack([column(name) for name in STATE_NAMES]),
+        covariance=matrix(columns, "covariance", N_STATES**2).reshape(n, N_STATES, N_STATES)[order],
+        speed_mps=column("speed_mps"),
+        steer_rad=column("steer_rad"),
+        curvature_1pm=column("curvature_1pm"),
+        mass_kg=column("mass_kg"),
+        mass_sigma_kg=column("mass_sigma_kg", required=False),
+        status=status,
+        counts=count_statuses(status),
+    )
+    return Observed(columns.log_time_ns[order], track, float(preview_m[0]) if n else PREVIEW_M)
+
+
+def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
+    """Stamps (n,), increasing, and states (n, 4) of a channel of the truth; NaN where it does not tell.
+
+    Args:
+        columns: The channel; its fields `TRUTH_FIELDS` are enough.
+    """
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
+    rows = rows_by_stamp(stamp_ns)
+    return stamp_ns[rows], np.column_stack([numbers(columns, name)[rows] for name in STATE_NAMES])

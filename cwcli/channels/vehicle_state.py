@@ -1,0 +1,150 @@
+"""`cwcli.v1.VehicleState`: the states of the ego, of the other vehicles, and of the ego under each policy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.channels.output import output
+from cwcli.channels.published import Channel
+from cwcli.errors import MissingSignalError
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, Strings, constant_strings
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
+from cwcli.signals.rows import Rows, rows_by_stamp
+from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES
+
+KINEMATICS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
+"""All that `read_states` reads but the covariance, which is most of a channel."""
+
+
+@dataclass(frozen=True)
+class VehicleStates:
+    """States of vehicles, n rows.
+
+    Attributes:
+        ids: Vehicle id.
+        stamp_ns, log_time_ns: Shape (n,): time of the state; time at which it was known (reception for V2X).
+        state: Shape (n, 8), order `STATE_NAMES`.
+        covariance: Shape (n, 8, 8).
+        length_m, width_m: Shape (n,), NaN where unknown.
+    """
+
+    ids: Strings
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    state: FloatArray
+    covariance: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+    @classmethod
+    def of_ego(
+        cls,
+        stamp_ns: Int64Array,
+        state: FloatArray,
+        covariance: FloatArray | None = None,
+        *,
+        size_m: tuple[float | None, float | None] = (None, None),
+    ) -> VehicleStates:
+        """States of the ego, each known at its stamp; without a covariance it is unknown."""
+        n = len(stamp_ns)
+        if covariance is None:
+            covariance = np.full((n, N_STATES, N_STATES), np.nan)
+        length_m, width_m = (np.full(n, np.nan if size is None else size) for size in size_m)
+        return cls(constant_strings(EGO_ID, n), stamp_ns, stamp_ns, state, covariance, length_m, width_m)
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    def rows(self, rows: Rows) -> VehicleStates:
+        """The given rows, in the given order."""
+        return VehicleStates(
+            self.ids.rows(rows),
+            self.stamp_ns[rows],
+            self.log_time_ns[rows],
+            self.state[rows],
+            self.covariance[rows],
+            self.length_m[rows],
+            self.width_m[rows],
+        )
+
+    def by_stamp(self) -> VehicleStates:
+        """In the order of the stamps, the first of each stamp: for the states of one vehicle."""
+        return self.rows(rows_by_stamp(self.stamp_ns))
+
+    def logged_within(self, start_ns: int | None, end_ns: int | None) -> VehicleStates:
+        """The states whose log time is in [start_ns, end_ns)."""
+        if start_ns is None and end_ns is None:
+            return self
+        keep = np.ones(len(self), dtype=bool)
+        if start_ns is not None:
+            keep &= self.log_time_ns >= start_ns
+        if end_ns is not None:
+            keep &= self.log_time_ns < end_ns
+        return self.rows(np.flatnonzero(keep))
+
+
+def write_states(channel: Channel, states: VehicleStates, local_map: LocalMap | None) -> OutputChannel:
+    """One message a state.
+
+    Args:
+        channel: Which of the channels of states.
+        states: In any order.
+        local_map: For latitude and longitude; None leaves them unknown.
+    """
+    n = len(states)
+    latitude_deg, longitude_deg = np.full((2, n), np.nan)
+    if local_map is not None:
+        latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(states.state[:, 0], states.state[:, 1], np.zeros(n))
+    fields: dict[str, Field] = {
+        "stamp_ns": states.stamp_ns,
+        "id": states.ids,
+        **{name: states.state[:, k] for k, name in enumerate(STATE_NAMES)},
+        "latitude_deg": latitude_deg,
+        "longitude_deg": longitude_deg,
+        "covariance": states.covariance.reshape(n, N_STATES**2),
+        "length_m": states.length_m,
+        "width_m": states.width_m,
+    }
+    return output(channel, states.log_time_ns, fields)
+
+
+def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleStates:
+    """The states of a channel, in log-time order.
+
+    Args:
+        columns: The channel; its fields `KINEMATICS` are enough for states without covariance.
+        with_covariance: Without, it is NaN and takes no memory.
+
+    Raises:
+        DataError: A field is missing or the covariance has not 64 values a row: another version wrote it.
+    """
+    n = len(columns)
+    shape = (n, N_STATES, N_STATES)
+    return VehicleStates(
+        ids=texts(columns, "id", required=True),
+        stamp_ns=whole_numbers(columns, "stamp_ns", required=True)[0],
+        log_time_ns=columns.log_time_ns,
+        state=np.column_stack([numbers(columns, name, required=True) for name in STATE_NAMES]),
+        covariance=(
+            matrix(columns, "covariance", N_STATES**2, required=True).reshape(shape)
+            if with_covariance
+            else np.broadcast_to(np.nan, shape)
+        ),
+        length_m=numbers(columns, "length_m", required=True),
+        width_m=numbers(columns, "width_m", required=True),
+    )
+
+
+def require_ego(states: VehicleStates, *, log_name: str, topic: str) -> None:
+    """Check that there is a state of the ego in the part of the log that was asked for.
+
+    Raises:
+        MissingSignalError: There is none.
+    """
+    if not len(states):
+        raise MissingSignalError(
+            "no state of the ego is in the log, or none between --start and --end", where=f"{log_name}: {topic}"
+        )

@@ -1,0 +1,29 @@
+"""Rows of a channel by vehicle and by time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import Int64Array, Strings
+
+Rows = npt.NDArray[np.intp]
+
+
+def rows_by_id(ids: Strings) -> Iterator[tuple[str, Rows]]:
+    """Each id and the indices of its rows, in order of id first seen."""
+    if not len(ids):
+        return
+    order = np.argsort(ids.codes, kind="stable")
+    codes, starts = np.unique(ids.codes[order], return_index=True)
+    for code, rows in zip(codes, np.split(order, starts[1:]), strict=True):
+        yield ids.values[code], rows
+
+
+def rows_by_stamp(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
+    """Rows, or those of `rows`, in the order of their stamps, the first of each stamp."""
+    chosen = np.arange(len(stamp_ns)) if rows is None else rows
+    ordered = chosen[np.argsort(stamp_ns[chosen], kind="stable")]
+    return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))] if len(ordered) else ordered
