@@ -28,6 +28,7 @@ from cwcli.dynamics.speed import speed_at
 from cwcli.dynamics.steering import correction, steer_from_vision
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
+from cwcli.kernels.observer import Begin
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
@@ -113,19 +114,17 @@ def observe_blended(
     inputs = np.column_stack([_kept(steer_rad), _kept(lanes.curvature_1pm)]).reshape(n, 2)
     begin, status = _life(dt_s, v, seen, config)
     low, weight = neighbours(v)
-    state = np.empty((n, 4))
     periods = np.clip(np.rint(dt_s / period_s), 1, MAX_PERIODS).astype(np.int32)
-    kernel.blended(
-        low,
-        np.ascontiguousarray(weight),
-        begin,
-        periods,
-        np.ascontiguousarray(inputs),
-        np.ascontiguousarray(measured),
+    state = kernel.blend(
         bank.phi,
         bank.gamma,
         bank.gain,
-        state,
+        low=low,
+        weight=np.ascontiguousarray(weight),
+        begin=begin,
+        periods=periods,
+        inputs=np.ascontiguousarray(inputs),
+        measured=np.ascontiguousarray(measured),
     )
     return LateralTrack(
         stamp_ns=stamp_ns,
@@ -174,9 +173,9 @@ def _kept(values: FloatArray) -> FloatArray:
 def _life(
     dt_s: FloatArray, v: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
 ) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int8]]:
-    """Where the observer begins (1) and stops (2), and the status of each frame."""
+    """A `Begin` and the status of each frame."""
     n = len(v)
-    begin = np.zeros(n, dtype=np.int8)
+    begin = np.full(n, Begin.GO_ON, dtype=np.int8)
     status = np.full(n, Status.LOST, dtype=np.int8)
     slowest = SPEEDS_KMH[0] * MPS_PER_KMH * (1.0 - 1e-9)
     running, unseen_s = False, 0.0
@@ -185,12 +184,13 @@ def _life(
         is_driving = speed >= slowest  # false for NaN
         if not is_driving or dt > config.max_gap_s or (unseen_s > config.max_coast_s and not is_seen):
             running = False
-            begin[i] = 2
+            begin[i] = Begin.STOP
         if not is_driving:
             status[i] = Status.NO_SPEED if isnan(speed) else Status.TOO_SLOW
         elif is_seen:
-            begin[i] = 0 if running else 1
             status[i] = Status.OBSERVED if running else Status.STARTED
+            if not running:
+                begin[i] = Begin.ANEW
             running, unseen_s = True, 0.0
         elif running:
             status[i] = Status.PREDICTED

@@ -31,8 +31,8 @@ class FilterNoise:
         yaw_rate_sigma_radps, steer_sigma_rad: Of sensors that carry none.
         start_lateral_speed_mps, start_yaw_rate_radps, start_steer_rad, start_curvature_1pm: At the first frame, about
             a car that follows the road steadily.
-        gate: Innovations beyond this many sigmas are not believed.
-        restart_after: So many disbelieved frames in a row start the filter anew.
+        gate: Innovations beyond this many sigmas are gated.
+        restart_after: So many gated frames in a row start the filter anew.
     """
 
     lateral_speed_walk_mps: float = 0.05

@@ -21,47 +21,46 @@ from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
 from cwcli.dynamics.speed import speed_at
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
+from cwcli.kernels.observer import ETA, KL, STEER, Begin, EventStatus, Kind
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-N_STATES = 9
-STEER, CURVATURE, LOAD, GYRO_BIAS, CAMERA_YAW = 4, 5, 6, 7, 8
 MAX_STEP_S = 0.1
 LOAD_RANGE = (0.5, 2.0)
 STILL_MPS = 0.1
 MIN_SIGMA = 1e-9
 
 
-def model_vector(vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
-    """The kernel's parameters, shape (37,), in the order of its P_* names."""
+def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
+    """The numbers of the car, the camera and the noise."""
     m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
     kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
     lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
     moment = lr * kr - lf * kf
     noise = config.noise
-    physics = [
-        (kf + kr) / m,
-        moment / m,
-        kf / m,
-        moment / inertia,
-        (lf**2 * kf + lr**2 * kr) / inertia,
-        lf * kf / inertia,
-        config.preview_m + vehicle.camera_forward_m,
-        MIN_MODEL_SPEED_MPS,
-    ]
-    rest = [
-        noise.gate,
-        float(noise.restart_after),
-        vehicle.wheelbase_m,
-        lr,
-        m * lf / (kr * vehicle.wheelbase_m),
-        understeer_gradient(vehicle),
-        MAX_STEP_S,
-        *LOAD_RANGE,
-        STILL_MPS,
-        config.preview_m,
-    ]
-    return np.array([*physics, *_walks(noise, config.estimate_load), *_starts(noise, config.estimate_load), *rest])
+    return {
+        "side_force": (kf + kr) / m,
+        "moment_force": moment / m,
+        "front_force": kf / m,
+        "moment": moment / inertia,
+        "yaw_damping": (lf**2 * kf + lr**2 * kr) / inertia,
+        "front_moment": lf * kf / inertia,
+        "preview_m": config.preview_m + vehicle.camera_forward_m,
+        "camera_preview_m": config.preview_m,
+        "wheelbase_m": vehicle.wheelbase_m,
+        "rear_axle_m": lr,
+        "slip": m * lf / (kr * vehicle.wheelbase_m),
+        "understeer": understeer_gradient(vehicle),
+        "min_speed": MIN_MODEL_SPEED_MPS,
+        "still_mps": STILL_MPS,
+        "max_step_s": MAX_STEP_S,
+        "eta_low": LOAD_RANGE[0],
+        "eta_high": LOAD_RANGE[1],
+        "gate_sigmas": noise.gate,
+        "restart_after": noise.restart_after,
+        "walk_noise": _walks(noise, config.estimate_load),
+        "start_sigma": _starts(noise, config.estimate_load),
+    }
 
 
 def _walks(noise: FilterNoise, with_load: bool) -> list[float]:
@@ -112,11 +111,11 @@ def observe_filter(
     n = len(stamp_ns)
     notes: list[str] = []
     frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
-    parts = [(stamp_ns, kernel.KIND_LANE, *_lane_rows(lanes, config))]
+    parts = [(stamp_ns, Kind.LANE, *_lane_rows(lanes, config))]
     vision = yaw_rate_from_vision(lanes, frame_speed)
     for name, samples, kind, default in (
-        ("yaw rate", yaw_rate, kernel.KIND_YAW_RATE, noise.yaw_rate_sigma_radps),
-        ("steering angle", steer, kernel.KIND_STEER, noise.steer_sigma_rad),
+        ("yaw rate", yaw_rate, Kind.YAW_RATE, noise.yaw_rate_sigma_radps),
+        ("steering angle", steer, Kind.STEERING_ANGLE, noise.steer_sigma_rad),
     ):
         if samples is None or not len(samples.values):
             continue
@@ -134,23 +133,17 @@ def observe_filter(
     at = speed_at(speed, stamps, config.max_speed_gap_s)
     before = np.concatenate([at[:1], at[:-1]])
     between = np.where(np.isfinite(before), 0.5 * (at + before), at)
-    begin = np.where(np.isfinite(at), np.where(dt_s > config.max_gap_s, 1, 0), 2).astype(np.int8)
-    x = np.empty((len(stamps), N_STATES))
-    p = np.empty((len(stamps), N_STATES, N_STATES))
-    outcome = np.zeros(len(stamps), dtype=np.int8)
-    kernel.follow(
-        np.ascontiguousarray(dt_s),
-        np.nan_to_num(between),
-        kinds,
-        begin,
-        values,
-        sigmas,
-        model_vector(vehicle, config),
-        x,
-        p,
-        outcome,
+    begin = np.where(dt_s > config.max_gap_s, Begin.ANEW, Begin.GO_ON)
+    events = kernel.Events(
+        dt_s=np.ascontiguousarray(dt_s),
+        speed_mps=np.nan_to_num(between),
+        kind=kinds,
+        begin=np.where(np.isfinite(at), begin, Begin.STOP).astype(np.int8),
+        values=values,
+        sigmas=sigmas,
     )
-    frames = kinds == kernel.KIND_LANE
+    x, p, outcome = kernel.observe(events, kernel_model(vehicle, config))
+    frames = kinds == Kind.LANE
     status = _statuses(stamps, kinds, outcome, values, frame_speed, config)
     x, p = x[frames], p[frames]
     is_known = np.isin(status, (Status.OBSERVED, Status.REJECTED, Status.PREDICTED, Status.STARTED))
@@ -162,8 +155,8 @@ def observe_filter(
         covariance=p[:, :4, :4] + _lasting(noise),
         speed_mps=frame_speed,
         steer_rad=x[:, STEER],
-        curvature_1pm=x[:, CURVATURE],
-        mass_kg=vehicle.mass_kg / x[:, LOAD] if n else np.zeros(0),
+        curvature_1pm=x[:, KL],
+        mass_kg=vehicle.mass_kg / x[:, ETA] if n else np.zeros(0),
         mass_sigma_kg=_mass_sigma(x, p, vehicle, config),
         status=status,
         counts=count_statuses(status),
@@ -180,7 +173,7 @@ def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: Observer
     """First order: the mass is the nominal one over the state. NaN where it is not estimated."""
     if not config.estimate_load:
         return np.full(len(x), np.nan)
-    return np.asarray(vehicle.mass_kg / x[:, LOAD] ** 2 * np.sqrt(p[:, LOAD, LOAD]))
+    return np.asarray(vehicle.mass_kg / x[:, ETA] ** 2 * np.sqrt(p[:, ETA, ETA]))
 
 
 def _lane_rows(lanes: LaneSamples, config: ObserverConfig) -> tuple[FloatArray, FloatArray]:
@@ -218,17 +211,17 @@ def _statuses(
     config: ObserverConfig,
 ) -> npt.NDArray[np.int8]:
     """The frames' statuses from the kernel's outcomes; a state carried on for too long is lost."""
-    frames = kinds == kernel.KIND_LANE
+    frames = kinds == Kind.LANE
     result = np.full(np.count_nonzero(frames), Status.LOST, dtype=np.int8)
     own = outcome[frames]
     for code, status in (
-        (kernel.USED, Status.OBSERVED),
-        (kernel.REJECTED, Status.REJECTED),
-        (kernel.PREDICTED, Status.PREDICTED),
-        (kernel.RESTARTED, Status.STARTED),
+        (EventStatus.USED, Status.OBSERVED),
+        (EventStatus.GATED, Status.REJECTED),
+        (EventStatus.PREDICTED, Status.PREDICTED),
+        (EventStatus.STARTED, Status.STARTED),
     ):
         result[own == code] = status
-    supported = np.isin(outcome, (kernel.USED, kernel.RESTARTED)) & (frames | (kinds == kernel.KIND_YAW_RATE))
+    supported = np.isin(outcome, (EventStatus.USED, EventStatus.STARTED)) & (frames | (kinds == Kind.YAW_RATE))
     last = np.maximum.accumulate(np.where(supported, np.arange(len(stamps)), 0))
     age_s = ((stamps - stamps[last]) / NS_PER_S)[frames]
     result[(age_s > config.max_coast_s) & (result != Status.STARTED)] = Status.LOST

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-VY, G, YL, EL, STEER, KL, ETA, GYRO, CAM = range(9)
+from cwcli.kernels.observer import CAM, EL, ETA, GYRO, KL, STEER, VY, YL, Begin, G, Kind
 
 
-def blended(low, weight, begin, periods, inputs, measured, phi, gamma, gain):
+def blend(phi, gamma, gain, *, low, weight, begin, periods, inputs, measured):
     """zhang2011, eq. 15, 18, 22."""
     out = np.full((len(low), 4), np.nan)
     x = None
     for i in range(len(low)):
-        if begin[i] == 2:
+        if begin[i] == Begin.STOP:
             x = None
-        if begin[i] == 1:
+        if begin[i] == Begin.ANEW:
             x = np.array([0.0, 0.0, *measured[i]])
         elif x is not None:
             for p in range(periods[i]):
@@ -70,9 +70,10 @@ def update(x, p, h, z, r, gate):
     return x + k * innovation, p - np.outer(k, h @ p), True
 
 
-def follow(dt, speed, kind, values, sigmas, model, car, preview_m):
+def observe(dt, speed, kind, values, sigmas, model, car, preview_m):
     """A run that starts at the first row, a frame, and neither pauses nor restarts."""
-    q, start, gate, min_speed = model[8:17], model[17:26], model[26], model[7]
+    q, start = np.array(model["walk_noise"]), np.array(model["start_sigma"])
+    gate, min_speed = model["gate_sigmas"], model["min_speed"]
     v, k = speed[0], values[0, 2]
     gamma = -v * k
     x = np.zeros(9)
@@ -80,28 +81,30 @@ def follow(dt, speed, kind, values, sigmas, model, car, preview_m):
         car.rear_axle_m - car.mass_kg * car.front_axle_m / (car.rear_stiffness_nprad * car.wheelbase_m) * v**2
     ) * gamma
     x[G], x[YL], x[EL], x[KL], x[ETA] = gamma, values[0, 0], values[0, 1], k, 1.0
-    x[STEER] = -(car.wheelbase_m + model[31] * v**2) * k
+    x[STEER] = -(car.wheelbase_m + model["understeer"] * v**2) * k
     p = np.diag(start**2)
     p[YL, YL], p[EL, EL], p[KL, KL] = sigmas[0] ** 2
     lever = np.zeros(9)
-    lever[[YL, EL]] = model[36], 1.0
+    lever[[YL, EL]] = model["camera_preview_m"], 1.0
     shear = np.eye(9)
     shear[:, CAM] -= lever
     p = shear @ p @ shear.T
     xs, ps = [x], [p]
     for i in range(1, len(dt)):
-        n = max(1, int(np.ceil(dt[i] / model[32] - 1e-9)))
+        n = max(1, int(np.ceil(dt[i] / model["max_step_s"] - 1e-9)))
         for _ in range(n if dt[i] > 0 else 0):
             x, p = predict(x, p, dt[i] / n, speed[i], car, preview_m, q, min_speed)
-        rows = {0: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: model[36]})]}
-        for column, entries in rows.get(int(kind[i]), [(0, {G: 1.0, GYRO: 1.0} if kind[i] == 1 else {STEER: 1.0})]):
+        rows = {Kind.LANE: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: model["camera_preview_m"]})]}
+        for column, entries in rows.get(
+            int(kind[i]), [(0, {G: 1.0, GYRO: 1.0} if kind[i] == Kind.YAW_RATE else {STEER: 1.0})]
+        ):
             if np.isnan(values[i, column]):
                 continue
             h = np.zeros(9)
             for at, value in entries.items():
                 h[at] = value
-            x, p, is_believed = update(x, p, h, values[i, column], sigmas[i, column] ** 2, gate)
-            assert is_believed
+            x, p, is_used = update(x, p, h, values[i, column], sigmas[i, column] ** 2, gate)
+            assert is_used
         xs.append(x)
         ps.append(p)
     return np.array(xs), np.array(ps)

@@ -8,12 +8,13 @@ import pytest
 
 from cwcli.dynamics import blended as paper
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
-from cwcli.dynamics.filter import model_vector
+from cwcli.dynamics.filter import kernel_model
 from cwcli.dynamics.observer import METHODS, observe
 from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.kernels import observer as kernel
+from cwcli.kernels.observer import Begin, EventStatus, Kind
 from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane, true_preview
 from cwcli.simulation.lane_drive import Road, Runs, drive_lane
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
@@ -49,15 +50,15 @@ def test_blended_kernel_equals_its_twin() -> None:
     bank = paper.observer_bank(CAR, ObserverConfig(), 0.1)
     low, weight = paper.neighbours(np.linspace(2.0, 48.0, n))
     begin = np.zeros(n, np.int8)
-    begin[[0, 90]], begin[60] = 1, 2
+    begin[[0, 90]], begin[60] = Begin.ANEW, Begin.STOP
     measured = random.normal(size=(n, 2)) * [0.3, 0.02]
     measured[30:35] = np.nan
     inputs = random.normal(size=(n, 2)) * [0.02, 0.001]
     periods = random.integers(1, 4, n).astype(np.int32)
-    out = np.empty((n, 4))
-    arguments = (low, weight, begin, periods, inputs, measured, bank.phi, bank.gamma, bank.gain)
-    kernel.blended(*arguments, out)
-    expected = naive.blended(*arguments)
+    matrices = (bank.phi, bank.gamma, bank.gain)
+    frames = {"low": low, "weight": weight, "begin": begin, "periods": periods, "inputs": inputs, "measured": measured}
+    out = kernel.blend(*matrices, **frames)
+    expected = naive.blend(*matrices, **frames)
     assert np.isnan(expected).any()
     np.testing.assert_allclose(out, expected, rtol=1e-10, atol=1e-12)
 
@@ -65,31 +66,32 @@ def test_blended_kernel_equals_its_twin() -> None:
 @pytest.mark.parametrize("with_load", [False, True])
 def test_filter_kernel_equals_its_twin(with_load: bool) -> None:
     config = ObserverConfig(estimate_load=with_load)
-    model = model_vector(CAR, config)
+    model = kernel_model(CAR, config)
     n = 100
     frames = slice(0, 20)
     values = np.full((n, 3), np.nan)
-    kind = np.full(n, kernel.KIND_YAW_RATE, np.int8)
-    kind[::5] = kernel.KIND_LANE
-    kind[3::10] = kernel.KIND_STEER
+    kind = np.full(n, Kind.YAW_RATE, np.int8)
+    kind[::5] = Kind.LANE
+    kind[3::10] = Kind.STEERING_ANGLE
     lanes = SENSED.lanes
     values[::5] = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])[frames]
     index = SENSED.index[0] + 2 * np.arange(n)
-    values[kind == kernel.KIND_YAW_RATE, 0] = TRUTH.yaw_rate_radps[index, 0][kind == kernel.KIND_YAW_RATE]
-    values[kind == kernel.KIND_STEER, 0] = TRUTH.steer_rad[index, 0][kind == kernel.KIND_STEER]
+    values[kind == Kind.YAW_RATE, 0] = TRUTH.yaw_rate_radps[index, 0][kind == Kind.YAW_RATE]
+    values[kind == Kind.STEERING_ANGLE, 0] = TRUTH.steer_rad[index, 0][kind == Kind.STEERING_ANGLE]
     values[50:70:5] = np.nan
     sigmas = np.tile([0.05, 0.003, 3e-4], (n, 1))
-    sigmas[kind != kernel.KIND_LANE] = 0.003
+    sigmas[kind != Kind.LANE] = 0.003
     dt = np.full(n, 0.02)
     dt[0] = 0.0
     speed = 25.0 + np.sin(np.arange(n) * 0.1)
-    x, p, status = np.empty((n, 9)), np.empty((n, 9, 9)), np.zeros(n, np.int8)
-    kernel.follow(dt, speed, kind, np.zeros(n, np.int8), values, sigmas, model, x, p, status)
-    expected_x, expected_p = naive.follow(dt, speed, kind, values, sigmas, model, CAR, 33.5)
+    begin = np.full(n, Begin.GO_ON, np.int8)
+    events = kernel.Events(dt_s=dt, speed_mps=speed, kind=kind, begin=begin, values=values, sigmas=sigmas)
+    x, p, status = kernel.observe(events, model)
+    expected_x, expected_p = naive.observe(dt, speed, kind, values, sigmas, model, CAR, 33.5)
     scale = np.sqrt(np.maximum(np.diagonal(expected_p, axis1=1, axis2=2), 1e-12))
     np.testing.assert_allclose((x - expected_x) / scale, 0.0, atol=1e-8)
     np.testing.assert_allclose((p - expected_p) / (scale[:, :, None] * scale[:, None, :]), 0.0, atol=1e-8)
-    assert set(status[np.isnan(values).all(axis=1)]) == {kernel.PREDICTED}
+    assert set(status[np.isnan(values).all(axis=1)]) == {EventStatus.PREDICTED}
 
 
 @pytest.mark.parametrize("method", ALL)
