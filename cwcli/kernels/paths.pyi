@@ -1,34 +1,57 @@
 import numpy as np
 import numpy.typing as npt
 
+_F = npt.NDArray[np.float64]
+_B = npt.NDArray[np.bool_]
+_I64 = npt.NDArray[np.int64]
+_Index = npt.NDArray[np.intp]
+
 def quadrature(
-    state: npt.NDArray[np.float64],
-    cosine: npt.NDArray[np.float64],
-    sine: npt.NDArray[np.float64],
-    weight: npt.NDArray[np.float64],
-    to_accel: npt.NDArray[np.float64],
-    to_jerk: npt.NDArray[np.float64],
-    to_yaw_rate: npt.NDArray[np.float64],
-    to_yaw_accel: npt.NDArray[np.float64],
-    uses: npt.NDArray[np.int8],
-    points: npt.NDArray[np.intp],
-    jacobian: npt.NDArray[np.float64],
-) -> None: ...
-def follow(
-    log_excess: npt.NDArray[np.float64],
-    is_known: npt.NDArray[np.uint8],
-    n_known: npt.NDArray[np.intp],
-    step_s: npt.NDArray[np.float64],
-    rate_1ps: float,
-    bound: float,
-    miss_share: float,
-    log_scale: npt.NDArray[np.float64],
-) -> None: ...
-def on_track(
-    at_ns: npt.NDArray[np.int64],
-    stamp_ns: npt.NDArray[np.int64],
-    xy: npt.NDArray[np.float64],
-    max_gap_ns: float,
-    found: npt.NDArray[np.float64],
-    is_known: npt.NDArray[np.uint8],
-) -> None: ...
+    state: _F,
+    *,
+    cosine: _F,
+    sine: _F,
+    weight: _F,
+    responses: tuple[_F, _F, _F, _F],
+    uses: tuple[bool, bool, bool, bool],
+    points: _Index,
+) -> _F:
+    """Integrate along the paths of m starts over s steps of q nodes each.
+
+    Args:
+        state: (m, 8).
+        cosine, sine: (m, s, q), of the heading at the nodes; (m, 1, 1) where it stays.
+        weight: (1 or m, s, q): of the nodes.
+        responses: (1 or m, s, q) each: A, J, W, D of `prediction.models.base`.
+        uses: Which of acceleration, jerk, yaw rate, yaw acceleration the model uses.
+        points: (p,), increasing, in [0, s]: at the end of how many steps the integrals are wanted.
+
+    Returns:
+        (2, m, p, 8): the derivatives of x and of y to the state.
+    """
+
+def adapt_scale(
+    log_excess: _F, is_known: _B, n_known: _Index, step_s: _F, *, rate_1ps: float, bound: float, miss_share: float
+) -> _F:
+    """The log of the variance's scale at each start, (sets, n), for several sets of paths from the same n starts.
+
+    Args:
+        log_excess: (sets, n): log of how many times too far outside its unscaled 90 % ellipse an outcome fell.
+        is_known: (sets, n): the outcome is known at all.
+        n_known: (n,): of how many starts the outcomes have happened by each start.
+        step_s: (n,): time since the start before, as far as it counts.
+        rate_1ps, bound: See `prediction.calibrate.Calibration`; the bound is on the log.
+        miss_share: The part of the time that is to be spent outside.
+    """
+
+def on_track(at_ns: _I64, stamp_ns: _I64, xy: _F, max_gap_ns: float) -> tuple[_F, _B]:
+    """Where a track is at given times, linear between its points.
+
+    Args:
+        at_ns: (n, h).
+        stamp_ns, xy: (m,) strictly increasing, and (m, 2); m is 2 at least.
+        max_gap_ns: Between points farther apart nothing is interpolated.
+
+    Returns:
+        The positions, (n, h, 2), NaN where unknown; and where they are known, (n, h).
+    """

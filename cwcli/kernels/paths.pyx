@@ -8,7 +8,9 @@ tests/unit/prediction/naive_paths.py and give the same bits.
 
 from libc.math cimport NAN, isfinite
 
-cdef enum:
+import numpy as np
+
+cdef enum:  # cwcli.signals.vehicle_state
     X = 0
     Y = 1
     SPEED = 2
@@ -23,27 +25,18 @@ cdef inline Py_ssize_t row_of(const double[:, :, ::1] values, Py_ssize_t i) noex
     return i if values.shape[0] > 1 else 0
 
 
-def quadrature(const double[:, ::1] state, const double[:, :, ::1] cosine, const double[:, :, ::1] sine,
-               const double[:, :, ::1] weight, const double[:, :, ::1] to_accel, const double[:, :, ::1] to_jerk,
-               const double[:, :, ::1] to_yaw_rate, const double[:, :, ::1] to_yaw_accel,
-               const signed char[::1] uses, const Py_ssize_t[::1] points, double[:, :, :, ::1] jacobian):
-    """Integrate along the paths of m starts over s steps of q nodes each.
-
-    Args:
-        state: (m, 8).
-        cosine, sine: (m, s, q), of the heading at the nodes; (m, 1, 1) where it stays.
-        weight: (1 or m, s, q): of the nodes.
-        to_accel, to_jerk, to_yaw_rate, to_yaw_accel: (1 or m, s, q): A, J, W, D of `prediction.models.base`.
-        uses: (4,): which of acceleration, jerk, yaw rate, yaw acceleration the model uses.
-        points: (p,), increasing, in [0, s]: at the end of how many steps the integrals are wanted.
-        jacobian: (2, m, p, 8): overwritten with the derivatives of x and of y to the state.
-    """
+def quadrature(const double[:, ::1] state, *, const double[:, :, ::1] cosine, const double[:, :, ::1] sine,
+               const double[:, :, ::1] weight, responses, uses, const Py_ssize_t[::1] points):
+    cdef const double[:, :, ::1] to_accel, to_jerk, to_yaw_rate, to_yaw_accel
+    to_accel, to_jerk, to_yaw_rate, to_yaw_accel = responses
+    cdef bint used[4]
+    used = uses
+    cdef double[:, :, :, ::1] jacobian = np.empty((2, state.shape[0], points.shape[0], 8))
     cdef Py_ssize_t n_steps = weight.shape[1], n_nodes = weight.shape[2], i, s, q, at
     cdef Py_ssize_t each_step = 1 if cosine.shape[1] > 1 else 0, each_node = 1 if cosine.shape[2] > 1 else 0
     cdef Py_ssize_t of_weight, of_accel, of_jerk, of_rate, of_yaw_accel
     cdef double v0, a0, j0, v, c, w_sin, moved_x, moved_y
-    cdef double step[12]
-    cdef double total[12]
+    cdef double step[12], total[12]
     cdef int k
     with nogil:
         for i in range(state.shape[0]):
@@ -54,7 +47,7 @@ def quadrature(const double[:, ::1] state, const double[:, :, ::1] cosine, const
                 total[k] = 0.0
             at = 0
             if points.shape[0] and points[0] == 0:
-                store(total, uses, jacobian, i, 0)
+                store(total, used, jacobian, i, 0)
                 at = 1
             for k in range(12):
                 total[k] = -0.0  # the neutral element: 0.0 would lose the sign of a zero
@@ -84,11 +77,12 @@ def quadrature(const double[:, ::1] state, const double[:, :, ::1] cosine, const
                 for k in range(12):
                     total[k] += step[k]
                 if points[at] == s + 1:
-                    store(total, uses, jacobian, i, at)
+                    store(total, used, jacobian, i, at)
                     at += 1
+    return np.asarray(jacobian)
 
 
-cdef inline void store(const double* total, const signed char[::1] uses, double[:, :, :, ::1] jacobian,
+cdef inline void store(const double* total, const bint* uses, double[:, :, :, ::1] jacobian,
                        Py_ssize_t i, Py_ssize_t at) noexcept nogil:
     """The derivatives at a point: to a heading that turns by d, a point at (dx, dy) moves by d (-dy, dx)."""
     cdef double* of_x = &jacobian[0, i, at, 0]
@@ -109,19 +103,10 @@ cdef inline void store(const double* total, const signed char[::1] uses, double[
         of_x[YAW_ACCEL], of_y[YAW_ACCEL] = -total[11], total[10]
 
 
-def follow(const double[:, ::1] log_excess, const unsigned char[:, ::1] is_known, const Py_ssize_t[::1] n_known,
-           const double[::1] step_s, double rate_1ps, double bound, double miss_share, double[:, ::1] log_scale):
-    """The log of the variance's scale at each start, for several sets of paths from the same n starts.
-
-    Args:
-        log_excess: (sets, n): log of how many times too far outside its unscaled 90 % ellipse an outcome fell.
-        is_known: (sets, n): the outcome is known at all.
-        n_known: (n,): of how many starts the outcomes have happened by each start.
-        step_s: (n,): time since the start before, as far as it counts.
-        rate_1ps, bound: See `prediction.calibrate.Calibration`; the bound is on the log.
-        miss_share: The part of the time that is to be spent outside.
-        log_scale: (sets, n): overwritten.
-    """
+def adapt_scale(const double[:, ::1] log_excess, is_known, const Py_ssize_t[::1] n_known, const double[::1] step_s, *,
+                double rate_1ps, double bound, double miss_share):
+    cdef const unsigned char[:, ::1] known = is_known.view(np.uint8)
+    cdef double[:, ::1] log_scale = np.empty((log_excess.shape[0], n_known.shape[0]))
     cdef Py_ssize_t i, seen, one
     cdef double now
     with nogil:
@@ -130,7 +115,7 @@ def follow(const double[:, ::1] log_excess, const unsigned char[:, ::1] is_known
             seen = 0
             for i in range(n_known.shape[0]):
                 while seen < n_known[i]:
-                    if is_known[one, seen]:
+                    if known[one, seen]:
                         # against the ellipse as it was scaled when it was made
                         if log_excess[one, seen] > log_scale[one, seen]:
                             now += rate_1ps * step_s[seen] * (1.0 - miss_share)
@@ -139,19 +124,13 @@ def follow(const double[:, ::1] log_excess, const unsigned char[:, ::1] is_known
                         now = min(max(now, -bound), bound)
                     seen += 1
                 log_scale[one, i] = now
+    return np.asarray(log_scale)
 
 
-def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const double[:, :] xy, double max_gap_ns,
-             double[:, :, ::1] found, unsigned char[:, ::1] is_known):
-    """Where a track is at given times, linear between its points.
-
-    Args:
-        at_ns: (n, h).
-        stamp_ns, xy: (m,) strictly increasing, and (m, 2); m is 2 at least.
-        max_gap_ns: Between points farther apart nothing is interpolated.
-        found: (n, h, 2): overwritten with the positions, NaN where unknown.
-        is_known: (n, h): overwritten.
-    """
+def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const double[:, :] xy, double max_gap_ns):
+    cdef double[:, :, ::1] found = np.empty((at_ns.shape[0], at_ns.shape[1], 2))
+    is_known = np.empty((at_ns.shape[0], at_ns.shape[1]), bool)
+    cdef unsigned char[:, ::1] known = is_known.view(np.uint8)
     cdef Py_ssize_t m = stamp_ns.shape[0], i, k, low, high, middle
     cdef long long now, gap
     cdef double share, x, y
@@ -167,7 +146,7 @@ def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const
                     else:
                         high = middle
                 found[i, k, 0] = found[i, k, 1] = NAN
-                is_known[i, k] = 0
+                known[i, k] = 0
                 gap = stamp_ns[high] - stamp_ns[low]
                 if now != stamp_ns[high] and now != stamp_ns[low]:  # on a point nothing is interpolated
                     if now < stamp_ns[0] or now > stamp_ns[m - 1] or gap > max_gap_ns:
@@ -177,4 +156,5 @@ def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const
                 y = xy[low, 1] + share * (xy[high, 1] - xy[low, 1])
                 if isfinite(x) and isfinite(y):
                     found[i, k, 0], found[i, k, 1] = x, y
-                    is_known[i, k] = 1
+                    known[i, k] = 1
+    return np.asarray(found), is_known

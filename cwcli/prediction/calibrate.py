@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.kernels import paths as kernel
+from cwcli.kernels.paths import adapt_scale
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horizon_errors, tiled
 from cwcli.prediction.paths import Paths
@@ -107,18 +107,16 @@ def variance_scale(
     # for each start: the first start whose outcome is not yet known
     n_known = np.searchsorted(known_ns, stamp_ns, side="right")
     step_s = np.minimum(np.diff(stamp_ns, prepend=stamp_ns[0]) / NS_PER_S, settings.max_gap_s)
-    log_scale = np.empty((sets, n))
-    kernel.follow(
+    log_scale = adapt_scale(
         np.log(np.maximum(squared, 1e-300) / ELLIPSE_90),
-        np.isfinite(squared).view(np.uint8),
+        np.isfinite(squared),
         n_known,
         step_s,
-        settings.rate_1ps,
-        float(np.log(settings.limit)),
-        MISS_SHARE,
-        log_scale,
+        rate_1ps=settings.rate_1ps,
+        bound=float(np.log(settings.limit)),
+        miss_share=MISS_SHARE,
     )
-    return np.exp(log_scale.ravel())
+    return np.asarray(np.exp(log_scale.ravel()))
 
 
 def _horizon(paths: Paths, settings: Calibration) -> float:

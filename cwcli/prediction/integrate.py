@@ -189,8 +189,9 @@ def _path(motion: _Motion, state: FloatArray, moving: FloatArray, grid: Response
     moving = motion.wanted(moving)
     grid = grid if motion.points is None else Responses(*(motion.wanted(each) for each in grid))
     m, k = len(state), len(points)
-    jacobian = np.empty((2, m, k, 8))
-    kernel.quadrature(state, np.cos(heading), np.sin(heading), weight, *at, np.array(uses, np.int8), points, jacobian)
+    jacobian = kernel.quadrature(
+        state, cosine=np.cos(heading), sine=np.sin(heading), weight=weight, responses=at, uses=uses, points=points
+    )
     # a turn by d moves the point (dx, dy) by d (-dy, dx)
     dx, dy = jacobian[1, :, :, HEADING], -jacobian[0, :, :, HEADING]
     return Integral(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.kernels import paths as kernel
+from cwcli.kernels.paths import on_track
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -126,11 +126,9 @@ def _on_track(
     at_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
 ) -> tuple[FloatArray, BoolArray]:
     """Track position at the given times (n, h), shape (n, h, 2), NaN where unknown; and where it is known."""
-    position = np.full((*at_ns.shape, 2), np.nan)
-    known = np.zeros(at_ns.shape, dtype=bool)
-    if len(stamp_ns) >= 2:
-        kernel.on_track(at_ns, stamp_ns, xy, max_gap_s * NS_PER_S, position, known.view(np.uint8))
-    return position, known
+    if len(stamp_ns) < 2:
+        return np.full((*at_ns.shape, 2), np.nan), np.zeros(at_ns.shape, dtype=bool)
+    return on_track(at_ns, stamp_ns, xy, max_gap_s * NS_PER_S)
 
 
 def needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
+
 FloatArray = npt.NDArray[np.float64]
-X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
 
 
 def quadrature(
@@ -45,7 +46,7 @@ def running(nodes: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((len(nodes), 1)), np.cumsum(total, axis=1)], axis=1)
 
 
-def follow(
+def adapt_scale(
     log_excess: FloatArray,
     is_known: npt.NDArray[np.bool_],
     n_known: npt.NDArray[np.intp],

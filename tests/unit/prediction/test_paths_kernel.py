@@ -28,12 +28,13 @@ def test_quadrature(uses: tuple[bool, bool, bool, bool], own_times: bool, nodes:
     cosine, sine = np.cos(heading), np.sin(heading)
     whole = naive_paths.quadrature(state, cosine, sine, weight, (a, b, c, d), uses)
     for points in (np.arange(steps + 1), np.array([3, 4, 11]), np.array([0, 5])):
-        found = np.full((2, m, len(points), 8), np.nan)
-        kernel.quadrature(state, cosine, sine, weight, a, b, c, d, np.array(uses, np.int8), points, found)
+        found = kernel.quadrature(
+            state, cosine=cosine, sine=sine, weight=weight, responses=(a, b, c, d), uses=uses, points=points
+        )
         assert found.tobytes() == np.ascontiguousarray(whole[:, :, points]).tobytes()
 
 
-def test_follow() -> None:
+def test_adapt_scale() -> None:
     rng = np.random.default_rng(6)
     n, sets = 400, 3
     log_excess = rng.normal(size=(sets, n))
@@ -41,10 +42,9 @@ def test_follow() -> None:
     is_known = rng.random((sets, n)) > 0.1
     n_known = np.maximum(np.arange(n) - rng.integers(5, 9), 0)
     step_s = rng.uniform(0.0, 0.5, n)
-    found = np.empty((sets, n))
-    kernel.follow(log_excess, is_known.view(np.uint8), n_known, step_s, 0.3, 1.5, 0.1, found)
+    found = kernel.adapt_scale(log_excess, is_known, n_known, step_s, rate_1ps=0.3, bound=1.5, miss_share=0.1)
     for k in range(sets):
-        expected = naive_paths.follow(
+        expected = naive_paths.adapt_scale(
             log_excess[k], is_known[k], n_known, step_s, rate_1ps=0.3, bound=1.5, miss_share=0.1
         )
         assert found[k].tobytes() == expected.tobytes()
@@ -58,8 +58,7 @@ def test_on_track(n_points: int) -> None:
     state = rng.normal(size=(n_points, 8))
     state[n_points // 2, 1] = np.nan
     at_ns = rng.integers(-3, int(stamp_ns[-1]) // 50_000_000 + 3, (40, 6)) * 50_000_000  # on points and between them
-    found, is_known = np.empty((40, 6, 2)), np.empty((40, 6), bool)
-    kernel.on_track(at_ns, stamp_ns, state[:, :2], 4e8, found, is_known.view(np.uint8))
+    found, is_known = kernel.on_track(at_ns, stamp_ns, state[:, :2], 4e8)
     position, known = naive_paths.on_track(at_ns, stamp_ns, state[:, :2], 4e8)
     assert found.tobytes() == position.tobytes()
     assert is_known.tolist() == known.tolist()
