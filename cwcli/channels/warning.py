@@ -1,58 +1,125 @@
-"""`/cwcli/warnings`, what one or several rules say of a log, and in words `/cwcli/log`."""
+"""`cwcli.v1.Warning`: the life of every warning, and in words for the viewer's log panel."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
+from cwcli.channels.output import output
 from cwcli.channels.published import WARNING_LOG, WARNINGS
-from cwcli.signals.columns import Field, Int64Array, OutputChannel, Strings, constant_strings
-from cwcli.warning.output import HELD, RAISED
+from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, constant_strings
+from cwcli.signals.leaves import numbers, texts, whole_numbers
+from cwcli.warning.rows import HELD, RAISED, WarningRows
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
-
-Warnings = tuple[Int64Array, Mapping[str, Field]]
-"""Log times (w,), non-decreasing, and columns of `cwcli.v1.Warning`."""
-
-
-def warning_channels(parts: Sequence[Warnings]) -> tuple[OutputChannel, OutputChannel]:
-    """`/cwcli/warnings`, and in words `/cwcli/log`, of the warnings of one or several rules."""
-    log_time_ns = np.concatenate([times for times, _ in parts])
-    order = np.argsort(log_time_ns, kind="stable")
-    fields = {name: _joined([columns[name] for _, columns in parts], order) for name in parts[0][1]}
-    return OutputChannel(WARNINGS.topic, "cwcli.v1.Warning", log_time_ns[order], fields), _log_channel(
-        log_time_ns[order], fields
-    )
+FIELDS = tuple(field.name for field in fields(WarningRows) if field.name != "log_time_ns")
+"""Of the message, as the rows name them."""
+WITHOUT_WORDS = tuple(name for name in FIELDS if name not in ("host_id", "message"))
 
 
-def _joined(parts: Sequence[Field], order: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Field:
-    if all(isinstance(part, np.ndarray) for part in parts):
-        return np.asarray(np.concatenate([np.asarray(part) for part in parts]))[order]
-    codes: dict[str, int] = {}
-    found: list[Any] = []
-    for part in parts:
-        assert isinstance(part, Strings)
-        renamed = np.array([codes.setdefault(value, len(codes)) for value in part.values], dtype=np.int32)
-        found.append(renamed[part.codes] if len(part) else np.zeros(0, np.int32))
-    return Strings(np.concatenate(found)[order].astype(np.int32), tuple(codes))
+@dataclass(frozen=True)
+class WarningEvent:
+    """One warning.
+
+    Attributes:
+        event_id: Its number in the log.
+        rule: The rule that warned.
+        other_id: The other vehicle, or what else it is about.
+        raised_ns, last_ns: First and last evaluation at which it stood.
+        rows: Rows of the channel in which it was raised or held, by stamp; the first raised it.
+    """
+
+    event_id: int
+    rule: str
+    other_id: str
+    raised_ns: int
+    last_ns: int
+    rows: Int64Array
 
 
-def _log_channel(log_time_ns: Int64Array, fields: Mapping[str, Field]) -> OutputChannel:
-    """The warnings as `foxglove.Log`, for the viewer's log panel."""
-    state = np.asarray(fields["state"])
-    messages = fields["message"]
-    assert isinstance(messages, Strings)
+def write_warnings(parts: Sequence[WarningRows]) -> tuple[OutputChannel, OutputChannel]:
+    """The warnings of one or several rules, and in words those that were raised or cleared."""
+    log_time_ns = np.concatenate([part.log_time_ns for part in parts])
+    joined: dict[str, Field] = {name: _joined([getattr(part, name) for part in parts]) for name in FIELDS}
+    warnings = output(WARNINGS, log_time_ns, joined)
+    state, message = np.asarray(warnings.fields["state"]), warnings.fields["message"]
     rows = np.flatnonzero(state != HELD)  # a held warning says nothing new
-    return OutputChannel(
-        WARNING_LOG.topic,
-        "foxglove.Log",
-        log_time_ns[rows],
-        {
-            "timestamp": np.asarray(fields["stamp_ns"])[rows],
-            "level": np.where(state[rows] == RAISED, LEVEL_WARNING, LEVEL_INFO),
-            "message": Strings(messages.codes[rows], messages.values),
-            "name": constant_strings("cwcli.warn", len(rows)),
-        },
+    assert isinstance(message, Strings)
+    words: dict[str, Field] = {
+        "timestamp": np.asarray(warnings.fields["stamp_ns"])[rows],
+        "level": np.where(state[rows] == RAISED, LEVEL_WARNING, LEVEL_INFO),
+        "message": message.rows(rows),
+        "name": constant_strings("cwcli.warn", len(rows)),
+    }
+    return warnings, output(WARNING_LOG, warnings.log_time_ns[rows], words)
+
+
+def _joined(parts: Sequence[Any]) -> Field:
+    if not isinstance(parts[0], Strings):
+        return np.concatenate(parts)
+    index: dict[str, int] = {}
+    codes = [
+        np.array([*(index.setdefault(value, len(index)) for value in part.values), -1], np.int32)[part.codes]
+        for part in parts
+    ]
+    return Strings(np.concatenate(codes), tuple(index))
+
+
+def read_warnings(columns: Columns) -> WarningRows:
+    """The warnings of a channel, in log-time order; what it does not tell is NaN, absent, or in no state.
+
+    Args:
+        columns: The channel; for events its fields `WITHOUT_WORDS` are enough.
+    """
+    absent = Strings(np.full(len(columns), -1, np.int32), ())
+    return WarningRows(
+        log_time_ns=columns.log_time_ns,
+        stamp_ns=whole_numbers(columns, "stamp_ns")[0],
+        rule=texts(columns, "rule") or absent,
+        event_id=whole_numbers(columns, "event_id")[0],
+        state=whole_numbers(columns, "state")[0].astype(np.int32),
+        host_id=texts(columns, "host_id") or absent,
+        other_id=texts(columns, "other_id") or absent,
+        time_to_event_s=numbers(columns, "time_to_event_s"),
+        predicted_distance_m=numbers(columns, "predicted_distance_m"),
+        ttc_s=numbers(columns, "ttc_s"),
+        probability=numbers(columns, "probability"),
+        alert_probability=numbers(columns, "alert_probability"),
+        message=texts(columns, "message") or absent,
     )
+
+
+def warning_events(warnings: WarningRows) -> list[WarningEvent]:
+    """The events of a channel, in order of the time at which they were raised.
+
+    What was raised before the channel begins (somebody has cut the log) is no event of it: nobody knows when it was.
+    """
+    event_id, state, stamp_ns = warnings.event_id, warnings.state, warnings.stamp_ns
+    rows = np.flatnonzero((state == RAISED) | (state == HELD))
+    rows = rows[np.lexsort((state[rows] != RAISED, stamp_ns[rows], event_id[rows]))]
+    found = []
+    for part in np.split(rows, np.flatnonzero(np.diff(event_id[rows])) + 1):
+        raised = np.flatnonzero(state[part] == RAISED)
+        if not len(raised):
+            continue
+        own = part[raised[0] :]
+        first, last = int(own[0]), int(own[-1])
+        found.append(
+            WarningEvent(
+                event_id=int(event_id[first]),
+                rule=_text(warnings.rule, first),
+                other_id=_text(warnings.other_id, first),
+                raised_ns=int(stamp_ns[first]),
+                last_ns=int(stamp_ns[last]),
+                rows=own,
+            )
+        )
+    return sorted(found, key=lambda event: (event.raised_ns, event.event_id))
+
+
+def _text(values: Strings, row: int) -> str:
+    code = int(values.codes[row])
+    return values.values[code] if code >= 0 else ""

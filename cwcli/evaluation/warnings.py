@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states
-from cwcli.channels.warning_events import WarningEvent, read_warning_events
+from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
 from cwcli.logs.log import Log
 from cwcli.measures.pair import ActualTrack, Motion, relative_motion
 from cwcli.metrics.headline import Headline, metric_of
@@ -58,7 +58,7 @@ def add_warnings(headline: Headline, log: Log) -> None:
     if all(channel.topic != WARNINGS.topic for channel in log.channels):
         return
     record = run_records(log).get("warn", {})
-    events = read_warning_events(log.columns(WARNINGS.topic))
+    events = warning_events(read_warnings(log.columns(WARNINGS.topic, WITHOUT_WORDS)))
     rules = _rules(configuration_of(record))
     if LANE_DEPARTURE in rules:
         headline.count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))

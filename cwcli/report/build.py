@@ -11,6 +11,7 @@ import numpy as np
 
 from cwcli import __version__
 from cwcli.channels.published import WARNINGS
+from cwcli.channels.warning import read_warnings
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.log import Log
 from cwcli.metrics.gates import GateResult, check_gates
@@ -25,9 +26,8 @@ from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
 from cwcli.report.tables import value_text
 from cwcli.report.views import LogView
-from cwcli.signals.columns import Strings
 from cwcli.text import count, printable
-from cwcli.warning.output import RAISED
+from cwcli.warning.rows import RAISED
 
 MAX_BYTES = 5_900_000
 """Of the page."""
@@ -223,11 +223,8 @@ def _count_warnings(path: str) -> int:
     with Log.open(path) as log:
         if WARNINGS.topic not in {channel.topic for channel in log.channels}:
             return 0
-        columns = log.columns(WARNINGS.topic, ["state"])
-    state = columns.fields.get("state")
-    if isinstance(state, Strings) or not isinstance(state, np.ndarray):
-        return 0
-    return int((state.astype(np.int64) == RAISED).sum())
+        warnings = read_warnings(log.columns(WARNINGS.topic, ["state"]))
+    return int(np.count_nonzero(warnings.state == RAISED))
 
 
 def _order(candidate: _Candidate) -> tuple[Any, ...]:

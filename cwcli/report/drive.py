@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.channels.published import EGO_STATE, LANES, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
 from cwcli.logs.log import Log
@@ -31,22 +32,11 @@ from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.stages.inputs.measurements import ego_measurements
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.records import configuration_of, inputs_of, map_of, rule_of, run_records, sources_of
+from cwcli.warning.rows import WarningRows
 from cwcli.warning.types import WarningConfig, outline_of
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 OTHER_FIELDS = ("id", "stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "length_m", "width_m")
-WARNING_FIELDS = (
-    "stamp_ns",
-    "event_id",
-    "state",
-    "other_id",
-    "rule",
-    "time_to_event_s",
-    "predicted_distance_m",
-    "ttc_s",
-    "probability",
-    "alert_probability",
-)
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
@@ -77,7 +67,7 @@ class Drive:
         ego: The ego's states, None where the log has none.
         others: The other vehicles, in order of id first seen.
         measured: The ego's own measurements, as the estimator reads them.
-        warnings: The warnings channel, None where the stage did not run.
+        warnings: The warnings, None where the stage did not run.
         lanes: The lanes channel, None likewise.
         rule: Settings of the warnings.
         records: Stage -> its metadata record.
@@ -91,7 +81,7 @@ class Drive:
     ego: VehicleStates | None
     others: tuple[OtherTrack, ...]
     measured: tuple[Measurements, ...]
-    warnings: Columns | None
+    warnings: WarningRows | None
     lanes: Columns | None
     rule: WarningConfig
     records: Mapping[str, Mapping[str, str]]
@@ -111,7 +101,7 @@ TOPICS: Mapping[str, tuple[str, ...] | None] = {
     EGO_STATE.topic: None,
     REMOTE_STATE.topic: OTHER_FIELDS,
     TARGETS.topic: None,
-    WARNINGS.topic: WARNING_FIELDS,
+    WARNINGS.topic: WITHOUT_WORDS,
     LANES.topic: None,
 }
 """The channels that the report shows, and which of their fields it needs (None: all)."""
@@ -156,7 +146,7 @@ def read_drive(log: Log) -> Drive:
         ego=ego if ego is not None and len(ego) else None,
         others=tuple(others),
         measured=measured,
-        warnings=columns.get(WARNINGS.topic),
+        warnings=read_warnings(columns[WARNINGS.topic]) if WARNINGS.topic in columns else None,
         lanes=columns.get(LANES.topic),
         rule=rule_of(warn),
         records=records,

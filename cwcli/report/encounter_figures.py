@@ -28,7 +28,6 @@ from cwcli.report.encounters import Encounter, Nearest
 from cwcli.report.map_figure import other_name, with_breaks
 from cwcli.report.paths import Path2D
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.signals.units import NS_PER_S
 
 OTHER = OTHERS[0]
@@ -260,8 +259,8 @@ def _level(limit_m: float) -> tuple[dict[str, Any], dict[str, Any]]:
 def _predictions(drive: Drive, encounter: Encounter) -> Trace:
     """What the warning said while it stood: the distance that both would have at the event."""
     assert drive.warnings is not None
-    distance_m = numbers(drive.warnings, "predicted_distance_m")[encounter.rows]
-    stamp_ns = whole_numbers(drive.warnings, "stamp_ns")[0][encounter.rows]
+    distance_m = drive.warnings.predicted_distance_m[encounter.rows]
+    stamp_ns = drive.warnings.stamp_ns[encounter.rows]
     rows = envelope_rows(distance_m, N_PIECES // 2)
     x, y = rounded(drive.seconds(stamp_ns[rows]), 3), rounded(distance_m[rows], 2)
     name = "predicted least distance, while the warning stood"

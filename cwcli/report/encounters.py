@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.channels.warning_events import WarningEvent, read_warning_events
+from cwcli.channels.warning import WarningEvent, warning_events
 from cwcli.measures.pair import ActualTrack, Motion, interpolate, relative_motion
 from cwcli.report.drive import Drive, OtherTrack, ego_size
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.leaves import numbers
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import RealConflict, Verdict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
@@ -102,7 +101,7 @@ class Meetings:
 
 def find_meetings(drive: Drive) -> Meetings:
     """Bring the warnings together with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
-    alerts = [] if drive.warnings is None else read_warning_events(drive.warnings)
+    alerts = [] if drive.warnings is None else warning_events(drive.warnings)
     if drive.ego is None:
         return Meetings(tuple(_without_motion(drive, alert) for alert in alerts), (), None, 0)
     stamps, first = np.unique(drive.ego.stamp_ns, return_index=True)
@@ -171,8 +170,7 @@ def _encounter(
 def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
     """The warning as its channel tells it."""
     assert drive.warnings is not None
-    said = ("time_to_event_s", "predicted_distance_m", "probability", "alert_probability")
-    time_s, distance_m, probability, compared = (float(numbers(drive.warnings, name)[alert.rows[0]]) for name in said)
+    said, row = drive.warnings, alert.rows[0]
     return Encounter(
         event_id=alert.event_id,
         other=None,
@@ -180,10 +178,10 @@ def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
         rule=alert.rule,
         raised_ns=alert.raised_ns,
         last_ns=alert.last_ns,
-        time_to_event_s=time_s,
-        predicted_distance_m=distance_m,
-        probability=probability,
-        alert_probability=compared,
+        time_to_event_s=float(said.time_to_event_s[row]),
+        predicted_distance_m=float(said.predicted_distance_m[row]),
+        probability=float(said.probability[row]),
+        alert_probability=float(said.alert_probability[row]),
         rows=alert.rows,
         motion=None,
         verdict=None,

@@ -14,7 +14,7 @@ from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
-from cwcli.channels.warning import warning_channels
+from cwcli.channels.warning import write_warnings
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
@@ -96,7 +96,7 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
             *(f"{group} is left out: {error.what}" for group, error in missing),
         ),
     )
-    channels = warning_channels([(outcome.log_time_ns, outcome.channel) for outcome in outcomes])
+    channels = write_warnings([outcome.rows for outcome in outcomes])
     return StageResult("warn", channels, tables_of(outcomes), summary, run_record("warn", log, config, summary))
 
 
@@ -140,8 +140,7 @@ def _lane_departure(log: Log, config: WarnConfig) -> list[RuleOutcome]:
     return [
         RuleOutcome(
             LANE_DEPARTURE,
-            found.result.log_time_ns,
-            found.result.channel,
+            found.result.rows,
             tables,
             found.sections,
             found.inputs,
@@ -194,9 +193,7 @@ def _collisions(log: Log, config: WarnConfig, names: tuple[str, ...]) -> list[Ru
     for name in names:
         result = evaluate(hosts[0], tracks[REMOTE_STATE.role], replace(config.rule, rule=name))
         sections = _sections(result, log.start_ns)
-        outcomes.append(
-            RuleOutcome(name, result.log_time_ns, result.channel, result.tables, sections, tuple(inputs), bound.notes)
-        )
+        outcomes.append(RuleOutcome(name, result.rows, result.tables, sections, tuple(inputs), bound.notes))
     return outcomes
 
 

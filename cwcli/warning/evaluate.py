@@ -16,9 +16,9 @@ from cwcli.warning.output import (
     events_table,
     number_events,
     pairs_table,
+    rows_of,
     scores_table,
     series_table,
-    warnings_channel,
 )
 from cwcli.warning.pair import PairEvaluation, ScoredPair, evaluate_pair
 from cwcli.warning.rules import RULES
@@ -63,18 +63,16 @@ def evaluate(
             continue
         pairs.append(_scored(host, evaluate_pair(host, points, other, rule, config, time_s), config, actual))
     ids = number_events(pairs)
-    log_time_ns, channel = warnings_channel(
-        pairs,
-        ids,
-        rule=config.rule,
-        host_id=host.id,
-        clock_ns=host.stamp_ns,
-        clock_log_ns=host.log_time_ns,
-    )
     hours = float(host.stamp_ns[-1] - host.stamp_ns[0]) / NS_PER_H if len(host.stamp_ns) else 0.0
     return WarningResult(
-        log_time_ns=log_time_ns,
-        channel=channel,
+        rows=rows_of(
+            pairs,
+            ids,
+            rule=config.rule,
+            host_id=host.id,
+            clock_ns=host.stamp_ns,
+            clock_log_ns=host.log_time_ns,
+        ),
         events=events_table(pairs, ids, rule=config.rule, host_id=host.id, clock_ns=host.stamp_ns),
         conflicts=conflicts_table(pairs, ids, host_id=host.id),
         pairs=pairs_table(pairs, host_id=host.id),

@@ -27,10 +27,11 @@ import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.signals.columns import Field, FloatArray, Int64Array, constant_strings, strings_from
+from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
-from cwcli.warning.output import CLEARED, HELD, RAISED, UNKNOWN_NS
+from cwcli.warning.output import UNKNOWN_NS
+from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
 
 RULE = "lane-departure"
@@ -110,15 +111,13 @@ class LaneDepartureResult:
     """Warnings of leaving the lane.
 
     Attributes:
-        log_time_ns: Shape (w,), non-decreasing.
-        channel: Columns of `cwcli.v1.Warning`; `other_id` is "left boundary" or "right boundary".
+        rows: The life of the warnings; `other_id` is "left boundary" or "right boundary".
         events: One row an event.
         series: One row a frame.
         counts: What was done with the frames of each side, by name.
     """
 
-    log_time_ns: Int64Array
-    channel: Mapping[str, Field]
+    rows: WarningRows
     events: Table
     series: Table
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -176,10 +175,8 @@ def evaluate_lane_departure(
     ]
     found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
-    log, channel = _channel(sides, events, stamp_ns, log_time_ns, host_id)
     return LaneDepartureResult(
-        log_time_ns=log,
-        channel=channel,
+        rows=_rows(sides, events, stamp_ns, log_time_ns, host_id),
         events=_events(sides, events, stamp_ns, host_id),
         series=_series(sides, stamp_ns),
         counts=_counts(boundaries, lines, speed_mps, config),
@@ -262,47 +259,30 @@ def _normal_cdf(z: FloatArray) -> FloatArray:
     return np.where(z > 0.0, 1.0 - tail, tail)
 
 
-def _channel(
+def _rows(
     sides: list[_Side],
     events: list[tuple[int, int, Span]],
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
     host_id: str,
-) -> tuple[Int64Array, dict[str, Field]]:
-    rows: list[tuple[int, int, int, int, str, float, float, float, str]] = []
-    nan = float("nan")
+) -> WarningRows:
+    rows: list[WarningRow] = []
+
+    def add(i: int, number: int, state: int, name: str, text: str, *said: float) -> None:
+        rows.append(WarningRow(int(log_time_ns[i]), int(stamp_ns[i]), number, state, f"{name} boundary", text, *said))
+
     for number, at, span in events:
         side, name = sides[at], SIDES[at]
         for i in range(span.raised, span.last + 1):
-            state = RAISED if i == span.raised else HELD
             time, gap, rate = float(side.crossing_s[i]), float(side.gap_m[i]), float(side.rate_mps[i])
             when = f"in {time:.1f} s" if math.isfinite(time) and time > 0.0 else "now"
             text = f"leaving the lane to the {name} {when}: {gap:.2f} m to the line, {rate:.2f} m/s"
             distance = 0.0 if math.isfinite(time) else float(side.end_gap_m[i])
-            chance = float(side.probability[i])
-            rows.append((int(log_time_ns[i]), int(stamp_ns[i]), number, state, name, time, distance, chance, text))
+            state = RAISED if i == span.raised else HELD
+            add(i, number, state, name, text, time, distance, math.nan, float(side.probability[i]))
         if span.cleared is not None:
-            i = span.cleared
-            text = f"warning {number} of the {name} boundary is over"
-            rows.append((int(log_time_ns[i]), int(stamp_ns[i]), number, CLEARED, name, nan, nan, nan, text))
-    rows.sort(key=lambda row: (row[0], row[2], row[3]))
-    columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 9
-    log, stamp, number_, state_, name_, time_, distance_, chance_, text_ = columns
-    n = len(rows)
-    return np.array(log, dtype=np.int64), {
-        "stamp_ns": np.array(stamp, dtype=np.int64),
-        "rule": constant_strings(RULE, n),
-        "event_id": np.array(number_, dtype=np.int64),
-        "state": np.array(state_, dtype=np.int32),
-        "host_id": constant_strings(host_id, n),
-        "other_id": strings_from([f"{name} boundary" for name in name_]),
-        "time_to_event_s": np.array(time_, dtype=np.float64),
-        "predicted_distance_m": np.array(distance_, dtype=np.float64),
-        "ttc_s": np.full(n, np.nan),
-        "probability": np.array(chance_, dtype=np.float64),
-        "alert_probability": np.full(n, np.nan),
-        "message": strings_from(text_),
-    }
+            add(span.cleared, number, CLEARED, name, f"warning {number} of the {name} boundary is over")
+    return warning_rows(rows, rule=RULE, host_id=host_id)
 
 
 def _events(sides: list[_Side], events: list[tuple[int, int, Span]], stamp_ns: Int64Array, host_id: str) -> Table:

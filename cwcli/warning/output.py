@@ -1,4 +1,4 @@
-"""Evaluated pairs as the warnings channel and as tables."""
+"""Evaluated pairs as rows of warnings and as tables."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ from typing import Any
 import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.signals.columns import Field, Int64Array, Strings, constant_strings, strings_from
+from cwcli.signals.columns import Int64Array, Strings, constant_strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import FALSE, LATE, MISSED, TRUE, UNDECIDED
 from cwcli.warning.pair import PairEvaluation, ScoredPair
+from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
 
-RAISED, HELD, CLEARED = 1, 2, 3
 UNKNOWN_NS = -1
-
-_Row = tuple[int, int, int, int, str, float, float, float, float, float, str]
-"""Of the channel: log time, stamp, event, state, other, time, distance, TTC, two probabilities, message."""
 
 
 def number_events(pairs: Sequence[ScoredPair]) -> dict[tuple[int, int], int]:
@@ -30,7 +27,7 @@ def number_events(pairs: Sequence[ScoredPair]) -> dict[tuple[int, int], int]:
     return {(at, which): number for number, (_, _, at, which) in enumerate(sorted(found), start=1)}
 
 
-def warnings_channel(
+def rows_of(
     pairs: Sequence[ScoredPair],
     ids: dict[tuple[int, int], int],
     *,
@@ -38,58 +35,38 @@ def warnings_channel(
     host_id: str,
     clock_ns: Int64Array,
     clock_log_ns: Int64Array,
-) -> tuple[Int64Array, dict[str, Field]]:
-    """Log times and columns of `cwcli.v1.Warning` in log-time order: raised, held evaluations, cleared."""
-    rows: list[_Row] = []
-    nan = float("nan")
+) -> WarningRows:
+    """The life of the warnings: raised, held evaluations, cleared."""
+    rows: list[WarningRow] = []
     for at, pair in enumerate(pairs):
         own = pair.evaluation
         for which, span in enumerate(own.spans):
             number = ids[at, which]
             for index in range(span.raised, span.last + 1):
-                state = RAISED if index == span.raised else HELD
-                rows.append(_row(own, index, number, state))
+                rows.append(_row(own, index, number, RAISED if index == span.raised else HELD))
             if span.cleared is not None:
                 stamp, log = int(clock_ns[span.cleared]), int(clock_log_ns[span.cleared])
                 text = f"warning {number} of {own.other.id} is over"
-                rows.append((log, stamp, number, CLEARED, own.other.id, nan, nan, nan, nan, nan, text))
-    rows.sort(key=lambda row: (row[0], row[2], row[3]))
-    columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 11
-    log, stamp, number, state, other, time, distance, ttc, probability, compared, text = columns
-    channel: dict[str, Field] = {
-        "stamp_ns": np.array(stamp, dtype=np.int64),
-        "rule": constant_strings(rule, len(rows)),
-        "event_id": np.array(number, dtype=np.int64),
-        "state": np.array(state, dtype=np.int32),
-        "host_id": constant_strings(host_id, len(rows)),
-        "other_id": strings_from(other),
-        "time_to_event_s": np.array(time, dtype=np.float64),
-        "predicted_distance_m": np.array(distance, dtype=np.float64),
-        "ttc_s": np.array(ttc, dtype=np.float64),
-        "probability": np.array(probability, dtype=np.float64),
-        "alert_probability": np.array(compared, dtype=np.float64),
-        "message": strings_from(text),
-    }
-    return np.array(log, dtype=np.int64), channel
+                rows.append(WarningRow(log, stamp, number, CLEARED, own.other.id, text))
+    return warning_rows(rows, rule=rule, host_id=host_id)
 
 
-def _row(own: PairEvaluation, index: int, number: int, state: int) -> _Row:
+def _row(own: PairEvaluation, index: int, number: int, state: int) -> WarningRow:
     time = float(own.decision.time_to_event_s[index])
     distance = float(own.decision.predicted_distance_m[index])
     ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
-    text = f"collision with {own.other.id} {ahead}, predicted distance {distance:.1f} m"
-    return (
+    return WarningRow(
         int(own.log_time_ns[index]),
         int(own.stamp_ns[index]),
         number,
         state,
         own.other.id,
+        f"collision with {own.other.id} {ahead}, predicted distance {distance:.1f} m",
         time,
         distance,
         float(own.measures.ttc_s[index]),
         float(own.probability[index]),
         float(own.alert_probability[index]),
-        text,
     )
 
 

@@ -9,7 +9,8 @@ from typing import Literal, Protocol
 import numpy as np
 
 from cwcli.metrics.table import Table
-from cwcli.signals.columns import Field, FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.warning.rows import WarningRows
 
 DEFAULT_LENGTH_M = 4.5
 DEFAULT_WIDTH_M = 1.8
@@ -124,9 +125,7 @@ class WarningResult:
     """Warnings of one host against all others.
 
     Attributes:
-        log_time_ns: Shape (w,), non-decreasing: log time of each row of `channel`.
-        channel: Columns of `cwcli.v1.Warning`: stamp_ns, rule, event_id, state (1 raised, 2 held, 3 cleared),
-            host_id, other_id, time_to_event_s, predicted_distance_m, ttc_s, probability, alert_probability, message.
+        rows: The life of the warnings.
         events: One row an event (warning), with its verdict.
         conflicts: One row a real conflict, warned of or missed.
         pairs: One row a pair: counts of evaluations and criticality measures of what really happened.
@@ -135,8 +134,7 @@ class WarningResult:
         counts: What was done with the evaluations, by name.
     """
 
-    log_time_ns: Int64Array
-    channel: Mapping[str, Field]
+    rows: WarningRows
     events: Table
     conflicts: Table
     pairs: Table

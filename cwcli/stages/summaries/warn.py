@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cwcli.metrics.table import Table
 from cwcli.pipeline.result import InputCount, Section
-from cwcli.signals.columns import Field, Int64Array
+from cwcli.warning.rows import WarningRows
 
 EVENT = "event_id"
 
@@ -20,15 +20,13 @@ class RuleOutcome:
 
     Attributes:
         rule: Its name.
-        log_time_ns: Shape (w,), non-decreasing.
-        channel: Columns of `cwcli.v1.Warning`.
+        rows: The life of the warnings.
         tables: The rule's, its events first.
         sections, inputs, notes: For the summary.
     """
 
     rule: str
-    log_time_ns: Int64Array
-    channel: Mapping[str, Field]
+    rows: WarningRows
     tables: tuple[Table, ...]
     sections: tuple[Section, ...]
     inputs: tuple[InputCount, ...] = ()
@@ -40,14 +38,14 @@ def numbered(outcomes: Sequence[RuleOutcome]) -> list[RuleOutcome]:
     result: list[RuleOutcome] = []
     n_before = 0
     for outcome in outcomes:
-        n = int(np.max(np.asarray(outcome.channel[EVENT]), initial=0))
+        n = int(np.max(outcome.rows.event_id, initial=0))
         result.append(_moved(outcome, n_before) if n_before else outcome)
         n_before += n
     return result
 
 
 def _moved(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
-    channel = {**outcome.channel, EVENT: np.asarray(outcome.channel[EVENT]) + n_before}
+    warnings = replace(outcome.rows, event_id=outcome.rows.event_id + n_before)
     tables = []
     for table in outcome.tables:
         if EVENT in table.columns:
@@ -57,7 +55,7 @@ def _moved(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
         else:
             tables.append(table)
     sections = tuple(_moved_section(section, n_before) for section in outcome.sections)
-    return replace(outcome, channel=channel, tables=tuple(tables), sections=sections)
+    return replace(outcome, rows=warnings, tables=tuple(tables), sections=sections)
 
 
 def _moved_section(section: Section, n_before: int) -> Section:

@@ -14,7 +14,8 @@ from cwcli.report.drive import Drive, OtherTrack
 from cwcli.report.encounters import find_meetings
 from cwcli.report.story import tell
 from cwcli.report.tables import encounter_facts
-from cwcli.signals.columns import Columns, Strings
+from cwcli.signals.columns import Strings
+from cwcli.warning.rows import HELD, RAISED, WarningRow, WarningRows, warning_rows
 from cwcli.warning.types import WarningConfig
 
 S = 1_000_000_000
@@ -35,31 +36,18 @@ def straight(x_m: float, y_m: float, speed_mps: float, heading_rad: float) -> tu
     return np.round(time_s * S).astype(np.int64), state
 
 
-def warning(at_s: float, other: str, rule: str = "cwcli") -> Columns:
-    """A channel with one warning that stands for half a second."""
-    stamp_ns = np.round(np.array([at_s, at_s + 0.5]) * S).astype(np.int64)
-    return Columns(
-        "/cwcli/warnings",
-        "cwcli.v1.Warning",
-        "protobuf",
-        stamp_ns,
-        stamp_ns,
-        np.zeros(2, np.uint32),
-        {
-            "stamp_ns": stamp_ns,
-            "event_id": np.array([1, 1]),
-            "state": np.array([1, 2]),
-            "other_id": Strings(np.zeros(2, np.int32), (other,)),
-            "rule": Strings(np.zeros(2, np.int32), (rule,)),
-            "time_to_event_s": np.array([2.0, 1.5]),
-            "predicted_distance_m": np.array([0.4, 0.3]),
-            "probability": np.array([0.48, 0.9]),
-            **({} if rule == "lane-departure" else {"alert_probability": np.array([0.95, 0.97])}),
-        },
-    )
+def warning(at_s: float, other: str, rule: str = "cwcli") -> WarningRows:
+    """One warning that stands for half a second."""
+    first, second = (round(each * S) for each in (at_s, at_s + 0.5))
+    compared = (math.nan, math.nan) if rule == "lane-departure" else (0.95, 0.97)
+    rows = [
+        WarningRow(first, first, 1, RAISED, other, "", 2.0, 0.4, math.nan, 0.48, compared[0]),
+        WarningRow(second, second, 1, HELD, other, "", 1.5, 0.3, math.nan, 0.9, compared[1]),
+    ]
+    return warning_rows(rows, rule=rule, host_id="ego")
 
 
-def drive(other: tuple[np.ndarray, np.ndarray] | None, warnings: Columns | None, *, moves: bool = True) -> Drive:
+def drive(other: tuple[np.ndarray, np.ndarray] | None, warnings: WarningRows | None, *, moves: bool = True) -> Drive:
     """The ego drives north at 10 m/s from the origin (or stands there)."""
     stamp_ns, state = straight(0.0, 0.0, 10.0 if moves else 0.0, NORTH)
     full = np.zeros((201, 8))
@@ -113,11 +101,8 @@ def test_false_alarm_in_words() -> None:
     assert [badge.tone for badge in story.badges] == ["bad"]
 
 
-def no_warnings() -> Columns:
-    """A warnings channel without a message."""
-    nothing = warning(2.0, "7")
-    stamps = np.zeros(0, np.int64)
-    return Columns(nothing.topic, nothing.schema_name, "protobuf", stamps, stamps.copy(), np.zeros(0, np.uint32), {})
+def no_warnings() -> WarningRows:
+    return warning_rows([], rule="cwcli", host_id="ego")
 
 
 def test_conflict_without_a_warning_is_told() -> None:

@@ -80,7 +80,7 @@ def test_crossing() -> None:
 def test_no_conflict_no_warning(rule: str, other: VehicleTrack) -> None:
     result = evaluate(straight("host", speed_mps=20.0), [other], WarningConfig(rule=rule))
     assert len(result.events) == 0
-    assert len(result.log_time_ns) == 0
+    assert len(result.rows.log_time_ns) == 0
     assert result.scores.columns["n_conflicts"][0] == 0
 
 
@@ -147,8 +147,8 @@ def test_no_alert_shows_less_than_its_threshold(threshold: float) -> None:
     car = straight("car", x_m=100.0, y_m=1.0, speed_mps=0.0, duration_s=6.0, sigma_m=0.5)
     result = evaluate(host, [car], WarningConfig(probability=threshold))
     assert len(raised_s(result)) == 1
-    compared, within = (np.asarray(result.channel[name]) for name in ("alert_probability", "probability"))
-    raised = np.asarray(result.channel["state"]) == 1
+    compared, within = result.rows.alert_probability, result.rows.probability
+    raised = result.rows.state == 1
     assert (compared[raised] >= threshold).all()
     assert (within[np.isfinite(within)] <= compared[np.isfinite(within)]).all()
 
@@ -173,18 +173,18 @@ def test_old_messages_are_not_used() -> None:
 def test_channel_rows_tell_the_life_of_the_event() -> None:
     host = straight("host", speed_mps=20.0, duration_s=8.0)
     result = evaluate(host, [straight("car", x_m=100.0, speed_mps=0.0, duration_s=8.0)], WarningConfig(hold_off_s=0.5))
-    state = np.asarray(result.channel["state"])
+    state = result.rows.state
     assert state[0] == 1
     assert state[-1] == 3
     assert (state[1:-1] == 2).all()
-    assert (np.diff(result.log_time_ns) >= 0).all()
-    stamp = np.asarray(result.channel["stamp_ns"])
+    assert (np.diff(result.rows.log_time_ns) >= 0).all()
+    stamp = result.rows.stamp_ns
     events = result.events.columns
     assert stamp[0] == events["raised_stamp_ns"][0]
     assert stamp[-2] == events["last_held_stamp_ns"][0]
     assert stamp[-1] == events["cleared_stamp_ns"][0]
     assert (stamp[-1] - stamp[-2]) * 1e-9 == pytest.approx(0.5)
-    message = result.channel["message"]
+    message = result.rows.message
     assert isinstance(message, Strings)
     assert message.values[message.codes[0]] == "collision with car in 2.5 s, predicted distance 0.0 m"
 

@@ -82,24 +82,15 @@ def test_the_life_of_a_warning() -> None:
     offset = np.concatenate([np.linspace(0.0, 0.85, 20), np.full(10, 0.85), np.linspace(0.85, 0.0, 20), np.zeros(30)])
     rate = np.gradient(offset, 0.1)
     result = evaluate(offset, rate)
-    states = list(result.channel["state"])
+    states = list(result.rows.state)
     assert states[0] == 1
     assert states[-1] == 3
     assert set(states[1:-1]) == {2}
-    assert set(result.channel["event_id"]) == {1}
-    assert result.channel["other_id"].values == ("left boundary",)
-    assert set(result.channel["rule"].values) == {"lane-departure"}
-    np.testing.assert_array_equal(result.log_time_ns, result.channel["stamp_ns"] + 5)
-    assert "leaving the lane to the left" in result.channel["message"].values[0]
-
-
-def test_the_channel_has_the_columns_of_the_message() -> None:
-    from cwcli.warning.evaluate import evaluate as evaluate_vehicles
-    from cwcli.warning.types import VehicleTrack
-
-    paths = Paths(np.arange(60) * 0.05, *(np.zeros((1, 60)) for _ in range(4)), np.zeros((1, 60, 3)))
-    host = VehicleTrack("ego", np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros((1, 8)), paths)
-    assert list(evaluate([0.0], 0.0).channel) == list(evaluate_vehicles(host, []).channel)
+    assert set(result.rows.event_id) == {1}
+    assert result.rows.other_id.values == ("left boundary",)
+    assert set(result.rows.rule.values) == {"lane-departure"}
+    np.testing.assert_array_equal(result.rows.log_time_ns, result.rows.stamp_ns + 5)
+    assert "leaving the lane to the left" in result.rows.message.values[0]
 
 
 def test_a_side_without_a_boundary_is_silent_and_counted() -> None:
@@ -156,7 +147,7 @@ def test_one_bad_frame_does_not_warn() -> None:
 def test_no_frames() -> None:
     result = evaluate(np.zeros(0), 0.0)
     assert len(result.events) == 0
-    assert len(result.log_time_ns) == 0
+    assert len(result.rows.log_time_ns) == 0
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.warning_events import read_warning_events
+from cwcli.channels.warning import WarningEvent, read_warnings, warning_events
 from cwcli.signals.columns import Columns, Strings
 
 RAISED, HELD, CLEARED = 1, 2, 3
@@ -19,8 +19,12 @@ def channel(*rows: tuple[int, int, int, str, str]) -> Columns:
     return Columns("/cwcli/warnings", "cwcli.v1.Warning", "protobuf", stamps, stamps, np.zeros(len(rows)), fields)
 
 
+def events_of(columns: Columns) -> list[WarningEvent]:
+    return warning_events(read_warnings(columns))
+
+
 def test_events_of_several_rules_in_order_of_time() -> None:
-    found = read_warning_events(
+    found = events_of(
         channel(
             (30, 2, RAISED, "cwcli", "b"),
             (10, 3, RAISED, "ttc", "a"),
@@ -38,11 +42,11 @@ def test_events_of_several_rules_in_order_of_time() -> None:
 
 
 def test_what_was_raised_before_the_channel_begins_is_no_event() -> None:
-    assert read_warning_events(channel((10, 1, HELD, "cwcli", "a"), (20, 1, CLEARED, "cwcli", "a"))) == []
+    assert events_of(channel((10, 1, HELD, "cwcli", "a"), (20, 1, CLEARED, "cwcli", "a"))) == []
 
 
 def test_a_channel_without_messages_or_without_the_fields() -> None:
     nothing = np.zeros(0, np.int64)
-    assert read_warning_events(Columns("/w", "x", "json", nothing, nothing, nothing.astype(np.uint32), {})) == []
+    assert events_of(Columns("/w", "x", "json", nothing, nothing, nothing.astype(np.uint32), {})) == []
     one = np.ones(1, np.int64)
-    assert read_warning_events(Columns("/w", "x", "json", one, one, one.astype(np.uint32), {"event_id": one})) == []
+    assert events_of(Columns("/w", "x", "json", one, one, one.astype(np.uint32), {"event_id": one})) == []

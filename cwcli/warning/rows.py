@@ -1,0 +1,92 @@
+"""The life of warnings as rows: each is raised, held at every evaluation at which it stands, and cleared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings, strings_from
+
+RAISED, HELD, CLEARED = 1, 2, 3
+
+
+class WarningRow(NamedTuple):
+    """One step in the life of a warning; what is not known is NaN."""
+
+    log_time_ns: int
+    stamp_ns: int
+    event_id: int
+    state: int
+    other_id: str
+    message: str
+    time_to_event_s: float = math.nan
+    predicted_distance_m: float = math.nan
+    ttc_s: float = math.nan
+    probability: float = math.nan
+    alert_probability: float = math.nan
+
+
+@dataclass(frozen=True)
+class WarningRows:
+    """w rows, by log time, event and state.
+
+    Attributes:
+        log_time_ns, stamp_ns: Shape (w,).
+        rule: The rule that warned.
+        event_id: Shape (w,): number of the warning.
+        state: Shape (w,): `RAISED`, `HELD` or `CLEARED`.
+        host_id, other_id: Who is warned, and of whom or what.
+        time_to_event_s, predicted_distance_m, ttc_s: Shape (w,); NaN where not known.
+        probability, alert_probability: Shape (w,): of a collision, and what the rule compared with its threshold.
+        message: In words.
+    """
+
+    log_time_ns: Int64Array
+    stamp_ns: Int64Array
+    rule: Strings
+    event_id: Int64Array
+    state: npt.NDArray[np.int32]
+    host_id: Strings
+    other_id: Strings
+    time_to_event_s: FloatArray
+    predicted_distance_m: FloatArray
+    ttc_s: FloatArray
+    probability: FloatArray
+    alert_probability: FloatArray
+    message: Strings
+
+    def __len__(self) -> int:
+        return len(self.log_time_ns)
+
+
+def warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -> WarningRows:
+    """The rows of one rule, in order."""
+    ordered = sorted(rows, key=lambda row: (row.log_time_ns, row.event_id, row.state))
+    columns = dict(zip(WarningRow._fields, zip(*ordered, strict=True), strict=True)) if ordered else {}
+
+    def whole(name: str) -> Int64Array:
+        return np.array(columns.get(name, ()), np.int64)
+
+    def number(name: str) -> FloatArray:
+        return np.array(columns.get(name, ()), np.float64)
+
+    return WarningRows(
+        log_time_ns=whole("log_time_ns"),
+        stamp_ns=whole("stamp_ns"),
+        rule=constant_strings(rule, len(ordered)),
+        event_id=whole("event_id"),
+        state=whole("state").astype(np.int32),
+        host_id=constant_strings(host_id, len(ordered)),
+        other_id=strings_from(list(columns.get("other_id", ()))),
+        time_to_event_s=number("time_to_event_s"),
+        predicted_distance_m=number("predicted_distance_m"),
+        ttc_s=number("ttc_s"),
+        probability=number("probability"),
+        alert_probability=number("alert_probability"),
+        message=strings_from(list(columns.get("message", ()))),
+    )
