@@ -3,10 +3,19 @@
 
 from libc.math cimport NAN
 
+from cwcli.kernels.lane_ridge cimport BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, N, SIGMA, VANISHING, WIDTH
+
 cdef enum:
-    N = 5
     SCRATCH = 3  # numbers of eight bytes a row
     BEND_TAIL = 9  # squared sigmas: most roads are straight, and some bend, so the prior of the bend has heavy tails
+
+
+cdef struct Scoring:
+    double prior_weight  # of a squared sigma
+    double min_h         # rows less than this below the horizon are not judged
+    double beside        # weight of the neighbouring lanes' outer boundaries
+    double half          # evidence of a segment that counts one half
+    int segment          # rows in a segment
 
 
 cdef inline float at(const float* row, Py_ssize_t width, double x) noexcept nogil:
@@ -31,11 +40,11 @@ cdef inline void natural(const double* code, double near_v, double far_v, double
         near_h = far_h + 1.0
     cdef double k = code[3] * far_h
     cdef double middle = (centre - code[2] - k * (1.0 / near_h - 1.0 / far_h)) / (near_h - far_h)
-    values[0] = centre - middle * near_h - k / near_h
-    values[1] = middle
-    values[2] = (code[1] - code[0]) / near_h
-    values[3] = k
-    values[4] = code[4]
+    values[VANISHING] = centre - middle * near_h - k / near_h
+    values[MIDDLE] = middle
+    values[WIDTH] = (code[1] - code[0]) / near_h
+    values[BEND] = k
+    values[HORIZON] = code[4]
 
 
 cdef struct Line:
@@ -108,31 +117,30 @@ cdef inline double along_line(
 
 cdef inline double judge(
     const float[:, ::1] evidence, const float[:, ::1] broad, const int[::1] rows, const double* values,
-    const double[:, ::1] prior, double weight, double min_h, double beside, double half,
-    int segment, Scratch* scratch
+    const double[:, ::1] prior, const Scoring* scoring, Scratch* scratch
 ) noexcept nogil:
     """The objective of a lane."""
     cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, start, stop
     cdef double total = 0.0, z, penalty = 0.0, painted
     cdef const float* table
-    cdef float origin = <float>values[0], bend = <float>values[3]
-    cdef int k
+    cdef float origin = <float>values[VANISHING], bend = <float>values[BEND]
+    cdef int k, segment = scoring.segment
     for k in range(N):
-        if not (prior[k, 2] <= values[k] <= prior[k, 3]):
+        if not (prior[k, LOW] <= values[k] <= prior[k, HIGH]):
             return -1e30
-        z = (values[k] - prior[k, 0]) / prior[k, 1]
+        z = (values[k] - prior[k, MEAN]) / prior[k, SIGMA]
         z *= z
-        penalty += z / (1.0 + z / <double>BEND_TAIL) if k == 3 else z
-    if scratch.horizon != values[4]:
-        set_horizon(scratch, rows, values[4], min_h)
+        penalty += z / (1.0 + z / <double>BEND_TAIL) if k == BEND else z
+    if scratch.horizon != values[HORIZON]:
+        set_horizon(scratch, rows, values[HORIZON], scoring.min_h)
     for r in range(scratch.start, n):
         scratch.base[r] = origin + bend * scratch.inverse[r]
-    for k in range(4 if beside > 0.0 else 2):
-        z = (0.5 if k < 2 else 1.5) * values[2]
-        z = values[1] + z if k % 2 else values[1] - z
+    for k in range(4 if scoring.beside > 0.0 else 2):
+        z = (0.5 if k < 2 else 1.5) * values[WIDTH]
+        z = values[MIDDLE] + z if k % 2 else values[MIDDLE] - z
         place_line(scratch.h, scratch.base, <float>z, scratch.start, n, scratch.line)
         table = &evidence[0, 0] if k < 2 else &broad[0, 0]
-        z = 1.0 if k < 2 else beside
+        z = 1.0 if k < 2 else scoring.beside
         start = scratch.start
         stop = (start // segment) * segment
         while stop < n:
@@ -140,6 +148,6 @@ cdef inline double judge(
             if stop > n:
                 stop = n
             painted = along_line(table, width, scratch.line, start, stop)
-            total += z * painted / (painted + half)
+            total += z * painted / (painted + scoring.half)
             start = stop
-    return total * segment / n - weight * penalty
+    return total * segment / n - scoring.prior_weight * penalty

@@ -1,4 +1,6 @@
-"""The pair of parallel boundaries that the stripes of a frame support best."""
+"""The pair of parallel boundaries that the stripes of a frame support best. A lane is u0, middle, width, k, v0."""
+
+from typing import TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -7,49 +9,44 @@ _E = npt.NDArray[np.float32]
 _F = npt.NDArray[np.float64]
 _I = npt.NDArray[np.int32]
 
+VANISHING: int
+MIDDLE: int
+WIDTH: int
+BEND: int
+HORIZON: int
+MEAN: int
+SIGMA: int
+LOW: int
+HIGH: int
+
+class Scoring(TypedDict):
+    """The struct of this name in lane_objective.pxd."""
+
+    prior_weight: float
+    min_h: float
+    beside: float
+    half: float
+    segment: int
+
 def scan(
-    evidence: _E,
-    depths: _F,
-    step: int,
-    vanishing: _F,
-    bends: _F,
-    places: _F,
-    prior: _F,
-    weight: float,
-    beside: float,
-    half: float,
-    segment: int,
-    best: _F,
-) -> None:
+    evidence: _E, prior: _F, scoring: Scoring, *, depths: _F, step: int, vanishing: _F, bends: _F, places: _F
+) -> _F:
     """The best pair of boundaries for each vanishing point and bend.
 
     Args:
         evidence: Shape (n, width).
+        prior: Shape (5, 4).
+        scoring: Its `min_h` is not used.
         depths: Shape (n,): rows below the horizon; not positive: not used.
         step: Only every so many-th row is used.
         vanishing, bends, places: What is tried for u0, k and m; places increase evenly and are symmetrical to 0.
-        prior: Shape (5, 4).
-        weight: Of a squared sigma.
-        beside: Weight of the neighbouring lanes' outer boundaries.
-        half: Evidence of a segment that counts one half.
-        segment: Rows in a segment.
-        best: Shape (len(vanishing), len(bends), 3): filled with objective, left and right place.
+
+    Returns:
+        Shape (len(vanishing), len(bends), 3): objective, left and right place.
     """
 
-def objective(
-    evidence: _E,
-    broad: _E,
-    rows: _I,
-    lanes: _F,
-    prior: _F,
-    weight: float,
-    min_h: float,
-    beside: float,
-    half: float,
-    segment: int,
-    value: _F,
-) -> None:
-    """The objective of lanes of shape (k, 5) into `value`; -1e30 outside the prior's limits.
+def objective(evidence: _E, broad: _E, rows: _I, lanes: _F, prior: _F, scoring: Scoring) -> _F:
+    """The objective of lanes of shape (k, 5), shape (k,); -1e30 outside the prior's limits.
 
     For each segment of rows, and each boundary, the summed evidence e counts e / (e + half); the mean over the
     segments, minus weight times the squared distance z^2 from the prior in sigmas, is the objective; the bend counts
@@ -60,42 +57,38 @@ def refine(
     evidence: _E,
     broad: _E,
     rows: _I,
+    lanes: _F,
+    prior: _F,
+    scoring: Scoring,
+    *,
     near_v: float,
     far_v: float,
     steps: _F,
     halvings: int,
-    prior: _F,
-    weight: float,
-    min_h: float,
-    beside: float,
-    half: float,
-    segment: int,
-    lanes: _F,
-    value: _F,
-) -> None:
-    """Improve lanes of shape (k, 5) in place by a pattern search (Hooke and Jeeves 1961); their objective into `value`.
+) -> _F:
+    """Improve lanes of shape (k, 5) in place by a pattern search (Hooke and Jeeves 1961); their objective, (k,).
 
     It moves the columns of both boundaries in row near_v, the column of the middle in row far_v, the bend in pixels at
     far_v, and the horizon, by the five steps, which are halved `halvings` - 1 times.
     """
 
-def along(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float, values: _F) -> None:
-    """Evidence in each row along the lines at `places` (k,), into `values` (k, n); -1 outside the image or the road."""
+def along(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float) -> _F:
+    """Evidence in each of n rows along the lines at `places` (k,), (k, n); -1 outside the image or the road."""
 
 def crowd(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float) -> float:
     """Share of the samples along the lines at `places` (k,), one in each row, whose evidence is above zero; 0 if there
     are none in the image and at least min_h below the horizon.
     """
 
-def supports(evidence: _E, rows: _I, lane: _F, min_h: float, half: float, segment: int, value: _F) -> None:
-    """How much of each boundary of a lane shows paint, 0 to 1, into `value` (2,).
+def supports(evidence: _E, rows: _I, lane: _F, scoring: Scoring) -> _F:
+    """How much of each boundary of a lane shows paint, 0 to 1, shape (2,).
 
     In each segment of rows the summed evidence e counts e / (e + half); their mean, weighted by how many rows of the
     segment lie in the image and at least min_h below the horizon.
     """
 
-def parabolas(lane: _F, top_y: float, height: float, width: float, made: _F) -> None:
-    """a, b, c of the best parabola of each boundary of a lane into `made` (2, 3); NaN where it can't be seen.
+def parabolas(lane: _F, *, top_y: float, height: float, width: float) -> _F:
+    """a, b, c of the best parabola of each boundary of a lane, shape (2, 3); NaN where it can't be seen.
 
     x = a y^2 + b y + c with x and y as in `cwcli.vision.boundary`, fitted with least squares at sixteen heights, as
     many as `ground.N_SAMPLES`, spread evenly from 0.5 to 0.5 + top_y: those in the image, or all below the horizon if

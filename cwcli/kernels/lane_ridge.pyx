@@ -12,8 +12,10 @@ NumPy twin is in tests/unit/vision/naive_ridge.py.
 from libc.math cimport NAN, fabs
 from libc.stdlib cimport free, malloc
 
+import numpy as np
+
 from cwcli.kernels.lane_objective cimport (
-    BEND_TAIL, N, SCRATCH, Scratch, at, judge, natural, place_line, scratch_of, set_horizon
+    BEND_TAIL, SCRATCH, Scoring, Scratch, at, judge, natural, place_line, scratch_of, set_horizon
 )
 
 cdef enum:
@@ -26,11 +28,13 @@ cdef struct Pair:
 
 
 def scan(
-    const float[:, ::1] evidence, const double[::1] depths, int step, const double[::1] vanishing,
-    const double[::1] bends, const double[::1] places, const double[:, ::1] prior, double weight,
-    double beside, double half, int segment, double[:, :, ::1] best
+    const float[:, ::1] evidence, const double[:, ::1] prior, Scoring scoring, *, const double[::1] depths, int step,
+    const double[::1] vanishing, const double[::1] bends, const double[::1] places
 ):
-    """The best pair of boundaries for each vanishing point and bend (see the stub)."""
+    best_array = np.empty((vanishing.shape[0], bends.shape[0], 3))
+    cdef double[:, :, ::1] best = best_array
+    cdef double weight = scoring.prior_weight, beside = scoring.beside, half = scoring.half
+    cdef int segment = scoring.segment
     cdef Py_ssize_t n_rows = evidence.shape[0], width = evidence.shape[1], n = places.shape[0]
     cdef Py_ssize_t i, p, q, r, j, left, right, n_pairs = 0
     cdef const float* row
@@ -55,16 +59,16 @@ def scan(
             for right in range(left + 1, n):
                 middle = 0.5 * (places[left] + places[right])
                 wide = places[right] - places[left]
-                if wide > prior[2, 3]:
+                if wide > prior[WIDTH, HIGH]:
                     break
-                if places[right] > 0.0 and prior[2, 2] <= wide and prior[1, 2] <= middle <= prior[1, 3]:
+                if places[right] > 0.0 and prior[WIDTH, LOW] <= wide and prior[MIDDLE, LOW] <= middle <= prior[MIDDLE, HIGH]:
                     pair = &pairs[n_pairs]
                     n_pairs += 1
                     pair.left = <int>left
                     pair.right = <int>right
-                    z = (middle - prior[1, 0]) / prior[1, 1]
+                    z = (middle - prior[MIDDLE, MEAN]) / prior[MIDDLE, SIGMA]
                     penalty = z * z
-                    z = (wide - prior[2, 0]) / prior[2, 1]
+                    z = (wide - prior[WIDTH, MEAN]) / prior[WIDTH, SIGMA]
                     pair.penalty = weight * (penalty + z * z)
         for p in range(vanishing.shape[0]):
             for q in range(bends.shape[0]):
@@ -87,9 +91,9 @@ def scan(
                         for j in range(n):
                             sums[j] += stretch[j] / (stretch[j] + half / step)
                             stretch[j] = 0.0
-                z = (vanishing[p] - prior[0, 0]) / prior[0, 1]
+                z = (vanishing[p] - prior[VANISHING, MEAN]) / prior[VANISHING, SIGMA]
                 penalty = z * z
-                z = (bends[q] - prior[3, 0]) / prior[3, 1]
+                z = (bends[q] - prior[BEND, MEAN]) / prior[BEND, SIGMA]
                 z *= z
                 penalty = weight * (penalty + z / (1.0 + z / <double>BEND_TAIL))
                 best[p, q, 0] = -1e30
@@ -118,14 +122,15 @@ def scan(
     free(broad)
     free(stretch)
     free(pairs)
+    return best_array
 
 
 def objective(
     const float[:, ::1] evidence, const float[:, ::1] broad, const int[::1] rows, const double[:, ::1] lanes,
-    const double[:, ::1] prior, double weight, double min_h, double beside, double half, int segment,
-    double[::1] value
+    const double[:, ::1] prior, Scoring scoring
 ):
-    """The objective of given lanes (u0, middle, width, k, v0)."""
+    value_array = np.empty(lanes.shape[0])
+    cdef double[::1] value = value_array
     cdef Py_ssize_t i
     cdef double* room = <double*>malloc(SCRATCH * (rows.shape[0] + 1) * sizeof(double))
     if not room:
@@ -133,23 +138,20 @@ def objective(
     cdef Scratch scratch = scratch_of(room, rows.shape[0])
     with nogil:
         for i in range(lanes.shape[0]):
-            value[i] = judge(evidence, broad, rows, &lanes[i, 0], prior, weight, min_h, beside, half, segment, &scratch)
+            value[i] = judge(evidence, broad, rows, &lanes[i, VANISHING], prior, &scoring, &scratch)
     free(room)
+    return value_array
 
 
 def refine(
-    const float[:, ::1] evidence, const float[:, ::1] broad, const int[::1] rows, double near_v, double far_v,
-    const double[::1] steps, int halvings, const double[:, ::1] prior, double weight, double min_h, double beside,
-    double half, int segment, double[:, ::1] lanes, double[::1] value
+    const float[:, ::1] evidence, const float[:, ::1] broad, const int[::1] rows, double[:, ::1] lanes,
+    const double[:, ::1] prior, Scoring scoring, *, double near_v, double far_v, const double[::1] steps, int halvings
 ):
-    """Improve each lane by a pattern search (Hooke and Jeeves 1961) with steps that are halved."""
+    value_array = np.empty(lanes.shape[0])
+    cdef double[::1] value = value_array
     cdef Py_ssize_t i
     cdef int k, j, level, sign, rounds
-    cdef double code[N]
-    cdef double trial[N]
-    cdef double base[N]
-    cdef double values[N]
-    cdef double step[N]
+    cdef double code[N], trial[N], base[N], values[N], step[N]
     cdef double best, found, before, near_h, far_h
     cdef double* room = <double*>malloc(SCRATCH * (rows.shape[0] + 1) * sizeof(double))
     if not room:
@@ -157,19 +159,19 @@ def refine(
     cdef Scratch scratch = scratch_of(room, rows.shape[0])
     with nogil:
         for i in range(lanes.shape[0]):
-            near_h = near_v - lanes[i, 4]
-            far_h = far_v - lanes[i, 4]
+            near_h = near_v - lanes[i, HORIZON]
+            far_h = far_v - lanes[i, HORIZON]
             if far_h < 1.0:
                 far_h = 1.0
             if near_h < far_h + 1.0:
                 near_h = far_h + 1.0
-            code[0] = lanes[i, 0] + (lanes[i, 1] - 0.5 * lanes[i, 2]) * near_h + lanes[i, 3] / near_h
-            code[1] = lanes[i, 0] + (lanes[i, 1] + 0.5 * lanes[i, 2]) * near_h + lanes[i, 3] / near_h
-            code[2] = lanes[i, 0] + lanes[i, 1] * far_h + lanes[i, 3] / far_h
-            code[3] = lanes[i, 3] / far_h
-            code[4] = lanes[i, 4]
+            code[0] = lanes[i, VANISHING] + (lanes[i, MIDDLE] - 0.5 * lanes[i, WIDTH]) * near_h + lanes[i, BEND] / near_h
+            code[1] = lanes[i, VANISHING] + (lanes[i, MIDDLE] + 0.5 * lanes[i, WIDTH]) * near_h + lanes[i, BEND] / near_h
+            code[2] = lanes[i, VANISHING] + lanes[i, MIDDLE] * far_h + lanes[i, BEND] / far_h
+            code[3] = lanes[i, BEND] / far_h
+            code[4] = lanes[i, HORIZON]
             natural(code, near_v, far_v, values)
-            best = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, &scratch)
+            best = judge(evidence, broad, rows, values, prior, &scoring, &scratch)
             for k in range(N):
                 step[k] = steps[k]
             for level in range(halvings):
@@ -185,9 +187,7 @@ def refine(
                                 trial[j] = code[j]
                             trial[k] += step[k] if sign == 0 else -step[k]
                             natural(trial, near_v, far_v, values)
-                            found = judge(
-                                evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, &scratch
-                            )
+                            found = judge(evidence, broad, rows, values, prior, &scoring, &scratch)
                             if found > best:
                                 best = found
                                 code[k] = trial[k]
@@ -197,7 +197,7 @@ def refine(
                     for k in range(N):
                         trial[k] = 2.0 * code[k] - base[k]
                     natural(trial, near_v, far_v, values)
-                    found = judge(evidence, broad, rows, values, prior, weight, min_h, beside, half, segment, &scratch)
+                    found = judge(evidence, broad, rows, values, prior, &scoring, &scratch)
                     if found > best:
                         best = found
                         for k in range(N):
@@ -209,19 +209,20 @@ def refine(
                 lanes[i, k] = values[k]
             value[i] = best
     free(room)
+    return value_array
 
 
 def along(
-    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h,
-    double[:, ::1] values
+    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h
 ):
-    """Evidence in each row along lines at the given places; -1 where one is outside the image or above min_h."""
+    values_array = np.empty((places.shape[0], rows.shape[0]))
+    cdef double[:, ::1] values = values_array
     cdef Py_ssize_t r, p, width = evidence.shape[1]
     cdef double h, x, base
     with nogil:
         for r in range(evidence.shape[0]):
-            h = rows[r] - lane[4]
-            base = lane[0] + lane[3] / h
+            h = rows[r] - lane[HORIZON]
+            base = lane[VANISHING] + lane[BEND] / h
             for p in range(places.shape[0]):
                 values[p, r] = -1.0
                 if h < min_h:
@@ -229,21 +230,21 @@ def along(
                 x = base + places[p] * h
                 if 0.0 <= x <= width - 1.0:
                     values[p, r] = at(&evidence[r, 0], width, x)
+    return values_array
 
 
 def crowd(
     const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h
 ):
-    """Share of the pixels along lines at the given places that look like a stripe (see the stub)."""
     cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, p, n_seen = 0, n_striped = 0
     cdef const float* pixel
     cdef double* room = <double*>malloc(SCRATCH * (n + 1) * sizeof(double))
     if not room:
         raise MemoryError
     cdef Scratch scratch = scratch_of(room, n)
-    cdef float origin = <float>lane[0], bend = <float>lane[3]
+    cdef float origin = <float>lane[VANISHING], bend = <float>lane[BEND]
     with nogil:
-        set_horizon(&scratch, rows, lane[4], min_h)
+        set_horizon(&scratch, rows, lane[HORIZON], min_h)
         for r in range(scratch.start, n):
             scratch.base[r] = origin + bend * scratch.inverse[r]
         for p in range(places.shape[0]):
@@ -257,36 +258,38 @@ def crowd(
     return <double>n_striped / n_seen if n_seen else 0.0
 
 
-def supports(
-    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, double min_h, double half, int segment,
-    double[::1] value
-):
-    """How much of each boundary shows paint (see the stub)."""
+def supports(const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, Scoring scoring):
+    value_array = np.empty(2)
+    cdef double[::1] value = value_array
+    cdef double min_h = scoring.min_h, half = scoring.half
+    cdef int segment = scoring.segment
     cdef Py_ssize_t r, k, side, width = evidence.shape[1], n = rows.shape[0] // segment
     cdef double h, x, place, painted, part, total
     cdef int seen, n_seen
     with nogil:
         for side in range(2):
-            place = lane[1] + (side - 0.5) * lane[2]
+            place = lane[MIDDLE] + (side - 0.5) * lane[WIDTH]
             total = part = 0.0
             for k in range(n):
                 painted = 0.0
                 seen = 0
                 for r in range(k * segment, (k + 1) * segment):
-                    h = rows[r] - lane[4]
+                    h = rows[r] - lane[HORIZON]
                     if h < min_h:
                         continue
-                    x = lane[0] + lane[3] / h + place * h
+                    x = lane[VANISHING] + lane[BEND] / h + place * h
                     if 0.0 <= x <= width - 1.0:
                         painted += at(&evidence[r, 0], width, x)
                         seen += 1
                 total += painted / (painted + half) * (<double>seen / segment)
                 part += <double>seen / segment
             value[side] = total / (part if part > 1.0 else 1.0)
+    return value_array
 
 
-def parabolas(const double[::1] lane, double top_y, double height, double width, double[:, ::1] made):
-    """The best parabola of each boundary (see the stub)."""
+def parabolas(const double[::1] lane, *, double top_y, double height, double width):
+    made_array = np.empty((2, 3))
+    cdef double[:, ::1] made = made_array
     cdef double normal[3][4]
     cdef double powers[3]
     cdef double x[SAMPLES]
@@ -298,10 +301,10 @@ def parabolas(const double[::1] lane, double top_y, double height, double width,
         for side in range(2):
             n_in = n_below = 0
             for k in range(SAMPLES):
-                h = height - (0.5 + (k + 0.5) / SAMPLES * top_y) - lane[4]
+                h = height - (0.5 + (k + 0.5) / SAMPLES * top_y) - lane[HORIZON]
                 x[k] = NAN
                 if h > 0.0:
-                    x[k] = lane[0] + lane[1] * h + lane[3] / h + (side - 0.5) * lane[2] * h + 1.0
+                    x[k] = lane[VANISHING] + lane[MIDDLE] * h + lane[BEND] / h + (side - 0.5) * lane[WIDTH] * h + 1.0
                     n_below += 1
                     n_in += 1.0 <= x[k] <= width
             for j in range(3):
@@ -325,6 +328,7 @@ def parabolas(const double[::1] lane, double top_y, double height, double width,
             made[side, 0] = normal[0][3] / (height * height)
             made[side, 1] = normal[1][3] / height
             made[side, 2] = normal[2][3]
+    return made_array
 
 
 cdef void solve(double[4]* rows) noexcept nogil:

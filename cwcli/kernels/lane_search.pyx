@@ -16,6 +16,8 @@ ctypedef unsigned long long uint64
 
 from libc.stdlib cimport abs
 
+import numpy as np
+
 cdef enum:
     MAX_WIDTH = 512
     POPULATION = 50
@@ -27,6 +29,17 @@ cdef double TWO_32 = 4294967296.0
 cdef struct Pcg:
     uint64 state
     uint64 increment
+
+
+cdef struct Genetic:
+    int bits[3]            # length of each parameter's string, 4 to 30 in all
+    double decimals[3]     # 10^m for m decimals, to which the parameters are rounded
+    int generations        # after the first population
+    double crossover_rate  # probability per individual, below 1
+    double mutation_rate   # likewise
+    double wheel_shift     # added to the fitness on the roulette wheel, grey levels
+    bint with_centre       # the first individual is the middle of the region (the previous result), not a random one
+    int min_blocks         # a candidate with fewer blocks on the image is the worst there is; 1 at least
 
 
 cdef struct Region:
@@ -110,23 +123,21 @@ cdef void combine(short* out, const short* contrast, const short* diagonal, cons
         out[u] = <short>(alpha * contrast[u] + beta * diagonal[u] + beta_other * other[u])
 
 
-def block_responses(const unsigned char[:, ::1] grey, int nine_road, short[:, :, ::1] left, short[:, :, ::1] right):
-    """alpha dM + sum of beta_j T_j of every block (see the stub). Tables 1 and 2, times 90: 10 alpha, 30 beta.
-
-    Row by row through small arrays of 16 bits: nothing overflows, and the compiler makes vector code of each loop.
-    """
+def block_responses(const unsigned char[:, ::1] grey, int nine_road, int n_blocks):
+    # Tables 1 and 2, times 90: 10 alpha, 30 beta. Row by row through small arrays of 16 bits: nothing overflows, and
+    # the compiler makes vector code of each loop.
+    left_array = np.zeros((3, n_blocks, grey.shape[1]), np.int16)
+    cdef short[:, :, ::1] left = left_array
+    right_array = np.zeros_like(left_array)
+    cdef short[:, :, ::1] right = right_array
     cdef Py_ssize_t height = grey.shape[0]
     cdef Py_ssize_t width = grey.shape[1]
     cdef Py_ssize_t i, u
     cdef const unsigned char* upper
     cdef const unsigned char* middle
     cdef const unsigned char* lower
-    cdef short columns[MAX_WIDTH]
-    cdef short contrast[MAX_WIDTH]
-    cdef short t1[MAX_WIDTH]
-    cdef short t2[MAX_WIDTH]
-    cdef short t3[MAX_WIDTH]
-    cdef short t4[MAX_WIDTH]
+    cdef short columns[MAX_WIDTH], contrast[MAX_WIDTH]
+    cdef short t1[MAX_WIDTH], t2[MAX_WIDTH], t3[MAX_WIDTH], t4[MAX_WIDTH]
     cdef short road = <short>nine_road
     if width > MAX_WIDTH:
         raise ValueError(f"{width} columns")
@@ -153,15 +164,19 @@ def block_responses(const unsigned char[:, ::1] grey, int nine_road, short[:, :,
             combine(&right[0, i, 0], contrast, t2, t4, 4, 18, 0, width)
             combine(&right[1, i, 0], contrast, t2, t3, 2, 15, 9, width)
             combine(&right[2, i, 0], contrast, t2, t4, 2, 15, 9, width)
+    return left_array, right_array
 
 
-def objective(const short[:, :, ::1] response, const double[:, ::1] parabolas, bint is_left, double[::1] value,
-              int[::1] n_blocks):
-    """Eq. 2 or 3 of many parabolas (see the stub)."""
+def objective(const short[:, :, ::1] response, const double[:, ::1] parabolas, *, bint is_left):
+    value_array = np.empty(parabolas.shape[0])
+    cdef double[::1] value = value_array
+    n_blocks_array = np.empty(parabolas.shape[0], np.int32)
+    cdef int[::1] n_blocks = n_blocks_array
     cdef Py_ssize_t i
     with nogil:
         for i in range(parabolas.shape[0]):
             value[i] = judge(response, parabolas[i, 0], parabolas[i, 1], parabolas[i, 2], is_left, 1, &n_blocks[i])
+    return value_array, n_blocks_array
 
 
 cdef uint32 cross(Pcg* random, uint32* first, uint32* second, int bits) noexcept nogil:
@@ -193,17 +208,15 @@ cdef inline uint32 segments(uint32 p, uint32 q, uint32 r, int bits) noexcept nog
 
 
 def crossover_mask(int p, int q, int r, int bits):
-    """The bits that crossover at p, q, r exchanges (see the stub)."""
     return segments(p, q, r, bits)
 
 
 def mutation_mask(int place, int bits):
-    """The bit that a mutation at `place` changes (see the stub)."""
     return <uint32>1 << (bits - 1 - place)
 
 
-cdef void set_region(Region* region, const double[::1] low, const double[::1] high, const int[::1] bits,
-                     const double[::1] decimals) noexcept nogil:
+cdef void set_region(Region* region, const double[::1] low, const double[::1] high, const Genetic* genetic) noexcept nogil:
+    cdef const int* bits = genetic.bits
     cdef int k
     region.bits = bits[0] + bits[1] + bits[2]
     region.shift[0] = bits[1] + bits[2]
@@ -212,51 +225,41 @@ cdef void set_region(Region* region, const double[::1] low, const double[::1] hi
     for k in range(3):
         region.low[k] = low[k]
         region.span[k] = high[k] - low[k]
-        region.decimals[k] = decimals[k]
+        region.decimals[k] = genetic.decimals[k]
         region.largest[k] = (<uint32>1 << bits[k]) - 1
 
 
-def decode_code(uint32 code, const double[::1] low, const double[::1] high, const int[::1] bits,
-                const double[::1] decimals, double[::1] parabola):
-    """Eq. 5 (see the stub)."""
+def decode_code(uint32 code, const double[::1] low, const double[::1] high, Genetic genetic):
     cdef Region region
-    set_region(&region, low, high, bits, decimals)
-    decode(&region, code, &parabola[0])
+    cdef double abc[3]
+    set_region(&region, low, high, &genetic)
+    decode(&region, code, abc)
+    return abc[0], abc[1], abc[2]
 
 
 def search(
     const short[:, :, ::1] response,
-    bint is_left,
     const double[::1] low,
     const double[::1] high,
-    const int[::1] bits,
-    const double[::1] decimals,
-    int generations,
-    double crossover_rate,
-    double mutation_rate,
-    double wheel_shift,
-    bint with_centre,
-    int min_blocks,
+    Genetic genetic,
+    *,
+    bint is_left,
     uint64 seed_state,
     uint64 seed_stream,
-    double[::1] parabola,
 ):
-    """The genetic search (see the stub)."""
     cdef Region region
     cdef Pcg random
-    cdef uint32 parents[POPULATION]
-    cdef uint32 children[POPULATION]
-    cdef double fitness[POPULATION]
-    cdef double known[POPULATION]
+    cdef uint32 parents[POPULATION], children[POPULATION]
+    cdef double fitness[POPULATION], known[POPULATION], wheel[POPULATION], abc[3]
     cdef bint is_new[POPULATION]
-    cdef double wheel[POPULATION]
-    cdef double abc[3]
+    cdef int min_blocks = genetic.min_blocks
+    cdef double wheel_shift = genetic.wheel_shift
     cdef double total, ball, best_value
     cdef uint32 best
-    cdef uint32 crossover_below = <uint32>(crossover_rate * TWO_32)
-    cdef uint32 mutation_below = <uint32>(mutation_rate * TWO_32)
+    cdef uint32 crossover_below = <uint32>(genetic.crossover_rate * TWO_32)
+    cdef uint32 mutation_below = <uint32>(genetic.mutation_rate * TWO_32)
     cdef int i, after, low_i, high_i, middle, worst, generation, n_blocks
-    set_region(&region, low, high, bits, decimals)
+    set_region(&region, low, high, &genetic)
     if min_blocks < 1:
         raise ValueError(f"at least {min_blocks} blocks")
     if region.bits > MAX_BITS or region.bits < 4:
@@ -267,7 +270,7 @@ def search(
         best_value = -2e300
         for i in range(POPULATION):
             parents[i] = draw(&random) >> (32 - region.bits)
-        if with_centre:
+        if genetic.with_centre:
             # 2^(k-1) decodes to the middle of the region plus less than half a step: to the middle, once it is rounded.
             parents[0] = 0
             for i in range(3):
@@ -278,7 +281,7 @@ def search(
             if fitness[i] > best_value:
                 best_value = fitness[i]
                 best = parents[i]
-        for generation in range(generations):
+        for generation in range(genetic.generations):
             # Selection by a roulette wheel (eq. 7); a field is as wide as the shifted fitness, none if that is negative.
             total = 0.0
             for i in range(POPULATION):
@@ -328,7 +331,4 @@ def search(
                     best_value = fitness[i]
                     best = parents[i]
         decode(&region, best, abc)
-        parabola[0] = abc[0]
-        parabola[1] = abc[1]
-        parabola[2] = abc[2]
-    return best_value
+    return (abc[0], abc[1], abc[2]), best_value

@@ -1,14 +1,30 @@
 """Bright stripes of a marking's width in image rows."""
 
+from typing import TypedDict
+
 import numpy as np
 import numpy.typing as npt
 
 _G = npt.NDArray[np.uint8]
 _E = npt.NDArray[np.float32]
-_F = npt.NDArray[np.float64]
 _I = npt.NDArray[np.int32]
 
-def stripes(grey: _G, rows: _I, horizon_v: float, shape: _F, reach: int, broad_reach: int, evidence: _E) -> None:
+class Stripe(TypedDict):
+    """The struct of this name in lane_stripes.pyx: the windows over h, the rows below the horizon, and the noise."""
+
+    inner: float
+    gap: float
+    side: float
+    floor_grey: float
+    relative: float
+    rough: float
+    lopsided: float
+    dead: float
+    crowded: float
+
+def stripes(
+    grey: _G, rows: _I, horizon_v: float, stripe: Stripe, *, reach: int, broad_reach: int, evidence: _E
+) -> None:
     """Evidence of a stripe centred at each pixel of some rows, and the greatest evidence near by.
 
     The mean of a window of a marking's width, minus the greater mean of the windows on both sides, minus a share of
@@ -20,8 +36,7 @@ def stripes(grey: _G, rows: _I, horizon_v: float, shape: _F, reach: int, broad_r
         grey: Shape (height, width).
         rows: Shape (n,): from the top.
         horizon_v: Row of the horizon; windows grow with the rows h below it.
-        shape: Width of the inner window over h, where the side windows begin, their width, floor (grey levels),
-            relative, rough, share of the sides' difference, dead zone, crowded.
+        stripe: The windows and the noise.
         reach, broad_reach: Columns to each side for the greatest values; the second is not the smaller one.
         evidence: Shape (3, n, width): filled, 0 to 1: the evidence, the greatest within `reach` columns, and within
             `broad_reach`.

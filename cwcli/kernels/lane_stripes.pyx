@@ -11,23 +11,24 @@ from libc.stdlib cimport free, malloc
 cdef enum:
     LANES = 8  # sums are taken in so many parts
 
-cdef struct Shape:
-    float floor_grey
+cdef struct Stripe:
+    double inner      # width of the inner window, times h
+    double gap        # where the side windows begin, likewise
+    double side       # their width, likewise
+    float floor_grey  # grey levels
     float relative
     float rough
-    float lopsided
-    float dead
+    float lopsided    # share of the sides' difference
+    float dead        # dead zone
     float crowded
 
 
 def stripes(
-    const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, const double[::1] shape, int reach,
+    const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, Stripe stripe, *, int reach,
     int broad_reach, float[:, :, ::1] evidence
 ):
-    """Evidence of a stripe centred at each pixel of the given rows, and the greatest values near by (see the stub)."""
     cdef Py_ssize_t width = grey.shape[1], i
     cdef double h, inner, near, far
-    cdef Shape form
     cdef int* sums = <int*>malloc((width + 1) * sizeof(int))
     cdef float* middle = <float*>malloc(5 * width * sizeof(float))
     if not (sums and middle):
@@ -38,31 +39,25 @@ def stripes(
     cdef float* right = middle + 2 * width
     cdef float* brighter = middle + 3 * width
     cdef float* spare = middle + 4 * width
-    form.floor_grey = <float>shape[3]
-    form.relative = <float>shape[4]
-    form.rough = <float>shape[5]
-    form.lopsided = <float>shape[6]
-    form.dead = <float>shape[7]
-    form.crowded = <float>shape[8]
     with nogil:
         for i in range(rows.shape[0]):
             h = rows[i] - horizon_v
             if h < 1.0:
                 h = 1.0
             add_up(&grey[rows[i], 0], width, sums)
-            inner = shape[0] * h
+            inner = stripe.inner * h
             if inner < 1.0:
                 inner = 1.0
-            near = shape[1] * h
+            near = stripe.gap * h
             if near < 0.5 * inner + 0.5:
                 near = 0.5 * inner + 0.5
-            far = near + shape[2] * h
+            far = near + stripe.side * h
             if far < near + 1.5:
                 far = near + 1.5
             box(sums, width, -0.5 * inner, 0.5 * inner, middle)
             box(sums, width, -far, -near, left)
             box(sums, width, near, far, right)
-            judge_row(middle, left, right, brighter, spare, width, &form, &evidence[0, i, 0])
+            judge_row(middle, left, right, brighter, spare, width, &stripe, &evidence[0, i, 0])
             widen(&evidence[0, i, 0], width, 0, reach, spare, &evidence[1, i, 0])
             widen(&evidence[1, i, 0], width, reach, broad_reach, spare, &evidence[2, i, 0])
     free(sums)
@@ -80,12 +75,12 @@ cdef void add_up(const unsigned char* row, Py_ssize_t width, int* sums) noexcept
 
 cdef void judge_row(
     const float* middle, const float* left, const float* right, float* brighter, float* spare, Py_ssize_t width,
-    const Shape* form, float* evidence
+    const Stripe* stripe, float* evidence
 ) noexcept nogil:
     """The evidence of one row from the means of the windows."""
     cdef Py_ssize_t u
-    cdef float zero = 0.0, one = 1.0, darker, contrast, noise, base, share, lopsided = form.lopsided, dead = form.dead
-    cdef float relative = form.relative, rest = one / (one - form.dead)
+    cdef float zero = 0.0, one = 1.0, darker, contrast, noise, base, share, lopsided = stripe.lopsided, dead = stripe.dead
+    cdef float relative = stripe.relative, rest = one / (one - stripe.dead)
     for u in range(width):
         brighter[u] = left[u] if left[u] > right[u] else right[u]
         darker = left[u] if left[u] < right[u] else right[u]
@@ -93,13 +88,13 @@ cdef void judge_row(
         spare[u] = contrast if contrast > zero else zero
         contrast = middle[u] - brighter[u] - lopsided * (brighter[u] - darker)
         evidence[u] = contrast if contrast > zero else zero
-    base = form.floor_grey + form.rough * (total_of(spare, width) / <float>width)
+    base = stripe.floor_grey + stripe.rough * (total_of(spare, width) / <float>width)
     for u in range(width):
         noise = base + relative * brighter[u]
         contrast = evidence[u] * evidence[u]
         contrast = (contrast / (contrast + noise * noise) - dead) * rest
         evidence[u] = contrast if contrast > zero else zero
-    share = total_of(evidence, width) / (<float>width * form.crowded)
+    share = total_of(evidence, width) / (<float>width * stripe.crowded)
     share = one / (one + share * share)
     for u in range(width):
         evidence[u] = evidence[u] * share

@@ -29,7 +29,8 @@ def blend(
     cdef Py_ssize_t n = low.shape[0], i
     cdef int p, c, r, which, s
     cdef bint running = False
-    cdef double[:, ::1] out = np.empty((n, 4))
+    out_array = np.empty((n, 4))
+    cdef double[:, ::1] out = out_array
     cdef double x[4], z[2][4]
     cdef double dy, de, w
     with nogil:
@@ -61,7 +62,7 @@ def blend(
                         x[r] = (1.0 - w) * z[0][r] + w * z[1][r]
             for r in range(4):
                 out[i, r] = x[r] if running else NAN
-    return np.asarray(out)
+    return out_array
 
 
 cdef class Events:
@@ -80,9 +81,12 @@ def observe(Events events, Model model):
     cdef const double[:, ::1] values = events.values, sigmas = events.sigmas
     cdef const Model* m = &model
     cdef Py_ssize_t n = dt_s.shape[0], i
-    cdef double[:, ::1] x_out = np.empty((n, N))
-    cdef double[:, :, ::1] p_out = np.empty((n, N, N))
-    cdef signed char[::1] status = np.zeros(n, np.int8)
+    x_out_array = np.empty((n, N))
+    cdef double[:, ::1] x_out = x_out_array
+    p_out_array = np.empty((n, N, N))
+    cdef double[:, :, ::1] p_out = p_out_array
+    status_array = np.zeros(n, np.int8)
+    cdef signed char[::1] status = status_array
     cdef double x[N], p[N * N], h[N]
     cdef bint running = False, ever = False
     cdef int j, k, steps, streak = 0, n_used, tried
@@ -160,4 +164,4 @@ def observe(Events events, Model model):
                 x_out[i, j] = x[j] if running else NAN
                 for k in range(N):
                     p_out[i, j, k] = p[j * N + k] if running else NAN
-    return np.asarray(x_out), np.asarray(p_out), np.asarray(status)
+    return x_out_array, p_out_array, status_array

@@ -31,7 +31,8 @@ def quadrature(const double[:, ::1] state, *, const double[:, :, ::1] cosine, co
     to_accel, to_jerk, to_yaw_rate, to_yaw_accel = responses
     cdef bint used[4]
     used = uses
-    cdef double[:, :, :, ::1] jacobian = np.empty((2, state.shape[0], points.shape[0], 8))
+    jacobian_array = np.empty((2, state.shape[0], points.shape[0], 8))
+    cdef double[:, :, :, ::1] jacobian = jacobian_array
     cdef Py_ssize_t n_steps = weight.shape[1], n_nodes = weight.shape[2], i, s, q, at
     cdef Py_ssize_t each_step = 1 if cosine.shape[1] > 1 else 0, each_node = 1 if cosine.shape[2] > 1 else 0
     cdef Py_ssize_t of_weight, of_accel, of_jerk, of_rate, of_yaw_accel
@@ -79,7 +80,7 @@ def quadrature(const double[:, ::1] state, *, const double[:, :, ::1] cosine, co
                 if points[at] == s + 1:
                     store(total, used, jacobian, i, at)
                     at += 1
-    return np.asarray(jacobian)
+    return jacobian_array
 
 
 cdef inline void store(const double* total, const bint* uses, double[:, :, :, ::1] jacobian,
@@ -106,7 +107,8 @@ cdef inline void store(const double* total, const bint* uses, double[:, :, :, ::
 def adapt_scale(const double[:, ::1] log_excess, is_known, const Py_ssize_t[::1] n_known, const double[::1] step_s, *,
                 double rate_1ps, double bound, double miss_share):
     cdef const unsigned char[:, ::1] known = is_known.view(np.uint8)
-    cdef double[:, ::1] log_scale = np.empty((log_excess.shape[0], n_known.shape[0]))
+    log_scale_array = np.empty((log_excess.shape[0], n_known.shape[0]))
+    cdef double[:, ::1] log_scale = log_scale_array
     cdef Py_ssize_t i, seen, one
     cdef double now
     with nogil:
@@ -124,11 +126,12 @@ def adapt_scale(const double[:, ::1] log_excess, is_known, const Py_ssize_t[::1]
                         now = min(max(now, -bound), bound)
                     seen += 1
                 log_scale[one, i] = now
-    return np.asarray(log_scale)
+    return log_scale_array
 
 
 def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const double[:, :] xy, double max_gap_ns):
-    cdef double[:, :, ::1] found = np.empty((at_ns.shape[0], at_ns.shape[1], 2))
+    found_array = np.empty((at_ns.shape[0], at_ns.shape[1], 2))
+    cdef double[:, :, ::1] found = found_array
     is_known = np.empty((at_ns.shape[0], at_ns.shape[1]), bool)
     cdef unsigned char[:, ::1] known = is_known.view(np.uint8)
     cdef Py_ssize_t m = stamp_ns.shape[0], i, k, low, high, middle
@@ -157,4 +160,4 @@ def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const
                 if isfinite(x) and isfinite(y):
                     found[i, k, 0], found[i, k, 1] = x, y
                     known[i, k] = 1
-    return np.asarray(found), is_known
+    return found_array, is_known

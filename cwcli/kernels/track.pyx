@@ -216,7 +216,8 @@ def predict_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, double dt
 
 def score_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, Rows rows, Py_ssize_t first, Py_ssize_t last):
     cdef const Tuning* t = &filter.tuning
-    cdef double[:, ::1] loglik = np.empty((x.shape[0], last - first))
+    loglik_array = np.empty((x.shape[0], last - first))
+    cdef double[:, ::1] loglik = loglik_array
     cdef Py_ssize_t i, j
     cdef double reach, dx, dy
     cdef Row row
@@ -235,7 +236,7 @@ def score_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, Rows rows, 
                 measure(t, &x[i, 0], &p[i, 0, 0], &row, False, True, &found)
                 if found.nis >= 0.0 and not is_gated(t, &found):
                     loglik[i, j] = found.loglik
-    return np.asarray(loglik)
+    return loglik_array
 
 
 def update_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, const long long[::1] track, Rows rows,

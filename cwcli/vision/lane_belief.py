@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_detect import HALF, N_SEGMENTS, Evidence
+from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH
 
 COEFFICIENTS = np.array([3.73, 4.14, 2.16, -13.45])
@@ -28,16 +28,13 @@ BESIDE_OFFSETS = np.asarray(_OFFSETS[np.abs(np.abs(_OFFSETS) % 1.0 - 0.5) > 0.1]
 
 def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
     """Shape (2,): how much of each boundary shows paint, 0 to 1, by stretches of the image's height."""
-    made = np.empty(2)
-    segment = len(evidence.rows) // N_SEGMENTS
-    lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.min_h, HALF * segment, segment, made)
-    return made
+    return lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.scoring())
 
 
 def crowd(evidence: Evidence, lane: FloatArray) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a stripe, 0 to 1."""
     places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
-    return float(lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h))
+    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h)
 
 
 def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:

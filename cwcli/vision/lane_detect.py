@@ -22,8 +22,9 @@ ROW_STEP = 0.5
 N_SEGMENTS = 9
 MAX_ROWS = 150
 COUNT: FloatArray = np.arange(float(MAX_ROWS))
-STRIPE = (0.04, 0.085, 0.08, 3.0, 0.07, 2.0)
+WINDOWS = (0.04, 0.085, 0.08)
 """The window of a stripe over the camera's height is 6 cm: narrower than any marking, as wide as a small raised dot."""
+FLOOR_GREY, RELATIVE, ROUGH = 3.0, 0.07, 2.0
 LOPSIDED = 0.3
 BESIDE = 0.5
 HALF = 0.3
@@ -67,6 +68,17 @@ class Evidence:
     horizon_px: float
     min_h: float
 
+    def scoring(self, *, beside: float = BESIDE) -> lane_ridge.Scoring:
+        """How lanes are judged on it; `beside`: weight of the neighbouring lanes' boundaries."""
+        segment = len(self.rows) // N_SEGMENTS
+        return {
+            "prior_weight": PRIOR_WEIGHT,
+            "min_h": self.min_h,
+            "beside": beside,
+            "half": HALF * segment,
+            "segment": segment,
+        }
+
 
 def rows_of(top_px: float, height_px: int) -> Int32Array:
     """Rows that are judged, evenly spaced from the top to the bottom of the road."""
@@ -91,10 +103,21 @@ def evidence_of(
     height, width = grey.shape
     size = 3 * len(rows) * width
     evidence = (np.empty(size, np.float32) if room is None else room[:size]).reshape(3, len(rows), width)
-    window, rest = STRIPE[:3], STRIPE[3:]
-    shape = np.array([*(stretch * each for each in window), *rest, LOPSIDED, DEAD, CROWDED])
+    inner, gap, side = (stretch * each for each in WINDOWS)
+    stripe: lane_stripes.Stripe = {
+        "inner": inner,
+        "gap": gap,
+        "side": side,
+        "floor_grey": FLOOR_GREY,
+        "relative": RELATIVE,
+        "rough": ROUGH,
+        "lopsided": LOPSIDED,
+        "dead": DEAD,
+        "crowded": CROWDED,
+    }
     reach, broad_reach = max(1, round(width / 320)), max(2, round(width / 128))
-    lane_stripes.stripes(np.ascontiguousarray(grey), rows, horizon_px, shape, reach, broad_reach, evidence)
+    grey = np.ascontiguousarray(grey)
+    lane_stripes.stripes(grey, rows, horizon_px, stripe, reach=reach, broad_reach=broad_reach, evidence=evidence)
     return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height)
 
 
@@ -121,20 +144,15 @@ def scan(
     places: FloatArray = np.asarray(place_step * (np.arange(-n, n) + 0.5), np.float64)
     depths: FloatArray = np.asarray(evidence.rows - evidence.horizon_px, np.float64)
     depths[depths < evidence.min_h] = -1.0
-    best = np.empty((len(vanishing), len(bends), 3))
-    lane_ridge.scan(
+    best = lane_ridge.scan(
         evidence.wide,
-        depths,
-        row_step,
-        vanishing,
-        bends,
-        places,
         np.ascontiguousarray(table),
-        PRIOR_WEIGHT,
-        BESIDE,
-        HALF * (len(depths) // N_SEGMENTS),
-        len(depths) // N_SEGMENTS,
-        best,
+        evidence.scoring(),
+        depths=depths,
+        step=row_step,
+        vanishing=vanishing,
+        bends=bends,
+        places=places,
     )
     lanes = np.empty((len(vanishing), len(bends), 5))
     lanes[..., VANISHING] = vanishing[:, None]
@@ -170,48 +188,28 @@ def refined(
     """
     width_px, height_px = size
     made = np.array(lanes, np.float64, ndmin=2)
-    value = np.empty(len(made))
     horizon = float(made[0, HORIZON]) if len(made) == 1 else float(made[:, HORIZON].mean())
     depth = height_px - horizon
     near, far, down = 0.012 * scale * width_px, 0.008 * scale * width_px, 0.008 * scale * height_px
     steps = np.array([near, near, far, far, down])
-    lane_ridge.refine(
+    value = lane_ridge.refine(
         evidence.wide if wide else evidence.sharp,
         evidence.broad,
         evidence.rows,
-        horizon + 0.6 * depth,
-        horizon + 0.15 * depth,
-        steps,
-        4 if wide else 6,
-        table,
-        PRIOR_WEIGHT,
-        evidence.min_h,
-        beside,
-        HALF * (len(evidence.rows) // N_SEGMENTS),
-        len(evidence.rows) // N_SEGMENTS,
         made,
-        value,
+        table,
+        evidence.scoring(beside=beside),
+        near_v=horizon + 0.6 * depth,
+        far_v=horizon + 0.15 * depth,
+        steps=steps,
+        halvings=4 if wide else 6,
     )
     return made, value
 
 
 def judged(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
     """Objective of lanes, the neighbouring lanes' boundaries included."""
-    value = np.empty(len(lanes))
-    lane_ridge.objective(
-        evidence.sharp,
-        evidence.broad,
-        evidence.rows,
-        lanes,
-        table,
-        PRIOR_WEIGHT,
-        evidence.min_h,
-        BESIDE,
-        HALF * (len(evidence.rows) // N_SEGMENTS),
-        len(evidence.rows) // N_SEGMENTS,
-        value,
-    )
-    return value
+    return lane_ridge.objective(evidence.sharp, evidence.broad, evidence.rows, lanes, table, evidence.scoring())
 
 
 def distinct(lanes: FloatArray, n: int) -> FloatArray:
@@ -311,8 +309,7 @@ def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tup
     for lane in made:
         for sign in (1.0, -1.0):
             own = lane[MIDDLE] - 0.5 * sign * lane[WIDTH]
-            values = np.empty((len(shifts), len(evidence.rows)))
-            lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.min_h, values)
+            values = lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.min_h)
             mean = np.maximum(values, 0.0).mean(axis=1)
             k = 1 + int(mean[1:].argmax())
             if mean[k] > INNER_SHARE * max(mean[0], INNER_LEAST) and mean[: k + 1].min() < 0.5 * mean[k]:

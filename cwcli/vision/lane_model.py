@@ -24,9 +24,10 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX
 
-VANISHING, MIDDLE, WIDTH, BEND, HORIZON = range(5)
+VANISHING, MIDDLE, WIDTH = lane_ridge.VANISHING, lane_ridge.MIDDLE, lane_ridge.WIDTH
+BEND, HORIZON = lane_ridge.BEND, lane_ridge.HORIZON
 """Places in the five numbers of a lane: u0 (px), middle, width (both over the camera's height), k (px^2), v0 (px)."""
-MEAN, SIGMA, LOW, HIGH = range(4)
+MEAN, SIGMA, LOW, HIGH = lane_ridge.MEAN, lane_ridge.SIGMA, lane_ridge.LOW, lane_ridge.HIGH
 """Columns of a prior."""
 
 LANE_WIDTH_M = (3.6, 0.22)
@@ -150,6 +151,5 @@ def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
 
     It is fitted at the samples from which `ground` takes the road back.
     """
-    made = np.empty((2, 3))
-    lane_ridge.parabolas(lane, top_row_px(lane, camera), camera.height_px, camera.width_px, made)
-    return made
+    top_px = top_row_px(lane, camera)
+    return lane_ridge.parabolas(lane, top_y=top_px, height=camera.height_px, width=camera.width_px)

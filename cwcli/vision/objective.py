@@ -58,10 +58,9 @@ def block_responses(grey: GreyImage) -> BlockResponses:
     """
     if grey.shape != (HEIGHT_PX, WIDTH_PX):
         raise ValueError(f"the image has shape {grey.shape} instead of {(HEIGHT_PX, WIDTH_PX)}")
-    left = np.zeros((len(WEIGHTS), N_BLOCKS, WIDTH_PX), np.int16)
-    right = np.zeros_like(left)
-    lane_search.block_responses(np.ascontiguousarray(grey), nine_times_road_grey(grey), left, right)
-    return BlockResponses(left, right)
+    return BlockResponses(
+        *lane_search.block_responses(np.ascontiguousarray(grey), nine_times_road_grey(grey), N_BLOCKS)
+    )
 
 
 def nine_times_road_grey(grey: GreyImage) -> int:
@@ -82,7 +81,7 @@ def objective(responses: ResponseArray, parabolas: FloatArray, *, is_left: bool)
     Returns:
         Grey levels, shape (n,), -inf where no block lies on the image; and the numbers of blocks, shape (n,).
     """
-    value, n_blocks = np.empty(len(parabolas)), np.empty(len(parabolas), np.int32)
-    lane_search.objective(responses, np.ascontiguousarray(parabolas, np.float64), is_left, value, n_blocks)
+    parabolas = np.ascontiguousarray(parabolas, np.float64)
+    value, n_blocks = lane_search.objective(responses, parabolas, is_left=is_left)
     value[n_blocks == 0] = -np.inf
     return value, n_blocks

@@ -28,7 +28,6 @@ DECIMALS = (4, 2, 0)
 FIRST_LEFT = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
 FIRST_RIGHT = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
 
-_POWERS = np.array([10.0**m for m in DECIMALS])
 _MASK_64 = (1 << 64) - 1
 
 
@@ -52,6 +51,21 @@ SECOND = Phase((6, 7, 7), 120, (0.003, 0.6, 60.0))
 THIRD = Phase((5, 5, 5), 25, (0.001, 0.15, 15.0))
 
 
+def genetic_of(phase: Phase) -> lane_search.Genetic:
+    """The kernel's settings of a phase."""
+    a, b, c = (10.0**m for m in DECIMALS)
+    return {
+        "bits": phase.bits,
+        "decimals": (a, b, c),
+        "generations": phase.generations,
+        "crossover_rate": CROSSOVER_RATE,
+        "mutation_rate": MUTATION_RATE,
+        "wheel_shift": WHEEL_SHIFT,
+        "with_centre": phase.reach is not None,
+        "min_blocks": MIN_BLOCKS,
+    }
+
+
 def phase_of(n_before: int) -> Phase:
     """The phase of a frame that follows `n_before` frames of the same run: 1st, 2nd to 6th, later ones."""
     if n_before == 0:
@@ -73,9 +87,7 @@ def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, i
         low, high: Shape (3,): the region.
         bits: Their lengths.
     """
-    made = np.empty(3)
-    lane_search.decode_code(int(code, 2), low, high, np.array(bits, np.int32), _POWERS, made)
-    return float(made[0]), float(made[1]), float(made[2])
+    return lane_search.decode_code(int(code, 2), low, high, genetic_of(Phase(bits, 0, None)))
 
 
 def crossover(first: str, second: str, points: tuple[int, int, int]) -> tuple[str, str]:
@@ -114,27 +126,16 @@ def search_boundary(
     else:
         centre, reach = np.array([previous.a, previous.b, previous.c]), np.array(phase.reach)
         low, high = centre - reach, centre + reach
-    made = np.empty(3)
-    score = lane_search.search(
+    (a, b, c), score = lane_search.search(
         responses,
-        is_left,
         low,
         high,
-        np.array(phase.bits, np.int32),
-        _POWERS,
-        phase.generations,
-        CROSSOVER_RATE,
-        MUTATION_RATE,
-        WHEEL_SHIFT,
-        phase.reach is not None,
-        MIN_BLOCKS,
-        seed & _MASK_64,
-        stream,
-        made,
+        genetic_of(phase),
+        is_left=is_left,
+        seed_state=seed & _MASK_64,
+        seed_stream=stream,
     )
-    if score <= 0.0:
-        return NOT_FOUND
-    return Boundary(float(made[0]), float(made[1]), float(made[2]), score, nan, True)
+    return Boundary(a, b, c, score, nan, True) if score > 0.0 else NOT_FOUND
 
 
 class Zhang2011Search:

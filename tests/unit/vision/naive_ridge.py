@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import lane_stripes
 from cwcli.signals.columns import FloatArray
 
 
@@ -21,9 +22,13 @@ def mean_between(row: FloatArray, start: float, end: float) -> float:
     return total / (end - start)
 
 
-def ridges(grey: npt.NDArray[np.uint8], rows: npt.NDArray[np.int32], horizon: float, shape: FloatArray) -> FloatArray:
+def ridges(
+    grey: npt.NDArray[np.uint8], rows: npt.NDArray[np.int32], horizon: float, stripe: lane_stripes.Stripe
+) -> FloatArray:
     """Evidence of a stripe centred at each pixel of the rows."""
-    inner_h, near_h, wide_h, floor, relative, rough, lopsided, dead, crowded = shape.tolist()
+    inner_h, near_h, wide_h = stripe["inner"], stripe["gap"], stripe["side"]
+    floor, relative, rough = stripe["floor_grey"], stripe["relative"], stripe["rough"]
+    lopsided, dead, crowded = stripe["lopsided"], stripe["dead"], stripe["crowded"]
     made = np.zeros((len(rows), grey.shape[1]))
     for i, v in enumerate(rows.tolist()):
         h = max(v - horizon, 1.0)

@@ -70,8 +70,9 @@ def judge(response, abc, *, is_left):
     return (total / (90.0 * n), n) if n else (-1e300, 0)
 
 
-def decode(code, low, high, bits, decimals):
+def decode(code, low, high, genetic):
     """Eq. 5, rounded."""
+    bits, decimals = genetic["bits"], genetic["decimals"]
     made, shift = [], sum(bits)
     for k in range(3):
         shift -= bits[k]
@@ -90,37 +91,22 @@ def crossover(first, second, points, n):
     return int(child, 2), int(other, 2)
 
 
-def search(
-    response,
-    is_left,
-    low,
-    high,
-    bits,
-    decimals,
-    generations,
-    crossover_rate,
-    mutation_rate,
-    shift,
-    with_centre,
-    min_blocks,
-    seed,
-    stream,
-):
+def search(response, low, high, genetic, *, is_left, seed_state, seed_stream):
     """The genetic search with chromosomes as strings; returns a, b, c and the objective."""
-    random, n, population = Pcg32(seed, stream), int(sum(bits)), 50
-    bits = [int(k) for k in bits]
+    bits, shift = genetic["bits"], genetic["wheel_shift"]
+    random, n, population = Pcg32(seed_state, seed_stream), sum(bits), 50
 
     def fitness_of(code):
-        value, n_blocks = judge(response, decode(code, low, high, bits, decimals), is_left=is_left)
-        return value if n_blocks >= min_blocks else -1e300
+        value, n_blocks = judge(response, decode(code, low, high, genetic), is_left=is_left)
+        return value if n_blocks >= genetic["min_blocks"] else -1e300
 
     parents = [random.draw() >> (32 - n) for _ in range(population)]
-    if with_centre:
+    if genetic["with_centre"]:
         parents[0] = int("".join("1" + "0" * (k - 1) for k in bits), 2)
     fitness = [fitness_of(code) for code in parents]
     best_value = max(fitness)
     best = parents[fitness.index(best_value)]
-    for _ in range(generations):
+    for _ in range(genetic["generations"]):
         wheel = np.cumsum([max(value + shift, 0.0) for value in fitness])
         children = []
         for _ in range(population):
@@ -130,7 +116,7 @@ def search(
             else:
                 children.append(parents[random.below(population)])
         for i in range(population):
-            if random.draw() < int(crossover_rate * 2**32):
+            if random.draw() < int(genetic["crossover_rate"] * 2**32):
                 points = []
                 while len(points) < 3:
                     point = 1 + random.below(n - 1)
@@ -139,7 +125,7 @@ def search(
                 after = (i + 1) % population
                 children[i], children[after] = crossover(children[i], children[after], sorted(points), n)
         for i in range(population):
-            if random.draw() < int(mutation_rate * 2**32):
+            if random.draw() < int(genetic["mutation_rate"] * 2**32):
                 children[i] ^= 1 << (n - 1 - random.below(n))
         parents, fitness = children, [fitness_of(code) for code in children]
         worst = fitness.index(min(fitness))
@@ -147,7 +133,7 @@ def search(
         if max(fitness) > best_value:
             best_value = max(fitness)
             best = parents[fitness.index(best_value)]
-    return (*decode(best, low, high, bits, decimals), best_value)
+    return tuple(decode(best, low, high, genetic)), best_value
 
 
 def block_responses(grey, nine_road, weights):

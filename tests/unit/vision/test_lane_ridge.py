@@ -16,15 +16,25 @@ from cwcli.vision.lane_model import HIGH, HORIZON, LOW, MEAN, SIGMA, LanePrior, 
 from tests.unit.vision import naive_ridge
 from tests.unit.vision.lane_scene import mounted
 
-SHAPE = np.array([0.065, 0.085, 0.08, 3.0, 0.07, 2.0, 0.3, 0.25, 0.07])
+STRIPE: lane_stripes.Stripe = {
+    "inner": 0.065,
+    "gap": 0.085,
+    "side": 0.08,
+    "floor_grey": 3.0,
+    "relative": 0.07,
+    "rough": 2.0,
+    "lopsided": 0.3,
+    "dead": 0.25,
+    "crowded": 0.07,
+}
 
 
 def test_evidence_equals_the_plain_twin() -> None:
     grey = np.ascontiguousarray(frame("complex", 3).grey[:, 60:180])
     rows = np.array([90, 120, 239], np.int32)
     made = np.empty((3, 3, 120), np.float32)
-    lane_stripes.stripes(grey, rows, 80.3, SHAPE, 2, 5, made)
-    np.testing.assert_allclose(made[0], naive_ridge.ridges(grey, rows, 80.3, SHAPE), atol=2e-4)
+    lane_stripes.stripes(grey, rows, 80.3, STRIPE, reach=2, broad_reach=5, evidence=made)
+    np.testing.assert_allclose(made[0], naive_ridge.ridges(grey, rows, 80.3, STRIPE), atol=2e-4)
     for reach, wide in zip((2, 5), made[1:], strict=True):
         np.testing.assert_array_equal(wide, naive_ridge.widened(made[0], reach))
 
@@ -34,16 +44,15 @@ def test_evidence_of_a_stripe_by_hand() -> None:
     grey = np.full((101, 101), 50, np.uint8)
     grey[:, 46:55] = 150
     made = np.empty((3, 1, 101), np.float32)
-    shape = SHAPE.copy()
-    shape[5] = 0.0  # no texture
-    shape[8] = 1e9  # no crowd
-    lane_stripes.stripes(grey, np.array([100], np.int32), 0.0, shape, 1, 2, made)
+    rows = np.array([100], np.int32)
+    stripe: lane_stripes.Stripe = {**STRIPE, "rough": 0.0, "crowded": 1e9}  # no texture, no crowd
+    lane_stripes.stripes(grey, rows, 0.0, stripe, reach=1, broad_reach=2, evidence=made)
     noise = 3.0 + 0.07 * 50
     assert made[0, 0, 50] == pytest.approx((100**2 / (100**2 + noise**2) - 0.25) / 0.75, abs=1e-6)
     assert made[0, 0, 20] == 0.0
     edge = np.full((101, 101), 50, np.uint8)
     edge[:, 50:] = 150  # bright on one side only
-    lane_stripes.stripes(edge, np.array([100], np.int32), 0.0, shape, 1, 2, made)
+    lane_stripes.stripes(edge, rows, 0.0, stripe, reach=1, broad_reach=2, evidence=made)
     assert made.max() == 0.0
 
 
@@ -75,11 +84,16 @@ def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None
     # stretch are by turns one more and one less than half of its rows.
     n = 9 * segment
     prior = np.array([[80.0, 10, 0, 160], [0.0, 1, -9, 9], [2.0, 1, 0.1, 9], [0.0, 1, -9, 9], [0.0, 1, -9, 9]])
-    depths, best = np.arange(n) * 0.1 + 5.0, np.empty((1, 1, 3))
-    one, half = np.ones(1), 0.3 * segment
-    places = 0.5 + np.arange(-4.0, 4.0)
-    lane_ridge.scan(
-        np.ones((n, 160), np.float32), depths, 2, 80.0 * one, 0.0 * one, places, prior, 0.0, 0.0, half, segment, best
+    half = 0.3 * segment
+    best = lane_ridge.scan(
+        np.ones((n, 160), np.float32),
+        prior,
+        {"prior_weight": 0.0, "min_h": 0.0, "beside": 0.0, "half": half, "segment": segment},
+        depths=np.arange(n) * 0.1 + 5.0,
+        step=2,
+        vanishing=np.array([80.0]),
+        bends=np.zeros(1),
+        places=0.5 + np.arange(-4.0, 4.0),
     )
     rows = [len(range(start + start % 2, start + segment, 2)) for start in range(0, n, segment)]
     assert best[0, 0, 0] == pytest.approx(2.0 * np.mean([k / (k + half / 2) for k in rows]))
@@ -112,8 +126,7 @@ def test_supports_equal_the_plain_twin() -> None:
     ],
 )
 def test_parabolas_are_those_of_least_squares(lane: tuple[float, ...]) -> None:
-    made = np.empty((2, 3))
-    lane_ridge.parabolas(np.array(lane), 120.0, 240.0, 320.0, made)
+    made = lane_ridge.parabolas(np.array(lane), top_y=120.0, height=240.0, width=320.0)
     for side in range(2):
         plain = naive_ridge.parabola(np.array(lane), side, 120.0, 240, 320)
         np.testing.assert_allclose(made[side], plain, rtol=1e-7, atol=1e-9)

@@ -12,7 +12,16 @@ from cwcli.vision.zhang2011 import FIRST, SECOND, THIRD, search_boundary
 from tests.unit.vision import naive_search as naive
 from tests.unit.vision.scenes import LEFT, RIGHT, road_image
 
-POWERS = np.array([1e4, 1e2, 1.0])
+GENETIC: lane_search.Genetic = {
+    "bits": (6, 7, 7),
+    "decimals": (1e4, 1e2, 1.0),
+    "generations": 6,
+    "crossover_rate": 0.45,
+    "mutation_rate": 0.3,
+    "wheel_shift": 20.0,
+    "with_centre": False,
+    "min_blocks": 30,
+}
 
 
 def test_twin_draws_the_numbers_of_the_pcg_reference_demo() -> None:
@@ -35,45 +44,33 @@ def test_search_equals_its_twin_bit_for_bit(is_left: bool, with_centre: bool, se
     responses = block_responses(road_image(LEFT, RIGHT))
     response = responses.left if is_left else responses.right
     centre, reach = np.array(LEFT if is_left else RIGHT), np.array([0.003, 0.6, 60.0])
-    bits = np.array([6, 7, 7], np.int32)
-    arguments = (
-        response,
-        is_left,
-        centre - reach,
-        centre + reach,
-        bits,
-        POWERS,
-        6,
-        0.45,
-        0.3,
-        20.0,
-        with_centre,
-        30,
-        seed,
-        7,
-    )
-    made = np.empty(3)
-    value = lane_search.search(*arguments, made)
-    assert (*made, value) == naive.search(*arguments)
+    genetic: lane_search.Genetic = {**GENETIC, "with_centre": with_centre}
+    arguments = (response, centre - reach, centre + reach, genetic)
+    found = lane_search.search(*arguments, is_left=is_left, seed_state=seed, seed_stream=7)
+    assert found == naive.search(*arguments, is_left=is_left, seed_state=seed, seed_stream=7)
 
 
 def test_search_of_a_black_image_draws_uniformly_and_equals_its_twin() -> None:
     response = block_responses(np.zeros((240, 320), np.uint8)).left
-    low, high, bits = np.array([-0.005, 0.3, -100.0]), np.array([0.005, 2.3, 150.0]), np.array([7, 8, 8], np.int32)
-    arguments = (response, True, low, high, bits, POWERS, 4, 0.45, 0.05, 0.0, False, 1, 3, 1)
-    made = np.empty(3)
-    value = lane_search.search(*arguments, made)
-    assert (*made, value) == naive.search(*arguments)
-    assert value == 0.0
+    low, high = np.array([-0.005, 0.3, -100.0]), np.array([0.005, 2.3, 150.0])
+    genetic: lane_search.Genetic = {
+        **GENETIC,
+        "bits": (7, 8, 8),
+        "generations": 4,
+        "mutation_rate": 0.05,
+        "wheel_shift": 0.0,
+        "min_blocks": 1,
+    }
+    found = lane_search.search(response, low, high, genetic, is_left=True, seed_state=3, seed_stream=1)
+    assert found == naive.search(response, low, high, genetic, is_left=True, seed_state=3, seed_stream=1)
+    assert found[1] == 0.0
 
 
 def test_search_refuses_a_chromosome_that_does_not_fit() -> None:
     response = block_responses(np.zeros((240, 320), np.uint8)).left
-    bits = np.array([12, 12, 12], np.int32)
+    genetic: lane_search.Genetic = {**GENETIC, "bits": (12, 12, 12)}
     with pytest.raises(ValueError, match="36 bits"):
-        lane_search.search(
-            response, True, np.zeros(3), np.ones(3), bits, POWERS, 1, 0.5, 0.5, 0.0, False, 1, 0, 0, np.empty(3)
-        )
+        lane_search.search(response, np.zeros(3), np.ones(3), genetic, is_left=True, seed_state=0, seed_stream=0)
 
 
 @pytest.mark.parametrize("is_left", [True, False])
