@@ -1,32 +1,36 @@
-"""The channels of `lanes`: numbers, annotations for viewers, and frames with the lines burnt in."""
+"""`cwcli.v1.Lanes`: the lane boundaries of each frame; drawn for viewers, and burnt into the frames."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.lens import lens_fields
+from cwcli.channels.image_lines import LINE_STRIP, Shape, line_thickness_px, write_image_lines
+from cwcli.channels.lens import Lenses, lens_fields
+from cwcli.channels.output import output
 from cwcli.channels.painted_frames import StartImages, painted_channel
 from cwcli.channels.published import LANE_LINES, LANES
-from cwcli.signals.columns import (
-    FloatArray,
-    Int64Array,
-    OutputChannel,
-    OutputField,
-    Repeated,
-    StreamedChannel,
-)
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, StreamedChannel
+from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.vision.camera import Camera
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import GeometrySigmas, LaneGeometry
 from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
 from cwcli.vision.raw_images import Image
 
-LINE_STRIP = 3  # foxglove.PointsAnnotation.Type
-PIXELS_PER_THICKNESS = 320.0
+SIDES = ("left", "right")
+PARABOLA = ("a", "b", "c")
+ROAD_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
+"""A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
+PREVIEW = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
+PREVIEW_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
+ROAD_FIELDS = ("stamp_ns", *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)))
+"""All that the place of the boundaries on the road takes."""
+PREVIEW_FIELDS = ("stamp_ns", *PREVIEW, *PREVIEW_SIGMAS, "preview_distance_m", "camera_yaw_sigma_rad")
+"""All that the preview point takes."""
 
 
 @dataclass(frozen=True)
@@ -64,18 +68,18 @@ class LaneFrames:
         return len(self.index)
 
 
-def lanes_channel(frames: LaneFrames) -> OutputChannel:
+def write_lanes(frames: LaneFrames) -> OutputChannel:
     """`cwcli.v1.Lanes`, one message a frame."""
-    geometry = frames.geometry
-    fields: dict[str, OutputField] = {"stamp_ns": frames.stamp_ns}
-    for side, (name, body) in enumerate((("left", geometry.left_body), ("right", geometry.right_body))):
-        for k, parameter in enumerate("abc"):
-            fields[f"{name}.{parameter}"] = frames.fits.parabolas[:, side, k]
-        fields[f"{name}.score"] = frames.fits.score[:, side]
-        fields[f"{name}.probability"] = frames.fits.probability[:, side]
-        fields[f"{name}.found"] = frames.fits.found[:, side]
-        for k, parameter in enumerate(("lateral_m", "slope", "ground_curvature_1pm")):
-            fields[f"{name}.{parameter}"] = body[:, k]
+    geometry, fits, n = frames.geometry, frames.fits, len(frames)
+    fields: dict[str, Field] = {"stamp_ns": frames.stamp_ns}
+    for k, (side, road) in enumerate(zip(SIDES, (geometry.left_body, geometry.right_body), strict=True)):
+        fields |= {f"{side}.{name}": fits.parabolas[:, k, i] for i, name in enumerate(PARABOLA)}
+        fields |= {f"{side}.{name}": road[:, i] for i, name in enumerate(ROAD_LINE)}
+        fields |= {
+            f"{side}.score": fits.score[:, k],
+            f"{side}.probability": fits.probability[:, k],
+            f"{side}.found": fits.found[:, k],
+        }
     fields |= {
         "lateral_deviation_m": geometry.lateral_deviation_m,
         "heading_deviation_rad": geometry.heading_deviation_rad,
@@ -83,7 +87,7 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
         "lateral_deviation_sigma_m": geometry.lateral_deviation_sigma_m,
         "heading_deviation_sigma_rad": geometry.heading_deviation_sigma_rad,
         "curvature_sigma_1pm": geometry.curvature_sigma_1pm,
-        "preview_distance_m": np.full(len(frames), frames.preview_m),
+        "preview_distance_m": np.full(n, frames.preview_m),
         "search_width_px": frames.search_size[:, 0],
         "search_height_px": frames.search_size[:, 1],
         "lane_width_m": geometry.lane_width_m,
@@ -91,45 +95,128 @@ def lanes_channel(frames: LaneFrames) -> OutputChannel:
         "camera_yaw_rad": frames.camera_yaw_rad,
         "image_width_px": frames.image_size[:, 0],
         "image_height_px": frames.image_size[:, 1],
-        "camera_yaw_sigma_rad": np.full(len(frames), GeometrySigmas().yaw_rad),
+        "camera_yaw_sigma_rad": np.full(n, GeometrySigmas().yaw_rad),
         "horizon_px": frames.horizon_px,
     }
     if frames.rectified_from is not None:
         fields |= lens_fields(frames.rectified_from, frames.image_size)
-    return OutputChannel(LANES.topic, "cwcli.v1.Lanes", frames.log_time_ns, fields)
+    return output(LANES, frames.log_time_ns, fields)
 
 
-def annotations_channel(frames: LaneFrames) -> StreamedChannel:
-    """`foxglove.ImageAnnotations` in the pixels of the camera's image: one line a boundary that was found.
+@dataclass(frozen=True)
+class LaneRows:
+    """Frames of a channel of lanes, n rows in log-time order; NaN, or 0, for what it does not tell.
 
-    The time is that of the frame, by which viewers put both together.
+    Attributes:
+        topic: Of the channel.
+        log_time_ns, stamp_ns: Shape (n,).
+        found: Shape (n, 2): left, right.
+        parabolas: Shape (n, 2, 3): a, b, c in the pixels of the searched image; NaN where not found.
+        road: Shape (n, 2, 3): `ROAD_LINE`.
+        preview, preview_sigma: Shape (n, 3): `PREVIEW` and its sigmas.
+        preview_m, lane_width_m, horizon_px, camera_pitch_rad, camera_yaw_rad, camera_yaw_sigma_rad: Shape (n,).
+        image_size, search_size: Shape (n, 2): width and height of the camera's image and of the searched one, pixels.
+        lenses: For what was rectified before the search.
     """
 
-    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
-        at = slice(start, stop)
-        points, is_in = _points(frames, at)
-        has_line = is_in.sum(axis=2) > 1
-        lines_of = np.concatenate([[0], np.cumsum(has_line.sum(axis=1))])
-        frame_of, side_of = np.nonzero(has_line)
-        used = is_in & has_line[..., None]
-        points_of = np.concatenate([[0], np.cumsum(used.sum(axis=2)[frame_of, side_of])])
-        colours = np.array([LEFT_RGB, RIGHT_RGB])[side_of]
-        lines: dict[str, OutputField] = {
-            "timestamp": frames.stamp_ns[at][frame_of],
-            "type": np.full(len(frame_of), LINE_STRIP),
-            "points": Repeated(points_of.astype(np.int64), {"x": points[used][:, 0], "y": points[used][:, 1]}),
-            "outline_color.r": colours[:, 0],
-            "outline_color.g": colours[:, 1],
-            "outline_color.b": colours[:, 2],
-            "outline_color.a": np.ones(len(frame_of)),
-            "thickness": np.maximum(frames.image_size[at][frame_of, 0] / PIXELS_PER_THICKNESS, 2.0),
-        }
-        return {"points": Repeated(lines_of.astype(np.int64), lines)}
+    topic: str
+    log_time_ns: Int64Array
+    stamp_ns: Int64Array
+    found: npt.NDArray[np.bool_]
+    parabolas: FloatArray
+    road: FloatArray
+    preview: FloatArray
+    preview_sigma: FloatArray
+    preview_m: FloatArray
+    lane_width_m: FloatArray
+    horizon_px: FloatArray
+    camera_pitch_rad: FloatArray
+    camera_yaw_rad: FloatArray
+    camera_yaw_sigma_rad: FloatArray
+    image_size: Int64Array
+    search_size: Int64Array
+    lenses: Lenses
 
-    return StreamedChannel(LANE_LINES.topic, "foxglove.ImageAnnotations", frames.log_time_ns, rows=rows)
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    def lines(self, row: int, image_size: tuple[int, int], horizon_px: float | None = None) -> list[FloatArray]:
+        """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.
+
+        Args:
+            row: Of the frame; its search size is known.
+            image_size: Width and height of the image.
+            horizon_px: Row of the horizon in the searched image; None: as the channel tells.
+        """
+        camera = self.lenses.camera(row)
+        if camera is not None and (camera.width_px, camera.height_px) != image_size:
+            camera = camera.resized(*image_size)
+        horizon = self.horizon_px[row] if horizon_px is None else horizon_px
+        width_px, height_px = self.search_size[row].tolist()
+        points, is_in = line_points(self.parabolas[row : row + 1], (width_px, height_px), image_size, horizon, camera)
+        return [points[0, side][is_in[0, side]] for side in range(2)]
 
 
-def rendered_channel(frames: LaneFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
+def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
+    """The frames of a channel, or of a truth of it.
+
+    Args:
+        columns: The channel, whole or in part.
+        required: Fields that must be there.
+
+    Raises:
+        DataError: One is not.
+    """
+
+    def side_by_side(*names: str) -> FloatArray:
+        return np.stack([numbers(columns, name, required=name in required) for name in names], axis=-1)
+
+    def size(what: str) -> Int64Array:
+        return np.stack([whole_numbers(columns, f"{what}_{side}_px")[0] for side in ("width", "height")], axis=-1)
+
+    def of_sides(names: Sequence[str]) -> FloatArray:
+        return np.stack([side_by_side(*(f"{side}.{name}" for name in names)) for side in SIDES], axis=1)
+
+    found = of_sides(["found"])[..., 0] > 0.0
+    return LaneRows(
+        topic=columns.topic,
+        log_time_ns=columns.log_time_ns,
+        stamp_ns=whole_numbers(columns, "stamp_ns", required="stamp_ns" in required)[0],
+        found=found,
+        parabolas=np.where(found[..., None], of_sides(PARABOLA), np.nan),
+        road=of_sides(ROAD_LINE),
+        preview=side_by_side(*PREVIEW),
+        preview_sigma=side_by_side(*PREVIEW_SIGMAS),
+        preview_m=side_by_side("preview_distance_m")[:, 0],
+        lane_width_m=numbers(columns, "lane_width_m"),
+        horizon_px=numbers(columns, "horizon_px"),
+        camera_pitch_rad=numbers(columns, "camera_pitch_rad"),
+        camera_yaw_rad=numbers(columns, "camera_yaw_rad"),
+        camera_yaw_sigma_rad=numbers(columns, "camera_yaw_sigma_rad"),
+        image_size=size("image"),
+        search_size=size("search"),
+        lenses=Lenses(columns),
+    )
+
+
+def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
+    """The boundaries that were found, as lines in the pixels of the camera's image."""
+
+    def shapes(start: int, stop: int) -> list[list[Shape]]:
+        points, is_in = _points(frames, slice(start, stop))
+        return [
+            [
+                Shape(LINE_STRIP, line[inside], (*colour, 1.0), None, line_thickness_px(width_px))
+                for line, inside, colour in zip(lines, insides, (LEFT_RGB, RIGHT_RGB), strict=True)
+                if inside.sum() > 1
+            ]
+            for lines, insides, width_px in zip(points, is_in, frames.image_size[start:stop, 0], strict=True)
+        ]
+
+    return write_image_lines(LANE_LINES, stamp_ns=frames.stamp_ns, log_time_ns=frames.log_time_ns, shapes=shapes)
+
+
+def write_lane_frames(frames: LaneFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
     """The camera's frames with the lines burnt in, as JPEG `foxglove.CompressedImage`, made while they are written.
 
     Args:
@@ -159,11 +246,11 @@ def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.b
     """`line_points` of some rows, whatever their image sizes."""
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_POINTS, 2)), np.zeros((len(sizes), 2, N_POINTS), np.bool_)
-    fits, horizon_px = frames.fits[at], frames.horizon_px[at]
+    parabolas, horizon_px = frames.fits.parabolas[at], frames.horizon_px[at]
     for size in np.unique(sizes, axis=0):
         rows = np.flatnonzero((sizes == size).all(axis=1))
         search_w, search_h, image_w, image_h = size.tolist()
         camera = None if frames.rectified_from is None else frames.rectified_from(image_w, image_h)
-        made = line_points(fits[rows], (search_w, search_h), (image_w, image_h), horizon_px[rows], camera)
+        made = line_points(parabolas[rows], (search_w, search_h), (image_w, image_h), horizon_px[rows], camera)
         points[rows], is_in[rows] = made
     return points, is_in

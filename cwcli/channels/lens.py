@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, Int64Array, OutputField, Strings
+from cwcli.signals.columns import Columns, Field, Int64Array, Strings
 from cwcli.signals.leaves import numbers, row_of
 from cwcli.vision.camera import Camera, Mounting, coefficients_of
 
@@ -16,7 +16,7 @@ INTRINSICS = ("fx", "fy", "cx", "cy")
 _Key = tuple[tuple[float, ...], float, str, tuple[float, ...], tuple[int, int]]
 
 
-def lens_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array) -> dict[str, OutputField]:
+def lens_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array) -> dict[str, Field]:
     """The columns of the lens.
 
     Args:
@@ -26,7 +26,7 @@ def lens_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array)
     sizes, of_size = np.unique(image_size, axis=0, return_inverse=True)
     cameras = [camera_of(*size) for size in sizes.tolist()]
     at = of_size.reshape(-1)
-    fields: dict[str, OutputField] = {
+    fields: dict[str, Field] = {
         f"{FIELD}.{name}": np.array([getattr(camera, name) for camera in cameras])[at] for name in INTRINSICS
     }
     model = cameras[0].distortion_model

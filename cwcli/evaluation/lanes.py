@@ -8,34 +8,31 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import is_truth_topic
-from cwcli.channels.lens import Lenses
+from cwcli.channels.lanes import SIDES, LaneRows, read_lanes
 from cwcli.channels.published import LANES
 from cwcli.logs.channel import ChannelInfo
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, width_stability
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.leaves import numbers, row_of, stamps, whole_numbers
+from cwcli.signals.leaves import row_of, stamps
+from cwcli.signals.rows import Rows
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import HIGHEST
 from cwcli.vision.overlay import HORIZON_GAP, MIN_GAP_PX
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
-LANES_SCHEMA = "cwcli.v1.Lanes"
-SIDES = ("left", "right")
-GROUND_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
-"""A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
 MATCH_NS = 5_000_000
 """A label and a frame are of one image if their stamps differ by no more."""
 PREVIEW_ATOL_M = 1e-6
 MOST_ROWS = 4096
 
-PREVIEW_METRICS: dict[str, tuple[str, float]] = {
-    "lateral_deviation_m": ("lanes.lateral_deviation_rmse_m", 1.0),
-    "heading_deviation_rad": ("lanes.heading_deviation_rmse_deg", math.degrees(1.0)),
-    "curvature_1pm": ("lanes.curvature_rmse_1pm", 1.0),
-}
-"""Quantity at the preview point -> metric, and its unit's size in that of the metric."""
+PREVIEW_METRICS = (
+    ("lanes.lateral_deviation_rmse_m", 1.0),
+    ("lanes.heading_deviation_rmse_deg", math.degrees(1.0)),
+    ("lanes.curvature_rmse_1pm", 1.0),
+)
+"""Of each quantity at the preview point the metric, and the size of its unit in that of the metric."""
 GROUND_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
 """Where the truth of a rendered road tells the boundaries' places, and the metrics are of them."""
 
@@ -47,14 +44,14 @@ def add_lanes(headline: Headline, log: Log, *, with_truth: bool) -> None:
     """Add the metrics of the lanes channel; nothing if the log has none."""
     if all(channel.topic != LANES.topic for channel in log.channels):
         return
-    columns = log.columns(LANES.topic)
-    if not len(columns):
+    lanes = read_lanes(log.columns(LANES.topic))
+    if not len(lanes):
         return
-    found = np.stack([numbers(columns, f"{side}.found") > 0.0 for side in SIDES], axis=1)
+    found = lanes.found
     headline.share("lanes.found_share", found[:, 0] & found[:, 1])
     for k, side in enumerate(SIDES):
         headline.share(f"lanes.{side}_found_share", found[:, k])
-    width = width_stability(numbers(columns, "lane_width_m"))
+    width = width_stability(lanes.lane_width_m)
     if width.n:
         headline.add("lanes.width_std_m", width.std_m**2 * width.n, width.n)
         headline.add("lanes.width_near_share", width.share_near * width.n, width.n)
@@ -63,44 +60,41 @@ def add_lanes(headline: Headline, log: Log, *, with_truth: bool) -> None:
     if with_truth:
         for channel in log.channels:
             if is_truth_topic(channel.topic):
-                _add_truth(headline, log, channel, columns, found)
+                _add_truth(headline, log, channel, lanes)
 
 
-def _add_truth(
-    headline: Headline, log: Log, channel: ChannelInfo, columns: Columns, found: npt.NDArray[np.bool_]
-) -> None:
+def _add_truth(headline: Headline, log: Log, channel: ChannelInfo, lanes: LaneRows) -> None:
     """Compare with a truth channel, if it is one of lanes and the first of its kind."""
     names = {row[1] for row in headline.rows}
-    if channel.schema_name == LANES_SCHEMA and "lanes.lateral_deviation_rmse_m" not in names:
-        truth = log.columns(channel.topic)
-        for quantity, (name, scale) in PREVIEW_METRICS.items():
-            headline.errors(name, scale * _preview_errors(columns, truth, quantity))
+    if channel.schema_name == LANES.schema and "lanes.lateral_deviation_rmse_m" not in names:
+        error = _preview_errors(lanes, read_lanes(log.columns(channel.topic)))
+        for k, (name, scale) in enumerate(PREVIEW_METRICS):
+            headline.errors(name, scale * error[:, k])
     if channel.message_encoding == "json" and "lanes.truth_accuracy" not in names:
         truth = log.columns(channel.topic)
         if "h_samples" in truth.fields and "lanes" in truth.fields:
-            _add_labels(headline, columns, found, truth)
-            _add_places(headline, columns, found, truth)
+            label_ns, has_stamp = stamps(truth)
+            matched = _matches(lanes.stamp_ns, np.where(has_stamp, label_ns, truth.log_time_ns))
+            _add_labels(headline, lanes, truth, *matched)
+            _add_places(headline, lanes, truth, *matched)
 
 
-def _preview_errors(columns: Columns, truth: Columns, quantity: str) -> FloatArray:
-    """A quantity minus the truth's, at the frames that both have and at the same preview distance."""
-    ours_ns, theirs_ns = whole_numbers(columns, "stamp_ns")[0], whole_numbers(truth, "stamp_ns")[0]
-    mine, other = _matches(ours_ns, theirs_ns)
-    preview = numbers(columns, "preview_distance_m")[mine] - numbers(truth, "preview_distance_m")[other]
-    error = numbers(columns, quantity)[mine] - numbers(truth, quantity)[other]
-    return np.where(np.abs(preview) <= PREVIEW_ATOL_M, error, np.nan)
+def _preview_errors(lanes: LaneRows, truth: LaneRows) -> FloatArray:
+    """The quantities minus the truth's, shape (n, 3), at the frames that both have and at the same preview distance."""
+    mine, other = _matches(lanes.stamp_ns, truth.stamp_ns)
+    is_same_point = np.abs(lanes.preview_m[mine] - truth.preview_m[other]) <= PREVIEW_ATOL_M
+    return np.where(is_same_point[:, None], lanes.preview[mine] - truth.preview[other], np.nan)
 
 
-def _add_places(headline: Headline, columns: Columns, found: npt.NDArray[np.bool_], truth: Columns) -> None:
+def _add_places(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows, other: Rows) -> None:
     """Places of both boundaries on the road against a rendered truth, which tells them at some distances."""
-    label_ns, has_stamp = stamps(truth)
-    mine, other = _matches(whole_numbers(columns, "stamp_ns")[0], np.where(has_stamp, label_ns, truth.log_time_ns))
     errors: dict[float, list[float]] = {distance_m: [] for distance_m in GROUND_DISTANCES_M}
     for k, side in enumerate(SIDES):
         if "ground_x_m" not in truth.fields or f"ground_{side}_y_m" not in truth.fields:
             return
-        places, slope, bend = (numbers(columns, f"{side}.{name}") for name in GROUND_LINE)
-        for row, label in zip(mine[found[mine, k]].tolist(), other[found[mine, k]].tolist(), strict=True):
+        places, slope, bend = lanes.road[:, k].T
+        is_found = lanes.found[mine, k]
+        for row, label in zip(mine[is_found].tolist(), other[is_found].tolist(), strict=True):
             x_m, y_m = (row_of(truth.fields[name], label) for name in ("ground_x_m", f"ground_{side}_y_m"))
             for distance_m, true_m in zip(x_m.tolist(), y_m.tolist(), strict=False):
                 if distance_m in errors:
@@ -110,7 +104,7 @@ def _add_places(headline: Headline, columns: Columns, found: npt.NDArray[np.bool
         headline.errors(f"lanes.lateral_{distance_m:g}m_rmse_m", np.array(found_errors))
 
 
-def _matches(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _matches(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[Rows, Rows]:
     """Rows of the same image in both."""
     if not len(ours_ns) or not len(theirs_ns):
         none = np.zeros(0, np.intp)
@@ -126,29 +120,20 @@ def _matches(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[npt.NDArray[np
     return np.flatnonzero(near), order[nearest[near]]
 
 
-def _add_labels(headline: Headline, columns: Columns, found: npt.NDArray[np.bool_], truth: Columns) -> None:
+def _add_labels(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows, other: Rows) -> None:
     """TuSimple's scores against the two labelled lines beside the camera's axis."""
-    label_ns, has_stamp = stamps(truth)
-    mine, other = _matches(whole_numbers(columns, "stamp_ns")[0], np.where(has_stamp, label_ns, truth.log_time_ns))
-    parabolas = np.stack([[numbers(columns, f"{side}.{k}") for k in "abc"] for side in SIDES]).transpose(2, 0, 1)
-    sizes = np.stack(
-        [
-            numbers(columns, name)
-            for name in ("search_width_px", "search_height_px", "image_width_px", "image_height_px")
-        ],
-        axis=1,
-    )
-    horizon_px, lenses = numbers(columns, "horizon_px"), Lenses(columns)
+    sizes = np.concatenate([lanes.search_size, lanes.image_size], axis=1)
     scores: list[TuSimpleScore] = []
     for row, label in zip(mine.tolist(), other.tolist(), strict=True):
         rows_px, flat = row_of(truth.fields["h_samples"], label), row_of(truth.fields["lanes"], label)
-        if not len(rows_px) or len(flat) % len(rows_px) or not (sizes[row] > 0.0).all():
+        if not len(rows_px) or len(flat) % len(rows_px) or not (sizes[row] > 0).all():
             continue
         search_w, search_h, image_w, image_h = sizes[row].tolist()
         beside = ego_lanes(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
         image = search_w, search_h, image_w, image_h
-        lines = _lines(parabolas[row], rows_px, image, float(horizon_px[row]), lenses.camera(row))
-        scores.append(tusimple_score([lines[k] for k in np.flatnonzero(found[row])], beside, rows_px))
+        horizon_px, lens = float(lanes.horizon_px[row]), lanes.lenses.camera(row)
+        lines = _lines(lanes.parabolas[row], rows_px, image, horizon_px, lens)
+        scores.append(tusimple_score([lines[k] for k in np.flatnonzero(lanes.found[row])], beside, rows_px))
     if scores:
         headline.errors("lanes.truth_accuracy", np.array([score.accuracy for score in scores]))
         headline.errors("lanes.truth_false_share", np.array([score.false_positive for score in scores]))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.channels.lanes import LaneRows, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states
@@ -68,7 +69,7 @@ class Drive:
         others: The other vehicles, in order of id first seen.
         measured: The ego's own measurements, as the estimator reads them.
         warnings: The warnings, None where the stage did not run.
-        lanes: The lanes channel, None likewise.
+        lanes: The lanes, None likewise.
         rule: Settings of the warnings.
         records: Stage -> its metadata record.
         camera: Topic of the camera frames, or "".
@@ -82,7 +83,7 @@ class Drive:
     others: tuple[OtherTrack, ...]
     measured: tuple[Measurements, ...]
     warnings: WarningRows | None
-    lanes: Columns | None
+    lanes: LaneRows | None
     rule: WarningConfig
     records: Mapping[str, Mapping[str, str]]
     camera: str
@@ -147,7 +148,7 @@ def read_drive(log: Log) -> Drive:
         others=tuple(others),
         measured=measured,
         warnings=read_warnings(columns[WARNINGS.topic]) if WARNINGS.topic in columns else None,
-        lanes=columns.get(LANES.topic),
+        lanes=read_lanes(columns[LANES.topic]) if LANES.topic in columns else None,
         rule=rule_of(warn),
         records=records,
         camera=_camera(log, records),

@@ -9,16 +9,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from cwcli.channels.lens import Lenses
+from cwcli.channels.lanes import LaneRows
 from cwcli.errors import CwcliError
 from cwcli.logs.frames import Frame
 from cwcli.logs.log import Log
 from cwcli.report.drive import Drive
-from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.leaves import numbers
-from cwcli.vision.fit_columns import FitColumns
+from cwcli.signals.columns import FloatArray
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames
-from cwcli.vision.overlay import burn_in, line_points
+from cwcli.vision.overlay import burn_in
 from cwcli.vision.raw_images import Image
 from cwcli.vision.video import VIDEO_FORMATS
 
@@ -58,13 +56,12 @@ def thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[i
         return {}, ""
     found: dict[int, Thumbnail] = {}
     rejected = ""
-    lanes = _Lanes(drive.lanes)
     try:
         for wanted, decoded in _nearest(log, drive.camera, sorted(set(wanted_ns))):
             if decoded.image is None:
                 rejected = f"some camera frames could not be decoded: {decoded.rejected}"
             else:
-                found[wanted] = _thumbnail(decoded.image, decoded.stamp_ns, lanes)
+                found[wanted] = _thumbnail(decoded.image, decoded.stamp_ns, drive.lanes)
     except CwcliError as error:
         return found, f"the camera frames can't be shown: {error.what}"
     return found, rejected
@@ -113,61 +110,22 @@ def _stamp_ns(frame: Frame) -> int:
     return frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns
 
 
-class _Lanes:
-    """The lanes channel by the stamp of the frame."""
-
-    def __init__(self, columns: Columns | None) -> None:
-        self._stamps: Int64Array = np.zeros(0, np.int64)
-        if columns is None or not len(columns):
-            return
-        sides = []
-        for side in ("left", "right"):
-            values = [columns.fields.get(f"{side}.{name}") for name in ("a", "b", "c", "found")]
-            if not all(isinstance(each, np.ndarray) for each in values):
-                return
-            sides.append(np.column_stack([np.asarray(each, np.float64) for each in values]))
-        sizes = [columns.fields.get(f"search_{name}_px") for name in ("width", "height")]
-        stamps = columns.fields.get("stamp_ns")
-        if not isinstance(stamps, np.ndarray) or not all(isinstance(each, np.ndarray) for each in sizes):
-            return
-        order = np.argsort(stamps.astype(np.int64), kind="stable")
-        self._stamps = stamps.astype(np.int64)[order]
-        self._sides = np.stack(sides, axis=1)[order]
-        self._sizes = np.column_stack([np.asarray(each, np.int64) for each in sizes])[order]
-        self._horizon_px = numbers(columns, "horizon_px")[order]
-        self._order, self._lenses = order, Lenses(columns)
-
-    def lines(self, stamp_ns: int, width_px: int, height_px: int) -> list[FloatArray] | None:
-        """The left and the right boundary in the pixels of an image; None where the frame was not searched."""
-        row = int(np.searchsorted(self._stamps, stamp_ns))
-        if row >= len(self._stamps) or self._stamps[row] != stamp_ns or not (self._sizes[row] > 1).all():
-            return None
-        abc, found = self._sides[row, :, :3], self._sides[row, :, 3] > 0.0
-        nothing = np.full((1, 2), np.nan)
-        fit = FitColumns(
-            parabolas=np.where(found[:, None], abc, np.nan)[None],
-            score=nothing,
-            probability=nothing,
-            found=found[None],
-            covariance=np.full((1, 2, 3, 3), np.nan),
-            pitch_rad=nothing[:, 0],
-            yaw_rad=nothing[:, 0],
-        )
-        search = (int(self._sizes[row, 0]), int(self._sizes[row, 1]))
-        camera = self._lenses.camera(int(self._order[row]))
-        camera = None if camera is None else camera.resized(width_px, height_px)
-        points, is_in = line_points(fit, search, (width_px, height_px), self._horizon_px[row : row + 1], camera)
-        return [points[0, side][is_in[0, side]] for side in range(2)]
+def _lines(lanes: LaneRows | None, stamp_ns: int, size: tuple[int, int]) -> list[FloatArray] | None:
+    """The left and the right boundary in the pixels of an image; None where the frame was not searched."""
+    if lanes is None:
+        return None
+    rows = np.flatnonzero(lanes.stamp_ns == stamp_ns)[:1].tolist()
+    return next((lanes.lines(row, size) for row in rows if (lanes.search_size[row] > 1).all()), None)
 
 
-def _thumbnail(image: Image, stamp_ns: int, lanes: _Lanes) -> Thumbnail:
+def _thumbnail(image: Image, stamp_ns: int, lanes: LaneRows | None) -> Thumbnail:
     import cv2
 
     height_px = max(1, round(image.shape[0] * WIDTH_PX / image.shape[1]))
     small = np.asarray(cv2.resize(image, (WIDTH_PX, height_px), interpolation=cv2.INTER_AREA), np.uint8)
     if small.ndim == 2:
         small = np.repeat(small[..., None], 3, axis=2)
-    lines = lanes.lines(stamp_ns, WIDTH_PX, height_px)
+    lines = _lines(lanes, stamp_ns, (WIDTH_PX, height_px))
     drawn = small if lines is None else burn_in(small, lines)
     done, data = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not done:

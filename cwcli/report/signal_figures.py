@@ -25,7 +25,7 @@ from cwcli.report.drawing import (
 from cwcli.report.drive import Drive
 from cwcli.report.encounters import Meetings
 from cwcli.report.map_figure import with_breaks
-from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 MAX_MARKED = 30
@@ -70,28 +70,16 @@ def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | N
 
 def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
     """The car's place in the lane at the preview point; None without lanes."""
-    if drive.lanes is None or not len(drive.lanes):
+    lanes = drive.lanes
+    if lanes is None or not len(lanes):
         return None
     curves = []
-    turn = np.degrees(1.0)
-    for title, unit, decimals, name, scale in (
-        ("offset", "m", 3, "lateral_deviation", 1.0),
-        ("heading", "deg", 3, "heading_deviation", turn),
-        ("curvature", "1/km", 3, "curvature", 1000.0),
+    for k, (title, unit, scale) in enumerate(
+        (("offset", "m", 1.0), ("heading", "deg", np.degrees(1.0)), ("curvature", "1/km", 1000.0))
     ):
-        suffix = {"lateral_deviation": "m", "heading_deviation": "rad", "curvature": "1pm"}[name]
-        values, spread = _numbers(drive.lanes, f"{name}_{suffix}"), _numbers(drive.lanes, f"{name}_sigma_{suffix}")
-        stamp = drive.lanes.fields.get("stamp_ns")
-        if values is None or not isinstance(stamp, np.ndarray):
-            return None
-        sigma = np.full(len(values), np.nan) if spread is None else spread
-        curves.append(Curve(title, unit, decimals, stamp.astype(np.int64), values * scale, sigma * scale))
+        values, sigma = lanes.preview[:, k] * scale, lanes.preview_sigma[:, k] * scale
+        curves.append(Curve(title, unit, 3, lanes.stamp_ns, values, sigma))
     return _stacked(drive, curves, meetings, n_pieces)
-
-
-def _numbers(columns: Columns, name: str) -> FloatArray | None:
-    values = columns.fields.get(name)
-    return np.asarray(values, np.float64) if isinstance(values, np.ndarray) else None
 
 
 def _raw(measured: tuple[Measurements, ...], kind: Kind) -> tuple[Int64Array, FloatArray] | None:

@@ -251,11 +251,8 @@ def _without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
     reason = f": {printable(why)}" if drive.ego is not None or left_out else ""
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
-        left, right = (drive.lanes.fields.get(f"{side}.found") for side in ("left", "right"))
-        n = len(drive.lanes)
-        if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
-            both = int((left.astype(bool) & right.astype(bool)).sum())
-            sentences.append(f"Both lane boundaries were found in {both} of {n} camera frames")
+        both = int(np.count_nonzero(drive.lanes.found.all(axis=1)))
+        sentences.append(f"Both lane boundaries were found in {both} of {len(drive.lanes)} camera frames")
     n_targets = sum(other.kind == "target" for other in drive.others)
     if n_targets and drive.ego is None:
         sentences.append(f"{count(n_targets, 'target')} {'was' if n_targets == 1 else 'were'} tracked by the sensors")

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lanes import LaneFrames, annotations_channel, lanes_channel, rendered_channel
+from cwcli.channels.lanes import LaneFrames, write_lane_frames, write_lane_lines, write_lanes
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.frames import Frame
@@ -107,14 +107,14 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         raise _nothing_usable(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
     log.begin_sha256()  # for the record of the run
     frames = run.frames(config, is_pitch_known=mount.is_pitch_known)
-    channels: list[OutputChannel] = [lanes_channel(frames), annotations_channel(frames)]
+    channels: list[OutputChannel] = [write_lanes(frames), write_lane_lines(frames)]
     if config.render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
             frames_of_topic = _frames(log, topic, config)
             return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
-        channels.append(rendered_channel(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))
+        channels.append(write_lane_frames(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))
     repaired = {NO_STAMP: run.n_without_stamp} if run.n_without_stamp else {}
     count = InputCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected), repaired)
     summary = Summary(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cwcli.channels.binding import Bindings, bind
+from cwcli.channels.lanes import PREVIEW_FIELDS
 from cwcli.channels.lateral_state import TRUTH_FIELDS, Observed, write_observed
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
@@ -20,13 +21,13 @@ from cwcli.logs.log import Log
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.codec import Role
-from cwcli.stages.inputs.lane_samples import LANE_FIELDS, read_lanes
+from cwcli.stages.inputs.lane_samples import lane_samples
 from cwcli.stages.inputs.lateral_sensors import Inputs, inputs_of
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.records import vehicle_entry
 from cwcli.stages.summaries.observe import observer_section, observer_table, truth_errors, truth_section
 
-FIELDS: dict[str, tuple[str, ...]] = {LANES.role: LANE_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
+FIELDS: dict[str, tuple[str, ...]] = {LANES.role: PREVIEW_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
 SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
@@ -77,7 +78,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         also={bindings[0].topic: FIELDS.get(role) for role, bindings in own.by_role.items()},
     )
     lanes_topic = own.by_role[LANES.role][0].topic
-    lanes = read_lanes(sources.columns[lanes_topic], where=log.name)
+    lanes = lane_samples(sources.columns[lanes_topic], where=log.name)
     state_topic = own.topic(EGO_STATE.role)
     inputs = inputs_of(
         sources,

@@ -6,15 +6,14 @@ The camera is that of `cwcli lanes`, whose record in the log tells the mounting;
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lanes import LINE_STRIP, PIXELS_PER_THICKNESS
-from cwcli.channels.lens import Lenses
+from cwcli.channels.image_lines import LINE_LOOP, LINE_STRIP, Shape, line_thickness_px, write_image_lines
+from cwcli.channels.lanes import LaneRows, read_lanes
 from cwcli.channels.painted_frames import painted_channel
 from cwcli.channels.published import LANES, OBSERVER_PATH_LINES
 from cwcli.channels.render_topic import check_render_topic
@@ -22,18 +21,17 @@ from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputField, Repeated, StreamedChannel
+from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel
+from cwcli.signals.rows import Rows, rows_by_stamp
 from cwcli.stages.inputs.camera import CameraSource, camera_source
 from cwcli.stages.records import configuration_of, inputs_of, number, run_records
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.frames import DecodedFrame, decode_frames
-from cwcli.vision.overlay import burn_in, line_points
+from cwcli.vision.overlay import burn_in
 from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, PathLines, paint_path, path_lines
 from cwcli.vision.raw_images import Image
 
 LANES_STAGE = "lanes"
-LINE_LOOP = 2  # foxglove.PointsAnnotation.Type
 LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
 NO_COLOUR = (0.0, 0.0, 0.0, 0.0)
 
@@ -61,17 +59,21 @@ class _Scene:
     width_m: float
     camera_forward_m: float
     source: CameraSource
-    pitch_rad: FloatArray
-    yaw_rad: FloatArray
-    image_size: Int64Array
-    search_size: Int64Array
-    parabolas: FloatArray
-    lenses: Sequence[Camera | None]
+    lanes: LaneRows
+    lane_rows: Rows
+
+    def image_size(self, row: int) -> tuple[int, int]:
+        """Width and height of a frame."""
+        width_px, height_px = self.lanes.image_size[self.lane_rows[row]].tolist()
+        return width_px, height_px
 
     def camera(self, row: int) -> Camera:
         """The camera of a frame."""
-        camera = self.source.camera(*self.image_size[row].tolist())
-        return camera.turned(pitch_rad=float(self.pitch_rad[row]), yaw_rad=float(self.yaw_rad[row]))
+        camera = self.source.camera(*self.image_size(row))
+        at = self.lane_rows[row]
+        return camera.turned(
+            pitch_rad=float(self.lanes.camera_pitch_rad[at]), yaw_rad=float(self.lanes.camera_yaw_rad[at])
+        )
 
     def lines(self, row: int) -> PathLines:
         """The path of a frame in its pixels; nothing where there is no path."""
@@ -85,21 +87,10 @@ class _Scene:
 
     def boundaries(self, row: int) -> list[FloatArray]:
         """The lane boundaries that `cwcli lanes` found, left and right, in the frame's pixels."""
-        nan = np.full((1, 2), np.nan)
-        fits = FitColumns(
-            self.parabolas[row : row + 1],
-            nan,
-            nan,
-            np.isfinite(self.parabolas[row : row + 1, :, 0]),
-            np.full((1, 2, 3, 3), np.nan),
-            self.pitch_rad[row : row + 1],
-            self.yaw_rad[row : row + 1],
-        )
-        width_px, height_px = self.search_size[row].tolist()
+        at = int(self.lane_rows[row])
+        width_px, height_px = self.lanes.search_size[at].tolist()
         horizon_px = self.camera(row).resized(width_px, height_px).horizon_v_px()
-        image_w, image_h = self.image_size[row].tolist()
-        points, is_in = line_points(fits, (width_px, height_px), (image_w, image_h), horizon_px, self.lenses[row])
-        return [points[0, side][is_in[0, side]] for side in range(2)]
+        return self.lanes.lines(at, self.image_size(row), float(horizon_px))
 
 
 def has_lanes(log: Log) -> bool:
@@ -141,18 +132,24 @@ def path_overlay(
             where=log.name,
             hint="run `cwcli lanes` first",
         )
-    columns = log.columns(LANES.topic)
+    lanes = read_lanes(log.columns(LANES.topic))
     camera_topic = _camera_topic(log, chosen, record.camera_topic, is_needed=render is not None)
     check_render_topic(log, render, camera_topic)
     source = camera_source(log, camera_topic, chosen, record.mounting, record.field_of_view_rad)
-    scene = _scene(columns, paths, stamp_ns, log_time_ns, width_m, camera_forward_m, source)
+    scene = _scene(lanes, paths, stamp_ns, log_time_ns, width_m, camera_forward_m, source)
     notes = []
     if len(scene.stamp_ns) < len(stamp_ns):
         notes.append(
             f"{len(stamp_ns) - len(scene.stamp_ns)} of {len(stamp_ns)} paths are not drawn: no frame of a known size "
             "has their stamp"
         )
-    channels = [_annotations(scene)]
+    lines = write_image_lines(
+        OBSERVER_PATH_LINES,
+        stamp_ns=scene.stamp_ns,
+        log_time_ns=scene.log_time_ns,
+        shapes=lambda start, stop: [_shapes(scene, row) for row in range(start, stop)],
+    )
+    channels = [lines]
     if render is not None:
         channels.append(_rendered(log, scene, camera_topic, render))
     return Overlay(tuple(channels), tuple(notes))
@@ -193,7 +190,7 @@ def _camera_topic(log: Log, topics: Mapping[str, str], recorded: str, *, is_need
 
 
 def _scene(
-    columns: Columns,
+    lanes: LaneRows,
     paths: Paths,
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
@@ -202,83 +199,30 @@ def _scene(
     source: CameraSource,
 ) -> _Scene:
     """Each path with the frame of its stamp, in the order of time; a stamp counts once."""
-
-    def numbers(name: str) -> FloatArray:
-        return np.asarray(columns.fields[name], np.float64)
-
-    lane_stamp_ns, lane_row = np.unique(np.asarray(columns.fields["stamp_ns"], np.int64), return_index=True)
-    _, first = np.unique(stamp_ns, return_index=True)
-    rows = np.sort(first)
-    at = np.minimum(np.searchsorted(lane_stamp_ns, stamp_ns[rows]), max(len(lane_stamp_ns) - 1, 0))
-    has_frame = lane_stamp_ns[at] == stamp_ns[rows] if len(lane_stamp_ns) else np.zeros(len(rows), np.bool_)
-    rows, lanes = rows[has_frame], lane_row[at[has_frame]] if len(lane_stamp_ns) else rows[:0]
-    image_size, search_size = _sizes(columns, "image", lanes), _sizes(columns, "search", lanes)
-    has_size = (image_size > 0).all(axis=1) & (search_size > 0).all(axis=1)
-    rows, lanes, image_size, search_size = (each[has_size] for each in (rows, lanes, image_size, search_size))
-    found = np.stack([np.stack([numbers(f"{side}.{k}") for k in "abc"], axis=-1) for side in ("left", "right")], axis=1)
-    lenses = Lenses(columns)
+    frames = rows_by_stamp(lanes.stamp_ns)
+    frames = frames[(lanes.image_size[frames] > 0).all(axis=1) & (lanes.search_size[frames] > 0).all(axis=1)]
+    starts = np.sort(rows_by_stamp(stamp_ns))
+    _, mine, theirs = np.intersect1d(stamp_ns[starts], lanes.stamp_ns[frames], return_indices=True)
+    order = np.argsort(mine)
+    rows, lane_rows = starts[mine[order]], frames[theirs[order]]
     return _Scene(
-        stamp_ns=stamp_ns[rows],
-        log_time_ns=log_time_ns[rows],
-        paths=paths.take(rows),
-        width_m=width_m,
-        camera_forward_m=camera_forward_m,
-        source=source,
-        pitch_rad=numbers("camera_pitch_rad")[lanes],
-        yaw_rad=numbers("camera_yaw_rad")[lanes],
-        image_size=image_size,
-        search_size=search_size,
-        parabolas=found[lanes],
-        lenses=[lenses.camera(row) for row in lanes.tolist()],
+        stamp_ns[rows], log_time_ns[rows], paths.take(rows), width_m, camera_forward_m, source, lanes, lane_rows
     )
 
 
-def _sizes(columns: Columns, what: str, rows: npt.NDArray[np.intp]) -> Int64Array:
-    """Shape (n, 2): width and height."""
-    return np.stack(
-        [np.asarray(columns.fields[f"{what}_{side}_px"], np.int64)[rows] for side in ("width", "height")], 1
-    )
-
-
-def _annotations(scene: _Scene) -> StreamedChannel:
-    """`foxglove.ImageAnnotations`, one message a frame: the 90 % band, the car's width, the middle."""
-
-    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
-        shapes = [_shapes(scene, row) for row in range(start, stop)]
-        flat = [(scene.stamp_ns[start + k], *shape) for k, each in enumerate(shapes) for shape in each]
-        counts = np.cumsum([0, *(len(each) for each in shapes)]).astype(np.int64)
-        points = np.concatenate([np.zeros((0, 2)), *(entry[2] for entry in flat)])
-        lengths = np.cumsum([0, *(len(entry[2]) for entry in flat)]).astype(np.int64)
-        outline = np.array([entry[3] for entry in flat]).reshape(-1, 4)
-        fill = np.array([entry[4] for entry in flat]).reshape(-1, 4)
-        lines: dict[str, OutputField] = {
-            "timestamp": np.array([entry[0] for entry in flat], np.int64),
-            "type": np.array([entry[1] for entry in flat], np.int64),
-            "points": Repeated(lengths, {"x": points[:, 0], "y": points[:, 1]}),
-            **{f"outline_color.{part}": outline[:, k] for k, part in enumerate("rgba")},
-            **{f"fill_color.{part}": fill[:, k] for k, part in enumerate("rgba")},
-            "thickness": np.array([entry[5] for entry in flat], np.float64),
-        }
-        return {"points": Repeated(counts, lines)}
-
-    return StreamedChannel(OBSERVER_PATH_LINES.topic, "foxglove.ImageAnnotations", scene.log_time_ns, rows=rows)
-
-
-_Shape = tuple[int, FloatArray, Sequence[float], Sequence[float], float]
-
-
-def _shapes(scene: _Scene, row: int) -> list[_Shape]:
-    """Type, points, colour of the line and of the area, and thickness of what is drawn in a frame."""
+def _shapes(scene: _Scene, row: int) -> list[Shape]:
+    """What is drawn on a frame: the 90 % band, the car's width, the middle."""
     lines = scene.lines(row)
-    thin = max(float(scene.image_size[row, 0]) / PIXELS_PER_THICKNESS, 2.0)
+    thin = line_thickness_px(scene.image_size(row)[0])
     band = lines.band()
-    shapes: list[_Shape] = []
+    shapes: list[Shape] = []
     if len(band) > 2:
-        shapes.append((LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, FILL_ALPHA), 1.0))
+        shapes.append(Shape(LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, FILL_ALPHA), 1.0))
     for name, alpha in LINE_ALPHA.items():
         points = lines.line(name)
         if len(points) > 1:
-            shapes.append((LINE_STRIP, points, (*PATH_RGB, alpha), NO_COLOUR, thin if name == "centre" else thin / 2))
+            thickness = thin if name == "centre" else thin / 2
+            shapes.append(Shape(LINE_STRIP, points, (*PATH_RGB, alpha), NO_COLOUR, thickness))
     return shapes
 
 

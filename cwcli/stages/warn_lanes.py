@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.channels.binding import Bindings
+from cwcli.channels.lanes import ROAD_FIELDS, LaneRows, read_lanes
 from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.dynamics.vehicle import Vehicle
@@ -14,8 +15,7 @@ from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import Cell, InputCount, Section
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.records import vehicle_of
@@ -23,10 +23,8 @@ from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDe
 
 NEEDED = (OBSERVER_PATH.role, LANES.role)
 NO_PATH = "no path from the observer"
-BOUNDARY = ("lateral_m", "slope", "ground_curvature_1pm")
-PLACES = tuple(f"{side}.{name}" for side in ("left", "right") for name in ("found", *BOUNDARY))
 LIMITS = np.array([1e3, 10.0, 1.0])
-"""Of `BOUNDARY`: a line farther away, steeper or more bent is none."""
+"""Of `ROAD_LINE`: a line farther away, steeper or more bent is none."""
 MIN_HORIZON_S = 0.05
 
 
@@ -64,14 +62,14 @@ def warn_of_lane_departure(
         DataError: A channel is of another version.
     """
     path_topic, lanes_topic = (bound.by_role[role][0].topic for role in NEEDED)
-    loaded = log.load({path_topic: None, lanes_topic: ("stamp_ns", *PLACES)})
+    loaded = log.load({path_topic: None, lanes_topic: ROAD_FIELDS})
     path_columns, lanes = (loaded[topic].logged_within(start_ns, end_ns) for topic in (path_topic, lanes_topic))
     if not len(lanes):
         place = f"{log.name}: {lanes_topic}"
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
     vehicle, notes = vehicle_of(log)
     predicted = read_paths(path_columns)
-    stamp_ns, log_time_ns, boundaries = _frames(lanes, vehicle)
+    stamp_ns, log_time_ns, boundaries = _frames(read_lanes(lanes), vehicle)
     paths = body_of(predicted.paths)
     _, mine, theirs = np.intersect1d(stamp_ns, predicted.stamp_ns, return_indices=True)
     matched = _spread(paths, mine, theirs, len(stamp_ns), config.warn_s)
@@ -116,19 +114,15 @@ def body_of(paths: Paths) -> Paths:
     )
 
 
-def _frames(lanes: Columns, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, Boundaries]:
+def _frames(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, Boundaries]:
     """Stamps, log times and boundaries of the frames in the order of their stamps, the first of each stamp."""
-    stamp_ns, _ = whole_numbers(lanes, "stamp_ns")
-    rows = rows_by_stamp(stamp_ns)
-    sides: list[FloatArray] = []
-    for side in ("left", "right"):
-        place = np.column_stack([numbers(lanes, f"{side}.{name}") for name in BOUNDARY])[rows]
-        found = numbers(lanes, f"{side}.found")[rows] > 0.0
-        with np.errstate(invalid="ignore"):
-            found &= (np.abs(place) <= LIMITS).all(axis=1)
-        sides.append(np.where(found[:, None], place, np.nan))
-    log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows]) if len(rows) else lanes.log_time_ns
-    return stamp_ns[rows], log_time_ns, Boundaries(sides[0], sides[1], vehicle.camera_forward_m)
+    rows = rows_by_stamp(lanes.stamp_ns)
+    road = lanes.road[rows]
+    with np.errstate(invalid="ignore"):
+        is_line = lanes.found[rows] & (np.abs(road) <= LIMITS).all(axis=-1)
+    left, right = np.moveaxis(np.where(is_line[..., None], road, np.nan), 1, 0)
+    log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
+    return lanes.stamp_ns[rows], log_time_ns, Boundaries(left, right, vehicle.camera_forward_m)
 
 
 def _spread(

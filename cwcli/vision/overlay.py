@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
-from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import HIGHEST
 from cwcli.vision.raw_images import Image
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
@@ -28,7 +27,7 @@ JPEG_QUALITY = 85
 
 
 def line_points(
-    fits: FitColumns,
+    parabolas: FloatArray,
     search_size: tuple[int, int],
     image_size: tuple[int, int],
     horizon_px: FloatArray | float = np.nan,
@@ -37,7 +36,7 @@ def line_points(
     """The boundaries of n frames in the camera's images.
 
     Args:
-        fits: In the pixels of the search image.
+        parabolas: Shape (n, 2, 3): a, b, c in the pixels of the search image; NaN where there is none.
         search_size, image_size: (width, height) in pixels.
         horizon_px: Row of the horizon in the search image from the top, one or n; NaN where it is not known.
         camera: Of images of `image_size`, if the search image is the rectified one. The lines are then followed into
@@ -49,14 +48,14 @@ def line_points(
         where both boundaries meet.
     """
     width_px, height_px = search_size
-    below_horizon = height_px - np.broadcast_to(horizon_px, len(fits)) - HORIZON_GAP * height_px
+    below_horizon = height_px - np.broadcast_to(horizon_px, len(parabolas)) - HORIZON_GAP * height_px
     top = np.maximum(np.fmin(below_horizon, HIGHEST * height_px), 2.0)
     scale = np.array([image_size[0] / width_px, image_size[1] / height_px])
     foot_px = 1.0
     if camera is not None:
         foot_px = height_px + 0.5 - (lowest_row_px(camera) + 0.5) / scale[1]
     y_px = foot_px + np.linspace(0.0, 1.0, N_POINTS) * (top[:, None] - foot_px)
-    a, b, c = np.moveaxis(fits.parabolas[..., None], 2, 0)
+    a, b, c = np.moveaxis(parabolas[..., None], 2, 0)
     x_px = (a * y_px[:, None] + b) * y_px[:, None] + c
     with np.errstate(invalid="ignore"):
         is_in = (x_px >= 1.0) & (x_px <= width_px)

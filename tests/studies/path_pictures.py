@@ -47,7 +47,7 @@ def picture(
     camera = seen.camera.turned(pitch_rad=float(seen.fits.pitch_rad[row]), yaw_rad=float(seen.fits.yaw_rad[row]))
     search = METHODS[method].search_size(*SIZE)
     horizon_px = camera.resized(*search).horizon_v_px()
-    points, is_in = line_points(seen.fits[slice(row, row + 1)], search, SIZE, horizon_px)
+    points, is_in = line_points(seen.fits.parabolas[row : row + 1], search, SIZE, horizon_px)
     image = cv2.cvtColor(seen.drive.frame(row).grey, cv2.COLOR_GRAY2BGR)
     image = burn_in(image, [points[0, side][is_in[0, side]] for side in range(2)])
     path = BodyPath(paths.x_m[row], paths.y_m[row], paths.heading_rad[row], paths.position_covariance_m2[row])

@@ -45,7 +45,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Log]:
 
 def stamps(log: Log) -> tuple[np.ndarray, np.ndarray]:
     columns = log.columns("/cwcli/lanes")
-    return np.asarray(columns.fields["stamp_ns"]), columns.log_time_ns
+    return np.asarray(columns.fields["stamp_ns"], np.int64), columns.log_time_ns
 
 
 def straight(n: int) -> Paths:

@@ -14,7 +14,7 @@ RIGHT = Boundary(0.0, -1.0, 318.0, 1.0, 1.0, True)
 
 
 def test_points_lie_on_the_boundary_in_the_pixels_of_the_camera() -> None:
-    points, is_in = line_points(columns_of([LaneFit(STRAIGHT, RIGHT)]), (320, 240), (1280, 720))
+    points, is_in = line_points(columns_of([LaneFit(STRAIGHT, RIGHT)]).parabolas, (320, 240), (1280, 720))
     u, v = points[0, 0].T
     # x = y + 10 in search pixels: u_search = x - 1, v_search = 240 - y; centres of pixels scale by 4 and 3.
     y_px = 240 - ((v + 0.5) / 3 - 0.5)
@@ -26,18 +26,18 @@ def test_points_lie_on_the_boundary_in_the_pixels_of_the_camera() -> None:
 
 def test_lines_end_at_the_horizon_the_edge_and_where_they_meet() -> None:
     fits = columns_of([LaneFit(STRAIGHT, RIGHT), LaneFit(STRAIGHT, Boundary(0.0, -1.0, 100.0, 1.0, 1.0, True))])
-    points, is_in = line_points(fits, (320, 240), (320, 240), np.array([150.0, np.nan]))
+    points, is_in = line_points(fits.parabolas, (320, 240), (320, 240), np.array([150.0, np.nan]))
     assert points[0, :, :, 1].min() > 150.0
     met = points[1, :, :, 1][is_in[1]]
     assert met.min() > 240 - 45 - 1  # x = y + 10 and x = 100 - y meet at y = 45
     outside = line_points(
-        columns_of([LaneFit(Boundary(0.0, 0.0, 900.0, 1.0, 1.0, True), RIGHT)]), (320, 240), (320, 240)
+        columns_of([LaneFit(Boundary(0.0, 0.0, 900.0, 1.0, 1.0, True), RIGHT)]).parabolas, (320, 240), (320, 240)
     )
     assert not outside[1][0, 0].any()
 
 
 def test_missing_boundary_has_no_line_and_leaves_the_other() -> None:
-    _, is_in = line_points(columns_of([LaneFit(NOT_FOUND, RIGHT)]), (320, 240), (320, 240))
+    _, is_in = line_points(columns_of([LaneFit(NOT_FOUND, RIGHT)]).parabolas, (320, 240), (320, 240))
     assert not is_in[0, 0].any()
     assert is_in[0, 1].all()
 
