@@ -8,7 +8,7 @@ cdef enum:
     MAX_DEPTH = 16
 
 # Operations; each is a row (code, align, size, count, slot, jump) of int32. `cwcli.logs.codecs.cdr_program` makes them.
-cdef enum:
+cpdef enum:
     OP_SKIP = 0         # align, skip `size * count` bytes
     OP_FIXED = 1        # align, copy `count` elements of `size` bytes into the slot's row
     OP_STRING = 2       # a string; its span goes into the slot if there is one
@@ -19,9 +19,10 @@ cdef enum:
     OP_APPEND = 7       # as FIXED, appended to the ragged slot
     OP_BLOB = 8         # a byte sequence; its span goes into the slot
 
-STATUS_OK = 0
-STATUS_SHORT = 1
-STATUS_FOREIGN = 2
+cpdef enum:
+    STATUS_OK
+    STATUS_SHORT
+    STATUS_FOREIGN
 
 
 cdef struct Layout:
@@ -55,6 +56,7 @@ def walk(
     const unsigned char[::1] data,
     const long long[::1] starts,
     const long long[::1] ends,
+    *,
     const int[:, ::1] program,
     const int[:, ::1] program_v2,
     const long long[::1] slots,
@@ -122,17 +124,17 @@ cdef int walk_one(
     cdef Py_ssize_t[16] body
     cdef long long* span
     if end - start < 4:
-        return 1
+        return STATUS_SHORT
     if p[start] != 0:
-        return 2
+        return STATUS_FOREIGN
     kind = p[start + 1]
     if kind == 6 or kind == 7:
         program = layout.program_v2
         n_ops = layout.n_ops_v2
         if program == NULL:
-            return 2
+            return STATUS_FOREIGN
     elif kind > 1:
-        return 2
+        return STATUS_FOREIGN
     is_swapped = kind & 1 == 0
     while pc < n_ops:
         op = program + 6 * pc
@@ -142,7 +144,7 @@ cdef int walk_one(
             at = base + ((at - base + op[1] - 1) & ~<Py_ssize_t>(op[1] - 1))
             total = <Py_ssize_t>op[2] * op[3]
             if total > end - at:
-                return 1
+                return STATUS_SHORT
             if op[0] == OP_FIXED:
                 copy_elements(<unsigned char*><size_t>slots[slot] + row * total, p + at, op[2], op[3], is_swapped)
             elif op[0] == OP_APPEND:
@@ -165,7 +167,7 @@ cdef int walk_one(
         # The rest begins with a 32-bit count.
         at = base + ((at - base + 3) & ~<Py_ssize_t>3)
         if end - at < 4:
-            return 1
+            return STATUS_SHORT
         if is_swapped:
             length = (<unsigned int>p[at] << 24) | (<unsigned int>p[at + 1] << 16) | (p[at + 2] << 8) | p[at + 3]
         else:
@@ -173,7 +175,7 @@ cdef int walk_one(
         at += 4
         if op[0] == OP_STRING or op[0] == OP_BLOB:
             if length > <size_t>(end - at):
-                return 1
+                return STATUS_SHORT
             if slot >= 0:
                 span = <long long*><size_t>slots[slot] + 2 * row
                 span[0] = at
@@ -185,7 +187,7 @@ cdef int walk_one(
                 continue
             at = base + ((at - base + op[1] - 1) & ~<Py_ssize_t>(op[1] - 1))
             if end < at or length > <size_t>(end - at) / <size_t>op[2]:
-                return 1
+                return STATUS_SHORT
             total = <Py_ssize_t>length * op[2]
             if slot >= 0:
                 copy_elements(<unsigned char*><size_t>ragged[slot] + cursors[slot], p + at, op[2], length, is_swapped)
@@ -195,9 +197,9 @@ cdef int walk_one(
             if length == 0:
                 pc = op[5]
             elif length > <size_t>(end - at):
-                return 1
+                return STATUS_SHORT
             else:
                 left[depth] = length
                 body[depth] = pc
                 depth += 1
-    return 0
+    return STATUS_OK

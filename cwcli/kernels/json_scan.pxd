@@ -5,6 +5,8 @@ from libc.math cimport INFINITY, NAN
 from libc.stdlib cimport strtod
 from libc.string cimport memcmp, memcpy
 
+from cwcli.kernels.json_walk cimport T_ABSENT, T_ARRAY, T_FLOAT, T_INT
+
 cdef enum:
     MAX_DEPTH = 200
     MAX_NUMBER_BYTES = 60
@@ -12,29 +14,12 @@ cdef enum:
     MAX_INTEGER_DIGITS = 18
     MAX_MANTISSA_DIGITS = 19
 
-# Kinds of values; `cwcli.logs.codecs.json_columns` uses the same numbers.
-cdef enum:
-    T_ABSENT = 0
-    T_NULL = 1
-    T_BOOL = 2
-    T_INT = 3
-    T_FLOAT = 4
-    T_STRING = 5        # value: offset in the message << 32 | size
-    T_ARRAY = 6         # with at least one value in it that is neither an object nor an array
-    T_ESCAPED = 7       # as T_STRING, with escapes in it
-
 cdef enum:
     E_KEY = 0           # where the key begins in `keys`
     E_SIZE = 1          # or -1 for a key that JSON writes with escapes
     E_SLOT = 2          # or -1
     E_CHILD = 3         # node of the object below, or -1
     N_COLUMNS = 4
-
-cdef enum:
-    S_OK = 0
-    S_ODD = 1
-    S_UNKNOWN_KEY = 2
-    S_NOT_ASCII = 3
 
 cdef enum:
     ODD = -1

@@ -1,6 +1,16 @@
 import numpy as np
 import numpy.typing as npt
 
+# Kinds of values: see json_walk.pxd.
+T_ABSENT: int
+T_NULL: int
+T_BOOL: int
+T_INT: int
+T_FLOAT: int
+T_STRING: int
+T_ARRAY: int
+T_ESCAPED: int
+
 STATUS_OK: int
 STATUS_ODD: int
 STATUS_UNKNOWN_KEY: int
@@ -10,6 +20,7 @@ def walk(
     data: npt.NDArray[np.uint8],
     starts: npt.NDArray[np.int64],
     ends: npt.NDArray[np.int64],
+    *,
     keys: npt.NDArray[np.uint8],
     entries: npt.NDArray[np.int32],
     nodes: npt.NDArray[np.int32],

@@ -13,14 +13,8 @@ from libc.string cimport memcmp
 
 from cwcli.kernels.json_scan cimport (
     bits_of, E_CHILD, E_KEY, E_SIZE, E_SLOT, is_digit, MAX_DEPTH, N_COLUMNS, ODD, read_number, read_string,
-    read_word, S_NOT_ASCII, S_ODD, S_OK, S_UNKNOWN_KEY, skip_space, State, store, T_ARRAY, T_BOOL, T_ESCAPED,
-    T_FLOAT, T_NULL, T_STRING, UNKNOWN,
+    read_word, skip_space, State, store, UNKNOWN,
 )
-
-STATUS_OK = S_OK
-STATUS_ODD = S_ODD
-STATUS_UNKNOWN_KEY = S_UNKNOWN_KEY
-STATUS_NOT_ASCII = S_NOT_ASCII
 
 
 cdef Py_ssize_t read_value(State* s, Py_ssize_t at, int entry, bint in_array, int depth) noexcept nogil:
@@ -172,6 +166,7 @@ def walk(
     const unsigned char[::1] data,
     const long long[::1] starts,
     const long long[::1] ends,
+    *,
     const unsigned char[::1] keys,
     const int[:, ::1] entries,
     const int[:, ::1] nodes,
@@ -245,11 +240,11 @@ def walk(
                     cursors[s] = before[s]
                     (<unsigned char*><size_t>tags[s])[first_row + k] = 0
                 if at == UNKNOWN:
-                    status[k] = S_UNKNOWN_KEY
+                    status[k] = STATUS_UNKNOWN_KEY
                     break
-                status[k] = S_ODD
+                status[k] = STATUS_ODD
             else:
-                status[k] = S_NOT_ASCII if state.has_high else S_OK
+                status[k] = STATUS_NOT_ASCII if state.has_high else STATUS_OK
             for s in range(n_slots):
                 (<long long*><size_t>cursor_columns[s])[k] = cursors[s]
         else:

@@ -13,8 +13,8 @@ from libc.string cimport memcpy, memset
 cdef enum:
     MAX_DEPTH = 48
 
-# Kinds of fields. `cwcli.logs.codecs.protobuf_tables` uses the same numbers.
-cdef enum:
+# Kinds of fields, for `cwcli.logs.codecs.protobuf_tables` too.
+cpdef enum:
     VARINT64 = 1
     VARINT32 = 2
     ZIGZAG32 = 3
@@ -28,14 +28,14 @@ cdef enum:
     GROUP = 11
 
 # How a value is stored.
-cdef enum:
+cpdef enum:
     STORE_NOT = 0       # walked over
     STORE_ROW = 1       # the slot's row; the last one wins
     STORE_APPEND = 2    # appended to the ragged slot: a repeated scalar
     STORE_ELEMENT = 3   # the last element of the ragged slot: a scalar in a repeated message
 
 # Columns of the field table.
-cdef enum:
+cpdef enum:
     F_NUMBER = 0
     F_KIND = 1
     F_REPEATED = 2
@@ -48,8 +48,9 @@ cdef enum:
     F_N_ELEMENTS = 9
     N_COLUMNS = 10
 
-STATUS_OK = 0
-STATUS_ODD = 1
+cpdef enum:
+    STATUS_OK
+    STATUS_ODD
 
 cdef struct Tables:
     const int* fields
@@ -156,6 +157,7 @@ def walk(
     const unsigned char[::1] data,
     const long long[::1] starts,
     const long long[::1] ends,
+    *,
     const int[:, ::1] fields,
     const int[:, ::1] nodes,
     const int[::1] elements,
@@ -224,11 +226,11 @@ cdef int walk_one(
     cdef long long* span
     cdef int* member
     if depth > MAX_DEPTH:
-        return 1
+        return STATUS_ODD
     while at < end:
         at = read_varint(p, at, end, &tag)
         if at < 0 or tag < 8 or (tag >> 32) != 0:
-            return 1
+            return STATUS_ODD
         wire = <int>(tag & 7)
         field = NULL
         for k in range(n_fields):
@@ -241,7 +243,7 @@ cdef int walk_one(
         if field == NULL:
             at = skip_unknown(p, at, end, wire)
             if at < 0:
-                return 1
+                return STATUS_ODD
             continue
         kind = field[F_KIND]
         slot = field[F_SLOT]
@@ -252,7 +254,7 @@ cdef int walk_one(
         if field[F_ONEOF] >= 0:
             member = <int*><size_t>tables.oneofs[field[F_ONEOF]] + row
             if member[0] and member[0] != field[F_NUMBER]:
-                return 1
+                return STATUS_ODD
             member[0] = field[F_NUMBER]
         if kind < TEXT:
             size = size_of(kind)
@@ -268,17 +270,17 @@ cdef int walk_one(
                     target = scratch
                 at = read_scalar(p, at, end, kind, target)
                 if at < 0:
-                    return 1
+                    return STATUS_ODD
                 continue
             if wire != 2 or not field[F_REPEATED]:
-                return 1
+                return STATUS_ODD
             at = read_varint(p, at, end, &length)
             if at < 0 or length > <unsigned long long>(end - at):
-                return 1
+                return STATUS_ODD
             stop = at + <Py_ssize_t>length
             if field[F_STORE] == STORE_APPEND and (kind == FIXED64 or kind == FIXED32):
                 if length % size:
-                    return 1
+                    return STATUS_ODD
                 memcpy(<unsigned char*><size_t>tables.ragged[slot] + tables.cursors[slot], p + at, length)
                 tables.cursors[slot] += length
                 at = stop
@@ -290,13 +292,13 @@ cdef int walk_one(
                     tables.cursors[slot] += size
                 at = read_scalar(p, at, stop, kind, target)
                 if at < 0:
-                    return 1
+                    return STATUS_ODD
             continue
         if kind == GROUP or wire != 2:
-            return 1
+            return STATUS_ODD
         at = read_varint(p, at, end, &length)
         if at < 0 or length > <unsigned long long>(end - at):
-            return 1
+            return STATUS_ODD
         stop = at + <Py_ssize_t>length
         if kind == MESSAGE:
             for k in range(field[F_N_ELEMENTS]):
@@ -305,15 +307,15 @@ cdef int walk_one(
                 memset(<unsigned char*><size_t>tables.ragged[slot] + tables.cursors[slot], 0, size)
                 tables.cursors[slot] += size
             if walk_one(p, at, stop, field[F_CHILD], tables, row, depth + 1):
-                return 1
+                return STATUS_ODD
         else:
             if kind == TEXT:
                 for octet in range(at, stop):
                     if p[octet] >= 0x80:
-                        return 1
+                        return STATUS_ODD
             if field[F_STORE] == STORE_ROW:
                 span = <long long*><size_t>tables.slots[slot] + 2 * row
                 span[0] = at
                 span[1] = <long long>length
         at = stop
-    return 0
+    return STATUS_OK

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.kernels.protobuf import MESSAGE, OCTETS, TEXT
 from cwcli.logs.channel import ChannelInfo
 from cwcli.logs.codecs.protobuf import ProtobufDecoder
-from cwcli.logs.codecs.protobuf_tables import KINDS, MESSAGE, OCTETS, TEXT, is_repeated
+from cwcli.logs.codecs.protobuf_tables import KINDS, is_repeated
 from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen
 from cwcli.logs.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING
 from cwcli.logs.protobuf_columns import encode_columns

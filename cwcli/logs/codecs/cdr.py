@@ -114,14 +114,14 @@ class CdrDecoder:
             payloads.data,
             payloads.starts,
             payloads.ends,
-            self._program.operations,
-            self._program_v2,
-            addresses(self._slots, first, n),
-            buffers,
-            np.zeros(len(self._ragged), np.int64),
-            cursor_columns,
-            first,
-            status,
+            program=self._program.operations,
+            program_v2=self._program_v2,
+            slots=addresses(self._slots, first, n),
+            ragged=buffers,
+            cursors=np.zeros(len(self._ragged), np.int64),
+            cursor_columns=cursor_columns,
+            first_row=first,
+            status=status,
         )
         is_ok = status == kernel.STATUS_OK
         for slot in self._slots:

@@ -16,6 +16,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels.cdr import (
+    OP_APPEND,
+    OP_BLOB,
+    OP_END,
+    OP_FIXED,
+    OP_LOOP,
+    OP_REPEAT,
+    OP_SEQUENCE,
+    OP_SKIP,
+    OP_STRING,
+)
 from cwcli.logs.codecs.ros2msg import (
     PRIMITIVES,
     STRING,
@@ -26,7 +37,6 @@ from cwcli.logs.codecs.ros2msg import (
     find_definition,
 )
 
-SKIP, FIXED, TEXT, SEQUENCE, LOOP, REPEAT, END, APPEND, BLOB = range(9)
 MAX_LOOPS = 16
 MAX_NESTING = 64
 MAX_OPERATIONS = 1 << 20
@@ -144,10 +154,10 @@ class _Compiler:
         if each.is_sequence:
             size = int(dtype[1])
             if path in self.blobs and is_octets and not self.loops:
-                self._emit(BLOB, 4, 0, 0, self._slot(Leaf(path, "blob")))
+                self._emit(OP_BLOB, 4, 0, 0, self._slot(Leaf(path, "blob")))
             else:
                 slot = self._ragged(Leaf(path, "ragged", dtype, None, is_bool)) if is_wanted else -1
-                self._emit(SEQUENCE, min(size, self.max_align), size, 0, slot)
+                self._emit(OP_SEQUENCE, min(size, self.max_align), size, 0, slot)
             self._forget()
         elif not is_wanted:
             self._primitives(dtype, each.length or 1, None)
@@ -155,14 +165,14 @@ class _Compiler:
             counts = [*self.loops, each.length or 1]
             static = None if None in counts else int(np.prod([n for n in counts if n is not None]))
             slot = self._ragged(Leaf(path, "ragged", dtype, static, is_bool))
-            self._primitives(dtype, each.length or 1, (APPEND, slot))
+            self._primitives(dtype, each.length or 1, (OP_APPEND, slot))
         else:
             slot = self._slot(Leaf(path, "fixed", dtype, each.length, is_bool))
-            self._primitives(dtype, each.length or 1, (FIXED, slot))
+            self._primitives(dtype, each.length or 1, (OP_FIXED, slot))
 
     def _string(self, path: str) -> None:
         is_wanted = not self.loops and self.wants(path, False)
-        self._emit(TEXT, 4, 0, 0, self._slot(Leaf(path, "string")) if is_wanted else -1)
+        self._emit(OP_STRING, 4, 0, 0, self._slot(Leaf(path, "string")) if is_wanted else -1)
         self._forget()
 
     @contextmanager
@@ -176,14 +186,14 @@ class _Compiler:
             raise SchemaError("sequences are nested too deeply")
         begin = len(self.operations)
         if each.is_sequence:
-            self._emit(LOOP, 4, 0, 0, -1)
+            self._emit(OP_LOOP, 4, 0, 0, -1)
         else:
-            self._emit(REPEAT, 1, 0, each.length or 1, -1)
+            self._emit(OP_REPEAT, 1, 0, each.length or 1, -1)
         self._forget()
         self.loops.append(each.length)
         yield
         self.loops.pop()
-        self._emit(END, 1, 0, 0, -1)
+        self._emit(OP_END, 1, 0, 0, -1)
         self.operations[begin][5] = len(self.operations)
         self._forget()
 
@@ -205,10 +215,10 @@ class _Compiler:
     def _skip(self, align: int, n_bytes: int) -> None:
         """Skip bytes; joined with a skip right before, unless a loop begins or ends there."""
         last = self.operations[-1] if self.operations else None
-        if last is not None and last[0] == SKIP and align == 1:
+        if last is not None and last[0] == OP_SKIP and align == 1:
             last[2] += n_bytes
         else:
-            self._emit(SKIP, align, n_bytes, 1, -1)
+            self._emit(OP_SKIP, align, n_bytes, 1, -1)
 
     def _emit(self, code: int, align: int, size: int, count: int, slot: int) -> None:
         self.operations.append([code, align, size, count, slot, 0])

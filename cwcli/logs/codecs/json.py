@@ -143,22 +143,25 @@ class JsonDecoder:
     def _walk(self, payloads: Payloads, status: npt.NDArray[np.uint8], begin: int) -> int:
         places = np.concatenate([room.addresses for room in self._rooms], axis=1)
         n_slots = len(self._slots)
+        keys, entries, nodes = self._tables
         cursors = [room.cursors[:, begin - 1] for room in self._rooms] if begin else [np.zeros(n_slots, np.int64)]
         return kernel.walk(
             payloads.data,
             payloads.starts,
             payloads.ends,
-            *self._tables,
-            places[0],
-            places[1],
-            places[2],
-            places[3],
-            np.concatenate(cursors),
-            places[4],
-            self._tree.learns,
-            begin,
-            self._n,
-            status,
+            keys=keys,
+            entries=entries,
+            nodes=nodes,
+            tags=places[0],
+            values=places[1],
+            element_tags=places[2],
+            element_values=places[3],
+            cursors=np.concatenate(cursors),
+            cursor_columns=places[4],
+            learns=self._tree.learns,
+            begin=begin,
+            first_row=self._n,
+            status=status,
         )
 
     def _learn(self, message: bytes) -> None:

@@ -18,11 +18,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import json_walk
 from cwcli.kernels.message_scan import intern_spans
 from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen, merge_equal, take_ragged
 from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
 
-ABSENT, NULL, BOOL, INT, FLOAT, STRING, ARRAY, ESCAPED, CODED = range(9)
+ABSENT, NULL, BOOL, INT = json_walk.T_ABSENT, json_walk.T_NULL, json_walk.T_BOOL, json_walk.T_INT
+FLOAT, STRING, ARRAY, ESCAPED = json_walk.T_FLOAT, json_walk.T_STRING, json_walk.T_ARRAY, json_walk.T_ESCAPED
+CODED = 8
 MAX_INT = (1 << 63) - 1
 TagArray = npt.NDArray[np.uint8]
 MAX_PIECE_BYTES = 64 << 20

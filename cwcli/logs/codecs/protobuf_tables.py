@@ -9,8 +9,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-VARINT64, VARINT32, ZIGZAG32, ZIGZAG64, BOOLEAN, FIXED32, FIXED64, TEXT, OCTETS, MESSAGE, GROUP = range(1, 12)
-STORE_NOT, STORE_ROW, STORE_APPEND, STORE_ELEMENT = range(4)
+from cwcli.kernels.protobuf import (
+    BOOLEAN,
+    FIXED32,
+    FIXED64,
+    GROUP,
+    MESSAGE,
+    N_COLUMNS,
+    OCTETS,
+    STORE_APPEND,
+    STORE_ELEMENT,
+    STORE_NOT,
+    STORE_ROW,
+    TEXT,
+    VARINT32,
+    VARINT64,
+    ZIGZAG32,
+    ZIGZAG64,
+)
 
 KINDS: dict[int, tuple[int, str]] = {
     1: (FIXED64, "f8"),
@@ -34,7 +50,6 @@ KINDS: dict[int, tuple[int, str]] = {
 }
 """`FieldDescriptor.type` -> kind of the kernel, and NumPy type."""
 TYPE_ENUM = 14
-N_COLUMNS = 10
 MAX_LEAVES = 1 << 14
 
 
