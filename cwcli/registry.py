@@ -28,13 +28,19 @@ Check = Callable[..., Any]
 
 @dataclass(frozen=True)
 class Plugin:
-    """An entry point of another package: `name = target` in a group; `package` is its name and version."""
+    """An entry point of another package: `name = target`.
+
+    Attributes:
+        package: Its name and version.
+        what: What it adds, in words.
+    """
 
     name: str
     target: str
     package: str
+    what: str = "plug-in"
 
-    def load(self, what: str) -> object:
+    def load(self) -> object:
         """The object that it names.
 
         Raises:
@@ -43,12 +49,12 @@ class Plugin:
         try:
             return named(self.target)
         except (Exception, SystemExit) as error:
-            raise self.error(what, f"can't be imported: {_said(error)}") from error
+            raise self.error(f"can't be imported: {_said(error)}") from error
 
-    def error(self, what: str, problem: str) -> PluginError:
+    def error(self, problem: str) -> PluginError:
         """What is wrong with it, as an error."""
         return PluginError(
-            f"the {what} '{self.name}' of the package {self.package} {problem}",
+            f"the {self.what} '{self.name}' of the package {self.package} {problem}",
             hint=f"it is {self.target}; without it: uninstall {self.package.split()[0]}",
         )
 
@@ -69,7 +75,7 @@ class Registry(Mapping[str, T]):
         what: str,
         group: str,
         builtin: Mapping[str, T | str],
-        accept: Callable[[object, Callable[[str], PluginError]], T],
+        accept: Callable[[object, Plugin], T],
         *,
         spell: Callable[[str], str] = str,
     ) -> None:
@@ -105,21 +111,21 @@ class Registry(Mapping[str, T]):
             raise UsageError(f"there is no {self.what} '{name}'", hint=f"one of: {', '.join(self)}")
         return self[name]
 
-    def summaries(self) -> dict[str, str]:
-        """Name -> the entry's `summary`; of a plug-in that can't be used: why, so that the others can."""
-        return {name: self._summary(name) for name in self}
+    def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:
+        """Name -> words about the entry; of a plug-in that can't be imported: why, so that help still comes."""
+        return {name: self._words(name, words) for name in self}
 
     def help(self) -> str:
         """The names with their summaries, for an option's help."""
-        return "; ".join(f"{name}: {summary}" for name, summary in self.summaries().items()) + "."
+        return "; ".join(f"{name}: {summary}" for name, summary in self.describe().items()) + "."
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
         """The names that begin so, with their summaries, for the shell's completion."""
-        return [(name, summary) for name, summary in self.summaries().items() if name.startswith(incomplete)]
+        return [(name, summary) for name, summary in self.describe().items() if name.startswith(incomplete)]
 
-    def _summary(self, name: str) -> str:
+    def _words(self, name: str, words: Callable[[T], str]) -> str:
         try:
-            return str(getattr(self[name], "summary", ""))
+            return words(self[name])
         except PluginError as error:
             return error.what
 
@@ -127,16 +133,16 @@ class Registry(Mapping[str, T]):
         if isinstance(found, str):
             entry: T = named(found)
             return entry
-        return self._accept(found.load(self.what), lambda problem: found.error(self.what, problem))
+        return self._accept(found.load(), found)
 
     def _plugins(self) -> dict[str, Plugin]:
         out: dict[str, Plugin] = {}
-        for plugin in _installed(tuple(sys.path)).get(self.group, ()):
-            name = self._spell(plugin.name)
+        for found in _installed(tuple(sys.path)).get(self.group, ()):
+            plugin, name = replace(found, what=self.what), self._spell(found.name)
             if name in self._builtin:
-                raise plugin.error(self.what, "has the name of one of cwcli's own")
+                raise plugin.error("has the name of one of cwcli's own")
             if name in out:
-                raise plugin.error(self.what, f"has the name of one of the package {out[name].package}")
+                raise plugin.error(f"has the name of one of the package {out[name].package}")
             out[name] = plugin
         return out
 
@@ -147,18 +153,18 @@ def named(target: str) -> Any:
     return attrgetter(attribute)(importlib.import_module(module))
 
 
-def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Callable[[str], PluginError]], T]:
+def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Plugin], T]:
     """Accepts a `kind`, a dataclass, with each of its functions guarded, and their results checked.
 
     Args:
         checks: Attribute -> what its results must be.
     """
 
-    def accept(entry: object, error: Callable[[str], PluginError]) -> T:
+    def accept(entry: object, plugin: Plugin) -> T:
         if not isinstance(entry, kind):
-            raise error(f"is no {kind.__name__} but a {type(entry).__name__}")
+            raise plugin.error(f"is no {kind.__name__} but a {type(entry).__name__}")
         functions = {
-            field.name: guarded(getattr(entry, field.name), field.name, checks.get(field.name), error)
+            field.name: guarded(getattr(entry, field.name), field.name, checks.get(field.name), plugin)
             for field in fields(entry)  # type: ignore[arg-type]
             if callable(getattr(entry, field.name))
         }
@@ -167,9 +173,7 @@ def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object
     return accept
 
 
-def guarded(
-    function: Callable[..., Any], name: str, check: Check | None, error: Callable[[str], PluginError]
-) -> Callable[..., Any]:
+def guarded(function: Callable[..., Any], name: str, check: Check | None, plugin: Plugin) -> Callable[..., Any]:
     """A plug-in's function whose errors, and those of what it returns, are the plug-in's."""
 
     @wraps(function)
@@ -179,13 +183,13 @@ def guarded(
         except CwcliError:
             raise
         except Exception as raised:
-            raise error(f"raised in {name}: {_said(raised)}") from raised
+            raise plugin.error(f"raised in {name}: {_said(raised)}") from raised
         if check is None:
             return result
         try:
             return check(result, *arguments, **named_arguments)
         except (TypeError, ValueError) as wrong:
-            raise error(f"returned from {name} what it must not: {wrong}") from wrong
+            raise plugin.error(f"returned from {name} what it must not: {wrong}") from wrong
 
     return call
 

@@ -38,3 +38,9 @@ def _cell(cell: Cell) -> str:
 
 def _row(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+def filled(text: str, mark: str, block: str) -> str:
+    """A page with what stands between `<!-- mark -->` and `<!-- end -->` replaced."""
+    begin = text.index(f"<!-- {mark} -->\n") + len(f"<!-- {mark} -->\n")
+    return f"{text[:begin]}{block}\n{text[text.index('<!-- end -->', begin) :]}"

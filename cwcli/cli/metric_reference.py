@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from cwcli.cli.markdown import filled
+
 
 def evaluation_page(text: str) -> str:
     """The page with its generated parts as they are now."""
-    for mark, block in (("metrics", _metrics()), ("grammar", _grammar())):
-        begin = text.index(f"<!-- {mark} -->\n") + len(f"<!-- {mark} -->\n")
-        text = f"{text[:begin]}{block}\n{text[text.index('<!-- end -->', begin) :]}"
-    return text
+    return filled(filled(text, "metrics", _metrics()), "grammar", _grammar())
 
 
 def _metrics() -> str:

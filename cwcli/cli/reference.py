@@ -1,7 +1,7 @@
 """Writes what is generated in the docs: `python -m cwcli.cli.reference`.
 
-docs/commands.md from the commands, docs/channels.md from the schemas, the lists in docs/evaluation.md, and the output
-of `cwcli info` in README.md.
+docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
+docs/evaluation.md, docs/signals.md and docs/warning.md, and the output of `cwcli info` in README.md.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 from typing import Any
+
+from cwcli.cli.markdown import filled
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,7 +73,6 @@ def readme() -> str:
     """README.md with the output of `cwcli info` in its session as it is now."""
     import contextlib
     import io
-    import re
 
     from cwcli.cli.main import run
 
@@ -81,20 +82,22 @@ def readme() -> str:
         run(arguments)
     lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
     block = "\n".join(f"    {line}".rstrip() for line in lines)
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return re.sub(r"(?<=<!-- info -->\n).*?(?=\n<!-- end -->)", lambda _: block, text, count=1, flags=re.DOTALL)
+    return filled((ROOT / "README.md").read_text(encoding="utf-8"), "info", block)
 
 
 def pages() -> dict[Path, str]:
     """The generated pages of the checkout, by file."""
     from cwcli.cli.channel_reference import channel_reference
     from cwcli.cli.metric_reference import evaluation_page
+    from cwcli.cli.registry_reference import measures_page, signals_page, warning_page
 
     docs = ROOT / "docs"
+    lists = {"evaluation.md": evaluation_page, "signals.md": signals_page, "warning.md": warning_page}
     return {
+        **{docs / name: page((docs / name).read_text(encoding="utf-8")) for name, page in lists.items()},
         docs / "commands.md": reference(),
         docs / "channels.md": channel_reference(),
-        docs / "evaluation.md": evaluation_page((docs / "evaluation.md").read_text(encoding="utf-8")),
+        docs / "measures.md": measures_page(),
         ROOT / "README.md": readme(),
     }
 

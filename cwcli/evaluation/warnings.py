@@ -15,7 +15,7 @@ from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
 from cwcli.logs.log import Log
-from cwcli.measures.pair import ActualTrack, Motion, relative_motion
+from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
@@ -115,23 +115,23 @@ def judge_warnings(
     all_rows = np.arange(len(host))
     own, host_size = _track(host, all_rows), outline_of(host.length_m, host.width_m)
     hours = float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H
-    motions = {
-        vehicle: relative_motion(
+    pairs = {
+        vehicle: Pair(
             own,
             _track(others, rows),
-            max_gap_s=config.max_gap_s,
-            host_size=host_size,
-            other_size=outline_of(others.length_m[rows], others.width_m[rows]),
+            host_size,
+            outline_of(others.length_m[rows], others.width_m[rows]),
+            config.max_gap_s,
         )
         for vehicle, rows in rows_by_id(others.ids)
     }
-    conflicts = {vehicle: real_conflicts(motion, config) for vehicle, motion in motions.items()}
-    return {rule: _scores(_spans(events, rule), motions, conflicts, config, hours) for rule in rules}
+    conflicts = {vehicle: real_conflicts(pair, config) for vehicle, pair in pairs.items()}
+    return {rule: _scores(_spans(events, rule), pairs, conflicts, config, hours) for rule in rules}
 
 
 def _scores(
     events: Mapping[str, Sequence[tuple[int, int]]],
-    motions: Mapping[str, Motion],
+    pairs: Mapping[str, Pair],
     conflicts: Mapping[str, Sequence[RealConflict]],
     config: WarningConfig,
     hours: float,
@@ -141,8 +141,8 @@ def _scores(
     leads: list[float] = []
     for vehicle, spans in events.items():
         warned: set[int] = set()
-        for raised_ns, last_ns in spans if vehicle in motions else ():
-            verdict = judge(raised_ns, last_ns, conflicts[vehicle], motions[vehicle], config)
+        for raised_ns, last_ns in spans if vehicle in pairs else ():
+            verdict = judge(raised_ns, last_ns, conflicts[vehicle], pairs[vehicle], config)
             kinds.append(verdict.kind)
             if verdict.conflict >= 0 and verdict.conflict not in warned:
                 warned.add(verdict.conflict)

@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.measures.pair import ActualTrack, Motion, interpolate
+from cwcli.measures.distance import MEASURE as DISTANCE
+from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.pair import ActualTrack, Pair, interpolate
+from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.report.decimate import envelope_rows, track_rows
 from cwcli.report.drawing import (
     ALERT,
@@ -179,34 +182,34 @@ def _outline(state: FloatArray, size_m: tuple[float, float]) -> FloatArray:
 
 def distance_figure(drive: Drive, encounter: Encounter) -> Figure | None:
     """Distance and time to collision around a warning; None where the tracks do not tell."""
-    if encounter.motion is None or drive.warnings is None:
+    if encounter.pair is None or drive.warnings is None:
         return None
     until_ns = max(encounter.last_ns, encounter.raised_ns + round(AFTER_S * NS_PER_S))
     marks = [(encounter.raised_ns, "warning", ALERT)]
     if encounter.verdict is not None and encounter.verdict.closest_ns >= 0:
         marks.append((encounter.verdict.closest_ns, "nearest", "#000000"))
     since_ns = encounter.raised_ns - round(BEFORE_S * NS_PER_S)
-    return _nearness(drive, encounter.motion, (since_ns, until_ns), marks, [_predictions(drive, encounter)])
+    return _nearness(drive, encounter.pair, (since_ns, until_ns), marks, [_predictions(drive, encounter)])
 
 
 def nearest_figure(drive: Drive, nearest: Nearest) -> Figure | None:
     """Distance and time to collision around the nearest approach of a drive without warnings."""
     apart_ns = round(2.0 * AFTER_S * NS_PER_S)
     span = (nearest.stamp_ns - apart_ns, nearest.stamp_ns + apart_ns)
-    return _nearness(drive, nearest.motion, span, [(nearest.stamp_ns, "nearest", "#000000")], [])
+    return _nearness(drive, nearest.pair, span, [(nearest.stamp_ns, "nearest", "#000000")], [])
 
 
 def _nearness(
-    drive: Drive, motion: Motion, span_ns: tuple[int, int], marks: list[tuple[int, str, str]], more: list[Trace]
+    drive: Drive, pair: Pair, span_ns: tuple[int, int], marks: list[tuple[int, str, str]], more: list[Trace]
 ) -> Figure | None:
-    first = int(np.searchsorted(motion.stamp_ns, span_ns[0]))
-    last = int(np.searchsorted(motion.stamp_ns, span_ns[1], side="right"))
+    first = int(np.searchsorted(pair.stamp_ns, span_ns[0]))
+    last = int(np.searchsorted(pair.stamp_ns, span_ns[1], side="right"))
     if last - first < 2:
         return None
     part = slice(first, last)
-    columns = np.column_stack([motion.distance_m[part], motion.gap_m[part], motion.ttc_s[part]])
+    columns = np.column_stack([pair.value(measure)[part] for measure in (DISTANCE, GAP, TTC)])
     columns[columns[:, 2] > MAX_TTC_S, 2] = np.nan
-    stamps, columns = with_breaks(motion.stamp_ns[part], columns, drive.rule.max_gap_s)
+    stamps, columns = with_breaks(pair.stamp_ns[part], columns, drive.rule.max_gap_s)
     seconds = drive.seconds(stamps)
 
     def curve(column: int, name: str, colour: str, unit: str, **style: Any) -> Trace:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.channels.warning import WarningEvent, warning_events
-from cwcli.measures.pair import ActualTrack, Motion, interpolate, relative_motion
+from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.pair import ActualTrack, Pair, interpolate
 from cwcli.report.drive import Drive, OtherTrack, ego_size
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
@@ -36,7 +37,7 @@ class Encounter:
         time_to_event_s, predicted_distance_m, probability, alert_probability: As the warning said when it was raised;
             NaN: not computed.
         rows: Rows of the warnings channel in which it stood, by time.
-        motion: Relative motion of the pair over the drive, or None.
+        pair: Both over the drive, or None.
         verdict: What became of it, or None where the tracks do not tell.
         least_gap_m: Least distance of the outlines while the warning can come true; negative: they overlap.
         direction: Where the other came from, in words: `coming from the right`; "" where not known.
@@ -53,7 +54,7 @@ class Encounter:
     probability: float
     alert_probability: float
     rows: Int64Array
-    motion: Motion | None
+    pair: Pair | None
     verdict: Verdict | None
     least_gap_m: float
     direction: str
@@ -74,12 +75,12 @@ class Missed:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest approach of a drive: of whom, how near the centres came, when, and the pair's motion."""
+    """The nearest approach of a drive: of whom, how near the centres came, when, and the pair."""
 
     other: OtherTrack
     distance_m: float
     stamp_ns: int
-    motion: Motion
+    pair: Pair
 
 
 @dataclass(frozen=True)
@@ -108,17 +109,17 @@ def find_meetings(drive: Drive) -> Meetings:
     host = ActualTrack(stamps, drive.ego.state[first])
     warned = {entry.other_id for entry in alerts}
     ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
-    motions: dict[int, Motion] = {}
+    pairs: dict[int, Pair] = {}
     for other in ranked[:MAX_DETAILED_OTHERS]:
-        motions[id(other)] = _motion(drive, host, other)
+        pairs[id(other)] = _pair(drive, host, other)
     by_id: dict[str, OtherTrack] = {}
     for other in drive.others:
         by_id.setdefault(other.id, other)
-    conflicts = {key: real_conflicts(motion, drive.rule) for key, motion in motions.items()}
+    conflicts = {key: real_conflicts(pair, drive.rule) for key, pair in pairs.items()}
     encounters, matched = [], set()
     for alert in alerts:
         other_track = None if alert.rule == LANE_DEPARTURE else by_id.get(alert.other_id)
-        encounter = _encounter(drive, alert, other_track, host, motions, conflicts)
+        encounter = _encounter(drive, alert, other_track, host, pairs, conflicts)
         if other_track is not None and encounter.verdict is not None and encounter.verdict.conflict >= 0:
             matched.add((id(other_track), encounter.verdict.conflict))
         encounters.append(encounter)
@@ -132,21 +133,19 @@ def find_meetings(drive: Drive) -> Meetings:
     return Meetings(
         encounters=tuple(encounters),
         missed=tuple(sorted(missed, key=lambda entry: entry.conflict.onset_ns)) if drive.warnings is not None else (),
-        nearest=_nearest(ranked[:MAX_DETAILED_OTHERS], motions),
+        nearest=_nearest(ranked[:MAX_DETAILED_OTHERS], pairs),
         n_not_compared=max(0, len(ranked) - MAX_DETAILED_OTHERS),
     )
 
 
-def _motion(drive: Drive, host: ActualTrack, other: OtherTrack) -> Motion:
-    """The pair's relative motion at those of the host's stamps at which the other is known."""
+def _pair(drive: Drive, host: ActualTrack, other: OtherTrack) -> Pair:
+    """The pair at those of the host's stamps at which the other is known."""
     assert drive.ego is not None
     margin_ns = round(drive.rule.max_gap_s * NS_PER_S)
     first = int(np.searchsorted(host.stamp_ns, other.track.stamp_ns[0] - margin_ns))
     last = int(np.searchsorted(host.stamp_ns, other.track.stamp_ns[-1] + margin_ns, side="right"))
     part = ActualTrack(host.stamp_ns[first:last], host.state[first:last])
-    return relative_motion(
-        part, other.track, max_gap_s=drive.rule.max_gap_s, host_size=ego_size(drive.ego), other_size=other.size_m
-    )
+    return Pair(part, other.track, ego_size(drive.ego), other.size_m, drive.rule.max_gap_s)
 
 
 def _encounter(
@@ -154,17 +153,17 @@ def _encounter(
     alert: WarningEvent,
     other: OtherTrack | None,
     host: ActualTrack,
-    motions: dict[int, Motion],
+    pairs: dict[int, Pair],
     conflicts: dict[int, list[RealConflict]],
 ) -> Encounter:
-    motion = motions.get(id(other)) if other is not None else None
+    pair = pairs.get(id(other)) if other is not None else None
     verdict, gap, direction = None, math.nan, ""
-    if other is not None and motion is not None and len(motion.stamp_ns):
-        verdict = judge(alert.raised_ns, alert.last_ns, conflicts[id(other)], motion, drive.rule)
-        gap = _least_gap(motion, alert.raised_ns, alert.raised_ns + round(drive.rule.max_lead_s * NS_PER_S))
+    if other is not None and pair is not None and len(pair.stamp_ns):
+        verdict = judge(alert.raised_ns, alert.last_ns, conflicts[id(other)], pair, drive.rule)
+        gap = _least_gap(pair, alert.raised_ns, alert.raised_ns + round(drive.rule.max_lead_s * NS_PER_S))
         direction = _direction(host, other, alert.raised_ns, drive.rule.max_gap_s)
     alone = _without_motion(drive, alert)
-    return replace(alone, other=other, motion=motion, verdict=verdict, least_gap_m=gap, direction=direction)
+    return replace(alone, other=other, pair=pair, verdict=verdict, least_gap_m=gap, direction=direction)
 
 
 def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
@@ -183,15 +182,15 @@ def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
         probability=float(said.probability[row]),
         alert_probability=float(said.alert_probability[row]),
         rows=alert.rows,
-        motion=None,
+        pair=None,
         verdict=None,
         least_gap_m=math.nan,
         direction="",
     )
 
 
-def _least_gap(motion: Motion, begin_ns: int, end_ns: int) -> float:
-    inside = motion.gap_m[(motion.stamp_ns >= begin_ns) & (motion.stamp_ns <= end_ns)]
+def _least_gap(pair: Pair, begin_ns: int, end_ns: int) -> float:
+    inside = pair.value(GAP)[(pair.stamp_ns >= begin_ns) & (pair.stamp_ns <= end_ns)]
     known = inside[np.isfinite(inside)]
     return float(known.min()) if len(known) else math.nan
 
@@ -215,15 +214,15 @@ def _direction(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: floa
     return f"coming from the {'right' if turned > 0.0 else 'left'}"
 
 
-def _nearest(others: Sequence[OtherTrack], motions: dict[int, Motion]) -> Nearest | None:
+def _nearest(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> Nearest | None:
     best: Nearest | None = None
     for other in others:
-        motion = motions[id(other)]
-        known = np.flatnonzero(np.isfinite(motion.distance_m))
+        pair = pairs[id(other)]
+        known = np.flatnonzero(np.isfinite(pair.distance_m))
         if not len(known):
             continue
-        row = int(known[motion.distance_m[known].argmin()])
-        distance = float(motion.distance_m[row])
+        row = int(known[pair.distance_m[known].argmin()])
+        distance = float(pair.distance_m[row])
         if best is None or distance < best.distance_m:
-            best = Nearest(other, distance, int(motion.stamp_ns[row]), motion)
+            best = Nearest(other, distance, int(pair.stamp_ns[row]), pair)
     return best

@@ -13,7 +13,7 @@ from cwcli.report.drive import Drive
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import count, duration, join_names, printable
-from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED
+from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, conflict_definition
 from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
@@ -115,7 +115,7 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
         return ""
     if verdict is None:
         return "Whether the warning was right can't be said: the other's track is not in the log."
-    conflict = conflict_words(rule)
+    conflict = conflict_definition(rule).words
     if verdict.kind == TRUE:
         return f"The warning was right: it came {verdict.lead_time_s:.1f} s before {conflict}."
     if verdict.kind == LATE:
@@ -123,16 +123,6 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
     if verdict.kind == FALSE:
         return f"By what followed it was a false alarm: there was no moment when {conflict}."
     return "Whether the warning was right can't be said: the tracks end too early."
-
-
-def conflict_words(rule: WarningConfig) -> str:
-    """The definition of a conflict, as a clause."""
-    return {
-        "distance": f"the two were closer than {rule.distance_m:g} m, centre to centre",
-        "outline": "the two touched",
-        "ttc": f"the two were {rule.conflict_ttc_s:g} s from contact",
-        "drac": f"a braking of {rule.conflict_drac_mps2:g} m/s² was needed to avoid contact",
-    }[rule.conflict]
 
 
 def verdict_badge(encounter: Encounter) -> Badge:
@@ -206,9 +196,10 @@ def _badges(meetings: Meetings) -> list[Badge]:
 
 def _missed(drive: Drive, meetings: Meetings) -> list[str]:
     told = []
+    conflict = conflict_definition(drive.rule).words
     for missed in meetings.missed[:3]:
         told.append(
-            f"No warning came before {_at(drive, missed.conflict.onset_ns)}, when {conflict_words(drive.rule)} "
+            f"No warning came before {_at(drive, missed.conflict.onset_ns)}, when {conflict} "
             f"({missed.other.kind} {printable(missed.other.id)[:MAX_ID]}, nearest {missed.conflict.closest_m:.1f} m)."
         )
     if len(meetings.missed) > len(told):

@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from cwcli.errors import PluginError
-from cwcli.registry import Registry, named, plugin_entry
+from cwcli.registry import Plugin, Registry, named, plugin_entry
 from cwcli.signals.codec import Build, Fields, Input, Reading, Role
 from cwcli.signals.leaf_names import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
 
@@ -356,12 +355,12 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
 }
 
 
-def _accept(entry: object, error: Callable[[str], PluginError]) -> tuple[Input, ...]:
+def _accept(entry: object, plugin: Plugin) -> tuple[Input, ...]:
     """A plug-in's inputs, with their builders guarded."""
     inputs = entry if isinstance(entry, tuple) else (entry,)
     if any(isinstance(one, Input) and one.build is None for one in inputs):
-        raise error("has no builder")
-    return tuple(plugin_entry(Input, {"build": _check_built})(one, error) for one in inputs)
+        raise plugin.error("has no builder")
+    return tuple(plugin_entry(Input, {"build": _check_built})(one, plugin) for one in inputs)
 
 
 def _check_built(built: object, columns: Columns, reading: Reading) -> object:

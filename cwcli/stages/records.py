@@ -17,12 +17,13 @@ from cwcli.errors import DataError
 from cwcli.logs.log import Log
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.inputs.sources import SourceConfig
-from cwcli.warning.types import Conflict, Use, WarningConfig
+from cwcli.warning.types import Use, WarningConfig
 
 PREFIX = "cwcli.run."
 VEHICLE = "vehicle"
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
-CHOICES: dict[str, tuple[str, ...]] = {"use": get_args(Use), "conflict": get_args(Conflict)}
+OLD_THRESHOLDS = {"ttc": ("<", "conflict_ttc_s"), "drac": (">", "conflict_drac_mps2")}
+"""Where earlier versions recorded the threshold of a conflict by these measures."""
 
 Record = Mapping[str, str]
 
@@ -93,11 +94,14 @@ def rule_of(record: Record) -> WarningConfig:
     for entry in fields(WarningConfig):
         value = given.get(entry.name)
         if isinstance(entry.default, str):
-            is_fit = isinstance(value, str) and (entry.name == "rule" or value in CHOICES[entry.name])
+            is_fit = isinstance(value, str) and (entry.name != "use" or value in get_args(Use))
         else:
             is_fit = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
         if is_fit:
             fitting[entry.name] = value
+    sign, key = OLD_THRESHOLDS.get(fitting.get("conflict", ""), ("", ""))
+    if math.isfinite(number(given, key)):
+        fitting["conflict"] += f" {sign} {number(given, key)!r}"
     return WarningConfig(**fitting)
 
 

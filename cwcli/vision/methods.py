@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 
-from cwcli.errors import PluginError
-from cwcli.registry import Registry, guarded, plugin_entry
+from cwcli.registry import Plugin, Registry, guarded, plugin_entry
 from cwcli.vision.method import LaneSearch, Method, check_fit, check_size
 
 
-def _accept(entry: object, error: Callable[[str], PluginError]) -> Method:
+def _accept(entry: object, plugin: Plugin) -> Method:
     """A plug-in's method, with its searches guarded too."""
-    method = plugin_entry(Method, {"search_size": check_size})(entry, error)
+    method = plugin_entry(Method, {"search_size": check_size})(entry, plugin)
 
     def make(seed: int) -> LaneSearch:
         search = method.make(seed)
         if not callable(getattr(search, "step", None)):
-            raise error(f"makes a {type(search).__name__}, which has no step")
-        return SimpleNamespace(step=guarded(search.step, "step", check_fit, error))
+            raise plugin.error(f"makes a {type(search).__name__}, which has no step")
+        return SimpleNamespace(step=guarded(search.step, "step", check_fit, plugin))
 
     return replace(method, make=make)
 

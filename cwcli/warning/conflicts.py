@@ -2,18 +2,92 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.measures.pair import Motion
+from cwcli.errors import UsageError
+from cwcli.measures import MEASURES
+from cwcli.measures.base import SIGNS, Measure
+from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.types import WarningConfig
 
 TRUE, FALSE, LATE, UNDECIDED = "true", "false", "late", "undecided"
 MISSED = "missed"
+OLD_NAMES = {"outline": "gap"}
+"""Of measures, as earlier versions spelled them in a definition."""
+
+_DEFINITION = re.compile(r"\s*([\w.-]+)\s*(?:([<>])\s*(\S+))?\s*")
+
+
+@dataclass(frozen=True)
+class ConflictDefinition:
+    """A measure beyond a threshold."""
+
+    measure: Measure
+    threshold: float
+
+    @property
+    def words(self) -> str:
+        """What held at a conflict: `the two touched`."""
+        return self.measure.words(self.threshold)
+
+    def margin(self, pair: Pair) -> FloatArray:
+        """A function of time that is negative during a conflict, (n,)."""
+        values = pair.value(self.measure)
+        return values - self.threshold if self.measure.critical == "low" else self.threshold - values
+
+
+def conflict_definition(config: WarningConfig) -> ConflictDefinition:
+    """What counts as a conflict: `NAME`, `NAME < NUMBER` or `NAME > NUMBER`.
+
+    Raises:
+        UsageError: There is no such measure, or it is not one of each moment, or it lacks a threshold.
+    """
+    text = config.conflict
+    parts = _DEFINITION.fullmatch(text)
+    if parts is None:
+        raise UsageError(f"'{text}' is no definition of a conflict", hint=f"for example {example('ttc')}")
+    name, sign, number = parts.groups()
+    name = OLD_NAMES.get(name, name)
+    measure = MEASURES.require(name)
+    if not measure.is_series:
+        raise UsageError(f"{name} is one number for two vehicles: no conflict begins or ends by it")
+    threshold = config.distance_m if name == "distance" else measure.threshold
+    if number is not None:
+        threshold = _number(number)
+    if threshold is None or not np.isfinite(threshold) or (sign and sign != SIGNS[measure.critical]):
+        raise UsageError(
+            f"'{text}' does not say from where on two vehicles are in conflict", hint=f"for example {example(name)}"
+        )
+    return ConflictDefinition(measure, threshold)
+
+
+def definitions() -> str:
+    """The definitions of a conflict with the measures' own thresholds: `distance < 2.5 m, ttc < 1 s`."""
+
+    def beyond(measure: Measure) -> str:
+        if not measure.is_series or measure.threshold is None:
+            return ""
+        return f"{SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}".rstrip()
+
+    return ", ".join(f"{name} {words}" for name, words in MEASURES.describe(beyond).items() if words)
+
+
+def example(name: str) -> str:
+    """A definition by this measure."""
+    return f"--conflict '{name} {SIGNS[MEASURES[name].critical]} 1.5'"
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
 
 
 @dataclass(frozen=True)
@@ -51,10 +125,10 @@ class Verdict:
     closest_m: float
 
 
-def real_conflicts(motion: Motion, config: WarningConfig) -> list[RealConflict]:
+def real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]:
     """Conflicts of one pair; two that are less than the hold-off apart are one."""
-    measure = _measure(motion, config)
-    stamp = motion.stamp_ns
+    measure = conflict_definition(config).margin(pair)
+    stamp = pair.stamp_ns
     inside = np.nan_to_num(measure, nan=1.0, posinf=1.0) < 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     stretches: list[tuple[int, int, int, int]] = []
@@ -69,20 +143,9 @@ def real_conflicts(motion: Motion, config: WarningConfig) -> list[RealConflict]:
             stretches.append((onset, end, int(first), last))
     out = []
     for onset, end, first, last in stretches:
-        nearest = first + int(np.nanargmin(motion.distance_m[first : last + 1]))
-        out.append(RealConflict(onset, end, int(stamp[nearest]), float(motion.distance_m[nearest])))
+        nearest = first + int(np.nanargmin(pair.distance_m[first : last + 1]))
+        out.append(RealConflict(onset, end, int(stamp[nearest]), float(pair.distance_m[nearest])))
     return out
-
-
-def _measure(motion: Motion, config: WarningConfig) -> FloatArray:
-    """A function of time that is negative during a conflict, (n,)."""
-    if config.conflict == "distance":
-        return motion.distance_m - config.distance_m
-    if config.conflict == "outline":
-        return motion.gap_m
-    if config.conflict == "ttc":
-        return motion.ttc_s - config.conflict_ttc_s
-    return config.conflict_drac_mps2 - motion.drac_mps2
 
 
 def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float) -> int:
@@ -98,11 +161,11 @@ def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside
 
 
 def judge(
-    raised_ns: int, last_ns: int, conflicts: Sequence[RealConflict], motion: Motion, config: WarningConfig
+    raised_ns: int, last_ns: int, conflicts: Sequence[RealConflict], pair: Pair, config: WarningConfig
 ) -> Verdict:
     """The verdict on one event, raised at `raised_ns` and held until `last_ns`."""
     max_lead_ns = round(config.max_lead_s * NS_PER_S)
-    closest_ns, closest_m = _closest(motion, raised_ns, raised_ns + max_lead_ns)
+    closest_ns, closest_m = _closest(pair, raised_ns, raised_ns + max_lead_ns)
     for index, conflict in enumerate(conflicts):
         if conflict.end_ns < raised_ns:
             continue
@@ -110,21 +173,21 @@ def judge(
         if lead_ns <= max_lead_ns or conflict.onset_ns <= last_ns:
             kind = TRUE if lead_ns >= 0 else LATE
             return Verdict(kind, index, lead_ns / NS_PER_S, conflict.closest_ns, conflict.closest_m)
-    decided = _covers(motion, raised_ns, raised_ns + round(config.horizon_s * NS_PER_S), config.max_gap_s)
+    decided = _covers(pair, raised_ns, raised_ns + round(config.horizon_s * NS_PER_S), config.max_gap_s)
     return Verdict(FALSE if decided else UNDECIDED, -1, float("nan"), closest_ns, closest_m)
 
 
-def _closest(motion: Motion, begin_ns: int, end_ns: int) -> tuple[int, float]:
-    rows = np.flatnonzero((motion.stamp_ns >= begin_ns) & (motion.stamp_ns <= end_ns) & np.isfinite(motion.distance_m))
+def _closest(pair: Pair, begin_ns: int, end_ns: int) -> tuple[int, float]:
+    rows = np.flatnonzero((pair.stamp_ns >= begin_ns) & (pair.stamp_ns <= end_ns) & np.isfinite(pair.distance_m))
     if not len(rows):
         return -1, float("nan")
-    nearest = rows[motion.distance_m[rows].argmin()]
-    return int(motion.stamp_ns[nearest]), float(motion.distance_m[nearest])
+    nearest = rows[pair.distance_m[rows].argmin()]
+    return int(pair.stamp_ns[nearest]), float(pair.distance_m[nearest])
 
 
-def _covers(motion: Motion, begin_ns: int, end_ns: int, max_gap_s: float) -> bool:
+def _covers(pair: Pair, begin_ns: int, end_ns: int, max_gap_s: float) -> bool:
     """Whether the distance is known from begin to end without a gap."""
-    known = motion.stamp_ns[np.isfinite(motion.distance_m)]
+    known = pair.stamp_ns[np.isfinite(pair.distance_m)]
     inside = known[(known >= begin_ns) & (known <= end_ns)]
     edges = np.concatenate([[begin_ns], inside, [end_ns]])
     return bool(np.diff(edges).max() <= max_gap_s * NS_PER_S)

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.measures.pair import ActualTrack, post_encroachment_time, relative_motion
+from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.align import read_paths
-from cwcli.warning.conflicts import judge, real_conflicts
+from cwcli.warning.conflicts import conflict_definition, judge, real_conflicts
 from cwcli.warning.output import (
     conflicts_table,
     events_table,
@@ -102,14 +102,9 @@ def check_config(config: WarningConfig) -> None:
             raise UsageError(f"a {name} of {value:g} s is negative")
     if (config.persistence_s or 0.0) > MAX_PERSISTENCE_S:
         raise UsageError(f"a persistence of {config.persistence_s:g} s is above {MAX_PERSISTENCE_S:g} s")
-    scoring = {
-        "conflict TTC": config.conflict_ttc_s,
-        "conflict DRAC": config.conflict_drac_mps2,
-        "max lead": config.max_lead_s,
-    }
-    for name, value in scoring.items():
-        if not (np.isfinite(value) and value >= 0.0):
-            raise UsageError(f"a {name} of {value:g} is negative")
+    if not (np.isfinite(config.max_lead_s) and config.max_lead_s >= 0.0):
+        raise UsageError(f"a max lead of {config.max_lead_s:g} is negative")
+    conflict_definition(config)
 
 
 def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
@@ -140,17 +135,15 @@ def _scored(
     other = evaluation.other
     own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
     theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
-    sizes = {"host_size": host.outline_m, "other_size": other.outline_m}
-    motion = relative_motion(own, theirs, max_gap_s=config.max_gap_s, **sizes)
-    conflicts = real_conflicts(motion, config)
+    pair = Pair(own, theirs, host.outline_m, other.outline_m, config.max_gap_s)
+    conflicts = real_conflicts(pair, config)
     stamp_ns = evaluation.stamp_ns
     return ScoredPair(
         evaluation=evaluation,
-        motion=motion,
-        pet_s=post_encroachment_time(own, theirs, max_gap_s=config.max_gap_s, **sizes),
+        actual=pair,
         conflicts=conflicts,
         verdicts=[
-            judge(int(stamp_ns[span.raised]), int(stamp_ns[span.last]), conflicts, motion, config)
+            judge(int(stamp_ns[span.raised]), int(stamp_ns[span.last]), conflicts, pair, config)
             for span in evaluation.spans
         ],
     )

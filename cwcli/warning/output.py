@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.measures import MEASURES
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import Int64Array, Strings, constant_strings
 from cwcli.signals.units import NS_PER_S
@@ -136,7 +137,7 @@ def pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
     """One row a pair: evaluations, and the criticality of what really happened."""
     rows: list[dict[str, Any]] = []
     for pair in pairs:
-        own, motion = pair.evaluation, pair.motion
+        own = pair.evaluation
         rows.append(
             {
                 "host_id": host_id,
@@ -149,19 +150,12 @@ def pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
                 "n_not_finite": own.n_not_finite,
                 "n_events": len(own.spans),
                 "n_conflicts": len(pair.conflicts),
-                "min_distance_m": _least(motion.distance_m),
-                "min_gap_m": _least(motion.gap_m),
-                "min_ttc_s": _least(motion.ttc_s),
-                "pet_s": pair.pet_s,
-                "max_drac_mps2": -_least(-motion.drac_mps2),
+                **{measure.extreme_column: measure.extreme(pair.actual) for measure in MEASURES.values()},
             }
         )
-    return _table("pairs", _PAIR_TYPES, rows, docs=_PAIR_DOCS)
-
-
-def _least(values: Any) -> float:
-    known = values[~np.isnan(values)]
-    return float(known.min()) if len(known) else float("nan")
+    measures = MEASURES.values()
+    docs = {measure.extreme_column: ColumnDoc(doc=measure.note) for measure in measures if measure.note}
+    return _table("pairs", _PAIR_TYPES | {measure.extreme_column: float for measure in measures}, rows, docs=docs)
 
 
 def series_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
@@ -279,11 +273,6 @@ _PAIR_TYPES: dict[str, type] = {
     "n_not_finite": int,
     "n_events": int,
     "n_conflicts": int,
-    "min_distance_m": float,
-    "min_gap_m": float,
-    "min_ttc_s": float,
-    "pet_s": float,
-    "max_drac_mps2": float,
 }
 _EVENT_DOCS = {
     "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
@@ -295,11 +284,6 @@ _EVENT_DOCS = {
     "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
     "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
     "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
-}
-_PAIR_DOCS = {
-    "min_gap_m": ColumnDoc(doc="of the outlines; negative: penetration depth"),
-    "min_ttc_s": ColumnDoc(doc="of the outlines at constant velocities; inf: never on a collision course"),
-    "pet_s": ColumnDoc(doc="post-encroachment time in steps of 0.1 s; NaN: none below 5 s"),
 }
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.pair import Motion
+from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.align import Points, pair_up, read_covariance, read_paths
 from cwcli.warning.conflicts import RealConflict, Verdict
@@ -65,8 +65,7 @@ class ScoredPair:
     """A pair with what really happened."""
 
     evaluation: PairEvaluation
-    motion: Motion
-    pet_s: float
+    actual: Pair
     conflicts: list[RealConflict]
     verdicts: list[Verdict]
 

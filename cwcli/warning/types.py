@@ -16,7 +16,6 @@ DEFAULT_LENGTH_M = 4.5
 DEFAULT_WIDTH_M = 1.8
 
 Use = Literal["received", "stamp"]
-Conflict = Literal["distance", "outline", "ttc", "drac"]
 
 
 class PathArrays(Protocol):
@@ -98,10 +97,8 @@ class WarningConfig:
             whose stamp has passed (no link delay).
         max_age_s: Remote states older than this are not used.
         max_gap_s: Tracks are not interpolated across gaps longer than this when warnings are scored.
-        conflict: What counts as a conflict when warnings are scored: "distance": centres nearer than `distance_m`;
-            "outline": the outlines touch; "ttc": time to collision of the outlines at constant velocities below
-            `conflict_ttc_s`; "drac": deceleration needed to avoid contact above `conflict_drac_mps2`.
-        conflict_ttc_s, conflict_drac_mps2: Thresholds of the last two.
+        conflict: What counts as a conflict when warnings are scored: a key of `measures.MEASURES`, at its own
+            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5" (`conflicts.conflict_definition`).
         max_lead_s: A warning earlier than this before a conflict is not about that conflict.
     """
 
@@ -114,9 +111,7 @@ class WarningConfig:
     use: Use = "received"
     max_age_s: float = 1.0
     max_gap_s: float = 0.5
-    conflict: Conflict = "distance"
-    conflict_ttc_s: float = 1.0
-    conflict_drac_mps2: float = 3.35
+    conflict: str = "distance"
     max_lead_s: float = 5.0
 
 

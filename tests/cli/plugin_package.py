@@ -73,10 +73,30 @@ def build(columns, reading):
 
 INPUT = Input(Role.EGO_SPEED, {"json": ("timestamp.sec", "timestamp.nsec", "knots")}, build)
 """
-MODULES = {"rule": RULE, "model": MODEL, "method": METHOD, "speed": INPUT}
+MEASURE = """
+from cwcli.measures.base import Measure
+
+
+def tenth(pair):
+    return pair.distance_m / 10.0
+
+
+MEASURE = Measure(
+    summary="tenth of the distance",
+    symbol="q",
+    column="tenth_m",
+    critical="low",
+    formula="d_c / 10",
+    source="made up",
+    of=tenth,
+    threshold=0.5,
+)
+"""
+MODULES = {"rule": RULE, "model": MODEL, "measure": MEASURE, "method": METHOD, "speed": INPUT}
 ENTRY_POINTS = {
     "cwcli.rules": {"near": "extra.rule:RULE"},
     "cwcli.motion_models": {"half": "extra.model:MODEL"},
+    "cwcli.measures": {"tenth": "extra.measure:MEASURE"},
     "cwcli.lane_methods": {"middle": "extra.method:METHOD"},
     "cwcli.inputs": {"ship_msgs/msg/Log": "extra.speed:INPUT"},
 }

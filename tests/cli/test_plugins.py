@@ -1,4 +1,4 @@
-"""Packages of others add a rule, a motion model, a lane method, an input; a bad one is an error that names it."""
+"""Packages of others add rules, motion models, measures, lane methods, inputs; a bad one is an error that names it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from mcap.writer import Writer
 
@@ -76,6 +77,7 @@ def test_the_package_is_one_to_importlib_too(tmp_path: Path) -> None:
     [
         ("warn", "near: centres nearer than 30 m."),
         ("run", "near: centres nearer than 30 m."),
+        ("warn", "drac > 3.35 m/s^2, tenth < 0.5 m"),
         ("predict", "half: half of the acceleration."),
         ("lanes", "middle: two upright lines."),
     ],
@@ -88,7 +90,11 @@ def test_help_lists_plugins(cwcli: Run, extra: dict[str, str], command: str, lin
 
 def test_generated_docs_list_plugins(cwcli: Run, extra: dict[str, str], tmp_path: Path) -> None:
     code = "from cwcli.cli.reference import pages; print('\\n'.join(pages().values()))"
-    assert "near: centres nearer than 30 m" in " ".join(run_python(code, extra).split())
+    shown = " ".join(run_python(code, extra).split())
+    assert "near: centres nearer than 30 m" in shown
+    assert "`tenth`: tenth of the distance q = d_c / 10 Column `min_tenth_m`. Source: made up." in shown
+    assert "| `tenth` | when the tenth of the distance was below 0.5 m |" in shown
+    assert "`ship_msgs/Log`" in shown
 
 
 def run_python(code: str, environment: Mapping[str, str]) -> str:
@@ -106,6 +112,26 @@ def test_model_and_rule_of_a_package_run(cwcli: Run, extra: dict[str, str], inte
         warnings, paths = log.columns("/cwcli/warnings"), log.columns("/cwcli/ego/path")
     assert warnings.fields["rule"].values == ("near",)  # type: ignore[union-attr]
     assert paths.fields["model"].values == ("half",)  # type: ignore[union-attr]
+
+
+def test_measure_of_a_package_is_a_column_and_a_conflict(
+    cwcli: Run, extra: dict[str, str], intersection: Path, tmp_path: Path
+) -> None:
+    arguments = ("-o", "out.mcap", "--metrics-dir", "m", "--quiet", "--warn-conflict", "tenth < 0.3")
+    done = cwcli("run", intersection, *arguments, env=extra)
+    assert done.returncode == 0, done.stderr.decode()
+    (pair,) = pq.read_table(tmp_path / "m" / "pairs.parquet").to_pylist()
+    (conflict,) = pq.read_table(tmp_path / "m" / "conflicts.parquet").to_pylist()
+    least_m = pair["min_distance_m"]
+    assert pair["min_tenth_m"] == pytest.approx(0.1 * least_m)
+    assert conflict["onset_stamp_ns"] < conflict["closest_stamp_ns"] < conflict["end_stamp_ns"]
+    judged = json.loads(cwcli("evaluate", "out.mcap", "--json", env=extra).stdout)
+    assert judged["logs"][0]["metrics"]["warnings.conflicts_count"]["value"] == 1
+    assert cwcli("report", "out.mcap", "-o", "out.html", env=extra).returncode == 0
+    assert "the tenth of the distance was below 0.3 m" in (tmp_path / "out.html").read_text()
+    without = cwcli("evaluate", "out.mcap")
+    assert without.returncode == EXIT_USAGE
+    assert b"there is no measure 'tenth'" in without.stderr
 
 
 def test_lane_method_of_a_package_runs(cwcli: Run, extra: dict[str, str], frames: Path, tmp_path: Path) -> None:
@@ -156,6 +182,16 @@ def broken(folder: Path, module: str, old: str, new: str) -> dict[str, str]:
             "a factor that is not between",
         ),
         ("model", "trust=full_trust", "trust=lambda state, *others: state", "trust what it must not: shape"),
+        (
+            "measure",
+            "return pair.distance_m / 10.0",
+            "return pair.distance_m[1:]",
+            "of what it must not: float64 of",
+        ),
+        ("measure", "pair.distance_m / 10.0", "pair.distances", "raised in of: AttributeError"),
+        ("measure", "MEASURE = Measure(", "MEASURE = (lambda **all: tuple(all))(", "is no Measure but a tuple"),
+        ("measure", '"tenth_m"', '"distance_m"', "calls its column distance_m, not by its own name"),
+        ("measure", "from cwcli.measures.base", "from cwcli.measures.bases", "can't be imported: ModuleNotFoundError"),
         ("method", "return LaneFit(*sides)", "return sides", "returned from step what it must not"),
         ("method", "for place in (0.25", "for place in (0.25 / 0", "raised in step: ZeroDivisionError"),
         ("method", "def step", "def stride", "makes a Middle, which has no step"),
@@ -173,6 +209,7 @@ def test_a_plugin_that_fails_is_named_and_nothing_is_written(
     arguments: dict[str, tuple[Any, ...]] = {
         "rule": ("run", intersection, "--warn-rule", "near"),
         "model": ("run", intersection, "--predict-model", "half"),
+        "measure": ("run", intersection),
         "method": ("lanes", frames, "--method", "middle"),
         "speed": ("estimate", ship_log(tmp_path / "ship.mcap")),
     }
@@ -181,8 +218,7 @@ def test_a_plugin_that_fails_is_named_and_nothing_is_written(
         *arguments[module],
         "-o",
         "out.mcap",
-        "--metrics-dir" if module in ("rule", "model") else "--metrics",
-        "out" if module in ("rule", "model") else "out.csv",
+        *(("--metrics-dir", "out") if arguments[module][0] == "run" else ("--metrics", "out.csv")),
         env=environment,
     )
     text = " ".join(done.stderr.decode().split())
@@ -207,6 +243,7 @@ def test_a_broken_plugin_hurts_only_who_asks_for_it(cwcli: Run, intersection: Pa
     [
         ("cwcli.rules", "ttc", "warn"),
         ("cwcli.motion_models", "cv", "predict"),
+        ("cwcli.measures", "ttc", "warn"),
         ("cwcli.lane_methods", "zhang2011", "lanes"),
         ("cwcli.inputs", "sensor_msgs/msg/NavSatFix", "info"),
     ],

@@ -30,7 +30,7 @@ def test_plugins_come_last_and_by_name(tmp_path: Path, monkeypatch: pytest.Monke
     things = registry(own=Thing("ours"))
     assert list(things) == ["own", "ape", "zebra"]
     assert len(things) == 3
-    assert things.summaries() == {"own": "ours", "ape": "a", "zebra": "b"}
+    assert things.describe() == {"own": "ours", "ape": "a", "zebra": "b"}
     assert things.help() == "own: ours; ape: a; zebra: b."
     assert things.complete("z") == [("zebra", "b")]
     assert things["ape"] is things["ape"]

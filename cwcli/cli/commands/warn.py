@@ -10,7 +10,9 @@ import typer
 from cwcli.cli.options.expand import StageOptions
 from cwcli.cli.options.shared import LogArgument, MetricsOption, ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.pipeline import Job, run_job
+from cwcli.measures import MEASURES
 from cwcli.pipeline.call import StageCall
+from cwcli.warning.conflicts import definitions
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.lane_departure import LaneDepartureConfig
 from cwcli.warning.rules import DEFAULT_RULE, RULES
@@ -85,19 +87,16 @@ class WarnOptions(StageOptions):
         float, typer.Option("--max-age", metavar="SECONDS", help="Older remote states are not used.")
     ] = DEFAULTS.max_age_s
     conflict: Annotated[
-        Literal["distance", "outline", "ttc", "drac"],
+        str,
         typer.Option(
             "--conflict",
-            help="What counts as a conflict when warnings are scored: centres nearer than --distance, outlines that "
-            "touch, a time to collision or a needed deceleration beyond a threshold.",
+            metavar="MEASURE",
+            autocompletion=MEASURES.complete,
+            help="What counts as a conflict when warnings are scored: a measure beyond its threshold "
+            f"({definitions()}), or beyond one of yours: 'ttc < 1.5'. distance alone is that of "
+            "--distance.",
         ),
     ] = DEFAULTS.conflict
-    conflict_ttc: Annotated[
-        float, typer.Option("--conflict-ttc", metavar="SECONDS", help="Threshold of --conflict ttc.")
-    ] = DEFAULTS.conflict_ttc_s
-    conflict_drac: Annotated[
-        float, typer.Option("--conflict-drac", metavar="MPS2", help="Threshold of --conflict drac.")
-    ] = DEFAULTS.conflict_drac_mps2
     max_lead: Annotated[
         float,
         typer.Option("--max-lead", metavar="SECONDS", help="A warning earlier than this is not about the conflict."),
@@ -130,8 +129,6 @@ class WarnOptions(StageOptions):
             use=self.use,
             max_age_s=self.max_age,
             conflict=self.conflict,
-            conflict_ttc_s=self.conflict_ttc,
-            conflict_drac_mps2=self.conflict_drac,
             max_lead_s=self.max_lead,
         )
 

@@ -46,5 +46,5 @@ def test_a_broken_configuration_is_as_if_it_were_not_there(text: str) -> None:
 
 @pytest.mark.parametrize("value", ["bogus", -1.0, True, None, [1], {"a": 1}, float("inf")])
 def test_a_threshold_that_does_not_fit_is_left_at_its_default(value: Any) -> None:
-    names = ("conflict", "use", "distance_m", "max_lead_s", "max_gap_s")
+    names = ("use", "distance_m", "max_lead_s", "max_gap_s")
     assert rule_of(configured(rule=dict.fromkeys(names, value))) == WarningConfig()

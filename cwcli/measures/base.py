@@ -1,0 +1,91 @@
+"""What a measure of the criticality of two vehicles is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cwcli.measures.pair import Pair
+from cwcli.metrics.table import unit_of
+from cwcli.signals.columns import FloatArray
+
+SIGNS = {"low": "<", "high": ">"}
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of two vehicles, at each moment or over the whole time.
+
+    Attributes:
+        summary: What it is, in a few words.
+        symbol: As formulas write it.
+        column: As tables name it, with its unit: `ttc_s`.
+        critical: Which side is dangerous.
+        formula: How it is computed.
+        source: Where the definition comes from.
+        of: A pair -> the measure at each of its stamps, (n,), NaN where a track has no data; or one number, ().
+        note: For who reads the column: what stands where there is no value.
+        is_series: One value a moment; False: one for the pair.
+        is_symmetric: The same whichever of the two is the host.
+        threshold: Beyond it the two are in conflict, unless the user says otherwise; None: the user must say.
+        clause: Threshold -> what held at a conflict, in words: `the two were 1 s from contact`.
+    """
+
+    summary: str
+    symbol: str
+    column: str
+    critical: Literal["low", "high"]
+    formula: str
+    source: str
+    of: Callable[[Pair], FloatArray]
+    note: str = ""
+    is_series: bool = True
+    is_symmetric: bool = True
+    threshold: float | None = None
+    clause: Callable[[float], str] | None = None
+
+    @property
+    def unit(self) -> str:
+        """SI symbol, "" for a number."""
+        return unit_of(self.column)
+
+    @property
+    def extreme_column(self) -> str:
+        """Name of the pair's most critical value."""
+        return f"{'min' if self.critical == 'low' else 'max'}_{self.column}" if self.is_series else self.column
+
+    def extreme(self, pair: Pair) -> float:
+        """The pair's most critical value; NaN where there is none."""
+        values = np.atleast_1d(pair.value(self))
+        known = values[~np.isnan(values)]
+        if not len(known):
+            return float("nan")
+        return float(known.min() if self.critical == "low" else known.max())
+
+    def words(self, threshold: float) -> str:
+        """What held at a conflict."""
+        if self.clause is not None:
+            return self.clause(threshold)
+        side = "below" if self.critical == "low" else "above"
+        return f"the {self.summary} was {side} {threshold:g} {self.unit}".rstrip()
+
+
+def is_column_of(name: str, column: str) -> bool:
+    """Whether a column is named by its measure and its unit: `ttc_s`, and `share` where there is no unit."""
+    stem = column.rpartition("_")[0] if unit_of(column) else column
+    return stem == name.replace("-", "_")
+
+
+def check_values(values: FloatArray, pair: Pair) -> FloatArray:
+    """What a plug-in's measure made of a pair.
+
+    Raises:
+        ValueError: It is neither a number for each stamp nor one number.
+    """
+    shape = np.shape(values)
+    if shape not in ((len(pair.stamp_ns),), ()) or np.asarray(values).dtype != np.float64:
+        raise ValueError(f"{np.asarray(values).dtype} of shape {shape}, not float64 of shape ({len(pair.stamp_ns)},)")
+    return np.asarray(values)

@@ -1,0 +1,25 @@
+"""Distance of the centres: what song2016 calls a collision is one below 2.5 m."""
+
+from __future__ import annotations
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def distance(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    return pair.distance_m
+
+
+MEASURE = Measure(
+    summary="distance of the centres",
+    symbol="d_c",
+    column="distance_m",
+    critical="low",
+    formula="|p_o - p_e|",
+    source="song2016, section 4",
+    of=distance,
+    threshold=2.5,
+    clause=lambda threshold: f"the two were closer than {threshold:g} m, centre to centre",
+)

@@ -1,0 +1,31 @@
+"""Distance of the outlines, as rectangles under any heading; where they overlap, minus the penetration depth."""
+
+from __future__ import annotations
+
+from cwcli.measures.base import Measure
+from cwcli.measures.outlines import outline_distance
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def gap(pair: Pair) -> FloatArray:
+    """At each stamp, (n,); NaN beyond 100 m of centre distance."""
+    at = pair.relative
+    found = outline_distance(
+        at.dx_m, at.dy_m, at.host_heading_rad, at.other_heading_rad, pair.host_size, pair.other_size
+    )
+    return pair.spread(found, float("nan"))
+
+
+MEASURE = Measure(
+    summary="distance of the outlines",
+    symbol="d",
+    column="gap_m",
+    critical="low",
+    formula="least distance of the two rectangles; where they overlap, minus the least shift that parts them",
+    source="separating-axis theorem (Gottschalk et al. 1996)",
+    of=gap,
+    note="of the outlines; negative: penetration depth",
+    threshold=0.0,
+    clause=lambda threshold: f"the two were less than {threshold:g} m apart" if threshold else "the two touched",
+)
