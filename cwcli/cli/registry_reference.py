@@ -1,4 +1,4 @@
-"""The parts of the docs that list what is registered: docs/measures.md, and the tables of inputs and of conflicts."""
+"""The parts of the docs that list what is registered: docs/measures.md, and tables in other pages."""
 
 from __future__ import annotations
 
@@ -53,6 +53,14 @@ def warning_page(text: str) -> str:
     names = [name for name, measure in MEASURES.items() if measure.is_series and measure.threshold is not None]
     rows = [(code(name), f"when {conflict_definition(WarningConfig(conflict=name)).words}") for name in names]
     return filled(text, "conflicts", table(("`--conflict`", "a conflict is"), rows))
+
+
+def lanes_page(text: str) -> str:
+    """docs/lanes.md with its table of methods."""
+    from cwcli.vision.methods import METHODS
+
+    rows = [(code(name), summary) for name, summary in METHODS.describe().items()]
+    return filled(text, "methods", table(("`--method`", "what it searches"), rows))
 
 
 def signals_page(text: str) -> str:

@@ -79,8 +79,9 @@ class Pair:
 
     @cached_property
     def distance_m(self) -> FloatArray:
-        """Of the centres, (n,); NaN where the other's track has no data."""
-        return np.hypot(self.others[:, 0] - self.host.state[:, 0], self.others[:, 1] - self.host.state[:, 1])
+        """Of the centres, (n,); NaN where either track has no data."""
+        apart = self.others - self.host.state[:, :4]
+        return np.where(np.isfinite(apart).all(axis=1), np.hypot(apart[:, 0], apart[:, 1]), np.nan)
 
     @cached_property
     def near(self) -> npt.NDArray[np.intp]:
@@ -108,12 +109,15 @@ class Pair:
 
 
 def interpolate(track: ActualTrack, at_ns: Int64Array, max_gap_s: float) -> FloatArray:
-    """x, y, speed, heading at the given times, (n, 4); NaN outside the track and inside gaps above `max_gap_s`."""
+    """x, y, speed, heading at the given times, (n, 4); NaN outside the track and inside gaps above `max_gap_s`.
+
+    States that are not finite are no data.
+    """
     out = np.full((len(at_ns), 4), np.nan)
-    stamp = track.stamp_ns
+    finite = np.isfinite(track.state[:, :4]).all(axis=1)
+    stamp, values = track.stamp_ns[finite], track.state[finite, :4]
     if len(stamp) < 2:
         return out
-    values = track.state[:, :4].copy()
     values[:, 3] = np.unwrap(values[:, 3])
     after = np.clip(np.searchsorted(stamp, at_ns), 1, len(stamp) - 1)
     gap_ns = stamp[after] - stamp[after - 1]

@@ -17,6 +17,8 @@ STEP_S = 0.1
 def post_encroachment_time(pair: Pair) -> FloatArray:
     """The smallest lag at which one's outline, taken that much later, overlaps the other's, (): 0 for a collision."""
     host, other = pair.host.stamp_ns, pair.other.stamp_ns
+    if not (len(host) and len(other)):
+        return np.array(np.nan)
     first, last = max(int(host[0]), int(other[0])), min(int(host[-1]), int(other[-1]))
     at_ns = np.arange(first, last + 1, round(STEP_S * NS_PER_S))
     own, theirs = (interpolate(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other))

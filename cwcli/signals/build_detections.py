@@ -149,7 +149,7 @@ def _first_entity_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     seconds = ragged(columns, "entities.timestamp.seconds", "entities.timestamp.sec")
     nanoseconds = ragged(columns, "entities.timestamp.nanos", "entities.timestamp.nsec", "entities.timestamp.nanosec")
     n = len(columns)
-    if seconds is None or nanoseconds is None or not len(seconds.values):
+    if seconds is None or nanoseconds is None or not (len(seconds.values) and len(nanoseconds.values)):
         return np.zeros(n, np.int64), np.zeros(n, np.bool_)
     has_entity = (np.diff(seconds.offsets) > 0) & (np.diff(nanoseconds.offsets) > 0)
     whole = seconds.values[np.minimum(seconds.offsets[:-1], len(seconds.values) - 1)].astype(np.float64)

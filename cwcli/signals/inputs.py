@@ -158,6 +158,7 @@ _ODOMETRY = _ros(
     "twist.twist.linear.x",
     "twist.twist.linear.y",
     "twist.twist.angular.z",
+    "twist.covariance",
 )
 _POSE_STAMPED = _ros(*_xyz("pose.position"), *_quaternion("pose.orientation"))
 _POSE_IN_FRAME = _foxglove(*_xyz("pose.position"), *_quaternion("pose.orientation"))
@@ -165,7 +166,7 @@ _VELOCITY_REPORT = _ros("longitudinal_velocity", "lateral_velocity", "heading_ra
 _STEERING_REPORT: Fields = dict.fromkeys(("cdr", "json"), ("stamp.sec", "stamp.nanosec", "steering_tire_angle"))
 _ACKERMANN = _ros("drive.steering_angle")
 _CAMERA_INFO = _ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
-_CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P")
+_CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P", "d", "k", "r", "p")
 _STATE: Fields = {
     "protobuf": (
         "stamp_ns",

@@ -102,7 +102,7 @@ def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | No
     if field.ndim == 2:
         return strings_from([row.tobytes().hex() for row in field.astype(np.uint8)])
     distinct, codes = np.unique(field.astype(np.float64), return_inverse=True)
-    spelled = strings_from(["" if np.isnan(value) else str(int(value)) for value in distinct])
+    spelled = strings_from([str(int(value)) if np.isfinite(value) else "" for value in distinct])
     return Strings(codes=spelled.codes[codes].astype(np.int32), values=spelled.values)
 
 

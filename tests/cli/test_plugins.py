@@ -95,6 +95,7 @@ def test_generated_docs_list_plugins(cwcli: Run, extra: dict[str, str], tmp_path
     assert "`tenth`: tenth of the distance q = d_c / 10 Column `min_tenth_m`. Source: made up." in shown
     assert "| `tenth` | when the tenth of the distance was below 0.5 m |" in shown
     assert "`ship_msgs/Log`" in shown
+    assert "| `middle` | two upright lines |" in shown
 
 
 def run_python(code: str, environment: Mapping[str, str]) -> str:

@@ -17,7 +17,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Decision:
-    """A rule's view of m evaluations.
+    """A rule's view of m evaluations. Where it raises, it is armed and held too.
 
     Attributes:
         armed: Shape (m,): the condition whose persistence counts.
@@ -48,12 +48,14 @@ class Rule:
         persistence_s: How long `armed` must have held before a warning, unless the user says otherwise.
         decide: Measures, those under the onset hypothesis (or None), options, persistence -> `Decision`.
         uses_onset: Whether it looks at the onset hypothesis.
+        is_symmetric: Whether it judges a pair alike whichever of the two is the host.
     """
 
     summary: str
     persistence_s: float
     decide: Callable[[Measures, Measures | None, WarningConfig, float], Decision]
     uses_onset: bool = False
+    is_symmetric: bool = True
 
 
 def check_decision(decision: Decision, measures: Measures, *others: object) -> Decision:

@@ -1,0 +1,119 @@
+"""Laws that every registered input obeys: what a message says is what the signal holds, whatever the encoding."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.logs.log import Log
+from cwcli.signals.build import build
+from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
+from cwcli.signals.codec import Reading, Role
+from cwcli.signals.columns import Columns, Field, Ragged
+from cwcli.signals.contract import KINDS, check_built
+from cwcli.signals.inputs import INPUTS, normalise
+from cwcli.signals.leaves import strings_from
+from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of, write_log
+from tests.unit.signals.signal_columns import T0_NS, columns_of
+
+NO_SUCH_THING = {("foxglove", "cdr"), ("foxglove_msgs", "protobuf")}
+"""foxglove's messages are called `foxglove_msgs/...` in CDR, and `foxglove....` in protobuf."""
+BUILT = [
+    pytest.param(schema, entry, encoding, id=f"{schema}-{entry.role}-{encoding}")
+    for schema, entries in INPUTS.items()
+    for entry in entries
+    if entry.build is not None
+    for encoding in entry.fields
+    if (schema.partition("/")[0].partition(".")[0], encoding) not in NO_SUCH_THING
+]
+every_input = pytest.mark.parametrize(("schema", "entry", "encoding"), BUILT)
+STATIONS = ("1001", "2a3c603c")
+
+
+def topic_of(role: Role) -> str:
+    return "/truth/targets" if role is Role.TARGET_TRUTH else "/truth" if role is Role.TRUTH else "/some/topic"
+
+
+@every_input
+def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, tmp_path: Path) -> None:
+    samples = [sample_of(schema)(k) for k in range(N)]
+    is_v2x = Role.REMOTE in samples[0][1]
+    topic = topic_of(entry.role)
+    path = write_log(tmp_path / "log.mcap", schema, encoding, topic, [message for message, _ in samples])
+    with Log.open(path) as log:
+        columns = log.columns(topic, fields=entry.fields[encoding])
+    assert normalise(columns.schema_name) == schema
+    reading = {"ego_station": "1001" if "CAM" in schema else "2a3c603c"} if is_v2x and entry.role != Role.REMOTE else {}
+    signal, quality = build(entry.role, columns, is_override=True, **reading)
+    check_built((signal, quality), columns, Reading(entry.role))
+    assert not quality.n_faults
+    assert not quality.set_aside
+    message = samples[0][0]
+    frame = message.get("frame_id", message.get("header", {}).get("frame_id", "map" if "x_m" in message else ""))
+    if isinstance(signal, DetectionSignal):
+        assert set(signal.frame.values) == {frame} - {""}
+    elif hasattr(signal, "frame_id"):
+        assert signal.frame_id == (frame if frame != "map" or entry.role is Role.TARGET_TRUTH else "")
+    means = [meant[entry.role] for _, meant in samples]
+    if isinstance(signal, CameraInfoSignal):
+        for name, value in means[0].items():
+            np.testing.assert_equal(getattr(signal, name), value)
+        return
+    assert signal.stamp_ns.tolist() == [stamp_of(k) for k in range(N)]
+    assert signal.log_time_ns.tolist() == [stamp_of(k) + DELAY_NS for k in range(N)]
+    for name in means[0]:
+        expected = [meant[name] for meant in means]
+        if isinstance(signal, DetectionSignal):
+            expected = [row for rows in expected for row in rows]
+        np.testing.assert_allclose(getattr(signal, name), expected, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+@every_input
+def test_an_empty_channel_gives_an_empty_signal(schema, entry, encoding) -> None:
+    for fields in ({}, dict.fromkeys(entry.fields[encoding], np.zeros(0))):
+        columns = channel(schema, encoding, 0, fields)
+        signal, quality = build(entry.role, columns)
+        check_built((signal, quality), columns, Reading(entry.role))
+        assert quality.used == 0
+
+
+@every_input
+def test_a_field_that_is_missing_or_of_another_kind_is_counted(schema, entry, encoding) -> None:
+    rng, leaves = np.random.default_rng(4), entry.fields[encoding]
+    for _ in range(60):
+        n = int(rng.integers(1, 6))
+        kept = [leaf for leaf in leaves if rng.random() < 0.8]
+        columns = channel(schema, encoding, n, {leaf: odd_field(rng, n) for leaf in kept})
+        with np.errstate(all="ignore"):
+            built = build(entry.role, columns, ego_station=str(rng.choice(STATIONS)))
+        check_built(built, columns, Reading(entry.role))
+
+
+def test_every_role_but_the_camera_has_its_signals() -> None:
+    built = {entry.role for entries in INPUTS.values() for entry in entries if entry.build is not None}
+    assert built == set(KINDS)
+
+
+def channel(schema: str, encoding: str, n: int, fields: dict[str, Field]) -> Columns:
+    made = columns_of(schema, {"n": np.zeros(n)}, message_encoding=encoding, n_undecodable=1)
+    return Columns(**{**vars(made), "fields": fields})
+
+
+def odd_field(rng: np.random.Generator, n: int) -> Field:
+    """A field of any kind with any values."""
+    odd = np.array([0.0, -1.0, 1.0, 0.5, 1e-300, 1e300, np.nan, np.inf, -np.inf, 2.0**63, T0_NS / 1e9, 33.0, 255.0])
+    kind = rng.integers(6)
+    if kind == 0:
+        return rng.choice(odd, n)
+    if kind == 1:
+        return rng.choice(np.array([0, 1, -1, 7, 2**31, 2**62, T0_NS // 10**9], np.int64), n)
+    if kind == 2:
+        return rng.choice(odd, (n, int(rng.choice([3, 9, 36]))))
+    if kind == 3:
+        lengths = rng.integers(0, 4, n)
+        return Ragged(rng.choice(odd, lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]))
+    if kind == 4:
+        return strings_from([str(each) for each in rng.choice(["", "1001", "map", "EV", "-1e9", "nan", "reverse"], n)])
+    return np.clip(rng.choice(odd, n), -1e30, 1e30).astype(np.float32)

@@ -1,0 +1,188 @@
+"""Laws that every registered measure of two vehicles obeys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from cwcli.measures import MEASURES
+from cwcli.measures.base import is_column_of
+from cwcli.measures.pair import ActualTrack, Pair
+
+FloatArray = npt.NDArray[np.float64]
+RTOL = 1e-6
+"""Relative, and absolute near 0."""
+CAR, TRUCK = (4.5, 1.8), (12.0, 2.5)
+T0_NS = 1_700_000_000_000_000_000
+STEP_NS = 100_000_000
+N = 60
+
+every_measure = pytest.mark.parametrize("name", MEASURES)
+
+
+def track(x_m: float, y_m: float, speed_mps: float, heading_rad: float, yaw_rate_radps: float = 0.0) -> ActualTrack:
+    """Six seconds at 10 Hz, along an arc from a place."""
+    time_s = np.arange(N) * 0.1
+    heading = heading_rad + yaw_rate_radps * time_s
+    middle = heading_rad + yaw_rate_radps * (time_s[:-1] + 0.05)
+    steps = 0.1 * speed_mps * np.stack([np.cos(middle), np.sin(middle)])
+    place = np.array([[x_m], [y_m]]) + np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
+    state = np.column_stack([place.T, np.full(N, speed_mps), heading])
+    return ActualTrack(T0_NS + STEP_NS * np.arange(N), state)
+
+
+def pair(host: ActualTrack, other: ActualTrack) -> Pair:
+    return Pair(host, other, CAR, TRUCK, max_gap_s=0.5)
+
+
+def scenes(n: int = 40) -> list[Pair]:
+    """Pairs that meet somehow: of any headings, speeds and turns, near each other."""
+    rng = np.random.default_rng(5)
+    made = []
+    for _ in range(n):
+        own, theirs = (
+            track(*rng.uniform(-25.0, 25.0, 2), rng.uniform(-2.0, 20.0), rng.uniform(-9.0, 9.0), rng.normal(0.0, 0.2))
+            for _ in range(2)
+        )
+        made.append(pair(own, theirs))
+    return made
+
+
+def head_on(speed_mps: float = 10.0) -> Pair:
+    """Towards each other on one line; they collide."""
+    return pair(track(0.0, 0.0, speed_mps, 0.0), track(80.0, 0.0, speed_mps, np.pi))
+
+
+def never() -> Pair:
+    """Side by side, 80 m apart, at one speed."""
+    return pair(track(0.0, 0.0, 10.0, 0.0), track(0.0, 80.0, 10.0, 0.0))
+
+
+def with_state(scene: Pair, change: Callable[[FloatArray], FloatArray], shift_ns: int = 0) -> Pair:
+    """The scene with both tracks changed alike."""
+    tracks = [ActualTrack(each.stamp_ns + shift_ns, change(each.state)) for each in (scene.host, scene.other)]
+    return replace(scene, host=tracks[0], other=tracks[1])
+
+
+def turned(angle_rad: float) -> Callable[[FloatArray], FloatArray]:
+    def change(state: FloatArray) -> FloatArray:
+        cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+        x, y, speed, heading = state.T
+        return np.column_stack([cosine * x - sine * y, sine * x + cosine * y, speed, heading + angle_rad])
+
+    return change
+
+
+CHANGES: dict[str, tuple[Callable[[FloatArray], FloatArray], int]] = {
+    "moved": (lambda state: state + np.array([1e5, -3e4, 0.0, 0.0]), 0),
+    "turned by 0.7": (turned(0.7), 0),
+    "turned by 180 degrees": (turned(np.pi), 0),
+    "turned by 4000 degrees": (turned(np.radians(4000.0)), 0),
+    "mirrored": (lambda state: state * [1.0, -1.0, 1.0, -1.0], 0),
+    "later": (lambda state: state, 12_345_678_900_000_007),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@every_measure
+def test_no_place_direction_or_time_counts(name: str, change: str) -> None:
+    measure = MEASURES[name]
+    for scene in scenes():
+        found = with_state(scene, *CHANGES[change]).value(measure)
+        np.testing.assert_allclose(found, scene.value(measure), rtol=RTOL, atol=RTOL)
+
+
+@every_measure
+def test_either_vehicle_may_be_the_host(name: str) -> None:
+    measure = MEASURES[name]
+    if not measure.is_symmetric:
+        values = [(scene.value(measure), swapped(scene).value(measure)) for scene in scenes()]
+        assert any(not np.allclose(one, other, rtol=RTOL, equal_nan=True) for one, other in values)
+        return
+    for scene in scenes():
+        np.testing.assert_allclose(swapped(scene).value(measure), scene.value(measure), rtol=RTOL, atol=RTOL)
+
+
+def swapped(scene: Pair) -> Pair:
+    return Pair(scene.other, scene.host, scene.other_size, scene.host_size, scene.max_gap_s)
+
+
+@every_measure
+def test_a_collision_is_more_critical_than_two_that_never_meet(name: str) -> None:
+    measure = MEASURES[name]
+    crash, apart = measure.extreme(head_on()), measure.extreme(never())
+    assert np.isfinite(crash) or (measure.critical == "high" and crash == np.inf)
+    assert np.isnan(apart) or (crash < apart if measure.critical == "low" else crash > apart)
+
+
+@every_measure
+def test_a_series_has_a_value_for_each_stamp_and_none_without_data(name: str) -> None:
+    measure = MEASURES[name]
+    whole = head_on()
+    late = replace(whole, other=ActualTrack(whole.other.stamp_ns[20:40], whole.other.state[20:40]))
+    values = late.value(measure)
+    assert values.dtype == np.float64
+    if not measure.is_series:
+        assert values.shape == ()
+        return
+    assert values.shape == (N,)
+    assert np.isnan(np.delete(values, slice(20, 40))).all()
+    np.testing.assert_array_equal(values[20:40], whole.value(measure)[20:40])
+
+
+ODD: dict[str, Pair] = {
+    "both stand": pair(track(0.0, 0.0, 0.0, 0.0), track(10.0, 0.0, 0.0, 1.0)),
+    "one place": pair(track(0.0, 0.0, 0.0, 0.0), track(0.0, 0.0, 0.0, 0.0)),
+    "one place and motion": pair(track(0.0, 0.0, 9.0, 0.3), track(0.0, 0.0, 9.0, 0.3)),
+    "overlapping at the start": pair(track(0.0, 0.0, 10.0, 0.0), track(1.0, 0.5, 5.0, 2.0)),
+    "far apart": pair(track(0.0, 0.0, 10.0, 0.0), track(5000.0, 0.0, 10.0, np.pi)),
+    "no size": Pair(track(0.0, 0.0, 10.0, 0.0), track(30.0, 0.0, 5.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.5),
+    "another hour": pair(track(0.0, 0.0, 10.0, 0.0), with_state(head_on(), lambda state: state, 3600 * 10**9).other),
+    "one stamp": pair(ActualTrack(np.array([T0_NS]), np.zeros((1, 4))), track(30.0, 0.0, 5.0, 0.0)),
+    "nothing": pair(ActualTrack(np.zeros(0, np.int64), np.zeros((0, 4))), track(30.0, 0.0, 5.0, 0.0)),
+    "no other": pair(track(30.0, 0.0, 5.0, 0.0), ActualTrack(np.zeros(0, np.int64), np.zeros((0, 4)))),
+}
+
+
+@pytest.mark.parametrize("odd", ODD)
+@every_measure
+def test_odd_pairs_have_values_or_none(name: str, odd: str) -> None:
+    measure, scene = MEASURES[name], replace(ODD[odd])
+    with np.errstate(all="raise", under="ignore"):
+        values = scene.value(measure)
+    assert values.shape == ((len(scene.stamp_ns),) if measure.is_series else ())
+    assert np.isnan(values).all() or odd not in ("another hour", "no other")
+
+
+@every_measure
+def test_a_state_that_is_no_number_spoils_no_other(name: str) -> None:
+    measure, whole = MEASURES[name], head_on()
+
+    def holed(each: ActualTrack) -> ActualTrack:
+        state = each.state.copy()
+        state[7] = np.nan
+        return ActualTrack(each.stamp_ns, state)
+
+    for scene in (replace(whole, host=holed(whole.host)), replace(whole, other=holed(whole.other))):
+        values = np.atleast_1d(scene.value(measure))
+        known = np.arange(len(values)) != 7
+        np.testing.assert_allclose(values[known], np.atleast_1d(whole.value(measure))[known], rtol=RTOL, atol=RTOL)
+
+
+@every_measure
+def test_names_and_words(name: str) -> None:
+    measure = MEASURES[name]
+    assert is_column_of(name, measure.column)
+    assert measure.summary
+    assert measure.symbol
+    assert measure.formula
+    assert measure.source
+    if measure.threshold is not None:
+        assert measure.is_series
+        words = measure.words(measure.threshold)
+        assert not words.endswith(".")
+        assert words != measure.words(measure.threshold + 1.0)
