@@ -62,7 +62,7 @@ def write_replays(
         state = np.concatenate([one.states[policy] for one in replays])
         host = VehicleStates.of_ego(stamp_ns, state, size_m=host_size_m)
         channels += [
-            write_states(CONTROL_STATE.of(name), host, local_map),
+            write_states(CONTROL_STATE.of(name), host, local_map, has_covariance=False),
             _steps(policy, stamp_ns, replays),
             write_poses(CONTROL_POSE.of(name), stamp_ns, state),
         ]

@@ -10,9 +10,11 @@ from cwcli.channels.output import output
 from cwcli.channels.published import Channel
 from cwcli.errors import MissingSignalError
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, Strings, constant_strings
+from cwcli.signals.covariances import is_positive_definite
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
 from cwcli.signals.rows import Rows, rows_by_stamp
+from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES
 
 KINEMATICS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
@@ -86,15 +88,23 @@ class VehicleStates:
         return self.rows(np.flatnonzero(keep))
 
 
-def write_states(channel: Channel, states: VehicleStates, local_map: LocalMap | None) -> OutputChannel:
+def write_states(
+    channel: Channel, states: VehicleStates, local_map: LocalMap | None, *, has_covariance: bool = True
+) -> OutputChannel:
     """One message a state.
 
     Args:
         channel: Which of the channels of states.
         states: In any order.
         local_map: For latitude and longitude; None leaves them unknown.
+        has_covariance: The covariance is known; else it is NaN.
+
+    Raises:
+        ArithmeticError: A covariance is not positive definite: whoever made the states has a bug.
     """
     n = len(states)
+    if has_covariance:
+        _require_definite(channel.topic, states)
     latitude_deg, longitude_deg = np.full((2, n), np.nan)
     if local_map is not None:
         latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(states.state[:, 0], states.state[:, 1], np.zeros(n))
@@ -109,6 +119,17 @@ def write_states(channel: Channel, states: VehicleStates, local_map: LocalMap | 
         "width_m": states.width_m,
     }
     return output(channel, states.log_time_ns, fields)
+
+
+def _require_definite(topic: str, states: VehicleStates) -> None:
+    is_definite = is_positive_definite(states.covariance)
+    if is_definite.all():
+        return
+    first = int(np.argmin(is_definite))
+    raise ArithmeticError(
+        f"{topic}: {np.count_nonzero(~is_definite)} of {len(states)} covariances are not positive definite, the first "
+        f"that of {states.ids.values[states.ids.codes[first]]} at {states.stamp_ns[first] / NS_PER_S:.3f} s"
+    )
 
 
 def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleStates:

@@ -15,19 +15,30 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass
+from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass, unsmoothed_note
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
-from cwcli.estimation.start import find_start, hold_before_start
+from cwcli.estimation.start import UNKNOWN_SIGMA, find_start, hold_before_start
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.kernels import ekf
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_RATE
 
+STEP_S = 0.05
+"""dT of eq. 2."""
 JERK_SIGMA = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz."""
 YAW_ACCEL_SIGMA = 0.02
 """Root of the yaw acceleration's spectral density, rad/s^2 per root Hz."""
+
+DERIVATIVE_SAMPLES = 8
+"""Jerk and yaw acceleration are the least-squares slope of the filtered acceleration and yaw rate over the last 0.35 s.
+The paper says that they are "computed from the measured" values, not how. A shorter window is noisier than it helps: at
+0.2 s the jerk family is the worse one on the paper's own drives. A longer one sees a manoeuvre too late for fig. 9."""
+MAX_PAUSE_S = 60.0
+"""There are no steps where nothing is measured for longer, as a pass counts such a pause as a minute."""
+DERIVED = slice(ACCEL, YAW_RATE + 1)
 
 VECTOR_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING, Kind.ACCEL, Kind.YAW_RATE)
 
@@ -66,8 +77,7 @@ def estimate_song2016(
     The paper's measurement vector is synchronous. A log's sensors are not: each measurement goes to the nearest step
     of a 0.05 s grid (the last one where several meet), and a component that was not measured at a step is left out of
     the update there, never invented. Latencies are corrected only where given. Jerk and yaw acceleration are no states
-    of this model: they are zero with zero variance. Without `causal` the same model is smoothed, which the paper
-    does not do.
+    of this model: see `with_derivatives`. Without `causal` the same model is smoothed, which the paper does not do.
     """
     epoch = epoch_ns(measurements)
     prepared, notes = prepare(measurements, epoch)
@@ -85,23 +95,22 @@ def estimate_song2016(
     end = max(float(s.time_s[-1]) for s in series if len(s))
     if output_stamp_ns is None:
         output_stamp_ns = np.arange(epoch, epoch + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64)
-    grid: FloatArray = begin + step * np.arange(round((end - begin) / step) + 1, dtype=np.float64)
-    result = run_pass(
-        series, replace(start, time_s=begin), ekf.Motion.song2016(process_noise(step)), grid,
-        smooth=not config.causal, reset_after=config.reset_after,
-    )  # fmt: skip
     # The states are known at the steps; between them the step before holds.
     wanted = seconds(output_stamp_ns, epoch)
-    row = np.clip(np.floor((wanted - begin) / step + 1e-6).astype(np.int64), 0, len(grid) - 1)
-    state = np.zeros((len(row), N_MOTION))
-    covariance = np.zeros((len(row), N_MOTION, N_MOTION))
-    state[:, :6] = result.state[row]
-    covariance[:, :6, :6] = result.covariance[row]
-    _carry(state, np.maximum(wanted - grid[row], 0.0))
+    wanted_step = np.maximum(np.floor(wanted / step + 1e-6).astype(np.int64), round(begin / step))
+    steps = _steps(series, round(begin / step), wanted_step, step)
+    result = run_pass(
+        series, replace(start, time_s=begin), ekf.Motion.song2016(process_noise(step)), np.asarray(steps * step, float),
+        smooth=not config.causal, reset_after=config.reset_after,
+    )  # fmt: skip
+    all_states, all_covariances = with_derivatives(result.state, result.covariance, steps, step)
+    row = np.searchsorted(steps, wanted_step)
+    state, covariance = all_states[row], all_covariances[row]
+    _carry(state, np.maximum(wanted - steps[row] * step, 0.0))
     if config.causal:
         hold_before_start(state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION))
-        covariance[:, 6:, 6:] = 0.0
         notes += old_rows(series, result)
+    notes += unsmoothed_note(result.is_unsmoothed[row])
     reports = tuple(
         SourceReport(
             s.source, s.kind, n_read=p.n_read, n_used=int((status >= UpdateStatus.USED).sum()),
@@ -115,8 +124,53 @@ def estimate_song2016(
     return Track(output_stamp_ns, state, covariance, reports, result.log_likelihood, tuple(notes))
 
 
+def with_derivatives(
+    state: FloatArray, covariance: FloatArray, steps: Int64Array, step_s: float = STEP_S
+) -> tuple[FloatArray, FloatArray]:
+    """Add the jerk and the yaw acceleration that eq. 10 needs: see `DERIVATIVE_SAMPLES`.
+
+    Their covariance is that of a slope through values whose errors are independent from step to step. Where fewer steps
+    lie in a row before (at the start, after a pause) they are 0, with what is unknown of them.
+
+    Args:
+        state, covariance: Shapes (n, 6) and (n, 6, 6), at the steps.
+        steps: Shape (n,), increasing: numbers of the steps.
+        step_s: dT.
+
+    Returns:
+        Shapes (n, 8) and (n, 8, 8), order `vehicle_state.STATE_NAMES`.
+    """
+    n, before = len(state), DERIVATIVE_SAMPLES - 1
+    is_known = np.zeros(n, np.bool_)
+    is_known[before:] = steps[before:] - steps[: max(n - before, 0)] == before
+    more_state = np.column_stack([trailing_slope(state[:, k], step_s=step_s) for k in (ACCEL, YAW_RATE)])
+    weights = slope_weights(DERIVATIVE_SAMPLES, step_s)
+    more = np.where(
+        is_known[:, None, None],
+        weights @ weights * covariance[:, DERIVED, DERIVED],
+        np.diag(np.square(UNKNOWN_SIGMA[JERK:])),
+    )
+    whole = np.zeros((n, N_MOTION, N_MOTION))
+    whole[:, :JERK, :JERK], whole[:, JERK:, JERK:] = covariance, more
+    return np.column_stack([state, np.where(is_known[:, None], more_state, 0.0)]), whole
+
+
+def slope_weights(samples: int, step_s: float) -> FloatArray:
+    """What to multiply `samples` values by, oldest first, for their least-squares slope per second."""
+    offsets = np.arange(samples) - (samples - 1) / 2.0
+    return np.asarray(offsets / (offsets @ offsets) / step_s)
+
+
+def trailing_slope(values: FloatArray, samples: int = DERIVATIVE_SAMPLES, *, step_s: float = STEP_S) -> FloatArray:
+    """Least-squares slope over the last `samples` values, per second; 0 until there are so many. Shape (n,)."""
+    slope = np.zeros_like(values)
+    if len(values) >= samples:
+        slope[samples - 1 :] = np.convolve(values, slope_weights(samples, step_s)[::-1], mode="valid")
+    return slope
+
+
 def filter_vectors(
-    z: FloatArray, sigma: Sequence[float], *, step_s: float = 0.05, q: FloatArray | None = None, smooth: bool = False
+    z: FloatArray, sigma: Sequence[float], *, step_s: float = STEP_S, q: FloatArray | None = None, smooth: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Run eq. 8 over a synchronous measurement matrix, as in the paper.
 
@@ -161,6 +215,16 @@ def filter_vectors(
 
 def _mean(values: FloatArray) -> float:
     return float(values.mean()) if len(values) else float("nan")
+
+
+def _steps(series: Sequence[Series], first: int, wanted: Int64Array, step_s: float) -> Int64Array:
+    """Numbers of the steps: from `first` to the last measurement without those in a pause, and the wanted ones."""
+    measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
+    ends = np.unique(np.append(measured[measured >= first], first))
+    apart = np.diff(ends)
+    each = np.where(apart * step_s > MAX_PAUSE_S, 1, apart)
+    within = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
+    return np.unique(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted]))
 
 
 def _on_grid(s: Series, step: float) -> Series:

@@ -15,7 +15,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass
+from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass, unsmoothed_note
 from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
 from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import Tuned, tune
@@ -151,7 +151,7 @@ def estimate_track(
         )
         notes += old_rows(tuned.series, result)
     reports = tuple(_report(p, tuned, i, result) for i, p in enumerate(prepared))
-    notes += tuned.notes
+    notes += [*tuned.notes, *unsmoothed_note(result.is_unsmoothed)]
     for r in reports:
         if r.n_resets and r.kind not in RATES:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"

@@ -50,6 +50,26 @@ def given_plane_covariance(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy
     return np.where((is_definite & ~is_absent)[:, None], covariance, np.nan)
 
 
+def is_positive_definite(covariance: FloatArray) -> BoolArray:
+    """Which matrices have a Cholesky factor and are finite, shape (n,).
+
+    Args:
+        covariance: Shape (n, k, k), symmetric.
+    """
+    is_finite = np.asarray(np.isfinite(covariance).all(axis=(1, 2)), np.bool_)
+    if is_finite.all() and _has_factor(covariance):
+        return is_finite
+    return np.array([bool(is_finite[k]) and _has_factor(covariance[k]) for k in range(len(covariance))], np.bool_)
+
+
+def _has_factor(covariance: FloatArray) -> bool:
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 def covariance_from_ellipse(
     semi_major_sigma_m: FloatArray, semi_minor_sigma_m: FloatArray, major_compass_deg: FloatArray
 ) -> FloatArray:

@@ -6,10 +6,10 @@ Table 1 is in `test_song2016_table1.py`.
 import numpy as np
 import pytest
 
+from cwcli.estimation.song2016 import STEP_S, trailing_slope
 from cwcli.reproduction.findings import Finding, Part, ordered, within
 from cwcli.reproduction.findings_report import exit_note, reproduction
 from cwcli.reproduction.song2016.control import control_part
-from cwcli.reproduction.song2016.methods import STEP_S, trailing_slope
 from cwcli.reproduction.song2016.prediction import Errors, horizon_part, prediction_errors, prediction_part
 from cwcli.reproduction.song2016.warning import (
     PAPER_MOMENTS_S,

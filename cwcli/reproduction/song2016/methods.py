@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.song2016 import filter_vectors
+from cwcli.estimation.song2016 import STEP_S, filter_vectors, trailing_slope
 from cwcli.estimation.track import Track, estimate_track
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
@@ -21,13 +21,8 @@ from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.warn import ONSET
 from cwcli.warning.types import VehicleTrack
 
-STEP_S = 0.05  # dT of eq. 2
 STEP_NS = 50_000_000
 HORIZON_S = 2.5  # song2016, section 4
-DERIVATIVE_SAMPLES = 8
-"""Jerk and yaw acceleration are the least-squares slope of the filtered acceleration and yaw rate over the last 0.35 s.
-The paper says that they are "computed from the measured" values, not how. A shorter window is noisier than it helps: at
-0.2 s the jerk family is the worse one on the paper's own drives. A longer one sees a manoeuvre too late for fig. 9."""
 FAMILIES = {"speed": "cv", "acceleration": "ctra", "jerk": "cj-cya"}
 """The paper's three families (eq. 9, 2, 10) and our names of the models."""
 
@@ -179,16 +174,6 @@ def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
 
 def _measured(kind: Kind, stamp_ns: Int64Array, values: FloatArray, sigma: FloatArray) -> Measurements:
     return Measurements(kind.name.lower(), kind, stamp_ns, values, np.tile(np.square(sigma), (len(values), 1)))
-
-
-def trailing_slope(values: FloatArray, samples: int = DERIVATIVE_SAMPLES) -> FloatArray:
-    """Least-squares slope over the last `samples` values, per second; 0 until there are so many. Shape (n,)."""
-    offsets = np.arange(samples) - (samples - 1) / 2.0
-    weights = offsets / (offsets @ offsets) / STEP_S
-    slope = np.zeros_like(values)
-    if len(values) >= samples:
-        slope[samples - 1 :] = np.convolve(values, weights[::-1], mode="valid")
-    return slope
 
 
 def paper_points(states: FloatArray, family: str, horizon_s: float) -> FloatArray:

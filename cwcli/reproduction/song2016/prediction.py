@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.estimation.song2016 import STEP_S
 from cwcli.estimation.track import Track
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import rollout
@@ -15,7 +16,6 @@ from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot,
 from cwcli.reproduction.song2016.methods import (
     FAMILIES,
     HORIZON_S,
-    STEP_S,
     our_track,
     paper_points,
     paper_states,

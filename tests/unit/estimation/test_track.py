@@ -254,5 +254,7 @@ def test_song2016_model_runs_on_asynchronous_sensors() -> None:
     ]
     track = estimate_track(m, EstimatorConfig(model="song2016", causal=True), stamps(time))
     np.testing.assert_allclose(track.state[100:, 2], 10.0, atol=0.5)
-    assert (track.state[:, 6:] == 0.0).all()
+    # jerk and yaw acceleration are 0 in truth; their errors go together for a second, so not each is independent
+    sigma = np.sqrt(np.diagonal(track.covariance, axis1=1, axis2=2)[100:, 6:])
+    assert (np.abs(track.state[100:, 6:]) < 4.0 * sigma).all()
     assert {r.source for r in track.sources} == {"gps", "wheel"}
