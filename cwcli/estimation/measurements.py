@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.kernels import ekf
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -115,3 +116,8 @@ class Measurements:
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
+
+    def at(self, rows: npt.NDArray[np.bool_]) -> Measurements:
+        """Some of its rows."""
+        covariance = None if self.covariance is None else self.covariance[rows]
+        return replace(self, stamp_ns=self.stamp_ns[rows], values=self.values[rows], covariance=covariance)

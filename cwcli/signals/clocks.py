@@ -1,5 +1,8 @@
 """Clocks: from the stamps that messages carry to one increasing time per row, with every repair counted.
 
+Before any channel is looked at, the few messages of the log that were logged far from all others (a clock that was not
+set yet, a broken record) are taken out: `usual_log_times`.
+
 The rules, in order, for the rows of one sender (docs/signals.md has the table):
 
 0. A row whose log time is no time (an unsigned number that was meant to be negative) is rejected.
@@ -32,9 +35,15 @@ Clock = Literal["stamp", "log"]
 MAX_CLOCK_STEP_S = 30.0
 """A larger change of (stamp - log time) between neighbours is a clock fault, not a delay. Recorders are known to stall
 for seconds, receivers to switch from GPS time to UTC by 18 s; both stay below."""
+PAUSES_APART = 10
+"""A stray lies farther from the rest of the log than `MAX_CLOCK_STEP_S` and than this many times the longest pause
+within the rest: what is logged rarely is no stray."""
+ROWS_PER_STRAY = 100
+"""At most one message in this many is a stray, at either end of a log (one message of a short log)."""
 MIN_STAMP_NS = 1
 MAX_STAMP_NS = 9_200_000_000 * NS_PER_S
 
+LOG_TIME_APART = "log time far from the rest of the log"
 LOG_TIME_OUT = "log time before 1970 or after 2261"
 NO_STAMP = "no stamp, log time used"
 CLOCK_JUMP = "stamp jumps, moved back by log time"
@@ -95,6 +104,32 @@ def settle(
         ledger.quality.delay_s = float(np.median(log_ns[rows] - stamps)) * S_PER_NS
         ledger.quality.gaps = find_gaps(stamps)
     return Timeline(rows=rows, stamp_ns=stamps)
+
+
+def usual_log_times(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
+    """First and last log time of a log without its strays.
+
+    A stray is a message before or after all others, alone or with a few more, and far away: see `PAUSES_APART` and
+    `ROWS_PER_STRAY`. Its log time is no time of the drive, so step 2 would move a good stamp onto a bad clock.
+
+    Args:
+        log_time_ns: The log times of each channel, in order; read as the unsigned numbers that a log holds.
+
+    Returns:
+        Both in ns, inclusive; (0, 0) where there is no message.
+    """
+    times = np.sort(np.concatenate([np.zeros(0, np.int64), *log_time_ns]).view(np.uint64), kind="stable")
+    n = len(times)
+    if not n:
+        return 0, 0
+    most = min(max(1, n // ROWS_PER_STRAY), (n - 1) // 2)
+    pause_ns = np.diff(times)
+    within_ns = int(pause_ns[most : n - 1 - most].max(initial=0))
+    is_apart = pause_ns > max(round(MAX_CLOCK_STEP_S * NS_PER_S), PAUSES_APART * within_ns)
+    before, after = np.flatnonzero(is_apart[:most]), np.flatnonzero(is_apart[n - 1 - most :])
+    first = int(before[-1]) + 1 if len(before) else 0
+    last = n - 1 - most + int(after[0]) if len(after) else n - 1
+    return int(times[first]), int(times[last])
 
 
 def find_gaps(

@@ -105,7 +105,10 @@ class Columns:
             return self
         first = 0 if start_ns is None else int(np.searchsorted(self.log_time_ns, start_ns))
         last = len(self) if end_ns is None else int(np.searchsorted(self.log_time_ns, end_ns))
-        last = max(first, last)
+        return self.between(first, max(first, last))
+
+    def between(self, first: int, last: int) -> Columns:
+        """The rows `first` to `last`, without the latter."""
         fields: dict[str, Any] = {name: column_rows(values, first, last) for name, values in self.fields.items()}
         return replace(
             self,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.columns import Columns
+from cwcli.signals.columns import Columns, Int64Array
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -64,6 +64,13 @@ class Quality:
     def n_faults(self) -> int:
         """Rejections and repairs together."""
         return sum(self.rejected.values()) + sum(self.repaired.values())
+
+    def rejected_unbuilt(self, reason: str, log_time_ns: Int64Array) -> None:
+        """Count messages (by their log times, in order) that were left out before the signal was built."""
+        if len(log_time_ns):
+            self.read += len(log_time_ns)
+            self.rejected[reason] = len(log_time_ns)
+            self.first_fault_ns[reason] = int(log_time_ns[0])
 
 
 class RowLedger:

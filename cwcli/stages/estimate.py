@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.rows import rows_by_id
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES
-from cwcli.stages.inputs.measurements import EgoSignal, ego_measurements, remote_measurements
+from cwcli.stages.inputs.measurements import EgoSignal, ego_measurements, near_positions, remote_measurements
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
 from cwcli.stages.summaries.estimate import (
     TrackSummary,
@@ -90,14 +90,14 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     )
     _check_latencies(config.estimator, log)
     local_map = _local_map(sources)
-    measurements = _ego_measurements(sources, local_map)
+    measurements, apart = near_positions(_ego_measurements(sources, local_map), MAX_BRIDGE_S)
     grid_ns = _output_grid(measurements, config.rate_hz)
     ego = estimate_track(measurements, config.estimator, grid_ns)
     remote = _remote_states(sources, local_map, config.estimator)
     errors = against_truth(sources.by_role.get(Role.TRUTH, ()), measurements, ego, local_map, config.truth_origin)
     channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance), local_map)
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
-    summary = _summary(sources, tracks, errors)
+    summary = _summary(sources, apart, tracks, errors)
     return StageResult(
         stage="estimate",
         channels=(*channels, *([remote.channel] if remote else [])),
@@ -224,11 +224,13 @@ def merged(signals: list[RemoteSignal]) -> RemoteSignal:
     return RemoteSignal(source=source, station=Strings(codes[order], tuple(names)), **columns)
 
 
-def _summary(sources: Sources, tracks: Mapping[str, TrackSummary], errors: TruthErrors | None) -> Summary:
+def _summary(
+    sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary], errors: TruthErrors | None
+) -> Summary:
     signals = [s for found in sources.by_role.values() for s in found if not isinstance(s, CameraInfoSignal)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
-    notes = [*sources.notes, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
+    notes = [*sources.notes, *apart, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
     position = signals[0]
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")

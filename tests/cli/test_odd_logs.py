@@ -4,70 +4,23 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from mcap.reader import make_reader
-from mcap.writer import Writer
 
 from tests.cli.conftest import Run
+from tests.cli.rewritten_logs import Edit, Logged, of, read, write
 
 HOUR_NS = 3_600_000_000_000
 STAMP_AT = 4  # behind the encapsulation header
 SENSORS = ("/gps/fix", "/gps/heading", "/vehicle/velocity", "/imu/data")
 
 
-@dataclass(frozen=True)
-class Logged:
-    """A message with its channel."""
-
-    topic: str
-    encoding: str
-    schema: tuple[str, str, bytes]
-    log_time_ns: int
-    data: bytes
-
-
-Edit = Callable[[Logged], Logged]
-
-
 @pytest.fixture(scope="session")
 def messages(intersection: Path) -> list[Logged]:
     """Those of the bundled log."""
-    with intersection.open("rb") as stream:
-        return [
-            Logged(
-                channel.topic,
-                channel.message_encoding,
-                (schema.name, schema.encoding, schema.data),
-                message.log_time,
-                message.data,
-            )
-            for schema, channel, message in make_reader(stream).iter_messages()
-            if schema is not None
-        ]
-
-
-def write(path: Path, messages: Iterable[Logged]) -> None:
-    """A log with these messages, by the official writer."""
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channels: dict[Any, int] = {}
-        for each in messages:
-            key = (each.topic, each.encoding, each.schema)
-            if key not in channels:
-                channels[key] = writer.register_channel(each.topic, each.encoding, writer.register_schema(*each.schema))
-            writer.add_message(channels[key], each.log_time_ns, each.data, each.log_time_ns)
-        writer.finish()
-
-
-def of(topic: str, edit: Edit) -> Edit:
-    """The edit, for the messages of one topic."""
-    return lambda each: edit(each) if each.topic == topic else each
+    return read(intersection)
 
 
 def unknown_encoding(each: Logged) -> Logged:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cwcli.signals.canonical import (
 )
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_S
 
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
@@ -56,6 +57,35 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Meas
             values = np.column_stack([signal.accel_mps2, signal.gyro_radps])
             variances = np.column_stack([signal.accel_variance, signal.gyro_variance])
             return [Measurements(signal.source, Kind.IMU, stamp_ns, values, variances)]
+
+
+def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> tuple[list[Measurements], list[str]]:
+    """The measurements of one vehicle without rows that a pause parts from every position, and what was left out.
+
+    Nothing tells where the vehicle was in a stretch without a position before or after a pause of all sources. As a
+    rule the time of such rows is wrong, or their channel counts from another epoch.
+
+    Args:
+        measurements: At least one position.
+        max_pause_s: Longer pauses of all sources together part two stretches.
+    """
+    measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
+    is_pause = np.diff(measured_ns) > max_pause_s * NS_PER_S
+    if not is_pause.any():
+        return list(measurements), []
+    stretch = np.append(0, np.cumsum(is_pause))
+    of_row = [stretch[np.searchsorted(measured_ns, m.stamp_ns)] for m in measurements]
+    placed = [own for m, own in zip(measurements, of_row, strict=True) if m.kind is Kind.POSITION]
+    near, notes = [], []
+    for m, own in zip(measurements, of_row, strict=True):
+        rows = np.isin(own, np.concatenate(placed))
+        n_apart = int(np.count_nonzero(~rows))
+        if n_apart:
+            told = f"{n_apart} {m.kind.name.lower().replace('_', ' ')} rows lie more than {max_pause_s:g} s from"
+            notes.append(f"{m.source}: {told} any stretch with a position, left out")
+        if rows.any():
+            near.append(m.at(rows) if n_apart else m)
+    return near, notes
 
 
 def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: LocalMap) -> list[Measurements]:

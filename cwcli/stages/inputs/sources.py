@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from cwcli.channels.binding import bind
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import Signal
-from cwcli.signals.clocks import Clock, disagreeing_clocks
+from cwcli.signals.clocks import LOG_TIME_APART, Clock, disagreeing_clocks, usual_log_times
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import Columns
+from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.quality import Quality
+
+TIMELESS = frozenset({Role.CAMERA_INFO})
+"""Roles whose messages hold at any time: a calibration may be logged long before the drive."""
 
 
 @dataclass(frozen=True)
@@ -96,17 +101,26 @@ def read_sources(
         for binding in bindings:
             wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
     further = also or {}
-    loaded = log.load({**wanted, **further})
+    loaded = {
+        topic: columns.logged_within(config.start_ns, config.end_ns)
+        for topic, columns in log.load({**wanted, **further}).items()
+    }
+    timed = {each.topic for role, bindings in bound.by_role.items() if role not in TIMELESS for each in bindings}
+    usual_ns = usual_log_times([loaded[topic].log_time_ns for topic in timed])
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
     for role in dict.fromkeys((*required, *optional)):
         bindings = bound.of(role)
         signals: list[Signal] = []
         for binding in bindings:
-            columns = loaded[binding.topic].logged_within(config.start_ns, config.end_ns)
+            columns = loaded[binding.topic]
+            strays_ns = columns.log_time_ns[:0]
+            if role not in TIMELESS:
+                columns, strays_ns = _without_strays(columns, *usual_ns)
             signal, quality = build(
                 role, columns, config.clock, ego_station=config.ego_station, is_override=binding.is_override
             )
+            quality.rejected_unbuilt(LOG_TIME_APART, strays_ns)
             qualities.append(quality)
             if quality.used:
                 signals.append(signal)
@@ -117,5 +131,18 @@ def read_sources(
                 is_cut = config.start_ns is not None or config.end_ns is not None
                 require_rows(quality, where=log.name, is_cut=is_cut)
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
-    others = {topic: loaded[topic].logged_within(config.start_ns, config.end_ns) for topic in further}
+    others = {topic: loaded[topic] for topic in further}
     return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), others)
+
+
+def _without_strays(columns: Columns, first_ns: int, last_ns: int) -> tuple[Columns, Int64Array]:
+    """The messages logged from `first_ns` to `last_ns`, and the log times of the others.
+
+    Log times are unsigned in a file, and in that order.
+    """
+    log_ns = columns.log_time_ns.view(np.uint64)
+    first = int(np.searchsorted(log_ns, np.uint64(first_ns)))
+    end = int(np.searchsorted(log_ns, np.uint64(last_ns), side="right"))
+    if end - first == len(columns):
+        return columns, columns.log_time_ns[:0]
+    return columns.between(first, end), np.delete(columns.log_time_ns, slice(first, end))

@@ -1,0 +1,174 @@
+"""One message of a good log with a time that is none: it is left out and told, and the estimate stays what it was."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cwcli.signals.clocks import CLOCK_JUMP, LOG_TIME_APART, NO_STAMP
+from tests.cli.conftest import ROOT, SAMPLES, Run
+from tests.cli.rewritten_logs import Logged, read, write
+
+NS_PER_S = 1_000_000_000
+TEN_YEARS_S = 10 * 365 * 86_400
+STAMP_AT = 4  # behind the encapsulation header of CDR
+ATOL_PART = 0.05
+MOST_MB = 150
+KITTI = ROOT.parent / "shared" / "logs" / "kitti-2011-10-03-drive-0027.first240s.mcap"
+SENSORS = ("/gps/fix", "/gps/heading", "/vehicle/velocity", "/imu/data")
+OTHERS = ("/v2x/bsm", "/truth/ego", "/simulation/vehicles")
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """What came out of one run: its position error against the truth, and what became of each topic's messages."""
+
+    position_error_m: float
+    position_nees: float
+    inputs: dict[str, dict[str, Any]]
+    peak_mb: float
+
+
+def estimate(log: Path, *options: str) -> Estimated:
+    """Run `cwcli estimate` as a process of its own, which must end with 0."""
+    metrics, shown = log.with_suffix(".csv"), log.with_suffix(".json")
+    command = [sys.executable, "-m", "cwcli", "estimate", str(log), "--json", "--metrics", str(metrics), *options]
+    with shown.open("wb") as stdout:
+        process = subprocess.Popen(command, cwd=ROOT, stdout=stdout, env=os.environ | {"PYTHONPATH": str(ROOT)})
+        _, status, usage = os.wait4(process.pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 0
+    stage = json.loads(shown.read_text())["stages"]["estimate"]
+    with metrics.open() as stream:
+        nees = next(float(row["value"]) for row in csv.DictReader(stream) if "nees_mean" in row.values())
+    error = next(row for row in stage["sections"]["errors"] if row["error of"] == "position")
+    return Estimated(
+        error["estimated"], nees, {entry["topic"]: entry for entry in stage["inputs"]}, usage.ru_maxrss / 1024
+    )
+
+
+def edited(messages: list[Logged], topic: str, number: int, edit: Callable[[Logged], Logged]) -> list[Logged]:
+    """The messages with that one of a topic changed; a negative number counts from the end."""
+    own = [k for k, each in enumerate(messages) if each.topic == topic]
+    return [edit(each) if k == own[number] else each for k, each in enumerate(messages)]
+
+
+def logged_at_one(each: Logged) -> Logged:
+    return replace(each, log_time_ns=1)
+
+
+def logged_years_later(each: Logged) -> Logged:
+    return replace(each, log_time_ns=each.log_time_ns + TEN_YEARS_S * NS_PER_S)
+
+
+def stamped(seconds: Callable[[int], int]) -> Callable[[Logged], Logged]:
+    """With another whole second in its header."""
+
+    def edit(each: Logged) -> Logged:
+        data = bytearray(each.data)
+        (stamp_s,) = struct.unpack_from("<i", data, STAMP_AT)
+        struct.pack_into("<i", data, STAMP_AT, seconds(stamp_s))
+        return replace(each, data=bytes(data))
+
+    return edit
+
+
+stamped_1970 = stamped(lambda _: 0)
+stamped_years_later = stamped(lambda stamp_s: stamp_s + TEN_YEARS_S)
+FAULTS: dict[str, tuple[int, tuple[Callable[[Logged], Logged], ...], str]] = {
+    "logged at 1 ns, the first": (0, (logged_at_one,), LOG_TIME_APART),
+    "logged and stamped in 1970": (100, (logged_at_one, stamped_1970), LOG_TIME_APART),
+    "the last logged years later": (-1, (logged_years_later,), LOG_TIME_APART),
+    "the last logged and stamped years later": (-1, (logged_years_later, stamped_years_later), LOG_TIME_APART),
+    "stamped years later": (100, (stamped_years_later,), CLOCK_JUMP),
+    "the first stamped years earlier": (0, (stamped(lambda stamp_s: stamp_s - TEN_YEARS_S),), CLOCK_JUMP),
+    "not stamped": (100, (stamped_1970, lambda each: replace(each, data=without_nanoseconds(each.data))), NO_STAMP),
+}
+"""Which message, what is done to it, and what is told."""
+
+
+def without_nanoseconds(data: bytes) -> bytes:
+    return data[: STAMP_AT + 4] + bytes(4) + data[STAMP_AT + 8 :]
+
+
+CleanOf = Callable[[Path], tuple[list[Logged], Estimated]]
+
+
+def options_of(log: Path) -> tuple[str, ...]:
+    """How a log is estimated: on the longer drives one message less moves a found latency, and that the position."""
+    if log == KITTI:
+        return ("--topic", "truth=/truth/pose_imu", "--truth-origin", "48.9825,8.3904,116.4")
+    return ("--latency", "none") if log.stem in ("straight", "curve") else ()
+
+
+@pytest.fixture(scope="session")
+def clean_of(tmp_path_factory: pytest.TempPathFactory) -> CleanOf:
+    """The messages of a log, and what is estimated from it as it is."""
+    known: dict[Path, tuple[list[Logged], Estimated]] = {}
+
+    def find(log: Path) -> tuple[list[Logged], Estimated]:
+        if log not in known:
+            messages, copy = read(log), tmp_path_factory.mktemp(log.stem) / "in.mcap"
+            write(copy, messages)
+            known[log] = messages, estimate(copy, *options_of(log))
+        return known[log]
+
+    return find
+
+
+def check(found: Estimated, clean: Estimated, topic: str, told: str) -> None:
+    assert found.position_error_m == pytest.approx(clean.position_error_m, rel=ATOL_PART)
+    assert 0.0 < found.position_nees < 2.0 * clean.position_nees
+    assert found.peak_mb < max(MOST_MB, 1.1 * clean.peak_mb)
+    for name, entry in found.inputs.items():
+        assert {**entry["rejected"], **entry["repaired"]} == ({told: 1} if name == topic else {}), name
+        assert entry["read"] == clean.inputs[name]["read"]
+        assert entry["used"] == entry["read"] - sum(entry["rejected"].values())
+
+
+CHANNELS = [
+    *((SAMPLES / "intersection.mcap", topic) for topic in (*SENSORS, *OTHERS)),
+    *((SAMPLES / "rear-end.mcap", topic) for topic in (*SENSORS, *OTHERS)),
+    *((SAMPLES / f"{name}.mcap", topic) for name in ("straight", "curve") for topic in (*SENSORS, "/truth/ego")),
+    *((KITTI, topic) for topic in ("/gps/fix", "/imu/data", "/truth/pose_imu")),
+]
+
+
+@pytest.mark.parametrize(("log", "topic"), CHANNELS, ids=[f"{log.stem[:12]}-{topic}" for log, topic in CHANNELS])
+def test_message_logged_at_one_nanosecond_is_left_out(clean_of: CleanOf, tmp_path: Path, log: Path, topic: str) -> None:
+    if not log.exists():
+        pytest.skip(f"the development log {log.name} is not in ../shared/logs")
+    messages, clean = clean_of(log)
+    write(tmp_path / "in.mcap", edited(messages, topic, 100, logged_at_one))
+    check(estimate(tmp_path / "in.mcap", *options_of(log)), clean, topic, LOG_TIME_APART)
+
+
+@pytest.mark.parametrize("fault", list(FAULTS))
+@pytest.mark.parametrize("topic", SENSORS)
+def test_message_with_an_absurd_time_leaves_the_estimate_as_it_was(
+    clean_of: CleanOf, tmp_path: Path, topic: str, fault: str
+) -> None:
+    damaged, clean = clean_of(SAMPLES / "intersection.mcap")
+    number, edits, told = FAULTS[fault]
+    for edit in edits:
+        damaged = edited(damaged, topic, number, edit)
+    write(tmp_path / "in.mcap", damaged)
+    check(estimate(tmp_path / "in.mcap"), clean, topic, told)
+
+
+def test_strict_refuses_a_message_logged_at_one_nanosecond(cwcli: Run, clean_of: CleanOf, tmp_path: Path) -> None:
+    messages, _ = clean_of(SAMPLES / "intersection.mcap")
+    write(tmp_path / "in.mcap", edited(messages, "/imu/data", 100, logged_at_one))
+    done = cwcli("estimate", "in.mcap", "-o", "out.mcap", "--strict")
+    assert done.returncode == 5
+    assert f"/imu/data rejected: 1 {LOG_TIME_APART}" in done.stderr.decode()
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
