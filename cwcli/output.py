@@ -2,6 +2,9 @@
 
 A file is written without a name, or under a hidden one, in the target's folder (`cwcli.temporary`), flushed to the disk
 and renamed. A killed run never leaves one under the target's name. Devices and named pipes are written directly.
+
+No target is a file that the run reads (`cwcli.input`), under whatever name, and a file gets its name only if the logs
+that are read are still what they were. Everything that cwcli writes goes through here.
 """
 
 from __future__ import annotations
@@ -12,9 +15,11 @@ import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
+from cwcli.input import InputFile, check_unchanged, is_input, note_input
 from cwcli.output_stream import Bytes, Output, medium
 from cwcli.temporary import TemporaryFile
 
@@ -22,13 +27,12 @@ STDOUT = "-"
 NO_FILE = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)
 
 
-def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Path] = ()) -> None:
+def check_target(target: str | Path, *, force: bool = False) -> None:
     """Refuse a target that can't or must not be written, before any work is done.
 
     Args:
         target: File name, or `-` for standard output.
-        force: Allow a file that exists.
-        inputs: Files that are read meanwhile: never overwritten, under whatever name.
+        force: Allow a file that exists, unless it is an input of this run.
 
     Raises:
         OutputError: It is a directory, exists, is an input, or its folder is missing or not writable.
@@ -37,10 +41,80 @@ def check_target(target: str | Path, *, force: bool = False, inputs: Sequence[Pa
     if str(target) == STDOUT:
         _stdout_descriptor()
     else:
-        _checked_path(target, force=force, inputs=inputs)
+        _checked_path(target, force=force, inputs=())
 
 
-def _checked_path(target: str | Path, *, force: bool, inputs: Sequence[Path]) -> tuple[Path, bool]:
+def check_targets(
+    files: Sequence[str | Path | None],
+    folders: Sequence[str | Path | None] = (),
+    *,
+    force: bool = False,
+    inputs: Sequence[str] = (),
+) -> None:
+    """Refuse what a command can't or must not write, before any work is done; `None` is passed by.
+
+    Args:
+        files: As in `check_target`.
+        folders: Folders that are there, or that `make_folder` can make.
+        force: Allow files that exist, unless they are inputs of this run.
+        inputs: What the command is going to read: file names, or `-` for standard input.
+
+    Raises:
+        OutputError: One can't or must not be written.
+        UsageError: Two are the same file, or standard output is a terminal.
+    """
+    for each in inputs:
+        note_input(each)
+    places: set[object] = set()
+    for check, targets in ((partial(check_target, force=force), files), (_check_folder, folders)):
+        for target in targets:
+            if target is not None:
+                check(target)
+                place = _place(target)
+                if place in places:
+                    raise UsageError("two outputs are the same file", where=str(target), hint="name another one")
+                places.add(place)
+
+
+def _place(target: str | Path) -> object:
+    """The same for all names of one file."""
+    with suppress(OSError):
+        found = os.fstat(_stdout_descriptor()) if str(target) == STDOUT else Path(target).stat()
+        return found.st_dev, found.st_ino
+    return os.path.realpath(target)
+
+
+def _check_folder(folder: str | Path) -> None:
+    path = Path(folder)
+    try:
+        path.stat()
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:
+        raise _no_folder(path, error) from error
+    if path.exists() and not path.is_dir():
+        raise OutputError("it is not a folder", where=str(path))
+    if not path.absolute().parent.is_dir():
+        raise OutputError(f"the folder {path.parent} does not exist", where=str(path), hint="create it first")
+
+
+def make_folder(path: str | Path, *, parents: bool = False) -> None:
+    """Make a folder unless it is there, if need be with those above it.
+
+    Raises:
+        OutputError: It can't be made.
+    """
+    try:
+        Path(path).mkdir(parents=parents, exist_ok=True)
+    except (OSError, ValueError, RecursionError) as error:  # a zero byte in the name; a thousand folders in each other
+        raise _no_folder(path, error) from error
+
+
+def _no_folder(path: str | Path, error: Exception) -> OutputError:
+    return OutputError(f"the folder can't be made: {getattr(error, 'strerror', None) or error}", where=str(path))
+
+
+def _checked_path(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
     """A target's real path, and whether it is a device, a pipe or a socket; raises as `check_target`."""
     name = str(target)
     try:
@@ -51,11 +125,11 @@ def _checked_path(target: str | Path, *, force: bool, inputs: Sequence[Path]) ->
         raise OutputError(str(error), where=name) from error
 
 
-def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> bool:
-    mode = _mode(path)
-    for each in inputs:
-        if mode is not None and each.exists() and path.samefile(each):
-            raise OutputError("the output is the input itself", where=name, hint="name another file with -o")
+def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile]) -> bool:
+    found = _status(path)
+    mode = None if found is None else found.st_mode
+    if found is not None and is_input(found, inputs):
+        raise OutputError("the output is the input itself", where=name, hint="name another file")
     if (mode is not None and stat.S_ISDIR(mode)) or name.endswith(os.sep):
         raise OutputError("the output is a directory", where=name, hint="name a file with -o")
     if mode is not None and not stat.S_ISREG(mode):
@@ -69,10 +143,10 @@ def _check_file(path: Path, name: str, force: bool, inputs: Sequence[Path]) -> b
     return False
 
 
-def _mode(path: Path) -> int | None:
-    """The file's mode, None if there is no such file."""
+def _status(path: Path) -> os.stat_result | None:
+    """What the system says of a file, None if there is no such file."""
     try:
-        return path.stat().st_mode
+        return path.stat()
     except OSError as error:
         if error.errno in NO_FILE:
             return None
@@ -88,7 +162,7 @@ class Together:
     """
 
     def __init__(self) -> None:
-        self._files: list[tuple[TemporaryFile, Callable[[], None], bool]] = []
+        self._files: list[tuple[TemporaryFile, Callable[[], object], bool]] = []
 
     def __enter__(self) -> Together:
         return self
@@ -101,7 +175,7 @@ class Together:
             for file, _, _ in self._files:
                 file.discard()
 
-    def add(self, file: TemporaryFile, check: Callable[[], None], *, durable: bool) -> None:
+    def add(self, file: TemporaryFile, check: Callable[[], object], *, durable: bool) -> None:
         """Take over a file that is written.
 
         Args:
@@ -109,6 +183,8 @@ class Together:
             check: Raises if the target must not be written after all.
             durable: Make its name last, too.
         """
+        if file.target in {known.target for known, _, _ in self._files}:
+            raise AssertionError(f"two files are to get the name {file.target}")
         self._files.append((file, check, durable))
 
     def _publish(self) -> None:
@@ -128,24 +204,27 @@ def open_output(
     target: str | Path,
     *,
     force: bool = False,
-    inputs: Sequence[Path] = (),
+    inputs: Sequence[InputFile] = (),
     durable: bool = True,
     together: Together | None = None,
 ) -> Iterator[Output]:
     """Open a target for binary writing; the file appears under its name when the block ends without an error.
 
     Args:
-        target, force, inputs: As in `check_target`.
+        target, force: As in `check_target`.
+        inputs: Open files that are no part of a run (`cwcli.input.remembering_inputs`) but must not be overwritten, nor
+            change.
         durable: Wait until the file is on the disk. Without, it is whole whatever happens to the process, but may not
             survive a loss of power.
         together: The file appears with these instead.
 
     Raises:
         OutputError, UsageError: As in `check_target`, or the medium fails (no space, input/output error).
+        InputError: A log that is read changed meanwhile.
         BrokenPipeError: Nobody reads standard output any more.
     """
     if str(target) == STDOUT:
-        output = Output(_stdout_descriptor(), "<stdout>")
+        output = Output(_stdout_descriptor(inputs), "<stdout>")
         yield output
         output.flush()
         return
@@ -157,7 +236,12 @@ def open_output(
     with nullcontext(together) if together is not None else Together() as group:
         with _written(path, str(target), durable=durable) as (file, output):
             yield output
-        group.add(file, lambda: check_target(target, force=force, inputs=inputs), durable=durable)
+
+        def check() -> None:
+            _checked_path(target, force=force, inputs=inputs)
+            check_unchanged(inputs)
+
+        group.add(file, check, durable=durable)
 
 
 @contextmanager
@@ -197,7 +281,6 @@ def write_file(
     data: Bytes,
     *,
     force: bool = False,
-    inputs: Sequence[Path] = (),
     durable: bool = True,
     together: Together | None = None,
 ) -> None:
@@ -206,11 +289,11 @@ def write_file(
     Raises:
         As `open_output`.
     """
-    with open_output(target, force=force, inputs=inputs, durable=durable, together=together) as output:
+    with open_output(target, force=force, durable=durable, together=together) as output:
         output.write(data)
 
 
-def _stdout_descriptor() -> int:
+def _stdout_descriptor(inputs: Sequence[InputFile] = ()) -> int:
     try:
         sys.stdout.flush()
         descriptor = sys.stdout.fileno()
@@ -220,6 +303,8 @@ def _stdout_descriptor() -> int:
         raise UsageError(
             "refusing to write binary data to the terminal", hint="name a file with -o, or send it into a pipe"
         )
+    if is_input(os.fstat(descriptor), inputs):
+        raise OutputError("the output goes into the input itself", where="<stdout>", hint="write to another file")
     return descriptor
 
 

@@ -20,6 +20,7 @@ from cwcli.cli.options.expand import expand
 from cwcli.cli.options.fast import skip_coercion
 from cwcli.cli.options.shared import TalkOptions
 from cwcli.errors import UsageError
+from cwcli.input import remembering_inputs
 
 COMMANDS = {
     "info": "List what a log holds and what cwcli can do with it.",
@@ -152,7 +153,7 @@ def dispatch(arguments: list[str]) -> int:
     if os.environ.get(f"_{ENVIRONMENT_PREFIX}_COMPLETE"):
         group.main(arguments, prog_name="cwcli")
     try:
-        with group.make_context("cwcli", arguments) as context:
+        with remembering_inputs(), group.make_context("cwcli", arguments) as context:
             if not arguments:
                 sys.stderr.write(context.get_help() + "\n")
                 return UsageError.exit_code

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
-from cwcli.errors import OutputError, UsageError
+from cwcli.errors import UsageError
 from cwcli.pipeline.call import Stage
 from cwcli.pipeline.execute import Missed, Outcome, run_stages
 from cwcli.pipeline.selection import select
@@ -100,66 +99,23 @@ def _console(job: Job) -> Console:
 
 def _check_targets(job: Job) -> None:
     """Refuse what can't be written before the work, not after it."""
-    from cwcli.output import check_target
+    from cwcli.metrics.table import check_table_name
+    from cwcli.output import check_targets
 
-    inputs = () if job.source == "-" else (Path(job.source),)
-    if job.writing.output is not None:
-        check_target(job.writing.output, force=job.writing.force, inputs=inputs)
     if job.metrics is not None:
-        from cwcli.metrics.table import check_table_target
-
-        check_table_target(job.metrics, force=job.writing.force)
-        if job.writing.output is not None and os.path.realpath(job.metrics) == os.path.realpath(job.writing.output):
-            raise UsageError("--metrics and -o name the same file", where=job.metrics)
-    if job.metrics_dir is not None:
-        check_folder(job.metrics_dir, "--metrics-dir")
-        if job.writing.output is not None and os.path.realpath(job.metrics_dir) == os.path.realpath(job.writing.output):
-            raise UsageError("--metrics-dir and -o have the same name", where=job.metrics_dir)
-
-
-def check_folder(name: str, option: str) -> None:
-    """Refuse a folder that is something else, or that can't be made.
-
-    Raises:
-        OutputError: As it says.
-    """
-    path = Path(name)
-    try:
-        path.stat()
-    except FileNotFoundError:
-        pass
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"the folder can't be made: {reason}", where=str(path)) from error
-    if path.exists() and not path.is_dir():
-        raise OutputError(f"{option} is not a folder", where=str(path))
-    if not path.absolute().parent.is_dir():
-        raise OutputError(f"the folder {path.parent} does not exist", where=str(path), hint="create it first")
-
-
-def make_folder(path: str) -> None:
-    """Make a folder unless it is there.
-
-    Raises:
-        OutputError: It can't be made.
-    """
-    try:
-        Path(path).mkdir(exist_ok=True)
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"the folder can't be made: {reason}", where=path) from error
+        check_table_name(job.metrics)
+    files = (job.writing.output, job.metrics)
+    check_targets(files, (job.metrics_dir,), force=job.writing.force, inputs=[job.source])
 
 
 def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
     """Write the annotated log and the tables: all of them, or none."""
     from cwcli.logs.annotate import annotate
-    from cwcli.metrics.table import check_table_target, write_table
-    from cwcli.output import Together
+    from cwcli.metrics.table import write_table
+    from cwcli.output import Together, check_targets, make_folder
 
     tables = _table_files(job, outcome.results)
-    for path in tables:
-        if path.parent.is_dir():  # a folder for metrics is made below
-            check_table_target(path, force=job.writing.force)
+    check_targets([path for path in tables if path.parent.is_dir()], force=job.writing.force)  # others are made below
     with Together() as together:
         if job.writing.output is not None:
             progress.step(f"writing {job.writing.output}")

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import InputError, UsageError
+from cwcli.input import read_file
 
 SUFFIX = ".toml"
 DEFAULT_VEHICLE = "zhang2011"
@@ -143,7 +144,7 @@ def _text_of(source: str | Path) -> tuple[str, str]:
         hint = f"a file ending in {SUFFIX}, or one of: {', '.join(vehicle_names())}"
         raise UsageError(f"there is no vehicle '{source}'", hint=hint)
     try:
-        return path.read_text(encoding="utf-8"), str(source)
+        return read_file(path).decode(), str(source)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         reason = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", str(error))
         raise InputError(f"can't be read: {reason}", where=str(source)) from None

@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
 from cwcli.errors import InputError, OutputError
-from cwcli.output import open_output, write_file
+from cwcli.input import note_input
+from cwcli.output import make_folder, open_output, write_file
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
@@ -64,7 +65,15 @@ class LogFolder:
 
     def entry(self) -> Document | None:
         """What was recorded of the log; None if nothing was, or it can't be read."""
-        return read_document(self.out / LOGS / self.id / ENTRY)
+        return read_document(self._entry)
+
+    @property
+    def _entry(self) -> Path:
+        return self.out / LOGS / self.id / ENTRY
+
+    def note(self) -> None:
+        """Remember the entry as an input: this run only reads it."""
+        note_input(self._entry)
 
     def is_done(self, entry: Document | None, key: str) -> bool:
         """Whether the log was done with this key, and every file of it is still there in full."""
@@ -76,7 +85,7 @@ class LogFolder:
         """Record what became of the log; returns the whole entry."""
         paths = sorted(path.relative_to(self.out).as_posix() for path in outputs)
         whole = {**entry, "outputs": paths, "bytes": self._sizes(paths)}
-        write_document(whole, self.out / LOGS / self.id / ENTRY)
+        write_document(whole, self._entry)
         return whole
 
     def clear(self) -> None:
@@ -86,7 +95,7 @@ class LogFolder:
             OutputError: Something can't be removed.
         """
         with suppress(FileNotFoundError):  # first, so that a half-removed log does not look done
-            (self.out / LOGS / self.id / ENTRY).unlink()
+            self._entry.unlink()
         parts = [self.out / LOGS / self.id, self._part(METRICS)]
         for kind in (DETAILS, TABLES):
             if (self.out / kind).is_dir():
@@ -148,6 +157,7 @@ def read_output(out: Path) -> RecordedRun | None:
     Raises:
         InputError: The manifest is of another format.
     """
+    note_input(out / MANIFEST)
     manifest = read_document(out / MANIFEST) or {}
     if what := other_format(manifest):
         raise InputError(what, where=str(out / MANIFEST), hint=OTHER_FORMAT_HINT)
@@ -161,6 +171,8 @@ def read_output(out: Path) -> RecordedRun | None:
     for name, entry in sorted(given.items()):
         is_plain = name not in {"", ".", ".."} and not set(name) & {"/", "\\", "\0"}
         folder = LogFolder(out, name) if is_plain else None
+        if folder is not None:
+            folder.note()
         logs.append(RecordedLog(name, folder, (folder and folder.entry()) or entry))
     pipeline = manifest.get("pipeline")
     gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
@@ -222,22 +234,9 @@ def put_table(table: Table, path: Path) -> Path:
     """Write one table, with its folders."""
     from cwcli.metrics.table import table_bytes
 
-    make_folders(path.parent)
+    make_folder(path.parent, parents=True)
     write_file(path, table_bytes(table, ".parquet"), force=True, durable=False)
     return path
-
-
-def make_folders(path: Path) -> None:
-    """Make a folder and those above it.
-
-    Raises:
-        OutputError: It can't be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError, RecursionError) as error:  # a zero byte in the name; a thousand folders in each other
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"the folder can't be made: {reason}", where=str(path)) from error
 
 
 def read_document(path: Path) -> Document | None:

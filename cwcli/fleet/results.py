@@ -11,6 +11,7 @@ import numpy as np
 
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import MANIFEST, NOT_DONE, LogFolder, RecordedRun, read_output
+from cwcli.input import read_file
 from cwcli.metrics.headline import COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
@@ -179,7 +180,7 @@ def read_metrics_table(path: Path) -> Table:
     from pyarrow import parquet
 
     try:
-        found = parquet.read_table(path, partitioning=None, use_threads=False)
+        found = parquet.read_table(pa.BufferReader(read_file(path)), use_threads=False)
     except (OSError, ValueError, pa.ArrowException) as error:
         what = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error

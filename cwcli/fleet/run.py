@@ -26,7 +26,6 @@ from cwcli.fleet.folder import (
     TABLES,
     Document,
     LogFolder,
-    make_folders,
     new_entry,
     other_format,
     read_document,
@@ -38,9 +37,13 @@ from cwcli.fleet.local import ATTEMPTS, WorkerDied, run_local
 from cwcli.fleet.names import log_ids
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.worker import Done, record
+from cwcli.input import inputs_below, note_input, remembering_inputs
+from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection
 
 Report = Callable[[Task, str, int, int], None]
+PARTS = (LOGS, METRICS, DETAILS, TABLES, SCRATCH)
+"""Folders that a run fills, and empties."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +101,12 @@ def run_fleet(
         raise UsageError(f"the output folder can't be '{out}'", hint="name it with -d")
     folder = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
     check_selection(plan.topic, plan.start, plan.end)
-    found = expand_sources(sources, [str(folder / part) for part in (LOGS, METRICS, DETAILS, TABLES, SCRATCH)])
+    found = expand_sources(sources, [str(folder / part) for part in PARTS])
     ids = log_ids([source for source, _ in found])
     tasks = [Task(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]
     tasks.sort(key=lambda task: task.id)
-    with _locked(folder):
+    with remembering_inputs(), _locked(folder):
+        _refuse_inputs(folder, tasks)
         _prepare(folder, tasks, force=force)
         write_document(_manifest(folder, plan, tasks), folder / MANIFEST)
         statuses: dict[str, str] = {}
@@ -142,6 +146,17 @@ def available_processors() -> int:
     with suppress(AttributeError):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _refuse_inputs(out: Path, tasks: Iterable[Task]) -> None:
+    """Refuse an output folder in which an input would be overwritten or removed."""
+    for task in tasks:
+        if not is_remote(task.path):
+            note_input(task.path)
+    check_targets([out / MANIFEST, out / RUN_TIMES], force=True)
+    for part in PARTS:
+        for name in inputs_below(out / part):
+            raise OutputError("an input lies where the results go", where=name, hint="name another folder with -d")
 
 
 def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
@@ -204,7 +219,7 @@ def _record_death(task: Task, plan: Plan) -> Done:
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Make the folder and keep other runs out of it."""
-    make_folders(folder)
+    make_folder(folder, parents=True)
     try:
         import fcntl
     except ImportError:  # Windows

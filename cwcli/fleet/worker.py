@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import stat
 import sys
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,16 +14,17 @@ from typing import Any
 from cwcli import __version__
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, make_folders, new_entry, put_table
+from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, new_entry, put_table
 from cwcli.fleet.inputs import is_remote, local_copy
 from cwcli.fleet.plan import Plan, Task
+from cwcli.input import InputFile, remembering_inputs
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
+from cwcli.logs.source import open_source
+from cwcli.output import make_folder
 from cwcli.pipeline.execute import Outcome, run_stages
 from cwcli.pipeline.missing import signals_for
 from cwcli.pipeline.selection import select
-
-HASH_BLOCK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,8 @@ def work(task: Task, plan: Plan) -> Done:
         OutputError: The output folder can't be written: no other log would fare better.
     """
     wall_s, cpu_s = time.perf_counter(), time.process_time()
-    status = _work(task, plan)
+    with remembering_inputs():
+        status = _work(task, plan)
     return Done(task.id, status, time.perf_counter() - wall_s, time.process_time() - cpu_s, _peak_mb())
 
 
@@ -75,16 +75,16 @@ def _work(task: Task, plan: Plan) -> str:
     if plan.tables:
         entry["without_table"] = {}
     try:
-        with _local(task, plan) as path:
-            entry["sha256"] = _sha256(path, task.source)
+        with _opened(task) as file:
+            entry["sha256"] = file.begin_sha256().result()
             entry["key"] = plan.key(entry["sha256"])
             if before is not None and folder.is_done(before, entry["key"]):
                 if before["source"] != task.source:
                     folder.finish({**before, "source": task.source}, [folder.out / name for name in before["outputs"]])
                 return "unchanged"
             folder.clear()
-            make_folders(folder.annotated.parent)
-            with Log.open(path, recover=plan.recover, name=task.source, sha256=entry["sha256"]) as log:
+            make_folder(folder.annotated.parent, parents=True)
+            with Log.open(file, recover=plan.recover) as log:
                 outputs = _run(log, plan, folder, entry)
             entry["status"] = "done"
     except CwcliError as error:
@@ -105,7 +105,7 @@ def record(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
     """
     if entry["status"] == "failed":
         folder.clear()
-        make_folders(folder.annotated.parent)
+        make_folder(folder.annotated.parent, parents=True)
     folder.finish(entry, outputs)
 
 
@@ -170,29 +170,10 @@ def bug_entry(error: Exception) -> dict[str, Any]:
 
 
 @contextmanager
-def _local(task: Task, plan: Plan) -> Iterator[Path]:
-    """The log as a file on this machine."""
-    if is_remote(task.path):
-        with local_copy(task.path, Path(task.out) / SCRATCH) as path:
-            yield path
-    else:
-        yield Path(task.path)
-
-
-def _sha256(path: Path, name: str) -> str:
-    from cwcli.errors import InputError
-
-    digest = hashlib.sha256()
-    try:
-        mode = path.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise InputError("it is a directory", where=name, hint="name an .mcap file in it")
-        if not stat.S_ISREG(mode):  # it may never end, and can't be read twice
-            raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
-        with path.open("rb") as file:
-            while block := file.read(HASH_BLOCK_BYTES):
-                digest.update(block)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"it can't be read: {reason}", where=name) from error
-    return digest.hexdigest()
+def _opened(task: Task) -> Iterator[InputFile]:
+    """The log, or a copy of it on this machine."""
+    with ExitStack() as stack:
+        path = task.path
+        if is_remote(path):
+            path = str(stack.enter_context(local_copy(path, Path(task.out) / SCRATCH)))
+        yield stack.enter_context(open_source(path, task.source, pipes=False))

@@ -7,14 +7,12 @@ in the header is left out where a channel is not of ROS.
 
 from __future__ import annotations
 
-import mmap
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cwcli.errors import InputError, OutputError
+from cwcli.errors import OutputError
 from cwcli.logs.annotate_copy import SourceCopy
 from cwcli.logs.annotate_ids import NewChannel, assign_ids
 from cwcli.logs.feeds import column_feed
@@ -87,37 +85,34 @@ def annotate(
     Raises:
         OutputError: The target can't be written, or the source holds a topic or a record of the same name and
             `replace` is off.
-        InputError: The source is damaged.
+        InputError: The source is damaged, or changed while it was read.
         ValueError: A column does not fit its schema, or log times go back.
     """
     channels, metadata = _with_memory(source, channels, metadata, replace)
     topics = {channel.topic for channel in channels}
-    with _mapped(source.path, source.name) as (descriptor, data):
-        layout = read_layout(data, source.name, recover=source.recover)
-        replaced = {each.id: each for each in layout.channels.values() if each.topic in topics}
-        _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
-        _refuse(sorted(layout.metadata_names() & set(metadata)), "metadata record", source.name, replace)
-        new = assign_ids(layout, channels, replaced)
-        profile = kept_profile(
-            layout.profile,
-            [*(each for each in layout.channels.values() if each.id not in replaced), *(each.channel for each in new)],
-            layout.schemas | {each.schema.id: each.schema for each in new},
-        )
-        merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
-        copy = SourceCopy(
-            layout,
-            descriptor,
-            data,
-            replaced_ids=frozenset(replaced),
-            replaced_metadata=frozenset(metadata),
-            written_schema_ids=frozenset(each.schema.id for each in new),
-            profile=profile,
-            name=source.name,
-        )
-        inputs = (source.path,)
-        with open_output(target, force=force, inputs=inputs, durable=durable, together=together) as output:
-            n_added = _write(RecordWriter(output), layout, copy, new, merge, metadata)
-            n_bytes = output.position
+    layout = read_layout(source.file, source.name, recover=source.recover)
+    replaced = {each.id: each for each in layout.channels.values() if each.topic in topics}
+    _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
+    _refuse(sorted(layout.metadata_names() & set(metadata)), "metadata record", source.name, replace)
+    new = assign_ids(layout, channels, replaced)
+    profile = kept_profile(
+        layout.profile,
+        [*(each for each in layout.channels.values() if each.id not in replaced), *(each.channel for each in new)],
+        layout.schemas | {each.schema.id: each.schema for each in new},
+    )
+    merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
+    copy = SourceCopy(
+        layout,
+        source.file,
+        replaced_ids=frozenset(replaced),
+        replaced_metadata=frozenset(metadata),
+        written_schema_ids=frozenset(each.schema.id for each in new),
+        profile=profile,
+        name=source.name,
+    )
+    with open_output(target, force=force, inputs=(source.file,), durable=durable, together=together) as output:
+        n_added = _write(RecordWriter(output), layout, copy, new, merge, metadata)
+        n_bytes = output.position
     return AnnotateReport(
         target=str(target),
         n_bytes=n_bytes,
@@ -158,6 +153,7 @@ def _write(
         n_added += 1
     for name, values in metadata.items():
         writer.metadata(name, values)
+    copy.check_source()
     writer.finish()
     return n_added
 
@@ -184,18 +180,3 @@ def _refuse(names: Sequence[str], kind: str, source: str, replace: bool) -> None
             found=tuple(names[1:]),
             hint="--replace leaves the old one out of the copy",
         )
-
-
-@contextmanager
-def _mapped(path: Path, name: str) -> Iterator[tuple[int, mmap.mmap]]:
-    """The source's file descriptor and its bytes."""
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise InputError(f"it can't be read: {error.strerror}", where=name) from error
-    with file:
-        try:
-            data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except (OSError, ValueError) as error:  # an empty file can't be mapped
-            raise InputError("it is empty or can't be read", where=name) from error
-        yield file.fileno(), data

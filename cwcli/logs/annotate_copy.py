@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import mmap
-
 import numpy as np
 import numpy.typing as npt
 from mcap.records import AttachmentIndex, MetadataIndex
 
 from cwcli.errors import InputError
+from cwcli.input import InputFile
 from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, stored_bytes, without_channels
 from cwcli.logs.faults import RECOVER_HINT
 from cwcli.logs.layout import Item, Layout, LooseMessages, LooseRecord, SalvagedRecords, damage_at
@@ -25,7 +24,7 @@ class SourceCopy:
 
     Args:
         layout: What the source holds.
-        descriptor, data: The open source, and its bytes.
+        source: The open file.
         replaced_ids: Channels to leave out.
         replaced_metadata: Names of metadata records to leave out.
         written_schema_ids: Schemas that stand at the beginning already.
@@ -39,8 +38,7 @@ class SourceCopy:
     def __init__(
         self,
         layout: Layout,
-        descriptor: int,
-        data: mmap.mmap,
+        source: InputFile,
         replaced_ids: frozenset[int],
         replaced_metadata: frozenset[str],
         written_schema_ids: frozenset[int],
@@ -48,8 +46,7 @@ class SourceCopy:
         name: str,
     ) -> None:
         self._layout = layout
-        self._descriptor = descriptor
-        self._data = data
+        self._source = source
         self._replaced_ids = replaced_ids
         self._replaced_metadata = replaced_metadata
         self._written_schema_ids = written_schema_ids
@@ -62,7 +59,7 @@ class SourceCopy:
         """The header, and the definitions that the summary is to list; written too where their chunk may be lost."""
         layout = self._layout
         if layout.header_length and layout.profile == self._profile:
-            writer.copy_header(self._descriptor, layout.header_length)
+            writer.copy_header(self._source.descriptor, layout.header_length)
         else:
             writer.header(self._profile, layout.library)
         kept = [each for each in layout.channels.values() if each.id not in self._replaced_ids]
@@ -74,36 +71,40 @@ class SourceCopy:
         for channel in kept:
             writer.channel(channel, listed_only=listed_only)
 
+    def check_source(self) -> None:
+        """Check that what was copied so far is not a mixture: standard output gets no end then."""
+        self._source.check_unchanged()
+
     def item(self, writer: RecordWriter, item: Item) -> int | None:
         """Copy one item; returns the last log time in it, or None if it holds no message."""
         if isinstance(item, CopiedChunk):
             return self._chunk(writer, item)
         if isinstance(item, LooseMessages):
-            records = memoryview(self._data)[item.start : item.start + item.length]
+            records = self._source[item.start : item.start + item.length]
             return self._unchunked(writer, records, item.entries, compressed=False)
         if isinstance(item, SalvagedRecords):
             return self._unchunked(writer, item.records, item.entries, compressed=True)
         if isinstance(item, LooseRecord):
             if item.channel_id not in self._replaced_ids and item.schema_id not in self._written_schema_ids:
-                writer.copy_record(self._descriptor, item.start, item.length)
+                writer.copy_record(self._source.descriptor, item.start, item.length)
         elif isinstance(item, AttachmentIndex):
-            writer.copy_attachment(self._descriptor, item)
+            writer.copy_attachment(self._source.descriptor, item)
         elif isinstance(item, MetadataIndex) and item.name not in self._replaced_metadata:
-            writer.copy_metadata(self._descriptor, item)
+            writer.copy_metadata(self._source.descriptor, item)
         return None
 
     def _chunk(self, writer: RecordWriter, chunk: CopiedChunk) -> int | None:
         filtered = not self._replaced_ids.isdisjoint(chunk.message_counts)
         if filtered or chunk.reindex:
             return self._rebuilt_chunk(writer, chunk, filtered)
-        writer.copy_chunk(self._descriptor, chunk)
+        writer.copy_chunk(self._source.descriptor, chunk)
         self.n_chunks += 1
         self.n_messages += sum(chunk.message_counts.values())
         return min(chunk.index.message_end_time, MAX_TIME_NS) if any(chunk.message_counts.values()) else None
 
     def _rebuilt_chunk(self, writer: RecordWriter, chunk: CopiedChunk, filtered: bool) -> int | None:
         try:
-            records = open_chunk(self._data, chunk.index)
+            records = open_chunk(self._source, chunk.index)
             if filtered:
                 records = without_channels(records, self._replaced_ids)
             entries = index_entries(records)
@@ -118,7 +119,7 @@ class SourceCopy:
         if filtered:
             writer.chunk(payload)
         else:
-            writer.raw_chunk(payload, chunk.index.compression, stored_bytes(self._data, chunk.index))
+            writer.raw_chunk(payload, chunk.index.compression, stored_bytes(self._source, chunk.index))
         return self._count(payload)
 
     def _unchunked(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
@@ -11,6 +10,7 @@ import mcap.records
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.input import InputFile
 from cwcli.logs.message_merge import INDEX_ENTRY
 from cwcli.logs.payload import ChunkError, chunk_payload, partial_payload
 from cwcli.logs.records import (
@@ -27,7 +27,7 @@ from cwcli.logs.records import (
 _MESSAGE = struct.Struct("<HIQ")
 
 
-def open_chunk(data: mmap.mmap, index: mcap.records.ChunkIndex) -> memoryview:
+def open_chunk(data: InputFile, index: mcap.records.ChunkIndex) -> memoryview:
     """The uncompressed records of a chunk.
 
     Args:
@@ -48,25 +48,24 @@ def open_chunk(data: mmap.mmap, index: mcap.records.ChunkIndex) -> memoryview:
         index.compressed_size,
         index.uncompressed_size,
     )
-    return chunk_payload(memoryview(data), place, verify=True)
+    return chunk_payload(data, place, verify=True)
 
 
-def open_cut_chunk(data: mmap.mmap, start: int) -> memoryview:
+def open_cut_chunk(data: InputFile, start: int) -> memoryview:
     """The whole records of a chunk that is cut or whose length is wrong: as many as can be decompressed.
 
     Args:
         data: The whole file.
         start: Offset of the chunk record.
     """
-    view = memoryview(data)
     try:
-        head = read_chunk_head(view, start + PREFIX.size, len(view))
-        n_stored = min(head.data_length, len(view) - head.data_start)
+        head = read_chunk_head(data, start + PREFIX.size, len(data))
+        n_stored = min(head.data_length, len(data) - head.data_start)
         length = head.data_start + n_stored - start
         place = ChunkIndex(
             head.start_ns, head.end_ns, start, length, {}, 0, head.compression, n_stored, head.uncompressed_size
         )
-        records = partial_payload(view, place)
+        records = partial_payload(data, place)
     except (RecordError, ChunkError):
         return memoryview(b"")
     whole = 0
@@ -76,10 +75,10 @@ def open_cut_chunk(data: mmap.mmap, start: int) -> memoryview:
     return records[:whole]
 
 
-def stored_bytes(data: mmap.mmap, index: mcap.records.ChunkIndex) -> memoryview:
+def stored_bytes(data: InputFile, index: mcap.records.ChunkIndex) -> memoryview:
     """The records of a chunk as they are stored, compressed or not."""
     end = index.chunk_start_offset + index.chunk_length
-    return memoryview(data)[end - index.compressed_size : end]
+    return data[end - index.compressed_size : end]
 
 
 def chunk_records(records: memoryview) -> Iterator[tuple[int, int, int]]:

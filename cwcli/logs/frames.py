@@ -165,21 +165,15 @@ class _Decoding:
 def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _Decoding) -> Iterator[Frame]:
     """Frames wait until no later chunk can hold an earlier one."""
     ids = [channel.id for channel in channels]
-    waiting: list[tuple[int, int, int, Frame]] = []
-    loose = _loose(reader, ids)
-    for start_ns, batches in chain([(0, iter(loose))] if loose else [], reader.in_time_order(ids)):
+    waiting: list[tuple[int, int, int, int, Frame]] = []
+    for start_ns, part, batches in reader.in_time_order(ids):
         while waiting and waiting[0][0] < start_ns:
-            yield heapq.heappop(waiting)[3]
+            yield heapq.heappop(waiting)[-1]
         for batch in batches:
             for log_time_ns, place, frame in decoding.frames(batch):
-                heapq.heappush(waiting, (log_time_ns, place, len(waiting), frame))
+                heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
     while waiting:
-        yield heapq.heappop(waiting)[3]
-
-
-def _loose(reader: MessageReader, ids: Sequence[int]) -> list[Batch]:
-    """Messages outside chunks: only their places are kept, the bytes stay in the mapped file."""
-    return [batch for batch in reader.loose_batches(ids, reader.loose_spans()) if len(batch)]
+        yield heapq.heappop(waiting)[-1]
 
 
 def _stamps(fields: dict[str, Field], n: int) -> list[int | None]:

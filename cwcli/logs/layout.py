@@ -8,7 +8,6 @@ Format: https://mcap.dev/spec
 
 from __future__ import annotations
 
-import mmap
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -20,9 +19,10 @@ import numpy as np
 import numpy.typing as npt
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
+from mcap.records import AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
 
 from cwcli.errors import InputError
+from cwcli.input import InputFile
 from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, open_cut_chunk
 from cwcli.logs.faults import RECOVER_HINT
 from cwcli.logs.message_merge import INDEX_ENTRY
@@ -32,7 +32,10 @@ from cwcli.logs.records import (
     INDEX_ENTRY_BYTES,
     MAGIC,
     PREFIX,
+    Data,
     RecordError,
+    crc32,
+    read_attachment,
     read_chunk,
     read_header,
     read_message_index,
@@ -40,9 +43,9 @@ from cwcli.logs.records import (
 )
 
 FOOTER = struct.Struct("<BQQQI")
+CHUNK_OPCODE = bytes([Opcode.CHUNK])
 MAX_LOOSE_BYTES = 1 << 20
 
-Buffer = mmap.mmap | memoryview
 Record = TypeVar("Record")
 
 
@@ -107,7 +110,7 @@ class Layout:
         return {item.name for item in self.items if isinstance(item, MetadataIndex)}
 
 
-def read_layout(data: mmap.mmap, name: str, *, recover: bool = False) -> Layout:
+def read_layout(data: InputFile, name: str, *, recover: bool = False) -> Layout:
     """Walk the data section.
 
     Args:
@@ -123,9 +126,8 @@ def read_layout(data: mmap.mmap, name: str, *, recover: bool = False) -> Layout:
 
 
 class _Walk:
-    def __init__(self, data: mmap.mmap, name: str, recover: bool) -> None:
+    def __init__(self, data: InputFile, name: str, recover: bool) -> None:
         self._data = data
-        self._view = memoryview(data)
         self._name = name
         self._recover = recover
         self._layout = Layout()
@@ -134,7 +136,7 @@ class _Walk:
 
     def run(self) -> Layout:
         layout = self._layout
-        if self._data[: len(MAGIC)] != MAGIC:
+        if self._data[0 : len(MAGIC)] != MAGIC:
             raise InputError("it is not an MCAP file", where=self._name)
         self._read_summary()
         at = len(MAGIC)
@@ -157,7 +159,7 @@ class _Walk:
 
     def _salvage(self, at: int) -> None:
         """Note the whole records of a chunk that the file's end cuts."""
-        if self._recover and at + PREFIX.size < len(self._data) and self._data[at] == Opcode.CHUNK:
+        if self._recover and at + PREFIX.size < len(self._data) and self._data[at : at + 1] == CHUNK_OPCODE:
             records = open_cut_chunk(self._data, at)
             entries = index_entries(records)
             if entries:
@@ -167,7 +169,7 @@ class _Walk:
     def _record(self, at: int) -> tuple[int, int] | None:
         """Kind and end of the record at an offset, or None if there is no whole one."""
         try:
-            opcode, _, end = read_prefix(self._view, at, len(self._view))
+            opcode, _, end = read_prefix(self._data, at, len(self._data))
         except RecordError:
             return None
         return opcode, end
@@ -177,7 +179,7 @@ class _Walk:
         layout = self._layout
         try:
             if opcode == Opcode.HEADER:
-                layout.profile, layout.library = read_header(self._view, at + PREFIX.size, end)
+                layout.profile, layout.library = read_header(self._data, at + PREFIX.size, end)
                 layout.header_length = end
             elif opcode == Opcode.CHUNK:
                 return self._take_chunk(at, end)
@@ -207,7 +209,7 @@ class _Walk:
         return end
 
     def _take_chunk(self, at: int, end: int) -> int:
-        found = read_chunk(self._view, at + PREFIX.size, end)
+        found = read_chunk(self._data, at + PREFIX.size, end)
         if found.data_start + found.data_length != end:
             raise RecordError("a chunk's sizes disagree")
         index = ChunkIndex(
@@ -225,7 +227,7 @@ class _Walk:
         cursor = end
         while (record := self._record(cursor)) and record[0] == Opcode.MESSAGE_INDEX:
             try:
-                channel_id, first, last = read_message_index(self._view, cursor + PREFIX.size, record[1])
+                channel_id, first, last = read_message_index(self._data, cursor + PREFIX.size, record[1])
             except RecordError:
                 break
             index.message_index_offsets[channel_id] = cursor
@@ -257,9 +259,9 @@ class _Walk:
 
     def _index_fits(self, offset: int, entries: npt.NDArray[np.void]) -> bool:
         """Whether a message index record holds these entries, in any order."""
-        _, start, end = read_prefix(self._view, offset, len(self._view))
-        _, first, last = read_message_index(self._view, start, end)
-        listed = np.frombuffer(self._view[first:last], INDEX_ENTRY)
+        _, start, end = read_prefix(self._data, offset, len(self._data))
+        _, first, last = read_message_index(self._data, start, end)
+        listed = np.frombuffer(self._data[first:last], INDEX_ENTRY)
         return np.array_equal(np.sort(listed, order="offset"), entries)
 
     def _take_messages(self, at: int) -> int:
@@ -267,37 +269,37 @@ class _Walk:
         cursor = at
         while (record := self._record(cursor)) and record[0] == Opcode.MESSAGE and cursor - at < MAX_LOOSE_BYTES:
             cursor = record[1]
-        entries = index_entries(memoryview(self._data)[at:cursor])
+        entries = index_entries(self._data[at:cursor])
         self._layout.items.append(LooseMessages(at, cursor - at, entries))
         return cursor
 
     def _take_attachment(self, at: int, end: int) -> None:
-        attachment = _parsed(self._data, at, end, Attachment.read)
+        found = read_attachment(self._data, at + PREFIX.size, end)
         if self._recover:
-            (crc,) = struct.unpack_from("<I", self._data, end - 4)
-            if crc and crc != zlib.crc32(memoryview(self._data)[at + PREFIX.size : end - 4]):
+            (crc,) = struct.unpack("<I", self._data[end - 4 : end])
+            if crc and crc != crc32(self._data, at + PREFIX.size, end - 4):
                 raise RecordError("the CRC of an attachment does not fit")
         self._layout.items.append(
             AttachmentIndex(
                 offset=at,
                 length=end - at,
-                log_time=attachment.log_time,
-                create_time=attachment.create_time,
-                data_size=len(attachment.data),
-                name=attachment.name,
-                media_type=attachment.media_type,
+                log_time=found.log_time_ns,
+                create_time=found.create_time_ns,
+                data_size=found.size,
+                name=found.name,
+                media_type=found.media_type,
             )
         )
 
     def _read_summary(self) -> None:
         """Schemas, channels and chunk offsets that the summary repeats, unless it is missing or damaged."""
         footer_at = len(self._data) - len(MAGIC) - FOOTER.size
-        if footer_at < 0 or self._data[-len(MAGIC) :] != MAGIC:
+        if footer_at < 0 or self._data[footer_at + FOOTER.size : len(self._data)] != MAGIC:
             return
-        opcode, _, start, _, crc = FOOTER.unpack_from(self._data, footer_at)
+        opcode, _, start, _, crc = FOOTER.unpack(self._data[footer_at : footer_at + FOOTER.size])
         if opcode != Opcode.FOOTER or not 0 < start <= footer_at:
             return
-        if crc and zlib.crc32(memoryview(self._data)[start : footer_at + FOOTER.size - 4]) != crc:
+        if crc and zlib.crc32(self._data[start : footer_at + FOOTER.size - 4]) != crc:
             return
         at = start
         try:
@@ -363,5 +365,5 @@ def _channel_ids(item: Item) -> Iterator[int]:
         yield from item.entries
 
 
-def _parsed(data: Buffer, start: int, end: int, read: Callable[[ReadDataStream], Record]) -> Record:
+def _parsed(data: Data, start: int, end: int, read: Callable[[ReadDataStream], Record]) -> Record:
     return read(ReadDataStream(BytesIO(data[start + PREFIX.size : end])))

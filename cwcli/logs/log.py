@@ -19,17 +19,19 @@ walk also finds what an index misses. The indexes tell which chunks need not be 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from cwcli.errors import InputError, MissingSignalError
+from cwcli.input import InputFile
 from cwcli.logs.channel import ChannelInfo, channels_of
 from cwcli.logs.faults import Faults
 from cwcli.logs.kept import Kept
 from cwcli.logs.opening import open_structure
 from cwcli.logs.records import MESSAGE_HEADER_BYTES, PREFIX, AttachmentIndex, RecordError, read_metadata, read_prefix
-from cwcli.logs.source import Source, open_source
+from cwcli.logs.source import open_source
 from cwcli.logs.structure import Structure
 
 if TYPE_CHECKING:
@@ -50,7 +52,7 @@ class Log:
 
     Attributes:
         name: For messages: the file name as given, or `<stdin>`.
-        path: The file; a temporary one for a pipe.
+        file: Its bytes; a temporary copy for a pipe.
         recover: Damage is counted instead of raised.
         channels: All channels, those in memory behind those of the file.
         profile, library: From the header.
@@ -65,7 +67,7 @@ class Log:
 
     def __init__(
         self,
-        source: Source,
+        file: InputFile,
         structure: Structure,
         faults: Faults,
         *,
@@ -75,7 +77,6 @@ class Log:
         added_metadata: Mapping[str, Mapping[str, str]] | None = None,
         owner: Log | None = None,
     ) -> None:
-        self._source = source
         self._structure = structure
         self._verify = verify
         self._owner = owner
@@ -85,8 +86,8 @@ class Log:
         self.faults = faults
         self.added_channels = added_channels
         self.added_metadata: Mapping[str, Mapping[str, str]] = added_metadata or {}
-        self.name = source.name
-        self.path: Path = source.path
+        self.file = file
+        self.name = file.name
         self.profile = structure.profile
         self.library = structure.library
         counted = structure.statistics
@@ -108,36 +109,31 @@ class Log:
     @classmethod
     def open(
         cls,
-        source: str | Path,
+        source: str | Path | InputFile,
         *,
         recover: bool = False,
         verify: bool = True,
-        name: str | None = None,
-        sha256: str | None = None,
     ) -> Log:
         """Open a log.
 
         Args:
-            source: File name, or `-` for standard input, which is copied to a temporary file first.
+            source: File name, or `-` for standard input, of which a pipe is copied to a temporary file first; or a file
+                that is open, which is closed with the log.
             recover: Read what is intact of a damaged file, and count the rest.
             verify: Check CRCs and message indexes.
-            name: For messages, where the file is a copy of something with another name.
-            sha256: Of the file, in hexadecimal, if it is known.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
             OutputError: The temporary copy of standard input can't be written.
             UsageError: Standard input is a terminal.
         """
-        opened = open_source(source, name)
+        file = source if isinstance(source, InputFile) else open_source(source)
         try:
             faults = Faults()
-            structure = open_structure(opened.data, opened.name, faults, recover=recover, verify=verify)
-            if sha256 is not None:
-                opened.know_sha256(sha256)
-            return cls(opened, structure, faults, recover=recover, verify=verify)
-        except BaseException:
-            opened.close()
+            structure = open_structure(file, file.name, faults, recover=recover, verify=verify)
+            return cls(file, structure, faults, recover=recover, verify=verify)
+        except BaseException as error:
+            file.__exit__(type(error), error, None)
             raise
 
     @property
@@ -150,8 +146,8 @@ class Log:
         found: list[tuple[str, Mapping[str, str]]] = []
         for index in self._structure.metadata:
             try:
-                _, start, end = read_prefix(self._source.data, index.offset, index.offset + index.length)
-                found.append(read_metadata(self._source.data, start, end))
+                _, start, end = read_prefix(self.file, index.offset, index.offset + index.length)
+                found.append(read_metadata(self.file, start, end))
             except RecordError as error:
                 if not self.recover:
                     what = f"a metadata record is damaged: {error} (at byte {index.offset})"
@@ -208,6 +204,22 @@ class Log:
 
         return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
 
+    def messages(self, topic: str, start_ns: int, end_ns: int) -> list[tuple[int, memoryview]]:
+        """Log time and bytes of a topic's messages from `start_ns` up to `end_ns`, in log-time order.
+
+        Raises:
+            MissingSignalError: There is no such topic.
+            InputError: The file is damaged there and `recover` is off.
+        """
+        channel_ids = [channel.id for channel in self._file_channels(topic)]
+        found = [
+            (log_time_ns, payload)
+            for batch in self._message_reader().batches(channel_ids, start_ns, end_ns)
+            for log_time_ns, payload in batch.messages()
+            if start_ns <= log_time_ns < end_ns
+        ]
+        return sorted(found, key=itemgetter(0))
+
     def transform_channels(self) -> list[ChannelInfo]:
         """The file's channels with transforms between frames of reference."""
         from cwcli.logs.transforms import is_transforms
@@ -228,7 +240,7 @@ class Log:
 
     def begin_sha256(self) -> Future[str]:
         """Hash of the file, in hexadecimal; computed once, in a thread."""
-        return self._source.begin_sha256()
+        return self.file.begin_sha256()
 
     def with_channels(
         self, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]] | None = None
@@ -243,7 +255,7 @@ class Log:
         """
         by_topic = {channel.topic: channel for channel in (*self.added_channels, *channels)}
         return Log(
-            self._source,
+            self.file,
             self._structure,
             self.faults,
             recover=self.recover,
@@ -257,7 +269,7 @@ class Log:
         """Let go of the file, and remove the temporary one of a pipe."""
         self._reader = None
         if self._owner is None:
-            self._source.close()
+            self.file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -265,14 +277,21 @@ class Log:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        """Close the log.
+
+        Raises:
+            InputError: The file changed while it was read; that may be the reason of an error, too.
+        """
+        self._reader = None
+        if self._owner is None:
+            self.file.__exit__(kind, error, trace)
 
     def _message_reader(self) -> MessageReader:
         if self._reader is None:
             from cwcli.logs.message_reader import MessageReader
 
             self._reader = MessageReader(
-                self._source.data, self._structure, self.faults, self.name, recover=self.recover, verify=self._verify
+                self.file, self._structure, self.faults, self.name, recover=self.recover, verify=self._verify
             )
         return self._reader
 

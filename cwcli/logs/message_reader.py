@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from heapq import merge
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import InputError
+from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED, FULL, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
 from cwcli.logs.faults import RECOVER_HINT, Faults
 from cwcli.logs.payload import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
 from cwcli.logs.records import (
-    INDEX_ENTRY_BYTES,
+    MESSAGE,
     MESSAGE_HEADER_BYTES,
     MESSAGE_INDEX,
     PREFIX,
     ChunkIndex,
     RecordError,
+    crc32,
     read_message_index,
     read_prefix,
 )
@@ -32,7 +35,8 @@ from cwcli.signals.columns import Int64Array
 MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
 MAX_BATCH_MESSAGES = 1 << 16
 N_AHEAD = 2
-CRC_BLOCK_BYTES = 1 << 24
+LOOSE_BYTES = 1 << 20
+"""Read at once, of what lies outside chunks; a longer record is read alone."""
 MIN_BYTES_FOR_THREADS = 4 << 20
 
 
@@ -61,12 +65,19 @@ class Batch:
             payloads, self.channel_id[rows], self.sequence[rows], self.log_time_ns[rows], self.publish_time_ns[rows]
         )
 
+    def messages(self) -> Iterator[tuple[int, memoryview]]:
+        """Log time and bytes of each."""
+        data = self.payloads.data.data
+        places = zip(self.payloads.starts.tolist(), self.payloads.ends.tolist(), strict=True)
+        for log_time_ns, (start, end) in zip(self.log_time_ns.tolist(), places, strict=True):
+            yield log_time_ns, data[start:end]
+
 
 class MessageReader:
     """Reads a file's messages.
 
     Args:
-        data: The file.
+        file: The log.
         structure: What it holds.
         faults: Counts what is lost.
         name: For messages.
@@ -75,9 +86,9 @@ class MessageReader:
     """
 
     def __init__(
-        self, data: memoryview, structure: Structure, faults: Faults, name: str, *, recover: bool, verify: bool
+        self, file: InputFile, structure: Structure, faults: Faults, name: str, *, recover: bool, verify: bool
     ) -> None:
-        self._data = data
+        self._file = file
         self._structure = structure
         self._faults = faults
         self._name = name
@@ -86,13 +97,14 @@ class MessageReader:
         self._counted: set[int] = set()
         self._verified: set[int] = set()
 
-    def batches(self, channel_ids: Collection[int]) -> Iterator[Batch]:
-        """The messages of some channels, in file order.
+    def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
+        """The messages of some channels, in file order; chunks that end before `start_ns` or begin at `end_ns` or later
+        are left out.
 
         Raises:
             InputError: A chunk that may hold them is damaged, and `recover` is off.
         """
-        chunks = self.chunks(channel_ids)
+        chunks = [each for each in self.chunks(channel_ids) if each.end_ns >= start_ns and each.start_ns < end_ns]
         loose = deque(self._structure.loose)
         for chunk, payload in self._payloads(chunks):
             while loose and loose[0][0] < chunk.chunk_start:
@@ -115,12 +127,28 @@ class MessageReader:
         chunked = sum(min(chunk.uncompressed_size, MAX_CHUNK_BYTES) for chunk in self._structure.chunks)
         return (chunked + sum(end - start for start, end in self._structure.loose)) // MIN_MESSAGE_BYTES
 
-    def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, Iterator[Batch]]]:
-        """The chunks' batches by first log time, each with that time: no later chunk holds an earlier message."""
+    def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
+        """The batches of one part of the file after the other: no later one holds an earlier message.
+
+        Yields:
+            First log time, place in the file, batches.
+        """
+        return merge(self._chunks_in_time_order(channel_ids), self._loose_in_time_order(channel_ids), key=itemgetter(0))
+
+    def _chunks_in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
         chunks = sorted(self.chunks(channel_ids), key=lambda chunk: (chunk.start_ns, chunk.chunk_start))
         for chunk, payload in self._payloads(chunks):
             if payload is not None:
-                yield chunk.start_ns, self.chunk_batches(chunk, payload, channel_ids)
+                yield chunk.start_ns, chunk.chunk_start, self.chunk_batches(chunk, payload, channel_ids)
+
+    def _loose_in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
+        parts = [
+            (int(batch.log_time_ns.min()), *place)
+            for span in self._structure.loose
+            for place, batch in self._loose_parts(channel_ids, span)
+        ]
+        for first_ns, start, end in sorted(parts):
+            yield first_ns, start, self.loose_batches(channel_ids, [(start, end)])
 
     def chunk_batches(self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]) -> Iterator[Batch]:
         """The messages in an opened chunk."""
@@ -141,21 +169,36 @@ class MessageReader:
 
     def loose_batches(self, channel_ids: Collection[int], spans: Collection[tuple[int, int]]) -> Iterator[Batch]:
         """The messages outside chunks, in some parts of the data section."""
-        octets = np.frombuffer(self._data, np.uint8)
-        for start, end in spans:
-            at = start
-            while at < end:
-                batch, at, status = _scan(octets, at, end, channel_ids)
-                if len(batch):
-                    self._check_data_crc()
-                    yield batch
-                if status == DAMAGED:
-                    self._lose(at, "a record is damaged", end - at)
-                    break
+        for span in spans:
+            for _, batch in self._loose_parts(channel_ids, span):
+                yield batch
 
-    def loose_spans(self) -> Sequence[tuple[int, int]]:
-        """Where messages may lie outside chunks."""
-        return self._structure.loose
+    def _loose_parts(
+        self, channel_ids: Collection[int], span: tuple[int, int]
+    ) -> Iterator[tuple[tuple[int, int], Batch]]:
+        """Start and end of one part after the other that holds messages, and these."""
+        at, end = span
+        size = LOOSE_BYTES
+        while at < end:
+            octets = np.frombuffer(self._file[at : min(at + size, end)], np.uint8)
+            batch, n_bytes, status = _scan(octets, 0, len(octets), channel_ids)
+            size = LOOSE_BYTES
+            if len(batch):
+                self._check_data_crc()
+                yield (at, at + n_bytes), batch
+            at += n_bytes
+            if status == DAMAGED and not n_bytes:  # at the first record, which may be longer than what was read
+                try:
+                    opcode, _, record_end = read_prefix(self._file, at, end)
+                except RecordError:
+                    record_end = at
+                if record_end - at <= len(octets):
+                    self._lose(at, "a record is damaged", end - at)
+                    return
+                if opcode == MESSAGE:
+                    size = record_end - at
+                else:
+                    at = record_end
 
     def _check_data_crc(self) -> None:
         """Check the CRC over the data section, once: it is all that protects messages outside chunks."""
@@ -163,8 +206,8 @@ class MessageReader:
         if not self._verify or end is None or end in self._counted:
             return
         self._counted.add(end)
-        (crc,) = struct.unpack_from("<I", self._data, end + PREFIX.size)
-        if not crc or crc == _crc32(self._data[:end]):
+        (crc,) = struct.unpack("<I", self._file[end + PREFIX.size : end + PREFIX.size + 4])
+        if not crc or crc == crc32(self._file, 0, end):
             return
         if not self._recover:
             raise InputError(
@@ -206,9 +249,9 @@ class MessageReader:
     def _payload(self, chunk: ChunkIndex) -> memoryview:
         if chunk.chunk_start == self._structure.partial_chunk:
             self._count(chunk.chunk_start, "chunks_partial")
-            return partial_payload(self._data, chunk)
+            return partial_payload(self._file, chunk)
         verify = self._verify and chunk.chunk_start not in self._verified  # the stages of a run read it several times
-        payload = chunk_payload(self._data, chunk, verify=verify)
+        payload = chunk_payload(self._file, chunk, verify=verify)
         self._verified.add(chunk.chunk_start)
         return payload
 
@@ -247,15 +290,15 @@ class MessageReader:
         if not 0 < at < end:
             return None
         try:
-            opcode, start, stop = read_prefix(self._data, at, end)
+            opcode, start, stop = read_prefix(self._file, at, end)
             if opcode != MESSAGE_INDEX:
                 return None
-            found, first, last = read_message_index(self._data, start, stop)
+            found, first, last = read_message_index(self._file, start, stop)
         except RecordError:
             return None
         if found != channel_id:
             return None
-        return np.frombuffer(self._data, "<u8", 2 * ((last - first) // INDEX_ENTRY_BYTES), first).reshape(-1, 2)
+        return np.frombuffer(self._file[first:last], "<u8").reshape(-1, 2)
 
     def _index_fits(self, chunk: ChunkIndex, batches: Sequence[Batch], channel_ids: Collection[int]) -> bool:
         """Whether a chunk's message indexes list what is in it."""
@@ -279,13 +322,6 @@ class MessageReader:
             if not np.array_equal(listed[order, 0], times[is_own].view(np.uint64)):
                 return False
         return True
-
-
-def _crc32(data: memoryview) -> int:
-    crc = 0
-    for at in range(0, len(data), CRC_BLOCK_BYTES):
-        crc = zlib.crc32(data[at : at + CRC_BLOCK_BYTES], crc)
-    return crc
 
 
 def _scan(octets: ByteArray, at: int, end: int, channel_ids: Collection[int]) -> tuple[Batch, int, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cwcli.errors import InputError
+from cwcli.input import InputFile
 from cwcli.logs.faults import RECOVER_HINT, Faults
 from cwcli.logs.records import HEADER, MAGIC, RecordError, read_header, read_prefix
 from cwcli.logs.scan import DamageError, scan
@@ -10,7 +11,7 @@ from cwcli.logs.structure import Structure
 from cwcli.logs.summary import find_footer, is_complete, read_summary
 
 
-def open_structure(data: memoryview, name: str, faults: Faults, *, recover: bool, verify: bool) -> Structure:
+def open_structure(data: InputFile, name: str, faults: Faults, *, recover: bool, verify: bool) -> Structure:
     """What a file holds.
 
     Args:
@@ -34,7 +35,7 @@ def open_structure(data: memoryview, name: str, faults: Faults, *, recover: bool
 
 
 def _structure(
-    data: memoryview, name: str, data_start: int, faults: Faults, *, recover: bool, verify: bool
+    data: InputFile, name: str, data_start: int, faults: Faults, *, recover: bool, verify: bool
 ) -> Structure:
     found = find_footer(data)
     summary: Structure | None = None
@@ -65,7 +66,7 @@ def _structure(
     return structure
 
 
-def _header(data: memoryview, name: str, faults: Faults, *, recover: bool) -> tuple[str, str, int]:
+def _header(data: InputFile, name: str, faults: Faults, *, recover: bool) -> tuple[str, str, int]:
     """Profile, library, and where the data section begins."""
     at = len(MAGIC)
     try:

@@ -7,15 +7,21 @@ declared size is out of proportion.
 from __future__ import annotations
 
 import struct
+import threading
 import zlib
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from cwcli.input import InputFile
 from cwcli.logs.records import PREFIX, ChunkIndex, RecordError, read_chunk, read_prefix
+
+if TYPE_CHECKING:
+    import zstandard
 
 MAX_CHUNK_BYTES = 4 << 30
 """The official reader's limit for one record."""
 MAX_TRUSTED_BYTES = 64 << 20
+MAX_SCRATCH_BYTES = 4 << 20
 MAX_LZ4_RATIO = 256
 """One byte of an lz4 block extends a match by at most 255 bytes."""
 BLOCK_BYTES = 1 << 16  # what an error costs, and how far a bomb gets before it is seen
@@ -37,38 +43,69 @@ class ChunkError(Exception):
         self.is_foreign = is_foreign
 
 
-def chunk_payload(data: memoryview, chunk: ChunkIndex, *, verify: bool) -> memoryview:
+class _Scratch(threading.local):
+    """What a thread needs for one chunk after the other: fresh memory would take longer than reading into it."""
+
+    def __init__(self) -> None:
+        self._buffer = memoryview(b"")
+        self._zstd: zstandard.ZstdDecompressor | None = None
+
+    def read(self, file: InputFile, start: int, stop: int) -> memoryview:
+        """Bytes of a file, until the next call."""
+        if stop - start > MAX_SCRATCH_BYTES:
+            return file[start:stop]
+        if stop - start > len(self._buffer):
+            self._buffer = memoryview(bytearray(stop - start))
+        return file.read_into(self._buffer[: stop - start], start)
+
+    def zstd(self) -> zstandard.ZstdDecompressor:
+        """A decompressor."""
+        if self._zstd is None:
+            import zstandard
+
+            self._zstd = zstandard.ZstdDecompressor()
+        return self._zstd
+
+
+_SCRATCH = _Scratch()
+
+
+def chunk_payload(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> memoryview:
     """The records inside a chunk.
 
     Args:
-        data: The file.
+        file: The log.
         chunk: Where the chunk is.
         verify: Check the CRC, where the chunk has one.
 
     Raises:
         ChunkError: The chunk is not there, can't be decompressed, has another size than declared, or fails its CRC.
     """
-    _check_header(data, chunk)
-    stored = _stored(data, chunk)
+    _check_header(file, chunk)
+    end = chunk.chunk_start + chunk.chunk_length
+    read = _SCRATCH.read if chunk.compression else _whole
+    stored = read(file, end - chunk.compressed_size, end)
     if chunk.uncompressed_size > MAX_CHUNK_BYTES:
         raise ChunkError(f"a chunk declares {chunk.uncompressed_size} bytes")
     payload = _decompressor(chunk.compression)(stored, chunk.uncompressed_size)
     if len(payload) != chunk.uncompressed_size:
         raise ChunkError(f"a chunk holds {len(payload)} bytes instead of the declared {chunk.uncompressed_size}")
     if verify:
-        (crc,) = _U32.unpack_from(data, chunk.chunk_start + CRC_AT)
+        at = chunk.chunk_start + CRC_AT
+        (crc,) = _U32.unpack(file[at : at + _U32.size])
         if crc and crc != zlib.crc32(payload):
             raise ChunkError("a chunk's CRC does not fit", is_crc=True)
     return payload
 
 
-def partial_payload(data: memoryview, chunk: ChunkIndex) -> memoryview:
+def partial_payload(file: InputFile, chunk: ChunkIndex) -> memoryview:
     """What comes out of a chunk that is cut off, up to the first error; its CRC can't be checked.
 
     Raises:
         ChunkError: Its compression is unknown.
     """
-    stored = _stored(data, chunk)
+    end = chunk.chunk_start + chunk.chunk_length
+    stored = file[end - chunk.compressed_size : end]
     if chunk.compression == "":
         return stored
     _decompressor(chunk.compression)
@@ -85,15 +122,15 @@ def partial_payload(data: memoryview, chunk: ChunkIndex) -> memoryview:
     return memoryview(found)
 
 
-def _check_header(data: memoryview, chunk: ChunkIndex) -> None:
+def _check_header(file: InputFile, chunk: ChunkIndex) -> None:
     """The chunk's own header against its index.
 
     Raises:
         ChunkError: They differ.
     """
     try:
-        _, start, end = read_prefix(data, chunk.chunk_start, len(data))
-        found = read_chunk(data, start, end)
+        _, start, end = read_prefix(file, chunk.chunk_start, len(file))
+        found = read_chunk(file, start, end)
     except RecordError as error:
         raise ChunkError(f"a chunk's header is damaged: {error}") from error
     declared = (chunk.chunk_length, chunk.compression, chunk.compressed_size, chunk.uncompressed_size)
@@ -101,9 +138,8 @@ def _check_header(data: memoryview, chunk: ChunkIndex) -> None:
         raise ChunkError("a chunk's header and its index differ")
 
 
-def _stored(data: memoryview, chunk: ChunkIndex) -> memoryview:
-    end = chunk.chunk_start + chunk.chunk_length
-    return data[end - chunk.compressed_size : end]
+def _whole(file: InputFile, start: int, stop: int) -> memoryview:
+    return file[start:stop]
 
 
 def _decompressor(compression: str) -> Callable[[memoryview, int], memoryview]:
@@ -126,7 +162,7 @@ def _unzstd(stored: memoryview, size: int) -> memoryview:
         if declared not in (-1, size):
             raise ChunkError(f"a chunk's zstd frame holds {declared} bytes instead of the declared {size}")
         if size <= MAX_TRUSTED_BYTES or size <= 100 * len(stored):
-            return memoryview(zstandard.ZstdDecompressor().decompress(stored, max_output_size=size))
+            return memoryview(_SCRATCH.zstd().decompress(stored, max_output_size=size))
         return _grown(zstandard.ZstdDecompressor().decompressobj(), stored, size)
     except (zstandard.ZstdError, MemoryError) as error:
         raise ChunkError(f"a chunk can't be decompressed: {_reason(error)}") from error

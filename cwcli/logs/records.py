@@ -9,7 +9,8 @@ Format: https://mcap.dev/spec
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
+import zlib
+from typing import NamedTuple, Protocol
 
 MAGIC = b"\x89MCAP0\r\n"
 PREFIX = struct.Struct("<BQ")
@@ -34,6 +35,15 @@ FOOTER_BYTES = PREFIX.size + 20
 MESSAGE_HEADER_BYTES = 22
 """Channel id, sequence, log time, publish time; the payload follows."""
 INDEX_ENTRY_BYTES = 16
+CRC_BLOCK_BYTES = 1 << 20
+
+
+class Data(Protocol):
+    """The bytes of a file, or of a chunk."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, place: slice, /) -> memoryview: ...
 
 
 class RecordError(ValueError):
@@ -135,7 +145,7 @@ class Fields:
         start, end: The record's content, without the prefix.
     """
 
-    def __init__(self, data: memoryview, start: int, end: int) -> None:
+    def __init__(self, data: Data, start: int, end: int) -> None:
         self._data = data
         self.at = start
         self.end = end
@@ -149,7 +159,7 @@ class Fields:
         after = self.at + layout.size
         if after > self.end:
             raise RecordError("a record ends before its fields do")
-        values = layout.unpack_from(self._data, self.at)
+        values = layout.unpack(self._data[self.at : after])
         self.at = after
         return values
 
@@ -212,7 +222,7 @@ _STATISTICS = struct.Struct("<QHIIIIQQ")
 _FOOTER = struct.Struct("<QQI")
 
 
-def read_prefix(data: memoryview, at: int, end: int) -> tuple[int, int, int]:
+def read_prefix(data: Data, at: int, end: int) -> tuple[int, int, int]:
     """Opcode, content start and content end of the record at an offset.
 
     Raises:
@@ -220,8 +230,8 @@ def read_prefix(data: memoryview, at: int, end: int) -> tuple[int, int, int]:
     """
     if at + PREFIX.size > end:
         raise RecordError("a record is cut short")
-    opcode, length = PREFIX.unpack_from(data, at)
     start = at + PREFIX.size
+    opcode, length = PREFIX.unpack(data[at:start])
     if opcode == 0:
         raise RecordError("a record has the opcode 0")
     if length > end - start:
@@ -229,36 +239,44 @@ def read_prefix(data: memoryview, at: int, end: int) -> tuple[int, int, int]:
     return opcode, start, start + length
 
 
-def read_header(data: memoryview, start: int, end: int) -> tuple[str, str]:
+def crc32(data: Data, start: int, end: int) -> int:
+    """CRC-32 of a part of any size."""
+    crc = 0
+    for at in range(start, end, CRC_BLOCK_BYTES):
+        crc = zlib.crc32(data[at : min(at + CRC_BLOCK_BYTES, end)], crc)
+    return crc
+
+
+def read_header(data: Data, start: int, end: int) -> tuple[str, str]:
     """Profile and library."""
     fields = Fields(data, start, end)
     return fields.text(), fields.text()
 
 
-def read_footer(data: memoryview, start: int, end: int) -> Footer:
+def read_footer(data: Data, start: int, end: int) -> Footer:
     return Footer(*Fields(data, start, end).numbers(_FOOTER))
 
 
-def read_schema(data: memoryview, start: int, end: int) -> Schema:
+def read_schema(data: Data, start: int, end: int) -> Schema:
     fields = Fields(data, start, end)
     (schema_id,) = fields.numbers(_U16)
     return Schema(schema_id, fields.text(), fields.text(), fields.bytes())
 
 
-def read_channel(data: memoryview, start: int, end: int) -> Channel:
+def read_channel(data: Data, start: int, end: int) -> Channel:
     fields = Fields(data, start, end)
     channel_id, schema_id = fields.numbers(_U16_U16)
     return Channel(channel_id, schema_id, fields.text(), fields.text(), fields.texts())
 
 
-def read_chunk(data: memoryview, start: int, end: int) -> Chunk:
+def read_chunk(data: Data, start: int, end: int) -> Chunk:
     chunk = read_chunk_head(data, start, end)
     if chunk.data_length > end - chunk.data_start:
         raise RecordError("a chunk's records are longer than the chunk")
     return chunk
 
 
-def read_chunk_head(data: memoryview, start: int, end: int) -> Chunk:
+def read_chunk_head(data: Data, start: int, end: int) -> Chunk:
     """As `read_chunk`, of a chunk that may be cut: the records that it declares may end behind `end`."""
     fields = Fields(data, start, end)
     start_ns, end_ns, size, crc = fields.numbers(_CHUNK)
@@ -268,7 +286,7 @@ def read_chunk_head(data: memoryview, start: int, end: int) -> Chunk:
     return Chunk(head, end - head, start_ns, end_ns, size, crc, compression, fields.at, stored)
 
 
-def read_chunk_index(data: memoryview, start: int, end: int) -> ChunkIndex:
+def read_chunk_index(data: Data, start: int, end: int) -> ChunkIndex:
     fields = Fields(data, start, end)
     start_ns, end_ns, chunk_start, chunk_length = fields.numbers(_CHUNK_INDEX)
     offsets = fields.counts(_U16_U64)
@@ -278,13 +296,13 @@ def read_chunk_index(data: memoryview, start: int, end: int) -> ChunkIndex:
     return ChunkIndex(start_ns, end_ns, chunk_start, chunk_length, offsets, index_length, compression, stored, size)
 
 
-def read_attachment_index(data: memoryview, start: int, end: int) -> AttachmentIndex:
+def read_attachment_index(data: Data, start: int, end: int) -> AttachmentIndex:
     fields = Fields(data, start, end)
     offset, length, log_time_ns, create_time_ns, size = fields.numbers(_ATTACHMENT_INDEX)
     return AttachmentIndex(offset, length, log_time_ns, create_time_ns, size, fields.text(), fields.text())
 
 
-def read_attachment(data: memoryview, start: int, end: int) -> AttachmentIndex:
+def read_attachment(data: Data, start: int, end: int) -> AttachmentIndex:
     """An attachment as its index record would list it; its data is not touched."""
     fields = Fields(data, start, end)
     log_time_ns, create_time_ns = fields.numbers(_SIZES)
@@ -296,25 +314,25 @@ def read_attachment(data: memoryview, start: int, end: int) -> AttachmentIndex:
     return AttachmentIndex(head, end - head, log_time_ns, create_time_ns, size, name, media_type)
 
 
-def read_metadata_index(data: memoryview, start: int, end: int) -> MetadataIndex:
+def read_metadata_index(data: Data, start: int, end: int) -> MetadataIndex:
     fields = Fields(data, start, end)
     offset, length = fields.numbers(_SIZES)
     return MetadataIndex(offset, length, fields.text())
 
 
-def read_metadata(data: memoryview, start: int, end: int) -> tuple[str, dict[str, str]]:
+def read_metadata(data: Data, start: int, end: int) -> tuple[str, dict[str, str]]:
     fields = Fields(data, start, end)
     return fields.text(), fields.texts()
 
 
-def read_statistics(data: memoryview, start: int, end: int) -> Statistics:
+def read_statistics(data: Data, start: int, end: int) -> Statistics:
     fields = Fields(data, start, end)
     messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns = fields.numbers(_STATISTICS)
     counts = fields.counts(_U16_U64)
     return Statistics(messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns, counts)
 
 
-def read_message_index(data: memoryview, start: int, end: int) -> tuple[int, int, int]:
+def read_message_index(data: Data, start: int, end: int) -> tuple[int, int, int]:
     """Channel id, and start and end of its (u64 log time, u64 offset) pairs."""
     fields = Fields(data, start, end)
     (channel_id,) = fields.numbers(_U16)

@@ -18,6 +18,7 @@ from cwcli.logs.records import (
     MESSAGE,
     MESSAGE_HEADER_BYTES,
     PREFIX,
+    Data,
     RecordError,
     read_chunk,
     read_prefix,
@@ -28,7 +29,7 @@ BLOCK_BYTES = 4 << 20
 LENGTH_HIGH_BYTES = 3  # of a length below 2^40
 
 
-def next_record(data: memoryview, at: int, channels: Container[int]) -> int:
+def next_record(data: Data, at: int, channels: Container[int]) -> int:
     """Offset of the next believable record at or behind `at`; the length of the file when there is none.
 
     Args:
@@ -36,14 +37,14 @@ def next_record(data: memoryview, at: int, channels: Container[int]) -> int:
         at: Where to begin.
         channels: Known channel ids; messages of others are not believed.
     """
-    octets = np.frombuffer(data, np.uint8)
     last = len(data) - PREFIX.size
     while at < last:
         stop = min(at + BLOCK_BYTES, last)
-        opcodes = octets[at:stop]
+        octets = np.frombuffer(data[at : stop + PREFIX.size], np.uint8)
+        opcodes = octets[: stop - at]
         believable = (opcodes >= 1) & (opcodes <= DATA_END)
         for k in range(PREFIX.size - LENGTH_HIGH_BYTES, PREFIX.size):
-            believable &= octets[at + k : stop + k] == 0
+            believable &= octets[k : k + stop - at] == 0
         for candidate in (np.flatnonzero(believable) + at).tolist():
             if _leads_on(data, candidate, channels):
                 return int(candidate)
@@ -51,7 +52,7 @@ def next_record(data: memoryview, at: int, channels: Container[int]) -> int:
     return len(data)
 
 
-def _leads_on(data: memoryview, at: int, channels: Container[int]) -> bool:
+def _leads_on(data: Data, at: int, channels: Container[int]) -> bool:
     for _ in range(N_STEPS):
         try:
             opcode, start, end = read_prefix(data, at, len(data))

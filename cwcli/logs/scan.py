@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 
+from cwcli.input import InputFile
 from cwcli.logs.faults import Faults
 from cwcli.logs.payload import DECOMPRESSORS, ChunkError, chunk_payload, partial_payload
 from cwcli.logs.records import (
@@ -20,6 +21,7 @@ from cwcli.logs.records import (
     PREFIX,
     SCHEMA,
     ChunkIndex,
+    Data,
     MetadataIndex,
     RecordError,
     Statistics,
@@ -45,7 +47,7 @@ class DamageError(Exception):
         self.at = at
 
 
-def scan(data: memoryview, data_start: int, faults: Faults, *, recover: bool) -> Structure:
+def scan(data: InputFile, data_start: int, faults: Faults, *, recover: bool) -> Structure:
     """Walk the data section, and open the chunks whose channels are not known otherwise.
 
     Args:
@@ -61,7 +63,7 @@ def scan(data: memoryview, data_start: int, faults: Faults, *, recover: bool) ->
 
 
 class _Scan:
-    def __init__(self, data: memoryview, faults: Faults, recover: bool) -> None:
+    def __init__(self, data: InputFile, faults: Faults, recover: bool) -> None:
         self._data = data
         self._faults = faults
         self._recover = recover
@@ -174,8 +176,8 @@ class _Scan:
         data = self._data
         if at + PREFIX.size > len(data):
             return False
-        opcode, length = PREFIX.unpack_from(data, at)
         start = at + PREFIX.size
+        opcode, length = PREFIX.unpack(data[at:start])
         if opcode != CHUNK or length <= len(data) - start:
             return False
         try:
@@ -247,11 +249,11 @@ class _Scan:
     def _count_message(self, start: int, end: int) -> None:
         self._message(self._data, start, end, is_counted=True)
 
-    def _message(self, data: memoryview, start: int, end: int, *, is_counted: bool) -> int:
+    def _message(self, data: Data, start: int, end: int, *, is_counted: bool) -> int:
         if end - start < MESSAGE_HEADER_BYTES:
             raise RecordError("a message is shorter than its header")
         channel_id: int
-        channel_id, _, log_time_ns = _MESSAGE.unpack_from(data, start)
+        channel_id, _, log_time_ns = _MESSAGE.unpack(data[start : start + _MESSAGE.size])
         if is_counted:
             self._counts[channel_id] = self._counts.get(channel_id, 0) + 1
             self._count_span(log_time_ns, log_time_ns)

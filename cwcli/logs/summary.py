@@ -17,6 +17,7 @@ from cwcli.logs.records import (
     SCHEMA,
     STATISTICS,
     SUMMARY_OFFSET,
+    Data,
     Footer,
     RecordError,
     read_attachment_index,
@@ -33,7 +34,7 @@ from cwcli.logs.structure import Structure
 DATA_END_BYTES = PREFIX.size + 4
 
 
-def find_footer(data: memoryview) -> tuple[Footer, int] | None:
+def find_footer(data: Data) -> tuple[Footer, int] | None:
     """The footer and its offset, or None when the file does not end with one: it was cut."""
     at = len(data) - len(MAGIC) - FOOTER_BYTES
     if at < len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
@@ -45,9 +46,7 @@ def find_footer(data: memoryview) -> tuple[Footer, int] | None:
         return None
 
 
-def read_summary(
-    data: memoryview, footer: Footer, footer_at: int, data_start: int, *, verify: bool
-) -> Structure | None:
+def read_summary(data: Data, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> Structure | None:
     """The file's structure from its summary.
 
     Args:
@@ -67,18 +66,17 @@ def read_summary(
         return None
     if not data_start <= start <= footer_at:
         raise RecordError("the footer points to no summary")
-    if verify and footer.summary_crc:
-        crc = zlib.crc32(data[start : footer_at + FOOTER_BYTES - 4])
-        if crc != footer.summary_crc:
-            raise RecordError("the summary's CRC does not fit")
+    summary = data[start : footer_at + FOOTER_BYTES - 4]
+    if verify and footer.summary_crc and footer.summary_crc != zlib.crc32(summary):
+        raise RecordError("the summary's CRC does not fit")
     structure = Structure()
-    at = start
-    while at < footer_at:
-        opcode, begin, end = read_prefix(data, at, footer_at)
-        _take(structure, opcode, data, begin, end)
+    at = 0
+    while at < footer_at - start:
+        opcode, begin, end = read_prefix(summary, at, footer_at - start)
+        _take(structure, opcode, summary, begin, end)
         at = end
     data_end = start - DATA_END_BYTES
-    if data_end < data_start or data[data_end] != DATA_END:
+    if data_end < data_start or data[data_end : data_end + 1] != bytes([DATA_END]):
         data_end = start  # a longer end record: the walk will come upon it
     else:
         structure.data_end = data_end
@@ -87,7 +85,7 @@ def read_summary(
     return structure
 
 
-def _take(structure: Structure, opcode: int, data: memoryview, start: int, end: int) -> None:
+def _take(structure: Structure, opcode: int, data: Data, start: int, end: int) -> None:
     """Note one record of the summary."""
     if opcode == SCHEMA:
         schema = read_schema(data, start, end)

@@ -38,22 +38,16 @@ def stream_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[t
     decode = _DECODERS[channel.message_encoding]
     name = _name(channel)
     payloads = (
-        batch.payloads.data[start:end]
-        for batches in _batches(reader, channel.id)
+        payload
+        for _, _, batches in reader.in_time_order([channel.id])
         for batch in batches
-        for start, end in zip(batch.payloads.starts.tolist(), batch.payloads.ends.tolist(), strict=True)
+        for _, payload in batch.messages()
     )
     for payload in islice(payloads, MAX_MESSAGES):
         try:
             yield tuple(decode(bytes(payload), name))
         except BadTransform:
             yield None
-
-
-def _batches(reader: MessageReader, channel_id: int) -> Iterator[Iterator[Any]]:
-    yield reader.loose_batches([channel_id], reader.loose_spans())
-    for _, batches in reader.in_time_order([channel_id]):
-        yield batches
 
 
 def _name(channel: ChannelInfo) -> str:

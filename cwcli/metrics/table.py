@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.output import Together, check_target, write_file
+from cwcli.output import Together, write_file
 from cwcli.signals.columns import NumericArray, Ragged, Strings
 
 if TYPE_CHECKING:
@@ -122,12 +122,11 @@ def unit_of(column_name: str) -> str:
     return UNITS.get(column_name.rpartition("_")[2], "") if "_" in column_name else ""
 
 
-def check_table_target(target: str | Path, *, force: bool = False) -> None:
-    """Refuse a name that can't become a table file, before any work is done.
+def check_table_name(target: str | Path) -> None:
+    """Refuse a name that no table file has, before any work is done.
 
     Raises:
         UsageError: The suffix is neither `.parquet` nor `.csv`.
-        OutputError: As `cwcli.output.check_target`.
     """
     if Path(target).suffix.lower() not in SUFFIXES:
         raise UsageError(
@@ -135,7 +134,6 @@ def check_table_target(target: str | Path, *, force: bool = False) -> None:
             where=str(target),
             hint="end the name in .parquet or .csv",
         )
-    check_target(target, force=force)
 
 
 def write_table(table: Table, target: str | Path, *, force: bool = False, together: Together | None = None) -> None:
@@ -154,7 +152,7 @@ def write_table(table: Table, target: str | Path, *, force: bool = False, togeth
         UsageError: The suffix is neither `.parquet` nor `.csv`.
         OutputError: The file can't be written.
     """
-    check_table_target(target, force=force)
+    check_table_name(target)
     write_file(target, table_bytes(table, Path(target).suffix.lower()), force=force, together=together)
 
 

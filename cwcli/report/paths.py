@@ -1,18 +1,18 @@
 """Predicted paths at the moments of the warnings, read from the few chunks that hold them.
 
 The path channels are by far the largest of an annotated log: loaded whole, twenty vehicles over ten minutes fill a
-gigabyte. So only the messages around each warning are read, by the official reader, which finds them by the index.
+gigabyte. So only the chunks around each warning are read.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cwcli.errors import InputError
+from cwcli.logs.log import Log
 from cwcli.logs.schemas import message_schema
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
@@ -41,40 +41,34 @@ class Path2D:
     heading_rad: FloatArray
 
 
-def path_known_at(file: Path, topic: str, vehicle: str, at_ns: int, *, max_age_s: float, name: str) -> Path2D | None:
+def path_known_at(log: Log, topic: str, vehicle: str, at_ns: int, *, max_age_s: float) -> Path2D | None:
     """The newest path of a vehicle that had been logged at a time, or None.
 
     Args:
-        file: The log.
-        topic: Of the paths.
+        log: The log.
+        topic: Of the paths; without any where its schema is another one.
         vehicle: Its id.
         at_ns: Log time.
         max_age_s: How far back to look.
-        name: Of the log, for messages.
 
     Raises:
         InputError: The log is damaged there.
     """
     from google.protobuf.message import DecodeError
     from google.protobuf.message_factory import GetMessageClass
-    from mcap.exceptions import McapError
-    from mcap.reader import make_reader
 
+    schemas = {channel.schema_name for channel in log.channels if channel.topic == topic}
+    if schemas != {PATH_SCHEMA}:
+        return None
     message_class = GetMessageClass(message_schema(PATH_SCHEMA).descriptor)
     newest: Any = None
     try:
-        with file.open("rb") as stream:
-            messages = make_reader(stream).iter_messages(
-                topics=[topic], starting_at=max(0, at_ns - round(max_age_s * NS_PER_S)), ending_at=at_ns
-            )
-            for schema, _, message in messages:
-                if schema is None or schema.name != PATH_SCHEMA:
-                    continue
-                path: Any = message_class.FromString(message.data)
-                if path.id == vehicle and (newest is None or path.stamp_ns >= newest.stamp_ns):
-                    newest = path
-    except (McapError, DecodeError, OSError, ValueError) as error:
-        raise InputError(f"the predicted paths can't be read: {error}", where=f"{name}: {topic}") from error
+        for _, data in log.messages(topic, at_ns - round(max_age_s * NS_PER_S), at_ns):
+            path: Any = message_class.FromString(bytes(data))
+            if path.id == vehicle and (newest is None or path.stamp_ns >= newest.stamp_ns):
+                newest = path
+    except DecodeError as error:
+        raise InputError(f"the predicted paths can't be read: {error}", where=f"{log.name}: {topic}") from error
     return None if newest is None else _arrays(newest)
 
 

@@ -159,9 +159,7 @@ def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tu
         path = None
         if topic in topics:
             try:
-                path = path_known_at(
-                    log.path, topic, vehicle, encounter.raised_ns, max_age_s=drive.rule.max_age_s, name=log.name
-                )
+                path = path_known_at(log, topic, vehicle, encounter.raised_ns, max_age_s=drive.rule.max_age_s)
             except CwcliError as error:
                 notes.append(error.what)
         found.append(path)

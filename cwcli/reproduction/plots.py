@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import UsageError
-from cwcli.output import write_file
+from cwcli.output import Together, write_file
 from cwcli.reproduction.findings import Plot
 
 FORMATS = ("png", "svg")
@@ -23,8 +23,11 @@ def check_format(file_format: str) -> None:
         raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(FORMATS)}")
 
 
-def write_plots(plots: Sequence[Plot], folder: str, *, paper: str, file_format: str, force: bool = False) -> list[str]:
+def write_plots(
+    plots: Sequence[Plot], folder: str, together: Together, *, paper: str, file_format: str, force: bool = False
+) -> list[str]:
     """Draw each plot into `<folder>/<figure>.<format>`; the folder must exist. `paper` stands in the titles.
+    The files appear with the others of `together`.
 
     Returns:
         The files' names.
@@ -40,7 +43,7 @@ def write_plots(plots: Sequence[Plot], folder: str, *, paper: str, file_format: 
         raise UsageError("plots need matplotlib", hint="pip install 'cwcli[plots]'") from error
     mpl.use("Agg")
     mpl.rcParams["svg.hashsalt"] = "cwcli"  # the same input gives the same bytes
-    return [_write(plot, paper, Path(folder), file_format, force) for plot in plots]
+    return [_write(plot, paper, Path(folder), together, file_format, force) for plot in plots]
 
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -58,7 +61,7 @@ PALETTE = 200
 """Colours of a PNG: half the bytes of true colour, and no visible difference."""
 
 
-def _write(plot: Plot, paper: str, folder: Path, file_format: str, force: bool) -> str:
+def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format: str, force: bool) -> str:
     import io
 
     import numpy as np
@@ -90,7 +93,7 @@ def _write(plot: Plot, paper: str, folder: Path, file_format: str, force: bool) 
     figure.savefig(sink, format=file_format, dpi=110, metadata=metadata)
     data = _reduced(sink.getvalue()) if file_format == "png" else sink.getvalue()
     path = folder / f"{plot.figure.replace(' ', '-')}.{file_format}"
-    write_file(path, memoryview(data), force=force)
+    write_file(path, memoryview(data), force=force, together=together)
     return str(path)
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.input import read_file
 from cwcli.simulation.catalogue import scenario_names, scenario_text
 from cwcli.simulation.profile import Profile, read_profile
 from cwcli.simulation.spec import (
@@ -274,7 +275,7 @@ def _start_ns(value: Any, source: str) -> int:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_file(path).decode()
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"can't be read: {error}", where=path.name) from error
 

@@ -156,7 +156,7 @@ def test_metrics_file(cwcli: Run, predicted: Path, tmp_path: Path, suffix: str) 
         (["warn", "LOG"], 4, "cwcli"),
         (["run", "LOG", "--metrics-dir", "there.mcap"], 6, "not a folder"),
         (["run", "LOG", "--metrics-dir", "x" * 300], 6, "too long"),
-        (["run", "LOG", "--metrics-dir", "x", "-o", "x"], 2, "same name"),
+        (["run", "LOG", "--metrics-dir", "x", "-o", "x"], 2, "same file"),
         (["reproduce", "song2016", "--plots", "none/plots"], 6, "does not exist"),
         (["reproduce", "song2016", "--plots", "plots", "--plot-format", "exe"], 2, "exe"),
         (["simulate", "straight"], 2, "-o"),

@@ -17,7 +17,7 @@ from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
-from cwcli.cli.targets import check_targets
+from cwcli.cli.targets import check_outputs
 from cwcli.cli.text import count, finite, interval, join_names, number, printable
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 
@@ -79,11 +79,11 @@ def command(
     from cwcli.fleet.results import read_metrics
     from cwcli.metrics.compare import compare_runs, comparison_table
     from cwcli.metrics.table import write_table
-    from cwcli.output import write_file
+    from cwcli.output import Together, write_file
 
     _check(fail_on or (), tolerance, seed)
     summary_file = stdout_or_file(markdown_file)
-    targets = check_targets(talk, metrics=metrics, texts=(summary_file,), force=force)
+    targets = check_outputs([baseline, candidate], talk, metrics=metrics, texts=(summary_file,), force=force)
     with Progress(quiet=talk.quiet) as progress:
         runs = []
         for source in (baseline, candidate):
@@ -92,10 +92,12 @@ def command(
     before, after = _paired(*runs)
     comparison = compare_runs(before.logs, after.logs, seed=seed, tolerance=tolerance, exact=exact)
     failed = _failed(comparison, fail_on or ())
-    if metrics is not None:
-        write_table(comparison_table(comparison), metrics, force=force)
-    if summary_file is not None:
-        write_file(summary_file, _markdown(before, after, comparison, failed, exact=exact).encode(), force=force)
+    with Together() as together:
+        if metrics is not None:
+            write_table(comparison_table(comparison), metrics, force=force, together=together)
+        if summary_file is not None:
+            text = _markdown(before, after, comparison, failed, exact=exact)
+            write_file(summary_file, text.encode(), force=force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
         document = _document(before, after, comparison, failed, targets)

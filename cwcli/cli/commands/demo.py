@@ -13,7 +13,7 @@ import typer
 from cwcli.cli.commands.run import default_options, with_all_stages
 from cwcli.cli.console import Console
 from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
-from cwcli.cli.pipeline import Job, document, execute, make_folder, tell
+from cwcli.cli.pipeline import Job, document, execute, tell
 
 EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")
 SAMPLES = ("intersection", "rear-end")
@@ -30,6 +30,8 @@ def command(
 
     Files of an earlier demo in the folder are overwritten.
     """
+    from cwcli.output import make_folder
+
     console = Console(quiet=talk.quiet)
     make_folder(directory)
     documents = []

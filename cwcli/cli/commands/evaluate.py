@@ -17,7 +17,7 @@ from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
-from cwcli.cli.targets import check_targets
+from cwcli.cli.targets import check_outputs
 from cwcli.cli.text import count, finite, interval, paragraph, printable
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED
 
@@ -75,25 +75,27 @@ def command(
     from cwcli.metrics.gates import check_gates
     from cwcli.metrics.pooling import pooled_rows, run_table
     from cwcli.metrics.table import write_table
-    from cwcli.output import write_file
+    from cwcli.output import Together, write_file
 
     for gate in gates or ():
         parse(gate)
     summary_file = stdout_or_file(markdown_file)
-    targets = check_targets(talk, metrics=metrics, texts=(junit, summary_file), force=force)
+    targets = check_outputs([source], talk, metrics=metrics, texts=(junit, summary_file), force=force)
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reading {source}")
         run = read_metrics(source, truth=truth, step=progress.step)
     results = check_gates(list(dict.fromkeys((*run.gates, *(gates or ())))), run.logs, allow_missing=allow_missing)
     pooled = pooled_rows([log for log in run.logs if not log.error])
-    if metrics is not None:
-        write_table(run_table(run.logs), metrics, force=force)
-    if junit is not None:
-        from cwcli.cli.junit import junit_xml
+    with Together() as together:
+        if metrics is not None:
+            write_table(run_table(run.logs), metrics, force=force, together=together)
+        if junit is not None:
+            from cwcli.cli.junit import junit_xml
 
-        write_file(junit, junit_xml(results), force=force)
-    if summary_file is not None:
-        write_file(summary_file, _markdown(run, pooled, results).encode(), force=force)
+            write_file(junit, junit_xml(results), force=force, together=together)
+        if summary_file is not None:
+            text = _markdown(run, pooled, results)
+            write_file(summary_file, text.encode(), force=force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
         console.data(json.dumps(_document(run, truth, pooled, results, targets), indent=2, allow_nan=False))

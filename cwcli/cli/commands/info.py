@@ -56,7 +56,7 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     return {
         "name": log.name,
-        "size_bytes": log.path.stat().st_size,
+        "size_bytes": len(log.file),
         "profile": log.profile,
         "library": log.library,
         "start_ns": log.start_ns,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -45,12 +44,11 @@ def command(
     output = "-" if output is None else str(stdout_or_file(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the layout to a file")
-    from cwcli.output import check_target, write_file
+    from cwcli.output import check_targets, write_file
     from cwcli.report.layout import LogTopics, layout, log_topics
 
-    inputs = [Path(log)] if log not in (None, "-") and Path(str(log)).is_file() else []
     if output != "-":
-        check_target(output, force=force, inputs=inputs)
+        check_targets([output], force=force, inputs=[] if log is None else [log])
     topics = LogTopics()
     if log is not None:
         from cwcli.logs.log import Log
@@ -63,7 +61,7 @@ def command(
     if output == "-":
         console.data(text)
         return
-    write_file(output, f"{text}\n".encode(), force=force, inputs=inputs)
+    write_file(output, f"{text}\n".encode(), force=force)
     if talk.json:
         console.data(json.dumps({"command": "layout", "output": output, "panels": len(document["configById"])}))
     else:

@@ -51,20 +51,17 @@ def command(
     logs the failed and the warned ones come first, and the page says what is left out. A failed gate is shown; the
     exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
     """
-    from pathlib import Path
-
-    from cwcli.output import check_target, write_file
+    from cwcli.output import check_targets, write_file
     from cwcli.report.build import build_report
 
     target = str(stdout_or_file(output))
-    inputs = () if source == "-" or Path(source).is_dir() else (Path(source),)
-    check_target(target, force=force, inputs=inputs)
+    check_targets([target], force=force, inputs=[source])
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
         report = build_report(
             source, gates=gates or (), recover=recover, progress=lambda name: progress.step(f"report {name}")
         )
-        write_file(target, report.html, force=force, inputs=inputs)
+        write_file(target, report.html, force=force)
     document = {
         "written": target,
         "bytes": len(report.html),

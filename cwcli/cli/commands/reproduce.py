@@ -172,29 +172,31 @@ def command(
         raise UsageError("--frames must be at least 1")
     if plots is not None and not entry.has_plots:
         raise UsageError(f"{paper} draws no figures", hint="leave out --plots; --metrics writes every number")
-    from cwcli.metrics.table import check_table_target, write_table
+    from cwcli.metrics.table import check_table_name, write_table
+    from cwcli.output import Together, check_targets, make_folder
 
     if metrics is not None:
-        check_table_target(metrics, force=force)
+        check_table_name(metrics)
+    check_targets([metrics], [plots], force=force)
     if plots is not None:
-        from cwcli.cli.pipeline import check_folder
         from cwcli.reproduction.plots import check_format
 
-        check_folder(plots, "--plots")
         check_format(plot_format)
     written: list[str] = []
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reproducing {paper}")
         outcome = entry.run(Request(n_seeds, jobs, n_frames, progress.step))
-        if plots is not None:
-            from cwcli.cli.pipeline import make_folder
-            from cwcli.reproduction.plots import write_plots
+        with Together() as together:
+            if plots is not None:
+                from cwcli.reproduction.plots import write_plots
 
-            make_folder(plots)
-            written += write_plots(outcome.plots, plots, paper=paper, file_format=plot_format, force=force)
-        if metrics is not None:
-            write_table(outcome.table, metrics, force=force)
-            written.append(metrics)
+                make_folder(plots)
+                written += write_plots(
+                    outcome.plots, plots, together, paper=paper, file_format=plot_format, force=force
+                )
+            if metrics is not None:
+                write_table(outcome.table, metrics, force=force, together=together)
+                written.append(metrics)
     console = Console(quiet=talk.quiet)
     if talk.json:
         document = {

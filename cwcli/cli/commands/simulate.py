@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -90,10 +89,10 @@ def command(
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     if seed is not None and seed < 0:
         raise UsageError(f"--seed {seed} must not be negative")
-    from cwcli.output import check_target
+    from cwcli.output import check_targets
 
+    check_targets([output], force=force, inputs=[] if scenario in (ROAD, *scenario_names()) else [scenario])
     if scenario == ROAD:
-        check_target(output, force=force)
         _road(output, weather, seed, tuple(override or ()), talk, force=force)
         return
     if weather is not None:
@@ -102,7 +101,6 @@ def command(
     from cwcli.simulation.drive import simulate
     from cwcli.simulation.scenario import load_scenario
 
-    check_target(output, force=force, inputs=[Path(scenario)] if Path(scenario).is_file() else [])
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"simulating {scenario}")
         drive = simulate(load_scenario(scenario, tuple(override or ())), seed)

@@ -57,9 +57,10 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
 def _load(path: str) -> dict[str, Any]:
     import tomllib
 
+    from cwcli.input import read_file
+
     try:
-        with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
-            return tomllib.load(file)
+        return tomllib.loads(read_file(path).decode())
     except OSError as error:
         raise UsageError(f"can't read the configuration: {error.strerror}", where=path) from error
     except (ValueError, RecursionError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors

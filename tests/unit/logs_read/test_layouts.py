@@ -35,7 +35,7 @@ def test_layout_gives_the_same_rows(tmp_path: Path, name: str) -> None:
     assert log.n_messages == 120
     assert (log.start_ns, log.end_ns) == (T0_NS, T0_NS + 59_500_000)
     assert {channel.topic: channel.message_count for channel in log.channels} == {"/fix": 60, "/notes": 60}
-    with Log.open(log.path) as again:
+    with Log.open(log.name) as again:
         assert [(name, dict(values)) for name, values in again.metadata] == [("note", {"made by": "a test"})]
 
 

@@ -247,7 +247,7 @@ def test_same_schema_id_and_name_in_two_files_do_not_mix(tmp_path: Path) -> None
         file.message_type.add(name="Root").field.add(name="v", number=1, type=kind, label=OPTIONAL)
         schema = FileDescriptorSet(file=[file]).SerializeToString()
         log = check(tmp_path, schema, [message_class(schema)(v=3).SerializeToString()])
-        with Log.open(log.path) as again:
+        with Log.open(log.name) as again:
             assert again.columns("/m").fields["v"].dtype == (np.float64, np.int32)[k]
 
 

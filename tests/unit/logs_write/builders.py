@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
+from cwcli.input import InputFile
 from cwcli.signals.columns import OutputChannel, Strings
 
 T0_NS = 1_700_000_000_000_000_000
@@ -30,6 +32,10 @@ class SourceStub:
     @property
     def name(self) -> str:
         return self.path.name
+
+    @cached_property
+    def file(self) -> InputFile:
+        return InputFile.open(self.path, self.name)
 
 
 def write_log(

@@ -16,6 +16,7 @@ import pytest
 import cwcli.output_stream
 import cwcli.temporary
 from cwcli.errors import EXIT_OUTPUT, OutputError, UsageError
+from cwcli.input import InputFile
 from cwcli.output import Together, check_target, open_output, write_file
 
 MEGABYTE = 1 << 20
@@ -129,8 +130,12 @@ def test_input_is_never_overwritten(tmp_path: Path, link: str) -> None:
         target.symlink_to(source)
     elif link == "hardlink":
         target.hardlink_to(source)
-    with pytest.raises(OutputError, match="the input itself"):
-        write_file(target, b"new", force=True, inputs=(source,))
+    with (
+        InputFile.open(source) as file,
+        pytest.raises(OutputError, match="the input itself"),
+        open_output(target, force=True, inputs=(file,)) as output,
+    ):
+        output.write(b"new")
     assert source.read_bytes() == b"data"
 
 

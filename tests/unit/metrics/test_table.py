@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cwcli.errors import OutputError, UsageError
-from cwcli.metrics.table import ColumnDoc, Table, arrow_table, check_table_target, unit_of, write_table
+from cwcli.metrics.table import ColumnDoc, Table, arrow_table, check_table_name, unit_of, write_table
 from cwcli.signals.columns import Ragged, Strings
 
 
@@ -98,7 +98,7 @@ def test_sliced_columns_are_written_right(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["t.json", "t", "t.parquet.txt"])
 def test_unknown_suffix_is_a_usage_error(tmp_path: Path, name: str) -> None:
     with pytest.raises(UsageError, match="Parquet or CSV"):
-        check_table_target(tmp_path / name)
+        check_table_name(tmp_path / name)
 
 
 def test_existing_table_needs_force(tmp_path: Path) -> None:

@@ -1,0 +1,318 @@
+"""Files that are read: opened once, read by ranges, checked to be the same to the end, and remembered.
+
+A log is not mapped into memory: where somebody shortens a mapped file, the system ends the process with a signal. Read
+by ranges, it takes as long, and every trouble is an error with a name.
+
+What a run has read is remembered (`remembering_inputs`), so that no output of it, whatever its name, is one of its
+inputs (`cwcli.output`).
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Thread
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from cwcli.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+HELD_BYTES = 1 << 13
+"""What is read at once where less is asked for: the next records are mostly in it."""
+BLOCK_BYTES = 1 << 20
+CLOCK_TICK_NS = 10_000_000
+"""Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
+STANDARD_STREAMS = (1, 2)
+NOT_OF_INPUT = (OutputError, BrokenPipeError)
+"""Errors that no change of an input explains."""
+
+
+class InputFile:
+    """An open file; `file[a:b]` reads its bytes a to b.
+
+    Args:
+        descriptor: Open for reading; closed with this.
+        name: For messages.
+        path: The name that must stand for the same file to the end; None where it has none.
+
+    Attributes:
+        name: For messages.
+        descriptor: Open until `close`.
+        state: Device, number, size in bytes and time of the last change in ns, when it was opened.
+
+    Raises:
+        InputError: It is empty.
+    """
+
+    def __init__(self, descriptor: int, name: str, path: Path | None = None) -> None:
+        self.name = name
+        self.descriptor = descriptor
+        self._path = path
+        self._inputs: Inputs | None = None
+        self._digest: Future[str] | None = None
+        self._is_checked = False
+        self._held = (0, memoryview(b""))
+        try:
+            found = _settled(descriptor)
+            self.state = _state(found)
+            self._size = found.st_size
+            if not self._size:
+                raise InputError("the file is empty", where=name)
+            self._inputs = _remember(found, name)
+            if self._inputs is not None:
+                self._inputs.open.add(self)
+        except BaseException:
+            self.close()
+            raise
+
+    @classmethod
+    def open(cls, path: str | Path, name: str = "") -> InputFile:
+        """A file by its name.
+
+        Raises:
+            InputError: It can't be read, or is empty.
+        """
+        name = name or str(path)
+        return cls(_opened(path, name), name, Path(path))
+
+    def __len__(self) -> int:
+        return self._size
+
+    def __getitem__(self, place: slice) -> memoryview:
+        """Some bytes of the file, as far as it goes.
+
+        Raises:
+            InputError: The file is shorter than it was, or can't be read.
+        """
+        start, stop, _ = place.indices(self._size)
+        first, held = self._held
+        if not first <= start <= stop <= first + len(held):
+            if stop - start >= HELD_BYTES:
+                return memoryview(self._read(start, stop))
+            first, held = start, memoryview(self._read(start, min(start + HELD_BYTES, self._size)))
+            self._held = first, held
+        return held[start - first : stop - first]
+
+    def read_into(self, buffer: memoryview, start: int) -> memoryview:
+        """Fill a buffer with the bytes from `start` on; returns it. Raises as slicing does."""
+        self._is_checked = False
+        n = 0
+        while n < len(buffer):
+            try:
+                count = os.preadv(self.descriptor, [buffer[n:]], start + n)
+            except OSError as error:
+                raise self._unreadable(error, start + n) from error
+            if not count:
+                raise self._changed(f"it had {self._size} bytes and ends at byte {start + n}")
+            n += count
+        return buffer
+
+    def begin_sha256(self) -> Future[str]:
+        """SHA-256 of the bytes, in hexadecimal; computed once, in a thread that goes on after `close`."""
+        if self._digest is None:
+            from concurrent.futures import Future
+
+            self._digest = Future()
+            Thread(target=self._hash, args=(self._digest,), daemon=True).start()
+        return self._digest
+
+    def check_unchanged(self) -> None:
+        """Check that the file is what it was when it was opened, and that its name still stands for it.
+
+        Raises:
+            InputError: It is not: what was read may be a mixture.
+        """
+        if self._path is None and self.descriptor < 0:
+            return
+        try:
+            found = os.fstat(self.descriptor) if self._path is None else self._path.stat()
+        except OSError as error:
+            raise self._changed(f"it is gone ({error.strerror})") from error
+        now = _state(found)
+        if now[:2] != self.state[:2]:
+            raise self._changed("another file has its name now")
+        if found.st_size != self._size:
+            raise self._changed(f"it had {self._size} bytes and has {found.st_size}")
+        if now != self.state:
+            raise self._changed("something was written into it")
+        self._is_checked = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Check the file, unless that was done since it was last read, and close it; an error may come from a change."""
+        is_explained = self.descriptor < 0 or isinstance(error, NOT_OF_INPUT) or not isinstance(error, Exception | None)
+        try:
+            if not is_explained and not (error is None and self._is_checked):
+                self.check_unchanged()
+        finally:
+            self.close()
+
+    def __del__(self) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file, when the thread that hashes it is done, too."""
+        self._held = (0, memoryview(b""))
+        if self._inputs is not None:
+            self._inputs.open.discard(self)
+        if self._digest is None:
+            self._close()
+        else:
+            self._digest.add_done_callback(lambda _: self._close())
+
+    def _close(self) -> None:
+        descriptor, self.descriptor = self.descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+    def _read(self, start: int, stop: int) -> bytes:
+        self._is_checked = False
+        try:
+            data = os.pread(self.descriptor, stop - start, start)
+        except OSError as error:
+            raise self._unreadable(error, start) from error
+        if len(data) < stop - start:  # the system reads 2 GB at most in one go
+            rest = bytearray(stop - start - len(data))
+            data += self.read_into(memoryview(rest), start + len(data))
+        return data
+
+    def _hash(self, digest: Future[str]) -> None:
+        """Keep the hash, or the error: whoever waits for it must not wait for ever."""
+        try:
+            import hashlib
+
+            made = hashlib.sha256()
+            block = memoryview(bytearray(BLOCK_BYTES))
+            for at in range(0, self._size, BLOCK_BYTES):
+                made.update(self.read_into(block[: self._size - at], at))
+            digest.set_result(made.hexdigest())
+        except BaseException as error:
+            digest.set_exception(error)
+
+    def _unreadable(self, error: OSError, at: int) -> InputError:
+        return InputError(f"it can't be read: {error.strerror} (at byte {at})", where=self.name)
+
+    def _changed(self, what: str) -> InputError:
+        return InputError(
+            f"the log changed while it was read: {what}",
+            where=self.name,
+            hint="run it again when nothing writes to it any more, or on a copy",
+        )
+
+
+@dataclass
+class Inputs:
+    """What a run has read.
+
+    Attributes:
+        names: Device and number of each file -> its name.
+        open: The logs that are being read.
+    """
+
+    names: dict[tuple[int, int], str] = field(default_factory=dict)
+    open: set[InputFile] = field(default_factory=set)
+
+
+_RUN: ContextVar[Inputs | None] = ContextVar("inputs", default=None)
+
+
+@contextmanager
+def remembering_inputs() -> Iterator[None]:
+    """Remember what is read inside the block, beside what was remembered outside."""
+    outside = _RUN.get()
+    token = _RUN.set(Inputs(dict(outside.names) if outside else {}))
+    try:
+        yield
+    finally:
+        _RUN.reset(token)
+
+
+def note_input(name: str | Path) -> None:
+    """Remember a file that will be read, `-` for standard input, if there is such a file.
+
+    Raises:
+        OutputError: Standard output or standard error goes into it.
+    """
+    with suppress(OSError, ValueError):  # whoever reads it tells what is wrong
+        _remember(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
+
+
+def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
+    """Whether this run reads the file, or it is one of some more."""
+    inputs = _RUN.get()
+    file = _state(found)[:2]
+    return (inputs is not None and file in inputs.names) or any(each.state[:2] == file for each in more)
+
+
+def check_unchanged(more: Sequence[InputFile] = ()) -> None:
+    """Check that the logs that this run is reading, and some more, are what they were.
+
+    Raises:
+        InputError: One is not.
+    """
+    inputs = _RUN.get()
+    for each in (*(inputs.open if inputs is not None else ()), *more):
+        each.check_unchanged()
+
+
+def inputs_below(folder: Path) -> list[str]:
+    """Names of the files in a folder, or deeper, that this run has read."""
+    inputs = _RUN.get()
+    prefix = os.path.realpath(folder) + os.sep
+    names = inputs.names.values() if inputs is not None else ()
+    return [name for name in names if os.path.realpath(name).startswith(prefix)]
+
+
+def read_file(path: str | Path) -> bytes:
+    """A whole file, which is remembered as an input.
+
+    Raises:
+        OSError, ValueError: It can't be read; a zero byte is in the name.
+        OutputError: Standard output or standard error goes into it.
+    """
+    with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
+        _remember(os.fstat(file.fileno()), str(path))
+        return file.read()
+
+
+def _remember(found: os.stat_result, name: str) -> Inputs | None:
+    inputs = _RUN.get()
+    if inputs is not None and stat.S_ISREG(found.st_mode):
+        for stream in STANDARD_STREAMS:
+            with suppress(OSError):
+                if os.path.samestat(found, os.fstat(stream)):
+                    raise OutputError("the output goes into the input itself", where=name, hint="write to another file")
+        inputs.names[found.st_dev, found.st_ino] = name
+    return inputs
+
+
+def _opened(path: str | Path, name: str) -> int:
+    try:
+        return os.open(path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
+
+
+def _settled(descriptor: int) -> os.stat_result:
+    """The file's state, at a moment after which every change has another time than the last one."""
+    since_ns = time.time_ns() - os.fstat(descriptor).st_mtime_ns
+    if 0 <= since_ns < CLOCK_TICK_NS:
+        time.sleep((CLOCK_TICK_NS - since_ns) / 1e9)
+    return os.fstat(descriptor)
+
+
+def _state(found: os.stat_result) -> tuple[int, int, int, int]:
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
