@@ -152,10 +152,10 @@ class InputFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Check the file, unless that was done since it was last read, and close it; an error may come from a change."""
-        is_explained = self.descriptor < 0 or isinstance(error, NOT_OF_INPUT) or not isinstance(error, Exception | None)
+        """Check the file, from whose change an error may come, unless it was read last before a check; close it."""
+        may_matter = isinstance(error, Exception | None) and not isinstance(error, NOT_OF_INPUT)
         try:
-            if not is_explained and not (error is None and self._is_checked):
+            if self.descriptor >= 0 and may_matter and (error is not None or not self._is_checked):
                 self.check_unchanged()
         finally:
             self.close()
