@@ -15,9 +15,10 @@ from cwcli.channels.painted_frames import StartImages, painted_channel
 from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, StreamedChannel
 from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.fit_columns import FitColumns
-from cwcli.vision.ground import GeometrySigmas, LaneGeometry
+from cwcli.vision.ground import HIGHEST, MIN_DEPTH, GeometrySigmas, LaneGeometry
 from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
 from cwcli.vision.raw_images import Image
 
@@ -25,6 +26,8 @@ SIDES = ("left", "right")
 PARABOLA = ("a", "b", "c")
 ROAD_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
 """A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
+IMAGE_ROAD = ("far_px", "near", "bend_px2")
+"""The same in the image: x = far + near h + bend / h, h rows below the horizon."""
 PREVIEW = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
 PREVIEW_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
 ROAD_FIELDS = ("stamp_ns", *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)))
@@ -45,6 +48,8 @@ class LaneFrames:
         horizon_px: Shape (n,): row in the search image, NaN where not known.
         camera_pitch_rad, camera_yaw_rad: Shape (n,): as used; nose down and counter-clockwise positive.
         fits: n rows.
+        roads: Shape (n, 2, 3): the boundaries as roads (`ground.image_roads`).
+        top_px: Shape (n,): row in the search image at which boundaries end.
         geometry: n rows.
         preview_m: Distance of the preview point.
         rectified_from: Width and height of an image -> the camera whose frames were rectified before the search; None:
@@ -60,6 +65,8 @@ class LaneFrames:
     camera_pitch_rad: FloatArray
     camera_yaw_rad: FloatArray
     fits: FitColumns
+    roads: FloatArray
+    top_px: FloatArray
     geometry: LaneGeometry
     preview_m: float
     rectified_from: Callable[[int, int], Camera] | None = None
@@ -75,6 +82,7 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
     for k, (side, road) in enumerate(zip(SIDES, (geometry.left_body, geometry.right_body), strict=True)):
         fields |= {f"{side}.{name}": fits.parabolas[:, k, i] for i, name in enumerate(PARABOLA)}
         fields |= {f"{side}.{name}": road[:, i] for i, name in enumerate(ROAD_LINE)}
+        fields |= {f"{side}.{name}": frames.roads[:, k, i] for i, name in enumerate(IMAGE_ROAD)}
         fields |= {
             f"{side}.score": fits.score[:, k],
             f"{side}.probability": fits.probability[:, k],
@@ -97,6 +105,7 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
         "image_height_px": frames.image_size[:, 1],
         "camera_yaw_sigma_rad": np.full(n, GeometrySigmas().yaw_rad),
         "horizon_px": frames.horizon_px,
+        "top_px": frames.top_px,
     }
     if frames.rectified_from is not None:
         fields |= lens_fields(frames.rectified_from, frames.image_size)
@@ -111,10 +120,10 @@ class LaneRows:
         topic: Of the channel.
         log_time_ns, stamp_ns: Shape (n,).
         found: Shape (n, 2): left, right.
-        parabolas: Shape (n, 2, 3): a, b, c in the pixels of the searched image; NaN where not found.
+        drawn: Where the boundaries are drawn in the searched image.
         road: Shape (n, 2, 3): `ROAD_LINE`.
         preview, preview_sigma: Shape (n, 3): `PREVIEW` and its sigmas.
-        preview_m, lane_width_m, horizon_px, camera_pitch_rad, camera_yaw_rad, camera_yaw_sigma_rad: Shape (n,).
+        preview_m, lane_width_m, camera_pitch_rad, camera_yaw_rad, camera_yaw_sigma_rad: Shape (n,).
         image_size, search_size: Shape (n, 2): width and height of the camera's image and of the searched one, pixels.
         lenses: For what was rectified before the search.
     """
@@ -123,13 +132,12 @@ class LaneRows:
     log_time_ns: Int64Array
     stamp_ns: Int64Array
     found: npt.NDArray[np.bool_]
-    parabolas: FloatArray
+    drawn: BoundaryLines
     road: FloatArray
     preview: FloatArray
     preview_sigma: FloatArray
     preview_m: FloatArray
     lane_width_m: FloatArray
-    horizon_px: FloatArray
     camera_pitch_rad: FloatArray
     camera_yaw_rad: FloatArray
     camera_yaw_sigma_rad: FloatArray
@@ -140,20 +148,18 @@ class LaneRows:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def lines(self, row: int, image_size: tuple[int, int], horizon_px: float | None = None) -> list[FloatArray]:
+    def lines(self, row: int, image_size: tuple[int, int]) -> list[FloatArray]:
         """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.
 
         Args:
             row: Of the frame; its search size is known.
             image_size: Width and height of the image.
-            horizon_px: Row of the horizon in the searched image; None: as the channel tells.
         """
         camera = self.lenses.camera(row)
         if camera is not None and (camera.width_px, camera.height_px) != image_size:
             camera = camera.resized(*image_size)
-        horizon = self.horizon_px[row] if horizon_px is None else horizon_px
         width_px, height_px = self.search_size[row].tolist()
-        points, is_in = line_points(self.parabolas[row : row + 1], (width_px, height_px), image_size, horizon, camera)
+        points, is_in = line_points(self.drawn[slice(row, row + 1)], (width_px, height_px), image_size, camera)
         return [points[0, side][is_in[0, side]] for side in range(2)]
 
 
@@ -183,13 +189,14 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         log_time_ns=columns.log_time_ns,
         stamp_ns=whole_numbers(columns, "stamp_ns", required="stamp_ns" in required)[0],
         found=found,
-        parabolas=np.where(found[..., None], of_sides(PARABOLA), np.nan),
+        drawn=_drawn(
+            columns, *(np.where(found[..., None], of_sides(names), np.nan) for names in (PARABOLA, IMAGE_ROAD))
+        ),
         road=of_sides(ROAD_LINE),
         preview=side_by_side(*PREVIEW),
         preview_sigma=side_by_side(*PREVIEW_SIGMAS),
         preview_m=side_by_side("preview_distance_m")[:, 0],
         lane_width_m=numbers(columns, "lane_width_m"),
-        horizon_px=numbers(columns, "horizon_px"),
         camera_pitch_rad=numbers(columns, "camera_pitch_rad"),
         camera_yaw_rad=numbers(columns, "camera_yaw_rad"),
         camera_yaw_sigma_rad=numbers(columns, "camera_yaw_sigma_rad"),
@@ -197,6 +204,14 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         search_size=size("search"),
         lenses=Lenses(columns),
     )
+
+
+def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> BoundaryLines:
+    """What is drawn; logs of older versions know no roads and no tops."""
+    horizon_px, height_px = numbers(columns, "horizon_px"), numbers(columns, "search_height_px")
+    older_px = np.fmax((1.0 - HIGHEST) * height_px, horizon_px + MIN_DEPTH * height_px)
+    top_px = numbers(columns, "top_px")
+    return BoundaryLines(parabolas, roads, horizon_px, np.where(np.isnan(top_px), older_px, top_px))
 
 
 def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
@@ -246,11 +261,11 @@ def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.b
     """`line_points` of some rows, whatever their image sizes."""
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_POINTS, 2)), np.zeros((len(sizes), 2, N_POINTS), np.bool_)
-    parabolas, horizon_px = frames.fits.parabolas[at], frames.horizon_px[at]
+    drawn = BoundaryLines(frames.fits.parabolas, frames.roads, frames.horizon_px, frames.top_px)[at]
     for size in np.unique(sizes, axis=0):
         rows = np.flatnonzero((sizes == size).all(axis=1))
         search_w, search_h, image_w, image_h = size.tolist()
         camera = None if frames.rectified_from is None else frames.rectified_from(image_w, image_h)
-        made = line_points(parabolas[rows], (search_w, search_h), (image_w, image_h), horizon_px[rows], camera)
+        made = line_points(drawn[rows], (search_w, search_h), (image_w, image_h), camera)
         points[rows], is_in[rows] = made
     return points, is_in

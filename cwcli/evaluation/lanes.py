@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.channels.binding import is_truth_topic
 from cwcli.channels.lanes import SIDES, LaneRows, read_lanes
@@ -17,9 +16,8 @@ from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, 
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaves import row_of, stamps
 from cwcli.signals.rows import Rows
+from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
-from cwcli.vision.ground import HIGHEST
-from cwcli.vision.overlay import HORIZON_GAP, MIN_GAP_PX
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
 MATCH_NS = 5_000_000
@@ -131,8 +129,7 @@ def _add_labels(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows,
         search_w, search_h, image_w, image_h = sizes[row].tolist()
         beside = ego_lanes(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
         image = search_w, search_h, image_w, image_h
-        horizon_px, lens = float(lanes.horizon_px[row]), lanes.lenses.camera(row)
-        lines = _lines(lanes.parabolas[row], rows_px, image, horizon_px, lens)
+        lines = _lines(lanes.drawn[slice(row, row + 1)], rows_px, image, lanes.lenses.camera(row))
         scores.append(tusimple_score([lines[k] for k in np.flatnonzero(lanes.found[row])], beside, rows_px))
     if scores:
         headline.errors("lanes.truth_accuracy", np.array([score.accuracy for score in scores]))
@@ -140,34 +137,29 @@ def _add_labels(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows,
         headline.errors("lanes.truth_missed_share", np.array([score.false_negative for score in scores]))
 
 
-def _lines(
-    parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float, lens: Camera | None = None
-) -> FloatArray:
-    """Columns (2, h) in the camera's image of both boundaries (2, 3) at rows from the top; NaN where they have ended.
+def _lines(drawn: BoundaryLines, rows_px: FloatArray, sizes: Image, lens: Camera | None = None) -> FloatArray:
+    """Columns (2, h) in the camera's image of both boundaries of a frame at rows from the top; NaN where they ended.
 
-    A boundary ends at the image's edge, below the horizon (a row of the search image) and where both meet: where the
-    line ends that `cwcli lanes` draws (`cwcli.vision.overlay.line_points`). The lens is that of the camera, if the
-    boundaries are those of its rectified image.
+    A boundary ends at the image's edge and where the line ends that `cwcli lanes` draws (`BoundaryLines`). The lens is
+    that of the camera, if the boundaries are those of its rectified image.
     """
     if lens is not None:
-        return _seen_through(lens, parabolas, rows_px, sizes, horizon_px)
-    search_w, _, image_w, _ = sizes
-    x_px, y_px, is_above = _columns_at(parabolas, rows_px, sizes, horizon_px)
+        return _seen_through(lens, drawn, rows_px, sizes)
+    search_w, search_h, image_w, image_h = sizes
+    y_px = search_h + 0.5 - (rows_px + 0.5) * search_h / image_h
+    x_px = drawn.columns_px(y_px[None], search_h)[0]
     with np.errstate(invalid="ignore"):
         outside = (x_px < 0.5) | (x_px > search_w + 0.5) | (y_px < 0.5)
-    x_px = np.where(outside | is_above, np.nan, x_px)
-    return np.asarray((x_px - 0.5) * image_w / search_w - 0.5)
+    return np.asarray((np.where(outside, np.nan, x_px) - 0.5) * image_w / search_w - 0.5)
 
 
-def _seen_through(
-    lens: Camera, parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float
-) -> FloatArray:
+def _seen_through(lens: Camera, drawn: BoundaryLines, rows_px: FloatArray, sizes: Image) -> FloatArray:
     """`_lines` of a rectified image: each of its rows' points, where the camera sees them, joined by straight lines."""
-    search_w, _, image_w, _ = sizes
+    search_w, search_h, image_w, image_h = sizes
     lowest_px = lowest_row_px(lens)
     dense_px = np.linspace(0.0, lowest_px, min(int(lowest_px) + 1, MOST_ROWS))
-    x_px, _, is_above = _columns_at(parabolas, dense_px, sizes, horizon_px)
-    u_px = (np.where(is_above, np.nan, x_px) - 0.5) * image_w / search_w - 0.5
+    x_px = drawn.columns_px((search_h + 0.5 - (dense_px + 0.5) * search_h / image_h)[None], search_h)[0]
+    u_px = (x_px - 0.5) * image_w / search_w - 0.5
     seen = camera_points(np.stack([u_px, np.broadcast_to(dense_px, u_px.shape)], axis=-1), lens)
     made = np.full((len(seen), len(rows_px)), np.nan)
     for side, points in enumerate(seen):
@@ -176,18 +168,3 @@ def _seen_through(
             line = line[np.argsort(line[:, 1], kind="stable")]
             made[side] = np.interp(rows_px, line[:, 1], line[:, 0], left=np.nan, right=np.nan)
     return made
-
-
-def _columns_at(
-    parabolas: FloatArray, rows_px: FloatArray, sizes: Image, horizon_px: float
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """x (2, h) and y (h,) in the search image at rows of the image of the camera's size, and where lines have ended."""
-    _, search_h, _, image_h = sizes
-    y_px = search_h + 0.5 - (rows_px + 0.5) * search_h / image_h
-    top_px = np.fmin(search_h - horizon_px - HORIZON_GAP * search_h, HIGHEST * search_h)
-    a, b, c = parabolas.T[:, :, None]
-    x_px = (a * y_px + b) * y_px + c
-    with np.errstate(invalid="ignore"):
-        meet = x_px[1] - x_px[0] <= MIN_GAP_PX
-    met_y = y_px[meet].min() if meet.any() else np.inf
-    return x_px, y_px, (y_px > top_px) | (y_px >= met_y)

@@ -30,7 +30,7 @@ from cwcli.stages.summaries.lanes import lanes_section, lanes_table
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, decode_frames
-from cwcli.vision.ground import LaneGeometry, lane_geometry
+from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.raw_images import Image
@@ -294,6 +294,7 @@ class _Run:
         image_size, search_size = numbers[:, 4:6], numbers[:, 6:8]
         horizon_px = np.full(len(fits), np.nan)
         turned_rad = np.full((len(fits), 2), np.nan)
+        roads, top_px = np.full((len(fits), 2, 3), np.nan), np.full(len(fits), np.nan)
         parts: list[tuple[Rows, LaneGeometry]] = []
         sizes = numbers[:, 4:8]
         for size in np.unique(sizes, axis=0):
@@ -301,11 +302,13 @@ class _Run:
             image_w, image_h, search_w, search_h = size.tolist()
             camera = self._search_camera((image_w, image_h), (search_w, search_h))
             parts.append((rows, lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
+            roads[rows] = image_roads(fits[rows], camera)
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]
             if is_known:
                 pitch_rad = np.where(np.isnan(pitch_rad), camera.mounting.pitch_rad, pitch_rad)
             horizon_px[rows] = camera.horizon_v_px(pitch_rad)
+            top_px[rows] = line_tops(fits[rows], camera, horizon_px[rows])
             for k, own_rad in enumerate((fits.pitch_rad, fits.yaw_rad)):
                 assumed_rad = (camera.mounting.pitch_rad, camera.mounting.yaw_rad)[k]
                 turned_rad[rows, k] = np.where(np.isnan(own_rad[rows]), assumed_rad, own_rad[rows])
@@ -320,6 +323,8 @@ class _Run:
             camera_pitch_rad=turned_rad[:, 0],
             camera_yaw_rad=turned_rad[:, 1],
             fits=fits,
+            roads=roads,
+            top_px=top_px,
             geometry=geometry,
             preview_m=config.preview_m,
             rectified_from=self._source.camera if self._is_rectified else None,

@@ -87,10 +87,7 @@ class _Scene:
 
     def boundaries(self, row: int) -> list[FloatArray]:
         """The lane boundaries that `cwcli lanes` found, left and right, in the frame's pixels."""
-        at = int(self.lane_rows[row])
-        width_px, height_px = self.lanes.search_size[at].tolist()
-        horizon_px = self.camera(row).resized(width_px, height_px).horizon_v_px()
-        return self.lanes.lines(at, self.image_size(row), float(horizon_px))
+        return self.lanes.lines(int(self.lane_rows[row]), self.image_size(row))
 
 
 def has_lanes(log: Log) -> bool:

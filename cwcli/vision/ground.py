@@ -38,7 +38,11 @@ FAR_M = 60.0
 """Boundaries are sampled up to here: beyond it a pixel of the search image is metres of road."""
 HIGHEST = 0.625
 """Of the image's height: the paper's 150 of 240 rows."""
+MIN_DEPTH = 0.03
+"""Of the image's height: nearer to the horizon a marking is narrower than a pixel (12 cm, 1.3 m below a camera with 360
+rows), so no evidence is looked for there, and boundaries end."""
 LOWEST_TOP_PX = 8.0
+LOWEST_LINE_PX = 2.0
 NEAR_M = 2.0
 WIDTH_AT_M = 10.0
 """Where the lane's width is measured."""
@@ -103,6 +107,58 @@ def lane_geometry(
     return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in made]) for f in fields(LaneGeometry)))
 
 
+def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
+    """The boundaries as images of a flat road of constant curvature: x = far + near h + bend / h.
+
+    h is in rows below the horizon. As on the ground, the road is sought whose best parabola is the given one. It holds
+    near the horizon too, where a parabola is off by lanes.
+
+    Args:
+        fits: n fits.
+        camera: In the pixels of the search image.
+
+    Returns:
+        Shape (n, 2, 3): far (px), near, bend (px^2) of each boundary; NaN where none was found, or where the method
+        found no horizon (`fits.pitch_rad` is NaN).
+    """
+    y_px = _sampled_px(camera, fits.pitch_rad)
+    x_px = _columns_px(fits.parabolas, y_px)
+    h = ((camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None]) / camera.height_px)[:, None]
+    is_there = np.isfinite(x_px) & (h > 0.0)
+    h = np.where(h > 0.0, h, 1.0)
+    terms = np.stack([np.ones_like(h), h, 1.0 / h], axis=-1)
+    seen_px = x_px
+    for _ in range(2):  # the parabola was fitted to samples of which the road, not the parabola, is in the image
+        use = is_there & _in_image(seen_px, is_there, camera)
+        part = np.where(use, 1.0, 0.0)
+        normal, right = np.empty((*x_px.shape[:2], 3, 3)), np.empty((*x_px.shape[:2], 3))
+        for i in range(3):
+            normal[..., i, :] = (part[..., None] * terms).sum(axis=2)
+            right[..., i] = (part * np.where(use, x_px, 0.0)).sum(axis=2)
+            part = part * (y_px / camera.height_px)[:, None]
+        roads = _solved(normal, right, use)
+        seen_px = (roads[:, :, None] * terms).sum(axis=-1)
+    return np.asarray(roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px]))
+
+
+def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
+    """Shape (n,): the row, from the image's top, at which the boundaries of each frame end.
+
+    Where the method found the horizon they end with the road at `FAR_M`, but below the rows in which evidence is looked
+    for. Else nothing is known of what lies above the paper's rows.
+
+    Args:
+        fits: n fits.
+        camera: In the pixels of the search image.
+        horizon_px: Shape (n,): row of the horizon; NaN where it is not known.
+    """
+    is_found = np.isfinite(fits.pitch_rad)
+    paper_px = np.full(len(fits), (1.0 - HIGHEST) * camera.height_px)
+    far_px = np.where(is_found, camera.height_px - _far_y_px(camera, fits.pitch_rad), paper_px)
+    top_px = np.fmax(far_px, horizon_px + MIN_DEPTH * camera.height_px)
+    return np.asarray(np.clip(top_px, 0.0, camera.height_px - LOWEST_LINE_PX))
+
+
 def parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
     """Shape (3, 3): covariance of (a, b, c) fitted to places with errors of `pixel_px` at independent heights."""
     y_px = np.linspace(1.0, float(_top_y_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT)
@@ -112,9 +168,12 @@ def parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
 
 def _top_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     """Height in the image of the road at `FAR_M`, or `HIGHEST` of the image if that is lower; distortion left out."""
+    return np.asarray(np.clip(_far_y_px(camera, pitch_rad), LOWEST_TOP_PX, HIGHEST * camera.height_px))
+
+
+def _far_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     below_rad = np.arctan(camera.mounting.height_m / FAR_M) - pitch_rad
-    y_px = camera.height_px - (camera.cy + camera.fy * np.tan(below_rad))
-    return np.asarray(np.clip(y_px, LOWEST_TOP_PX, HIGHEST * camera.height_px))
+    return np.asarray(camera.height_px - (camera.cy + camera.fy * np.tan(below_rad)))
 
 
 def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometrySigmas) -> LaneGeometry:
@@ -170,9 +229,8 @@ def _body(
         use: Shape (n, 2, `N_SAMPLES`): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
-    top = _top_y_px(camera, mount[:, 0])
-    y_px = 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * top[:, None]
-    x_px = (parabolas[..., :1] * y_px[:, None] + parabolas[..., 1:2]) * y_px[:, None] + parabolas[..., 2:]
+    y_px = _sampled_px(camera, mount[:, 0])
+    x_px = _columns_px(parabolas, y_px)
     v_px = np.broadcast_to(camera.height_px - y_px[:, None], x_px.shape)
     is_there = np.isfinite(x_px)
     rays = camera.rays_from_image(np.where(is_there, x_px - 1.0, 0.0).ravel(), v_px.ravel()).reshape(n, 2, N_SAMPLES, 3)
@@ -188,11 +246,24 @@ def _body(
     x_m = scale * forward
     y_m = scale * left + camera.mounting.lateral_offset_m
     if use is None:
-        in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
-        # Where hardly anything is seen of it, take what is outside.
-        in_image |= in_image.sum(axis=-1, keepdims=True) < MIN_SAMPLES
-        use = is_there & in_image & (x_m > NEAR_M) & (x_m < 2.0 * FAR_M)
+        use = is_there & _in_image(x_px, is_there, camera) & (x_m > NEAR_M) & (x_m < 2.0 * FAR_M)
     return _fit_roads(x_m, y_m, y_px / camera.height_px, use), use
+
+
+def _sampled_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+    """Shape (n, `N_SAMPLES`): heights in the image at which boundaries are sampled."""
+    return 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * _top_y_px(camera, pitch_rad)[:, None]
+
+
+def _columns_px(parabolas: FloatArray, y_px: FloatArray) -> FloatArray:
+    """Shape (n, 2, k): x of the parabolas (n, 2, 3) at heights (n, k)."""
+    return (parabolas[..., :1] * y_px[:, None] + parabolas[..., 1:2]) * y_px[:, None] + parabolas[..., 2:]
+
+
+def _in_image(x_px: FloatArray, is_there: BoolArray, camera: Camera) -> BoolArray:
+    """Which samples to use: those in the image; where hardly anything is seen of a boundary, also what is outside."""
+    in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
+    return np.asarray(in_image | (in_image.sum(axis=-1, keepdims=True) < MIN_SAMPLES))
 
 
 def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
@@ -229,10 +300,14 @@ def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolAr
         normal[..., i, 2] = (0.5 * part * x**2).sum(axis=-1)
         right[..., i] = (part * y).sum(axis=-1)
         part = part * height
-    enough = use.sum(axis=-1) >= MIN_SAMPLES
-    normal = np.where(enough[..., None, None], normal, np.eye(3))
-    solved = np.linalg.solve(normal, right[..., None])[..., 0]
-    return np.asarray(np.where(enough[..., None], solved, np.nan) / np.array([1.0, FAR_M, FAR_M**2]))
+    return np.asarray(_solved(normal, right, use) / np.array([1.0, FAR_M, FAR_M**2]))
+
+
+def _solved(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray:
+    """Shape (n, 2, 3): the solutions; NaN where fewer than `MIN_SAMPLES` are used."""
+    enough = use.sum(axis=-1, keepdims=True) >= MIN_SAMPLES
+    normal = np.where(enough[..., None], normal, np.eye(3))
+    return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
 
 
 def _preview(body: FloatArray, preview_m: float) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
+from cwcli.vision.ground import MIN_DEPTH
 from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, SIGMA, VANISHING, WIDTH, LanePrior
 from cwcli.vision.method import GreyImage
 from cwcli.vision.vanishing import vanishing_point
@@ -31,8 +32,6 @@ HALF = 0.3
 DEAD = 0.25
 CROWDED = 0.07
 PRIOR_WEIGHT = 0.02
-MIN_DEPTH = 0.03
-"""Of the image height: nearer to the horizon the road is too far away to see a marking."""
 SCAN_STEP, GLANCE_STEP = 2, 3
 """Only every so many-th judged row is scanned."""
 PLACE_STEP = 0.06

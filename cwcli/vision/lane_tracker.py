@@ -16,10 +16,10 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.camera import Camera
+from cwcli.vision.ground import MIN_DEPTH
 from cwcli.vision.lane_belief import boundary_probabilities
 from cwcli.vision.lane_detect import (
     MAX_ROWS,
-    MIN_DEPTH,
     Evidence,
     acquire,
     evidence_of,

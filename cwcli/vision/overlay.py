@@ -8,18 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
-from cwcli.vision.ground import HIGHEST
 from cwcli.vision.raw_images import Image
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
 BoolArray = npt.NDArray[np.bool_]
 
-N_POINTS = 24
-HORIZON_GAP = 0.015
-"""Boundaries end this far below the horizon, in image heights."""
-MIN_GAP_PX = 4.0
-"""Boundaries end where they come nearer to each other than this, in search pixels."""
+N_POINTS = 32
+DENSER = 1.5
+"""Points lie nearer to each other towards the top, where the line of a bend is bent most."""
 
 LEFT_RGB = (0.1, 0.9, 0.2)
 RIGHT_RGB = (1.0, 0.55, 0.0)
@@ -27,45 +25,35 @@ JPEG_QUALITY = 85
 
 
 def line_points(
-    parabolas: FloatArray,
-    search_size: tuple[int, int],
-    image_size: tuple[int, int],
-    horizon_px: FloatArray | float = np.nan,
-    camera: Camera | None = None,
+    lines: BoundaryLines, search_size: tuple[int, int], image_size: tuple[int, int], camera: Camera | None = None
 ) -> tuple[FloatArray, BoolArray]:
     """The boundaries of n frames in the camera's images.
 
     Args:
-        parabolas: Shape (n, 2, 3): a, b, c in the pixels of the search image; NaN where there is none.
+        lines: In the pixels of the search image.
         search_size, image_size: (width, height) in pixels.
-        horizon_px: Row of the horizon in the search image from the top, one or n; NaN where it is not known.
         camera: Of images of `image_size`, if the search image is the rectified one. The lines are then followed into
             the corners that the camera sees and the search image does not.
 
     Returns:
         Points of shape (n, 2, `N_POINTS`, 2): u and v from the bottom up, (0, 0) being the centre of the top left
-        pixel; and which of them belong to the line, shape (n, 2, `N_POINTS`): found, in the image, and below the place
-        where both boundaries meet.
+        pixel; and which of them belong to the line, shape (n, 2, `N_POINTS`): found, in the image, and not ended.
     """
     width_px, height_px = search_size
-    below_horizon = height_px - np.broadcast_to(horizon_px, len(parabolas)) - HORIZON_GAP * height_px
-    top = np.maximum(np.fmin(below_horizon, HIGHEST * height_px), 2.0)
     scale = np.array([image_size[0] / width_px, image_size[1] / height_px])
     foot_px = 1.0
     if camera is not None:
         foot_px = height_px + 0.5 - (lowest_row_px(camera) + 0.5) / scale[1]
-    y_px = foot_px + np.linspace(0.0, 1.0, N_POINTS) * (top[:, None] - foot_px)
-    a, b, c = np.moveaxis(parabolas[..., None], 2, 0)
-    x_px = (a * y_px[:, None] + b) * y_px[:, None] + c
-    with np.errstate(invalid="ignore"):
-        is_in = (x_px >= 1.0) & (x_px <= width_px)
-        apart = ~(x_px[:, 1] - x_px[:, 0] <= MIN_GAP_PX)
+    share = 1.0 - np.linspace(1.0, 0.0, N_POINTS) ** DENSER
+    y_px = foot_px + share * (height_px - lines.top_px - foot_px)[:, None]
+    x_px = lines.columns_px(y_px, height_px)
     v_px = np.broadcast_to((height_px - y_px)[:, None], x_px.shape)
     points = (np.stack([x_px - 1.0, v_px], axis=-1) + 0.5) * scale - 0.5
-    if camera is not None:
-        points = camera_points(points, camera)
-        is_in = is_in_image(points, camera)
-    return points, is_in & np.logical_and.accumulate(apart, axis=1)[:, None]
+    if camera is None:
+        with np.errstate(invalid="ignore"):
+            return points, (x_px >= 1.0) & (x_px <= width_px)
+    points = camera_points(points, camera)
+    return points, is_in_image(points, camera)
 
 
 def burn_in(image: Image, lines: Sequence[FloatArray]) -> Image:

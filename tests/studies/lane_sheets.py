@@ -21,11 +21,14 @@ import numpy as np
 
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
-from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, columns_px, is_right, vision_camera
+from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, is_right, vision_camera
 from cwcli.simulation.road.drive import set_drives
 from cwcli.simulation.road.sets import SETS
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.vision.method import LaneFrame
+from cwcli.vision.boundary_lines import BoundaryLines
+from cwcli.vision.fit_columns import FitRecorder
+from cwcli.vision.ground import image_roads, line_tops
+from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from tests.studies.road_sheets import DOCS, sheet, write
 
@@ -48,9 +51,9 @@ def rendered(name: str, method_name: str) -> list[np.ndarray]:
             stamp_ns = round(float(drive.time_s[k]) * 1e9)
             fit = search.step(LaneFrame(frame.grey, vision_camera(*size), stamp_ns, k, prepared=prepared))
         image = cv2.cvtColor(frame.grey, cv2.COLOR_GRAY2BGR)
-        for boundary, colour in ((fit.left, ORANGE), (fit.right, BLUE)):
-            for v, u in enumerate(columns_px(boundary, size, size)):
-                if v >= height * 3 // 8 and 0 <= u < width:
+        for columns, colour in zip(drawn(fit, *size), (ORANGE, BLUE), strict=True):
+            for v, u in enumerate(columns):
+                if 0 <= u < width:
                     cv2.circle(image, (round(float(u)), v), 1, colour, -1)
         colour = GREEN if is_right(frame, fit, size, by_stripe=True) else RED
         cv2.putText(
@@ -58,6 +61,18 @@ def rendered(name: str, method_name: str) -> list[np.ndarray]:
         )
         tiles.append(image)
     return tiles
+
+
+def drawn(fit: LaneFit, width_px: int, height_px: int) -> np.ndarray:
+    """Shape (2, height): the boundaries' columns in every row as `cwcli lanes` draws them, NaN where it does not."""
+    recorder = FitRecorder()
+    recorder.append(fit)
+    fits, camera = recorder.columns(), vision_camera(width_px, height_px)
+    is_found = np.isfinite(fits.pitch_rad)
+    horizon_px = camera.horizon_v_px(np.where(is_found, fits.pitch_rad, camera.mounting.pitch_rad))
+    top_px = line_tops(fits, camera, horizon_px)
+    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px)
+    return lines.columns_px(height_px - np.arange(float(height_px))[None], height_px)[0] - 1.0
 
 
 def of_log(path: Path, method_name: str, every: int) -> list[np.ndarray]:

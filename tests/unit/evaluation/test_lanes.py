@@ -29,6 +29,7 @@ def lanes_channel(*, right_found: list[bool], width_m: list[float]) -> OutputCha
     }
     sizes = {"search_width_px": 160, "search_height_px": 120, "image_width_px": 320, "image_height_px": 240}
     fields |= {name: np.full(n, size) for name, size in sizes.items()}
+    fields |= {name: np.full(n, math.nan) for name in ("horizon_px", "top_px")}
     # the searched image's column x, counted from 1, is the camera's u = 2 (x - 0.5) - 0.5, counted from 0
     for side, u_px, is_found in (("left", 100.0, [True] * n), ("right", 200.0, right_found)):
         fields |= {
@@ -37,6 +38,7 @@ def lanes_channel(*, right_found: list[bool], width_m: list[float]) -> OutputCha
             f"{side}.c": np.full(n, (u_px + 0.5) / 2.0 + 0.5),
         }
         fields[f"{side}.found"] = np.array(is_found)
+        fields |= {f"{side}.{name}": np.full(n, math.nan) for name in ("far_px", "near", "bend_px2")}
     for side, line in (("left", (1.75, 0.01, 0.002)), ("right", (-1.75, 0.0, 0.0))):
         for name, value in zip(("lateral_m", "slope", "ground_curvature_1pm"), line, strict=True):
             fields[f"{side}.{name}"] = np.full(n, value)
@@ -72,15 +74,42 @@ def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:
         assert found[f"lanes.lateral_{distance_m}m_rmse_m"] == expected
 
 
-def test_a_boundary_is_judged_as_far_as_it_is_drawn(tmp_path: Path) -> None:
-    """It ends 1.5 % of the image's height below the horizon, like the line that `cwcli lanes` draws."""
-    # horizon in row 60 of 120, so in row 120 of 240: the line ends in row 123.6; both labels end in row 130
-    rows_px = [100, 120, 130, 160, 200, 239]
-    label = {"h_samples": rows_px, "lanes": [[-2, -2, *[100] * 4], [-2, -2, *[200] * 4]]}
+@pytest.mark.parametrize(
+    ("top_px", "horizon_px", "accuracy"),
+    [
+        *[(62.0, math.nan, 1.0), (42.0, math.nan, 5.0 / 8.0), (10.0, math.nan, 4.0 / 8.0)],
+        *[(math.nan, math.nan, 6.0 / 8.0), (math.nan, 60.0, 1.0), (math.nan, 10.0, 6.0 / 8.0)],
+    ],
+)
+def test_a_boundary_is_judged_as_far_as_it_is_drawn(
+    tmp_path: Path, top_px: float, horizon_px: float, accuracy: float
+) -> None:
+    """Row 62 of 120 is row 124.5 of 240; both labels end in row 130. In logs of older versions, which tell no top, a
+    boundary ends in row 90 (3/8), or 3 % of the height below the horizon if that is lower."""
+    rows_px = [60, 85, 100, 120, 130, 160, 200, 239]
+    label = {"h_samples": rows_px, "lanes": [[*[-2] * 4, *[100] * 4], [*[-2] * 4, *[200] * 4]]}
     message = (T0_NS, {"timestamp": {"sec": T0_NS // 10**9, "nsec": 0}, **label})
     own = lanes_channel(right_found=[True], width_m=[3.5])
-    for horizon_px, accuracy in ((60.0, 1.0), (40.0, 4.0 / 6.0)):
-        channel = replace(own, fields={**own.fields, "horizon_px": np.array([horizon_px])})
-        path = tmp_path / f"{horizon_px}.mcap"
-        found = values(log_of(path, [channel], **{"/truth/lanes": [message]}))
-        assert found["lanes.truth_accuracy"] == pytest.approx(accuracy)
+    told = {"top_px": np.array([top_px]), "horizon_px": np.array([horizon_px])}
+    channel = replace(own, fields={**own.fields, **told})
+    found = values(log_of(tmp_path / "a.mcap", [channel], **{"/truth/lanes": [message]}))
+    assert found["lanes.truth_accuracy"] == pytest.approx(accuracy)
+
+
+def test_a_boundary_is_judged_as_the_road_that_is_drawn(tmp_path: Path) -> None:
+    """x = 50 + 0.5 h + 200 / h in the searched image, h rows below its row 20; the parabola is elsewhere."""
+    rows_px = np.array([59.5, 79.5, 119.5, 199.5])  # rows 29.5, 39.5, 59.5 and 99.5 of the searched image
+    h = (rows_px + 0.5) / 2.0 - 0.5 - 20.0
+    u_px = 2.0 * (50.0 + 0.5 * h + 200.0 / h - 0.5) - 0.5
+    label = {"h_samples": rows_px.tolist(), "lanes": [u_px.tolist(), (u_px + 100.0).tolist()]}
+    message = (T0_NS, {"timestamp": {"sec": T0_NS // 10**9, "nsec": 0}, **label})
+    own = lanes_channel(right_found=[True], width_m=[3.5])
+    roads = {"left": (50.0, 0.5, 200.0), "right": (100.0, 0.5, 200.0)}
+    told = {
+        f"{side}.{name}": np.array([value])
+        for side, road in roads.items()
+        for name, value in zip(("far_px", "near", "bend_px2"), road, strict=True)
+    }
+    channel = replace(own, fields={**own.fields, **told, "horizon_px": np.array([20.0]), "top_px": np.array([25.0])})
+    found = values(log_of(tmp_path / "a.mcap", [channel], **{"/truth/lanes": [message]}))
+    assert found["lanes.truth_accuracy"] == pytest.approx(1.0)

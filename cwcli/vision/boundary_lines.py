@@ -1,0 +1,56 @@
+"""Where the boundaries of a frame are drawn and judged, and how far up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+
+MIN_GAP_PX = 4.0
+"""Boundaries end where they come nearer to each other than this, in search pixels."""
+
+
+@dataclass(frozen=True)
+class BoundaryLines:
+    """Both boundaries of n frames in the pixels of the search image; side 0 is left.
+
+    Attributes:
+        parabolas: Shape (n, 2, 3): a, b, c of x = a y^2 + b y + c, y up from the bottom; NaN where not found.
+        roads: Shape (n, 2, 3): far, near, bend of x = far + near h + bend / h, h rows below the horizon
+            (`ground.image_roads`); NaN where they are not known: then the parabolas are the lines.
+        horizon_px: Shape (n,): row of the horizon from the top; NaN where it is not known.
+        top_px: Shape (n,): row from the top at which lines end (`ground.line_tops`).
+    """
+
+    parabolas: FloatArray
+    roads: FloatArray
+    horizon_px: FloatArray
+    top_px: FloatArray
+
+    def __getitem__(self, rows: slice | npt.NDArray[np.intp]) -> BoundaryLines:
+        return BoundaryLines(self.parabolas[rows], self.roads[rows], self.horizon_px[rows], self.top_px[rows])
+
+    def columns_px(self, y_px: FloatArray, height_px: float) -> FloatArray:
+        """Shape (n, 2, k): x at heights above the bottom (n, k); NaN where a boundary is not found or has ended.
+
+        It ends above `top_px`, and where both boundaries meet.
+
+        Args:
+            y_px: Shape (n, k).
+            height_px: Of the search image.
+        """
+        a, b, c = np.moveaxis(self.parabolas[..., None], 2, 0)
+        y = y_px[:, None]
+        parabola_px = (a * y + b) * y + c
+        far, near, bend = np.moveaxis(self.roads[..., None], 2, 0)
+        h = height_px - y - self.horizon_px[:, None, None]
+        road_px = far + near * h + bend / np.where(h > 0.0, h, np.nan)
+        x_px = np.where(np.isfinite(self.roads).all(axis=2, keepdims=True), road_px, parabola_px)
+        with np.errstate(invalid="ignore"):
+            meet = x_px[:, 1] - x_px[:, 0] <= MIN_GAP_PX
+        met_px = np.where(meet, y_px, np.inf).min(axis=1, initial=np.inf)
+        ended = (height_px - y_px < self.top_px[:, None]) | (y_px >= met_px[:, None])
+        return np.where(ended[:, None], np.nan, x_px)
