@@ -58,7 +58,7 @@ def test_lanes_tells_what_it_assumed(cwcli: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (("--method", "nonsense"), 2, "no lane method nonsense"),
+        (("--method", "nonsense"), 2, "no lane method 'nonsense'"),
         (("--camera-fov", "200"), 2, "--camera-fov"),
         (("--camera-fov", "1e-9"), 2, "--camera-fov"),
         (("--camera-height", "1e-6"), 2, "--camera-height 1e-06 must lie between 0.2 and 5 m"),
