@@ -21,12 +21,12 @@ def effective_count(values: FloatArray, max_lag: int = 200) -> float:
     """
     n = len(values)
     centred = values - values.mean() if n else values
-    power = float(centred @ centred)
+    power = float(np.einsum("i,i", centred, centred))  # a BLAS product of long columns waits for threads
     if n < 3 or power <= 0.0:
         return float(n)
     total = 0.0
     for lag in range(1, min(max_lag, n - 1)):
-        rho = float(centred[:-lag] @ centred[lag:]) / power
+        rho = float(np.einsum("i,i", centred[:-lag], centred[lag:])) / power
         if rho < 0.0:
             break
         total += rho
