@@ -1,12 +1,15 @@
 """State estimation: filter, smoother, latency, biases, consistency. Plain arrays in, plain arrays out."""
 
 from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.track import SourceReport, Track, estimate_track, estimate_tracks
 
 __all__ = [
     "EstimatorConfig",
     "Kind",
+    "Latency",
+    "LatencyStatus",
     "Measurements",
     "SourceReport",
     "Track",

@@ -14,6 +14,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.latency import NO_LATENCY, given_latency
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass, unsmoothed_note
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
@@ -81,13 +82,12 @@ def estimate_song2016(
     """
     epoch = epoch_ns(measurements)
     prepared, notes = prepare(measurements, epoch)
-    given = {} if isinstance(config.latency, str) else config.latency
+    latencies = [given_latency(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s
-    series = []
-    for p in prepared:
-        s = p.series
-        latency = given.get(f"{s.source}:{s.kind.name.lower()}", given.get(s.source, 0.0))
-        series.append(_on_grid(replace(s, latency_s=float(latency)), step))
+    series = [
+        _on_grid(replace(p.series, latency_s=latency.applied_s), step)
+        for p, latency in zip(prepared, latencies, strict=True)
+    ]
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         raise DataError("no finite position among the measurements")
     start = find_start(series, 6, causal=config.causal)
@@ -116,10 +116,10 @@ def estimate_song2016(
             s.source, s.kind, n_read=p.n_read, n_used=int((status >= UpdateStatus.USED).sum()),
             n_gated=int((status == UpdateStatus.GATED).sum()),
             n_not_finite=p.n_not_finite, n_interpolated=p.n_interpolated, nis_mean=_mean(nis[:, 0]),
-            nis_dof=s.width, noise_origin=s.noise_origin, latency_s=p.series.latency_s,
+            nis_dof=s.width, noise_origin=s.noise_origin, latency=latency,
             sigma=float(np.sqrt(s.noise[:, 0].mean())) if len(s) else float("nan"),
         )
-        for p, s, nis, status in zip(prepared, series, result.nis, result.status, strict=True)
+        for p, s, latency, nis, status in zip(prepared, series, latencies, result.nis, result.status, strict=True)
     )  # fmt: skip
     return Track(output_stamp_ns, state, covariance, reports, result.log_likelihood, tuple(notes))
 

@@ -13,6 +13,7 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
+from cwcli.estimation.latency import NO_LATENCY, Latency, LatencyStatus
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass, unsmoothed_note
@@ -25,7 +26,6 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 MIN_NIS_ROWS = 20
-AHEAD_SIGMAS = 3.0
 LONG_LEAD_IN_S = 3.0  # without a position
 MOST_STARTS = 6
 STARTS_AGREE_M = 0.5
@@ -54,9 +54,7 @@ class SourceReport:
         sigma: One-sigma measurement noise used (root mean variance over rows and axes).
         noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
             innovations) or "default".
-        latency_s: Latency that was corrected, positive = late.
-        latency_sigma_s: One sigma; NaN where it was not estimated.
-        latency_status: "reference", "estimated", "given", "not observable" or "off".
+        latency: What was found or given, its sigma, and what was made of it.
         bias: Additive bias at the middle of the log in the unit of the kind, NaN where none is modelled.
         bias_sigma: One sigma of the bias.
     """
@@ -76,9 +74,7 @@ class SourceReport:
     nis_inside: bool | None = None
     sigma: float = float("nan")
     noise_origin: str = "default"
-    latency_s: float = 0.0
-    latency_sigma_s: float = float("nan")
-    latency_status: str = "off"
+    latency: Latency = NO_LATENCY
     bias: float = float("nan")
     bias_sigma: float = float("nan")
 
@@ -199,18 +195,14 @@ def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
 def _late_reference(tuned: Tuned) -> tuple[float, list[str]]:
     """Return by how much the reference is late, in seconds, with a note; 0 where nothing says so.
 
-    A position can't be stamped before it was there. Where one comes out earlier than the reference, clearly beyond its
-    sigma, the reference (an IMU behind a filter or a bus) is late, and the receiver's satellite clock is better. The
-    filter runs on the reference's clock; the output is asked for on the receiver's.
+    A position can't be stamped before it was there. Where one clearly comes out earlier than the reference, the
+    reference (an IMU behind a filter or a bus) is late, and the receiver's satellite clock is better. The filter runs
+    on the reference's clock; the output is asked for on the receiver's.
     """
     late_s, source = 0.0, ""
     for s, latency in zip(tuned.series, tuned.latencies, strict=True):
-        if (
-            s.kind is Kind.POSITION
-            and latency.status == "estimated"
-            and latency.seconds < min(-late_s, -AHEAD_SIGMAS * latency.sigma_s)
-        ):
-            late_s, source = -latency.seconds, s.source
+        if s.kind is Kind.POSITION and latency.status is LatencyStatus.APPLIED and latency.found_s < -late_s:
+            late_s, source = -latency.found_s, s.source
     if not source:
         return 0.0, []
     return late_s, [
@@ -255,9 +247,7 @@ def _report(p: Prepared, tuned: Tuned, i: int, result: PassResult) -> SourceRepo
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
         noise_origin=s.noise_origin,
-        latency_s=latency.seconds,
-        latency_sigma_s=latency.sigma_s,
-        latency_status=latency.status,
+        latency=latency,
         bias=bias,
         bias_sigma=bias_sigma,
     )

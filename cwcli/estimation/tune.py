@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import Latency, find_latencies, latency_roles
+from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles
+from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import settle_noise
@@ -50,7 +51,7 @@ def tune(prepared: Sequence[Prepared], config: EstimatorConfig, parameters: Mode
     """
     series, walk, prior = with_bias_states(prepared, parameters)
     latencies = find_latencies(series, latency_roles(series, config), parameters, walk, prior)
-    series = [replace(s, latency_s=latency.seconds) for s, latency in zip(series, latencies, strict=True)]
+    series = [replace(s, latency_s=latency.applied_s) for s, latency in zip(series, latencies, strict=True)]
     series, parameters = settle_noise(series, parameters, walk, prior)
     probability = config.gate_probability
     gated = tuple(
@@ -59,7 +60,7 @@ def tune(prepared: Sequence[Prepared], config: EstimatorConfig, parameters: Mode
     notes = tuple(
         f"{s.source}: latency of {s.kind.name.lower()} not observable, not corrected"
         for s, latency in zip(series, latencies, strict=True)
-        if latency.status == "not observable" and len(s)
+        if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s)
     )
     return Tuned(gated, tuple(latencies), parameters.motion(walk), prior, notes)
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation import EstimatorConfig, estimate_track
-from cwcli.estimation.latency import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, PRIOR_S, SIDE_SLIP_M
+from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, PRIOR_S, SIDE_SLIP_M
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import run_pass
@@ -45,8 +45,8 @@ def one_run(seed: int, duration_s: float) -> Run:
     track = estimate_track(measurements, EstimatorConfig())
     reports = {r.source: r for r in track.sources if r.source in SOURCES}
     return Run(
-        {s: reports[s].latency_s - planted[s] for s in SOURCES},
-        {s: reports[s].latency_sigma_s for s in SOURCES},
+        {s: reports[s].latency.applied_s - planted[s] for s in SOURCES},
+        {s: reports[s].latency.sigma_s for s in SOURCES},
         bound(measurements, planted),
     )
 

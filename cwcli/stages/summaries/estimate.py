@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.estimation.latency import Latency
 from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.track import SourceReport, Track
 from cwcli.metrics.table import Table
@@ -114,7 +115,10 @@ def source_record(tracks: Mapping[str, TrackSummary]) -> str:
                 "gated": report.n_gated,
                 "nis_per_dof": finite(report.nis_mean / report.nis_dof),
                 "nis_inside": report.nis_inside,
-                "latency_s": finite(report.latency_s),
+                "latency_s": finite(report.latency.applied_s),
+                "latency_found_s": finite(report.latency.found_s),
+                "latency_sigma_s": finite(report.latency.sigma_s),
+                "latency_status": report.latency.status.value,
             }
             for vehicle, track in tracks.items()
             for report in track.sources
@@ -153,12 +157,13 @@ def _sources_section(ego: TrackSummary) -> Section:
             _quantity(report),
             report.n_used,
             report.n_gated,
-            _latency_text(report),
+            _latency_text(report.latency),
+            report.latency.status.value,
             _bias_text(report),
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "used", "gated", "latency [ms]", "bias")
+    columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status", "bias")
     return Section("sources", "Ego sources: what was used and corrected", columns, tuple(rows))
 
 
@@ -216,8 +221,9 @@ def _report_rows(vehicle: str, report: SourceReport) -> list[tuple[str, str, str
         ("nis_per_dof", report.nis_mean / report.nis_dof, ""),
         ("nis_lower", report.nis_bounds[0] / report.nis_dof, ""),
         ("nis_upper", report.nis_bounds[1] / report.nis_dof, ""),
-        ("latency", report.latency_s, "s"),
-        ("latency_sigma", report.latency_sigma_s, "s"),
+        ("latency", report.latency.applied_s, "s"),
+        ("latency_found", report.latency.found_s, "s"),
+        ("latency_sigma", report.latency.sigma_s, "s"),
         ("bias", report.bias, unit),
         ("bias_sigma", report.bias_sigma, unit),
     )
@@ -228,12 +234,11 @@ def _quantity(report: SourceReport) -> str:
     return report.kind.name.lower().replace("_", " ")
 
 
-def _latency_text(report: SourceReport) -> str:
-    if report.latency_status == "estimated":
-        return f"{1e3 * report.latency_s:.0f} +- {1e3 * report.latency_sigma_s:.0f}"
-    if report.latency_status == "given":
-        return f"{1e3 * report.latency_s:.0f} (given)"
-    return report.latency_status
+def _latency_text(latency: Latency) -> str:
+    if math.isnan(latency.found_s):
+        return ""
+    value = f"{1e3 * latency.found_s:.0f}"
+    return value if math.isnan(latency.sigma_s) else f"{value} +- {1e3 * latency.sigma_s:.0f}"
 
 
 def _bias_text(report: SourceReport) -> str:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track
+from cwcli.estimation import EstimatorConfig, Kind, Latency, LatencyStatus, Measurements, estimate_track
 from tests.studies.city_drive import EPOCH_NS, Sensors, city_drive, measure
 from tests.studies.latency import SOURCES, TOLERANCE_S, one_run
 
@@ -24,9 +24,9 @@ def test_planted_latencies_are_found_within_10_ms_in_nineteen_of_twenty() -> Non
 def test_a_latency_of_a_second_is_found_through_the_coarse_guess() -> None:
     track = estimate_track(measure(city_drive(3, DURATION_S), 3, {"gnss": 0.5, "speed": 1.0}), EstimatorConfig())
     found = {r.source: r for r in track.sources}
-    assert found["gnss"].latency_s == pytest.approx(0.5, abs=0.02)
-    assert found["speed"].latency_s == pytest.approx(1.0, abs=0.02)
-    assert found["imu"].latency_status == "reference"
+    assert found["gnss"].latency.applied_s == pytest.approx(0.5, abs=0.02)
+    assert found["speed"].latency.applied_s == pytest.approx(1.0, abs=0.02)
+    assert found["imu"].latency.status == "reference"
 
 
 def test_biases_and_noise_are_found() -> None:
@@ -44,6 +44,117 @@ def test_biases_and_noise_are_found() -> None:
         assert found[kind].nis_mean == pytest.approx(found[kind].nis_dof, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_without_a_latency_the_default_is_the_track_that_trusts_the_stamps(seed: int) -> None:
+    """What is found is told with its sigma, and nothing is moved."""
+    measurements = measure(city_drive(seed, 150.0), seed, {})
+    track = estimate_track(measurements, EstimatorConfig())
+    for r in track.sources:
+        if r.latency.status is not LatencyStatus.REFERENCE:
+            assert r.latency.status is LatencyStatus.NOT_SIGNIFICANT
+            assert abs(r.latency.found_s) < 3.0 * r.latency.sigma_s < 0.1
+            assert r.latency.applied_s == 0.0
+    np.testing.assert_array_equal(track.state, estimate_track(measurements, EstimatorConfig(latency="none")).state)
+
+
+def test_sigma_is_that_of_the_error_where_noise_is_white() -> None:
+    """Twelve drives without a latency: the errors over the said sigmas scatter by about one."""
+    drives = [measure(city_drive(seed, 150.0), seed, {}) for seed in range(20, 32)]
+    latencies = [
+        r.latency
+        for measurements in drives
+        for r in estimate_track(measurements, EstimatorConfig()).sources
+        if r.latency.status is not LatencyStatus.REFERENCE
+    ]
+    pulls = np.array([latency.found_s / latency.sigma_s for latency in latencies])
+    assert len(pulls) == 36
+    assert 0.6 < np.sqrt(np.mean(pulls**2)) < 1.15
+
+
+def test_a_latency_that_only_half_of_the_drive_has_is_not_applied_to_all_of_it() -> None:
+    """The mean says 100 ms and is wrong everywhere; found on one half it makes the other worse."""
+    gnss, *rest = measure(city_drive(0, DURATION_S), 0, {})
+    late_ns = np.where(gnss.stamp_ns > EPOCH_NS + 150 * 10**9, 200_000_000, 0)
+    track = estimate_track([replace(gnss, stamp_ns=gnss.stamp_ns + late_ns), *rest], EstimatorConfig())
+    latency = track.sources[0].latency
+    assert latency.status is LatencyStatus.NOT_SIGNIFICANT
+    assert latency.found_s == pytest.approx(0.1, abs=0.05)
+    assert latency.sigma_s > 0.015  # a constant latency is known to 4 ms
+
+
+def test_a_latency_that_drifts_is_applied_and_its_sigma_says_so() -> None:
+    """From 0 to 200 ms over the drive."""
+    gnss, *rest = measure(city_drive(0, DURATION_S), 0, {})
+    late_ns = ((gnss.stamp_ns - EPOCH_NS) * (0.2 / DURATION_S)).astype(np.int64)
+    track = estimate_track([replace(gnss, stamp_ns=gnss.stamp_ns + late_ns), *rest], EstimatorConfig())
+    latency = track.sources[0].latency
+    assert latency.status is LatencyStatus.APPLIED
+    assert latency.found_s == pytest.approx(0.1, abs=0.02)
+    assert latency.sigma_s > 0.008
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4])
+def test_a_speed_says_nothing_of_a_headings_latency(seed: int) -> None:
+    """With the latency a state the filter was sure of 196, -293 and 500 ms; fixed ones are all as good."""
+    measurements = measure(city_drive(seed, DURATION_S), seed, {})[:3]
+    found = {r.source: r.latency for r in estimate_track(measurements, EstimatorConfig()).sources}
+    assert found["speed"].status is LatencyStatus.REFERENCE
+    assert found["heading"].applied_s == 0.0
+    assert found["heading"].status is LatencyStatus.NOT_OBSERVABLE
+
+
+@pytest.mark.parametrize("duration_s", [1.0, 5.0, 20.0])
+def test_a_short_log_has_no_latency_corrected_that_is_not_there(duration_s: float) -> None:
+    measurements = measure(city_drive(1, duration_s), 1, {})
+    track = estimate_track(measurements, EstimatorConfig())
+    assert np.isfinite(track.state).all()
+    assert {r.latency.applied_s for r in track.sources} == {0.0}
+
+
+def test_a_large_latency_of_a_short_log_is_applied_with_three_times_the_sigma() -> None:
+    """Forty seconds are fewer than five blocks."""
+    track = estimate_track(measure(city_drive(1, 40.0), 1, {"gnss": 0.3}), EstimatorConfig())
+    latency = track.sources[0].latency
+    assert latency.status is LatencyStatus.APPLIED
+    assert latency.found_s == pytest.approx(0.3, abs=0.04)
+    assert 0.02 < latency.sigma_s < 0.1
+
+
+def test_a_parked_car_shows_no_latency() -> None:
+    rng = np.random.default_rng(0)
+    stamp = EPOCH_NS + np.arange(0, 100_000_000_000, 50_000_000)
+    n = len(stamp)
+    imu = np.tile([0.0, 0.0, 9.81, 0.0, 0.0, 0.0], (n, 1)) + 0.01 * rng.standard_normal((n, 6))
+    measurements = [
+        Measurements("gnss", Kind.POSITION, stamp, 0.5 * rng.standard_normal((n, 2))),
+        Measurements("speed", Kind.SPEED, stamp, np.zeros(n)),
+        Measurements("imu", Kind.IMU, stamp, imu),
+    ]
+    found = [r.latency for r in estimate_track(measurements, EstimatorConfig()).sources[:2]]
+    assert [latency.status for latency in found] == [LatencyStatus.NOT_OBSERVABLE] * 2
+
+
+def test_one_source_is_its_own_reference() -> None:
+    (gnss, *_) = measure(city_drive(2, 60.0), 2, {"gnss": 0.3})
+    (report,) = estimate_track([gnss], EstimatorConfig()).sources
+    assert report.latency == Latency(LatencyStatus.REFERENCE)
+
+
+def test_causal_and_smoothed_tracks_correct_the_same_latency() -> None:
+    measurements = measure(city_drive(8, 150.0), 8, {"gnss": 0.1})
+    smoothed, causal = (estimate_track(measurements, EstimatorConfig(causal=c)).sources for c in (False, True))
+    assert [r.latency for r in smoothed] == [r.latency for r in causal]
+    assert smoothed[0].latency.status is LatencyStatus.APPLIED
+
+
+def test_the_papers_filter_tells_the_latency_that_was_given() -> None:
+    measurements = measure(city_drive(2, 30.0), 2, {})
+    config = EstimatorConfig(model="song2016", latency={"gnss": 0.2})
+    found = {r.source: r.latency for r in estimate_track(measurements, config).sources}
+    assert found["gnss"] == Latency(LatencyStatus.GIVEN, 0.2)
+    assert found["speed"].status is LatencyStatus.OFF
+
+
 def test_a_car_that_drives_straight_at_one_speed_shows_no_latency() -> None:
     time = np.arange(0.0, 100.0, 0.1)
     rng = np.random.default_rng(0)
@@ -53,8 +164,8 @@ def test_a_car_that_drives_straight_at_one_speed_shows_no_latency() -> None:
     track = estimate_track(
         [Measurements("gnss", Kind.POSITION, stamp, xy), Measurements("imu", Kind.IMU, stamp, imu)], EstimatorConfig()
     )
-    assert track.sources[0].latency_status == "not observable"
-    assert track.sources[0].latency_s == 0.0
+    assert track.sources[0].latency.status == "not observable"
+    assert track.sources[0].latency.applied_s == 0.0
     assert any("not observable" in note for note in track.notes)
 
 
@@ -62,10 +173,10 @@ def test_given_latency_is_used_as_it_is_and_the_others_are_found() -> None:
     measurements = measure(city_drive(5, 150.0), 5, {"gnss": 0.2, "speed": 0.1})
     track = estimate_track(measurements, EstimatorConfig(latency={"gnss:position": 0.2}))
     found = {r.source: r for r in track.sources}
-    assert (found["gnss"].latency_s, found["gnss"].latency_status) == (0.2, "given")
-    assert found["speed"].latency_status == "estimated"
+    assert (found["gnss"].latency.applied_s, found["gnss"].latency.status) == (0.2, "given")
+    assert found["speed"].latency.status == "applied"
     off = estimate_track(measurements, EstimatorConfig(latency="none"))
-    assert {r.latency_status for r in off.sources} == {"off"}
+    assert {r.latency.status for r in off.sources} == {"off"}
 
 
 def test_correcting_the_latency_makes_the_track_better() -> None:
@@ -86,7 +197,7 @@ def test_states_are_on_the_positions_clock_where_the_imu_is_late() -> None:
     drive = city_drive(7, DURATION_S)
     track = estimate_track(measure(drive, 7, {"imu": 0.08}), EstimatorConfig())
     found = {r.source: r for r in track.sources}
-    assert found["gnss"].latency_s == pytest.approx(-0.08, abs=TOLERANCE_S)
+    assert found["gnss"].latency.applied_s == pytest.approx(-0.08, abs=TOLERANCE_S)
     assert any("reference is late" in note for note in track.notes)
     inside = slice(100, -100)
     truth = drive.at((track.stamp_ns[inside] - EPOCH_NS) / 1e9)

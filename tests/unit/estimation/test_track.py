@@ -112,7 +112,7 @@ def test_imu_alone_before_the_first_position_leaves_the_latency_right_and_the_co
     nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(track.covariance[:, :2, :2]), error)
     assert nees[:150].max() < 16.0  # two degrees of freedom, one path: 99.97 %
     position = next(s for s in track.sources if s.kind is Kind.POSITION)
-    assert abs(position.latency_s) < 0.05
+    assert abs(position.latency.found_s) < 0.05
     assert np.hypot(*error[170:].T).max() < 0.5
 
 

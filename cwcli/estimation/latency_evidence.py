@@ -1,0 +1,107 @@
+"""How sure a latency is: what each row of a source says of it.
+
+With the latency fixed, half the squared normalised innovation of a row is, but for a constant, its negative
+log-likelihood. Passes with the stamps moved a little less, just so and a little more give a parabola for each row. The
+vertex of their sum is the latency, its bend the information. Their scatter over blocks of the log tells how far that
+can be believed: on real drives parts of one log disagree by many of the sigmas that a model of white noise promises.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+BLOCK_S = 10.0  # longer than a manoeuvre
+MIN_BLOCKS = 5.0
+FEW_BLOCKS_FACTOR = 3.0  # on the sigma by the bend, where too few blocks tell
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Half the squared normalised innovation of each of k rows as a parabola in the latency tau:
+
+    level + slope (tau - centre) + bend (tau - centre)^2 / 2.
+
+    Attributes:
+        time_s: Shape (k,), increasing: when the rows were measured, corrected by the centre.
+        centre_s: Latency about which the parabolas are.
+        level, slope, bend: Shape (k,), 1, 1/s and 1/s^2.
+    """
+
+    time_s: FloatArray
+    centre_s: float
+    level: FloatArray
+    slope: FloatArray
+    bend: FloatArray
+
+    @classmethod
+    def of(
+        cls, time_s: FloatArray, centre_s: float, probe_s: float, less: FloatArray, just: FloatArray, more: FloatArray
+    ) -> Evidence:
+        """Lay the parabolas through three passes.
+
+        Args:
+            time_s, centre_s: See `Evidence`.
+            probe_s: How much less and more the stamps were moved.
+            less, just, more: Shape (k,): squared normalised innovations with the latencies centre - probe, centre and
+                centre + probe.
+        """
+        slope, bend = (more - less) / (4.0 * probe_s), (more - 2.0 * just + less) / (2.0 * probe_s**2)
+        return cls(time_s, centre_s, 0.5 * just, slope, bend)
+
+    @property
+    def latency_s(self) -> float:
+        """The vertex of the sum; NaN where it has none."""
+        return _vertex(self.centre_s, float(self.slope.sum()), float(self.bend.sum()))
+
+    @property
+    def formal_s(self) -> float:
+        """One sigma by the bend alone: true where the model is; infinity where the sum has no vertex."""
+        information = float(self.bend.sum())
+        return information**-0.5 if information > 0.0 else float("inf")
+
+    @property
+    def sigma_s(self) -> float:
+        """One sigma by the scatter of the slopes at the vertex over blocks of BLOCK_S.
+
+        Never less than `formal_s`, which no estimate beats: a small scatter of a few blocks is luck. Where fewer than
+        MIN_BLOCKS blocks carry the information, FEW_BLOCKS_FACTOR times `formal_s`.
+        """
+        span = float(self.time_s[-1] - self.time_s[0])
+        n_blocks = int(span / BLOCK_S)
+        if n_blocks < MIN_BLOCKS or not np.isfinite(self.formal_s):
+            return FEW_BLOCKS_FACTOR * self.formal_s
+        block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span)).astype(np.int64), n_blocks - 1)
+        bend = np.bincount(block, self.bend, n_blocks)
+        n_effective = float(bend.sum()) ** 2 / float(bend @ bend)
+        if n_effective < MIN_BLOCKS:
+            return FEW_BLOCKS_FACTOR * self.formal_s
+        slope = np.bincount(block, self.slope, n_blocks) + bend * (self.latency_s - self.centre_s)
+        # The slopes add up to zero; of blocks that scatter as their bends say, the mean of the sum of their squares is
+        # the whole bend times 1 - 1 / n_effective.
+        scatter = float(np.sqrt(slope @ slope / (1.0 - 1.0 / n_effective))) * self.formal_s**2
+        return max(self.formal_s, scatter)
+
+    def crossed(self) -> float:
+        """The sum of the squared normalised innovations, each half's with the latency that the other half says.
+
+        The halves have equal parts of the information. NaN where one of them says nothing.
+        """
+        told = np.cumsum(self.bend)
+        n = int(np.abs(told - 0.5 * told[-1]).argmin()) + 1
+        first, second = (
+            (float(self.level[rows].sum()), float(self.slope[rows].sum()), float(self.bend[rows].sum()))
+            for rows in (slice(0, n), slice(n, None))
+        )
+        total = 0.0
+        for (level, slope, bend), (_, other_slope, other_bend) in ((first, second), (second, first)):
+            move_s = _vertex(0.0, other_slope, other_bend)
+            total += 2.0 * (level + slope * move_s + 0.5 * bend * move_s**2)
+        return total
+
+
+def _vertex(centre_s: float, slope: float, bend: float) -> float:
+    return centre_s - slope / bend if bend > 0.0 else float("nan")

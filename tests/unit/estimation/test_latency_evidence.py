@@ -1,0 +1,88 @@
+"""The evidence for a latency: parabolas through three passes, their scatter over blocks, and their halves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cwcli.estimation.latency_evidence import Evidence
+
+F = np.ndarray
+
+
+def blocks(latency_s: F, sigma_s: F | float, rows: int = 10) -> Evidence:
+    """Blocks of ten seconds with so many rows each; each block asks for its latency with its sigma."""
+    bend = np.repeat(np.broadcast_to(1.0 / np.square(sigma_s), latency_s.shape) / rows, rows)
+    n = len(bend)
+    time_s = np.linspace(0.0, 10.0 * len(latency_s), n)
+    return Evidence(time_s, 0.0, np.zeros(n), -bend * np.repeat(latency_s, rows), bend)
+
+
+def test_parabola_goes_through_the_three_passes() -> None:
+    """Half of d2 = 7 + 3 (100 (tau - 0.42))^2, probed at 0.35, 0.4 and 0.45 s, has its vertex at 0.42 s."""
+    tau = np.array([0.35, 0.4, 0.45])
+    less, just, more = (np.array([2.0 * (7.0 + 3.0 * (100.0 * (t - 0.42)) ** 2)]) for t in tau)
+    found = Evidence.of(np.zeros(1), 0.4, 0.05, less, just, more)
+    assert found.latency_s == pytest.approx(0.42)
+    assert found.formal_s == pytest.approx(1.0 / np.sqrt(60_000.0))
+    assert found.level[0] + found.slope[0] * 0.02 + 0.5 * found.bend[0] * 0.02**2 == pytest.approx(7.0)
+
+
+def test_latency_and_formal_sigma_are_the_weighted_means() -> None:
+    """0.1 s +- 10 ms and 0.2 s +- 20 ms: weights 4 to 1, so 0.12 s; sigma 1 / sqrt(10000 + 2500) = 8.94 ms."""
+    found = blocks(np.array([0.1, 0.2]), np.array([0.01, 0.02]))
+    assert found.latency_s == pytest.approx(0.12)
+    assert found.formal_s == pytest.approx(0.00894427)
+
+
+def test_sigma_is_the_standard_error_of_the_blocks_mean() -> None:
+    """Five equal blocks, 0 to 200 ms: sqrt((100^2 + 50^2) 2 / 4 / 5) = 35.36 ms, whatever the bend says."""
+    assert blocks(np.array([0.0, 0.05, 0.1, 0.15, 0.2]), 0.01).sigma_s == pytest.approx(0.03535534)
+
+
+def test_sigma_is_never_below_the_formal_one() -> None:
+    """Six blocks that agree by chance."""
+    assert blocks(np.full(6, 0.1), 0.01).sigma_s == pytest.approx(0.01 / np.sqrt(6.0))
+
+
+def test_sigma_is_three_times_the_formal_one_where_few_blocks_tell() -> None:
+    four = blocks(np.array([0.0, 0.1, 0.2, 0.3]), 0.01)
+    assert four.sigma_s == pytest.approx(3.0 * 0.005)
+    # Twenty blocks, but nearly all is said in one of them.
+    sigma_s = np.full(20, 0.1)
+    sigma_s[3] = 0.005
+    lonely = blocks(np.zeros(20), sigma_s)
+    assert lonely.sigma_s == pytest.approx(3.0 * lonely.formal_s)
+
+
+def test_sigma_of_honest_blocks_with_unequal_weights_is_the_formal_one_on_average() -> None:
+    """Where nothing but chance makes the blocks differ; where the formal sigma is no floor, both signs show."""
+    rng = np.random.default_rng(0)
+    sigma_s = rng.uniform(0.01, 0.03, 20)
+    drawn = [blocks(0.3 + sigma_s * rng.standard_normal(20), sigma_s, rows=1) for _ in range(4000)]
+    ratio = np.array([d.sigma_s / d.formal_s for d in drawn])
+    assert (ratio >= 1.0).all()
+    # A sigma from about 15 blocks scatters by 1 / sqrt(30) = 0.18, and the mean of max(1, 1 + 0.18 z) is 1.07.
+    assert ratio.mean() == pytest.approx(1.07, abs=0.03)
+
+
+def test_evidence_that_says_nothing_has_no_latency() -> None:
+    flat = Evidence(np.arange(3.0), 0.2, np.ones(3), np.array([1.0, -2.0, 0.5]), np.array([0.0, -1.0, 0.5]))
+    assert np.isnan(flat.latency_s)
+    assert flat.formal_s == flat.sigma_s == np.inf
+    assert np.isnan(flat.crossed())
+
+
+def test_crossed_gives_each_half_the_latency_of_the_other() -> None:
+    """Two equal halves, 0.1 s and 0.13 s, each +- 10 ms and 3 at its least: each misses by three sigma, 3 + 9 / 2."""
+    bend = np.full(2, 1e4)
+    found = Evidence(np.array([0.0, 1.0]), 0.1, np.array([3.0, 3.0 + 4.5]), np.array([0.0, -300.0]), bend)
+    assert found.crossed() == pytest.approx(2 * (3.0 + 4.5) * 2)
+
+
+def test_halves_are_of_information_not_of_time() -> None:
+    """One late row says as much as three early ones: 0.1 s of the early ones, 0.2 s of the late one."""
+    bend = np.array([1e4, 1e4, 1e4, 3e4])
+    found = Evidence(np.arange(4.0), 0.1, np.zeros(4), np.array([0.0, 0.0, 0.0, -3e3]), bend)
+    # Early rows at 0.2 s: 2 * 3e4 * 0.1^2 / 2; the late row at 0.1 s is where it has nothing.
+    assert found.crossed() == pytest.approx(300.0)

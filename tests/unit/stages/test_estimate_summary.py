@@ -1,0 +1,60 @@
+"""What `estimate` tells of each source's latency: a table for people, a table of numbers, the record of the run."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from cwcli.estimation import Kind, Latency, LatencyStatus, SourceReport
+from cwcli.stages.summaries.estimate import TrackSummary, estimate_tables, sections, source_record
+
+NAN = math.nan
+CASES = {
+    "/applied": (Latency(LatencyStatus.APPLIED, 0.4551, 0.0882), "455 +- 88", 0.4551),
+    "/insignificant": (Latency(LatencyStatus.NOT_SIGNIFICANT, -0.0042, 0.0071), "-4 +- 7", 0.0),
+    "/unobservable": (Latency(LatencyStatus.NOT_OBSERVABLE, 0.057, 0.236), "57 +- 236", 0.0),
+    "/mute": (Latency(LatencyStatus.NOT_OBSERVABLE), "", 0.0),
+    "/given": (Latency(LatencyStatus.GIVEN, 0.3), "300", 0.3),
+    "/reference": (Latency(LatencyStatus.REFERENCE), "", 0.0),
+    "/off": (Latency(LatencyStatus.OFF), "", 0.0),
+}
+
+
+@pytest.fixture
+def tracks() -> dict[str, TrackSummary]:
+    reports = tuple(SourceReport(source, Kind.POSITION, latency=case[0]) for source, case in CASES.items())
+    return {"ego": TrackSummary(10, 1.0, 5.0, 0.1, reports, ())}
+
+
+def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSummary]) -> None:
+    table = next(section for section in sections(tracks, None) if section.key == "sources")
+    rows = {str(row[0]): dict(zip(table.columns, row, strict=True)) for row in table.rows}
+    for source, (latency, text, _) in CASES.items():
+        assert rows[source]["latency [ms]"] == text
+        assert rows[source]["latency status"] == latency.status.value
+    assert rows["/insignificant"]["latency status"] == "not significant"
+
+
+def test_table_of_metrics_holds_what_was_applied_beside_what_was_found(tracks: dict[str, TrackSummary]) -> None:
+    table = estimate_tables(tracks, None)["estimate"].columns
+    cells = zip(table["source"], table["metric"], table["value"], strict=True)
+    values = {(str(source), str(metric)): float(value) for source, metric, value in cells}
+    for source, (latency, _, applied_s) in CASES.items():
+        assert values[source, "latency"] == applied_s
+        assert values[source, "latency_found"] == pytest.approx(latency.found_s, nan_ok=True)
+        assert values[source, "latency_sigma"] == pytest.approx(latency.sigma_s, nan_ok=True)
+
+
+def test_record_holds_what_was_applied_and_why(tracks: dict[str, TrackSummary]) -> None:
+    record = {entry["source"]: entry for entry in json.loads(source_record(tracks))}
+    for source, (latency, _, applied_s) in CASES.items():
+        assert record[source]["latency_s"] == applied_s
+        assert record[source]["latency_status"] == latency.status.value
+    assert (record["/insignificant"]["latency_found_s"], record["/insignificant"]["latency_sigma_s"]) == (
+        -0.0042,
+        0.0071,
+    )
+    assert record["/mute"]["latency_found_s"] is None
+    assert record["/given"]["latency_sigma_s"] is None
