@@ -67,6 +67,7 @@ def load_columns(
     wanted: Mapping[str, Collection[str] | None],
     faults: Faults,
     name: str,
+    logged: tuple[int, int] | None = None,
 ) -> dict[str, Columns]:
     """Read topics as columns.
 
@@ -76,6 +77,7 @@ def load_columns(
         wanted: Topic -> leaf fields, or None for all.
         faults: Counts the messages that can't be decoded.
         name: Of the file, for messages.
+        logged: Only chunks with messages logged in [start, end); what in them can't be decoded is not counted.
 
     Raises:
         InputError: An encoding or a schema is unknown or unusable, or the file is damaged and `recover` is off.
@@ -86,19 +88,20 @@ def load_columns(
     for topic_name, fields in wanted.items():
         own = channels[topic_name]
         single_schema(own, name)
-        n_expected = sum(channel.message_count or 0 for channel in own)
+        n_expected = sum(channel.message_count or 0 for channel in own) if logged is None else 0
         decoder = decoder_for(own[0], fields, name, n_expected=min(n_expected, reader.max_messages(), MAX_EXPECTED))
         topic_of[[channel.id for channel in own]] = len(topics)
         topics.append(_Topic(own, decoder))
-    for batch in reader.batches([channel.id for topic in topics for channel in topic.channels]):
+    for batch in reader.batches([channel.id for topic in topics for channel in topic.channels], *(logged or ())):
         index = topic_of[batch.channel_id]
         for k, topic in enumerate(topics):
             rows = np.flatnonzero(index == k)
             if len(rows):
                 topic.add(batch if len(rows) == len(batch) else batch.take(rows))
-    loaded = {topic.channels[0].topic: topic.columns(faults) for topic in topics}
+    counted = faults if logged is None else Faults()
+    loaded = {topic.channels[0].topic: topic.columns(counted) for topic in topics}
     was_damaged = faults.chunks_lost or faults.bytes_lost or faults.truncated
-    if topics and was_damaged and not any(len(topic.batches) for topic in topics):
+    if logged is None and topics and was_damaged and not any(len(topic.batches) for topic in topics):
         raise InputError(f"nothing of {', '.join(loaded)} can be read", where=name, found=faults_found(faults))
     return loaded
 

@@ -19,7 +19,6 @@ walk also finds what an index misses. The indexes tell which chunks need not be 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -154,7 +153,9 @@ class Log:
                     raise InputError(what, where=self.name, hint="--recover leaves it out") from error
         return (*found, *self.added_metadata.items())
 
-    def load(self, wanted: Mapping[str, Collection[str] | None]) -> dict[str, Columns]:
+    def load(
+        self, wanted: Mapping[str, Collection[str] | None], *, logged: tuple[int, int] | None = None
+    ) -> dict[str, Columns]:
         """Topics as columns, in one pass over the file.
 
         Messages lie in log-time order, in file order where times are equal. Channels of one topic are joined. For what
@@ -162,6 +163,7 @@ class Log:
 
         Args:
             wanted: Topic -> dotted leaf fields, or None for all. Fields that the messages do not have are left out.
+            logged: Only messages logged in [start, end); chunks of the file without any are not opened.
 
         Raises:
             MissingSignalError: There is no such topic.
@@ -182,12 +184,12 @@ class Log:
             from cwcli.logs.load import give_back_memory, load_columns
 
             channels = {topic: self._file_channels(topic) for topic in from_file}
-            decoded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name)
+            decoded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name, logged)
             give_back_memory(decoded)
-            for topic, columns in decoded.items():
+            for topic, columns in decoded.items() if logged is None else ():
                 self._kept.keep(columns, from_file[topic])
             loaded.update(decoded)
-        return {topic: loaded[topic] for topic in wanted}
+        return {topic: loaded[topic].logged_within(*(logged or (None, None))) for topic in wanted}
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> Columns:
         """One topic as columns; see `load`."""
@@ -203,22 +205,6 @@ class Log:
         from cwcli.logs.frames import stream_frames
 
         return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
-
-    def messages(self, topic: str, start_ns: int, end_ns: int) -> list[tuple[int, memoryview]]:
-        """Log time and bytes of a topic's messages from `start_ns` up to `end_ns`, in log-time order.
-
-        Raises:
-            MissingSignalError: There is no such topic.
-            InputError: The file is damaged there and `recover` is off.
-        """
-        channel_ids = [channel.id for channel in self._file_channels(topic)]
-        found = [
-            (log_time_ns, payload)
-            for batch in self._message_reader().batches(channel_ids, start_ns, end_ns)
-            for log_time_ns, payload in batch.messages()
-            if start_ns <= log_time_ns < end_ns
-        ]
-        return sorted(found, key=itemgetter(0))
 
     def transform_channels(self) -> list[ChannelInfo]:
         """The file's channels with transforms between frames of reference."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cwcli import __version__
-from cwcli.channels.published import WARNINGS
+from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.log import Log
@@ -20,7 +20,6 @@ from cwcli.report.drive import read_drive, require_results
 from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
 from cwcli.report.page import Page, Renderer, Row
-from cwcli.report.paths import PATH_SCHEMA
 from cwcli.report.section import Detail, log_view
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
@@ -183,7 +182,7 @@ def _evaluated(log: Log, *, is_needed: bool) -> dict[str, MetricRow]:
     """
     from cwcli.evaluation.evaluate_log import evaluate_log
 
-    n_paths = sum(channel.message_count or 0 for channel in log.channels if channel.schema_name == PATH_SCHEMA)
+    n_paths = sum(channel.message_count or 0 for channel in log.channels if channel.schema_name == EGO_PATH.schema)
     if n_paths > MAX_PATHS and not is_needed:
         return {}
     try:

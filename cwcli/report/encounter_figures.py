@@ -11,6 +11,7 @@ from cwcli.measures.distance import MEASURE as DISTANCE
 from cwcli.measures.gap import MEASURE as GAP
 from cwcli.measures.pair import ActualTrack, Pair, interpolate
 from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.prediction.paths import Paths
 from cwcli.report.decimate import envelope_rows, track_rows
 from cwcli.report.drawing import (
     ALERT,
@@ -29,7 +30,6 @@ from cwcli.report.drawing import (
 from cwcli.report.drive import Drive, ego_size
 from cwcli.report.encounters import Encounter, Nearest
 from cwcli.report.map_figure import other_name, with_breaks
-from cwcli.report.paths import Path2D
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
@@ -43,7 +43,7 @@ N_PIECES = 250
 MAX_TTC_S = 10.0
 
 
-def fan_figure(drive: Drive, encounter: Encounter, paths: tuple[Path2D | None, Path2D | None]) -> Figure | None:
+def fan_figure(drive: Drive, encounter: Encounter, paths: tuple[Paths | None, Paths | None]) -> Figure | None:
     """Both predicted paths at the moment of the warning, with 1-sigma ellipses, and what both really did.
 
     Seen from above, turned so that the car drives upwards. None where the ego's place is not known.
@@ -96,15 +96,16 @@ class _View:
         return rounded(seen[:, 0], 2), rounded(seen[:, 1], 2)
 
 
-def _fan(view: _View, path: Path2D, colour: str, name: str, horizon_s: float) -> list[Trace]:
+def _fan(view: _View, path: Paths, colour: str, name: str, horizon_s: float) -> list[Trace]:
     keep = path.time_s <= horizon_s + 1e-6
-    x, y = view.xy(path.xy_m[keep])
+    xy_m = np.stack([path.x_m[0], path.y_m[0]], axis=1)
+    x, y = view.xy(xy_m[keep])
     every = np.arange(ELLIPSE_EVERY_S, horizon_s + 1e-6, max(ELLIPSE_EVERY_S, horizon_s / MAX_ELLIPSES))
     rows = np.unique(np.clip(np.searchsorted(path.time_s, every - 1e-6), 0, int(keep.sum()) - 1))
     edges_x: list[float | None] = []
     edges_y: list[float | None] = []
     for row in rows.tolist():
-        ellipse = _ellipse(path.xy_m[row], path.covariance_m2[row])
+        ellipse = _ellipse(xy_m[row], path.position_covariance_m2[0, row])
         if ellipse is not None:
             ex, ey = view.xy(ellipse)
             edges_x += [*ex, None]

@@ -5,21 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH
 from cwcli.errors import CwcliError
 from cwcli.logs.log import Log
+from cwcli.prediction.paths import Paths
 from cwcli.report.drawing import Figure
 from cwcli.report.drive import Drive
 from cwcli.report.encounter_figures import distance_figure, fan_figure, nearest_figure
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.report.frames import Thumbnail, thumbnails
 from cwcli.report.map_figure import map_figure
-from cwcli.report.paths import Path2D, path_known_at
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
 from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, verdict_badge, verdict_sentence
 from cwcli.report.tables import all_warnings, encounter_facts, log_tables
 from cwcli.report.views import EventView, LogView, Picture, Plot
+from cwcli.signals.rows import rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
@@ -151,19 +155,35 @@ def _without_first_plot(event: EventView) -> EventView:
     )
 
 
-def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tuple[Path2D | None, Path2D | None]:
+def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tuple[Paths | None, Paths | None]:
     """The paths of both cars, as known at the warning; targets have no published ones."""
     topics = {channel.topic for channel in log.channels}
-    found: list[Path2D | None] = []
-    for topic, vehicle in ((EGO_PATH.topic, _ego_id(drive)), (REMOTE_PATH.topic, encounter.other_id)):
+    found: list[Paths | None] = []
+    for channel, vehicle in ((EGO_PATH, _ego_id(drive)), (REMOTE_PATH, encounter.other_id)):
         path = None
-        if topic in topics:
+        if channel.topic in topics:
             try:
-                path = path_known_at(log, topic, vehicle, encounter.raised_ns, max_age_s=drive.rule.max_age_s)
+                path = _known_path(log, channel.topic, vehicle, encounter.raised_ns, drive.rule.max_age_s)
             except CwcliError as error:
                 notes.append(error.what)
         found.append(path)
     return found[0], found[1]
+
+
+def _known_path(log: Log, topic: str, vehicle: str, at_ns: int, max_age_s: float) -> Paths | None:
+    """The newest path of a vehicle that had been logged at a time, or None.
+
+    The paths are by far the largest channels of an annotated log: loaded whole, twenty vehicles over ten minutes fill a
+    gigabyte. So only what was logged shortly before is read.
+    """
+    start_ns = max(0, at_ns - round(max_age_s * NS_PER_S))
+    predicted = read_paths(log.load({topic: None}, logged=(start_ns, at_ns + 1))[topic])
+    rows = dict(rows_by_id(predicted.ids)).get(vehicle, ())
+    if not len(rows):
+        return None
+    newest = rows[np.lexsort((rows, predicted.stamp_ns[rows]))[-1:]]
+    path = predicted.paths.take(newest)
+    return path if len(path.time_s) > 1 and np.isfinite(path.x_m).all() and np.isfinite(path.y_m).all() else None
 
 
 def _ego_id(drive: Drive) -> str:

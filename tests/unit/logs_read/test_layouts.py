@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from mcap.writer import CompressionType
 
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.logs import message_reader
 from cwcli.logs.log import Log
 from tests.unit.logs_read.builders import FIX, LAYOUTS, NOTES, T0_NS, Declared, Sent, fix_message, log_bytes, small_log
 from tests.unit.logs_read.official import assert_same, read_officially
@@ -113,3 +115,31 @@ def test_projection_gives_the_same_columns_as_everything(tmp_path: Path) -> None
     assert np.array_equal(some["/fix"].fields["latitude"], whole["/fix"].fields["latitude"])
     assert some["/fix"].fields["header.frame_id"].values == ("gps", "gpsgps", "gpsgpsgps")
     assert np.array_equal(some["/notes"].fields["list"], whole["/notes"].fields["list"])
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_span_is_the_whole_topic_cut(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "log.mcap").write_bytes(small_log(**LAYOUTS[name]))
+    span = (T0_NS + 20_000_000, T0_NS + 22_500_000)  # from a message of /fix to before one of /notes
+    opened: list[int] = []
+    chunk_payload = message_reader.chunk_payload
+
+    def counted(*arguments: Any, **options: Any) -> memoryview:
+        opened.append(arguments[1].chunk_start)
+        return chunk_payload(*arguments, **options)
+
+    monkeypatch.setattr(message_reader, "chunk_payload", counted)
+    with Log.open(tmp_path / "log.mcap") as log:
+        wanted = {"/fix": ["latitude"], "/notes": ["k"]}
+        part = log.load(wanted, logged=span)
+        n_opened = len(set(opened))
+        whole = log.load(wanted)
+        assert {topic: len(columns) for topic, columns in part.items()} == {"/fix": 3, "/notes": 2}
+        for topic, columns in part.items():
+            cut = whole[topic].logged_within(*span)
+            assert np.array_equal(columns.log_time_ns, cut.log_time_ns)
+            assert np.array_equal(columns.sequence, cut.sequence)
+            [leaf] = wanted[topic]
+            assert np.array_equal(np.asarray(columns.fields[leaf]), np.asarray(cut.fields[leaf]))
+        assert n_opened <= 2 < max(log.n_chunks, 3)
+        assert len(log.columns("/fix", ["latitude"])) == 60  # a part is not kept as the whole
