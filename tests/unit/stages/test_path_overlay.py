@@ -128,5 +128,5 @@ def test_missing_lanes_and_the_cameras_own_topic_are_refused(log: Log) -> None:
         path_overlay(log, straight(len(stamp_ns)), **given, render="/camera/image")
     with pytest.raises(UsageError, match=r"the topic of cwcli\.v1\.PredictedPath"):
         path_overlay(log, straight(len(stamp_ns)), **given, render="/cwcli/observer/path")
-    with Log.open(log.path) as bare, pytest.raises(MissingSignalError, match="/cwcli/lanes"):
+    with Log.open(log.name) as bare, pytest.raises(MissingSignalError, match="/cwcli/lanes"):
         path_overlay(bare, straight(len(stamp_ns)), **given)
