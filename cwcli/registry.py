@@ -11,7 +11,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, wraps
 from operator import attrgetter
@@ -68,6 +68,7 @@ class Registry(Mapping[str, T]):
         builtin: Name -> the entry, or `module:attribute` where it is.
         accept: What a plug-in's entry point names, wrapped so that its errors are the plug-in's; see `plugin_entry`.
         spell: The name by which an entry point's name is known.
+        taken: More names that no plug-in may have.
     """
 
     def __init__(
@@ -78,9 +79,10 @@ class Registry(Mapping[str, T]):
         accept: Callable[[object, Plugin], T],
         *,
         spell: Callable[[str], str] = str,
+        taken: Collection[str] = (),
     ) -> None:
         self.what, self.group = what, group
-        self._builtin, self._accept, self._spell = builtin, accept, spell
+        self._builtin, self._accept, self._spell, self._taken = builtin, accept, spell, taken
         self._loaded: dict[str | Plugin, T] = {}
 
     def __getitem__(self, name: str) -> T:
@@ -139,7 +141,7 @@ class Registry(Mapping[str, T]):
         out: dict[str, Plugin] = {}
         for found in _installed(tuple(sys.path)).get(self.group, ()):
             plugin, name = replace(found, what=self.what), self._spell(found.name)
-            if name in self._builtin:
+            if name in self._builtin or name in self._taken:
                 raise plugin.error("has the name of one of cwcli's own")
             if name in out:
                 raise plugin.error(f"has the name of one of the package {out[name].package}")

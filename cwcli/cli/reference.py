@@ -1,7 +1,8 @@
 """Writes what is generated in the docs: `python -m cwcli.cli.reference`.
 
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
-docs/evaluation.md, docs/lanes.md, docs/signals.md and docs/warning.md, and the output of `cwcli info` in README.md.
+docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, and the output of `cwcli
+info` in README.md.
 """
 
 from __future__ import annotations
@@ -89,12 +90,13 @@ def pages() -> dict[Path, str]:
     """The generated pages of the checkout, by file."""
     from cwcli.cli.channel_reference import channel_reference
     from cwcli.cli.metric_reference import evaluation_page
-    from cwcli.cli.registry_reference import lanes_page, measures_page, signals_page, warning_page
+    from cwcli.cli.registry_reference import lanes_page, measures_page, prediction_page, signals_page, warning_page
 
     docs = ROOT / "docs"
     lists = {
         "evaluation.md": evaluation_page,
         "lanes.md": lanes_page,
+        "prediction.md": prediction_page,
         "signals.md": signals_page,
         "warning.md": warning_page,
     }

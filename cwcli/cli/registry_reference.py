@@ -44,14 +44,31 @@ def measures_page() -> str:
     )
 
 
+def prediction_page(text: str) -> str:
+    """docs/prediction.md with its table of models."""
+    from cwcli.prediction.models import MODELS
+
+    derivatives = ("acceleration", "jerk", "yaw rate", "yaw acceleration")
+    rows = [
+        (code(name), model.summary, *("yes" if used else "" for used in model.uses)) for name, model in MODELS.items()
+    ]
+    return filled(text, "models", table(("`--model`", "the car goes on with", *derivatives), rows))
+
+
 def warning_page(text: str) -> str:
-    """docs/warning.md with its table of what a conflict is."""
+    """docs/warning.md with its tables of rules and of what a conflict is."""
     from cwcli.measures import MEASURES
     from cwcli.warning.conflicts import conflict_definition
+    from cwcli.warning.rules import RULES
     from cwcli.warning.types import WarningConfig
 
     names = [name for name, measure in MEASURES.items() if measure.is_series and measure.threshold is not None]
     rows = [(code(name), f"when {conflict_definition(WarningConfig(conflict=name)).words}") for name in names]
+    rules = [
+        (code(name), rule.summary, f"{rule.persistence_s:g} s" if rule.persistence_s else "none")
+        for name, rule in RULES.items()
+    ]
+    text = filled(text, "rules", table(("`--rule`", "warns of", "persistence"), rules))
     return filled(text, "conflicts", table(("`--conflict`", "a conflict is"), rows))
 
 

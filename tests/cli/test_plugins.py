@@ -5,9 +5,11 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import os
+import re
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,12 @@ from mcap.writer import Writer
 
 from cwcli.errors import EXIT_USAGE
 from cwcli.logs.log import Log
+from cwcli.measures import MEASURES
+from cwcli.prediction.models import MODELS
 from cwcli.registry import _installed
+from cwcli.signals.inputs import INPUTS
+from cwcli.vision.methods import METHODS
+from cwcli.warning.rules import RULES
 from tests.cli.conftest import ROOT, Run
 from tests.cli.plugin_package import ENTRY_POINTS, MODULES, install
 from tests.unit.vision import lane_logs
@@ -95,6 +102,8 @@ def test_generated_docs_list_plugins(cwcli: Run, extra: dict[str, str], tmp_path
     assert "`tenth`: tenth of the distance q = d_c / 10 Column `min_tenth_m`. Source: made up." in shown
     assert "| `tenth` | when the tenth of the distance was below 0.5 m |" in shown
     assert "`ship_msgs/Log`" in shown
+    assert "| `near` | centres nearer than 30 m | none |" in shown
+    assert "| `half` | half of the acceleration | yes | | | |" in shown
     assert "| `middle` | two upright lines |" in shown
 
 
@@ -245,6 +254,8 @@ def test_a_broken_plugin_hurts_only_who_asks_for_it(cwcli: Run, intersection: Pa
         ("cwcli.rules", "ttc", "warn"),
         ("cwcli.motion_models", "cv", "predict"),
         ("cwcli.measures", "ttc", "warn"),
+        ("cwcli.rules", "lane-departure", "warn"),
+        ("cwcli.motion_models", "onset", "predict"),
         ("cwcli.lane_methods", "zhang2011", "lanes"),
         ("cwcli.inputs", "sensor_msgs/msg/NavSatFix", "info"),
     ],
@@ -272,6 +283,32 @@ def test_the_first_of_a_package_on_the_path_counts(tmp_path: Path) -> None:
     one = install(tmp_path / "one", {"cwcli.rules": {"near": "extra.rule:RULE"}})
     two = install(tmp_path / "two", {"cwcli.rules": {"far": "extra.rule:FAR"}})
     assert [plugin.name for plugin in _installed((str(one), str(two)))["cwcli.rules"]] == ["near"]
+
+
+def test_the_example_of_the_docs_works(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
+    project = tomllib.loads(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0])["project"]
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    site = install(tmp_path / "site", project["entry-points"], {"__init__": code}, package=project["name"])
+    arguments = ("--warn-conflict", "headway", "--metrics-dir", "m", "--quiet")
+    done = cwcli("run", intersection, *arguments, env=with_path(site))
+    assert done.returncode == 0, done.stderr.decode()
+    (pair,) = pq.read_table(tmp_path / "m" / "pairs.parquet").to_pylist()
+    assert 0.0 < pair["min_headway_s"] < 1.0
+    assert pq.read_table(tmp_path / "m" / "conflicts.parquet").num_rows == 1
+    laws = ("-m", "pytest", "-q", "tests/laws/test_measures.py", "-k", "headway")
+    environment = {**os.environ, **with_path(site)}
+    judged = subprocess.run(
+        [sys.executable, *laws], check=False, cwd=ROOT, env=environment, capture_output=True, text=True
+    )
+    assert judged.returncode == 0, judged.stdout
+
+
+def test_the_page_of_plugins_knows_every_group() -> None:
+    page = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(cwcli\.\w+)`", page, re.MULTILINE) == [
+        registry.group for registry in (RULES, MODELS, MEASURES, METHODS, INPUTS)
+    ]
 
 
 def test_looking_for_plugins_takes_no_5_ms(tmp_path: Path) -> None:

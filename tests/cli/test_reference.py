@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import pytest
 
 from cwcli.cli.channel_reference import parse
 from cwcli.cli.reference import pages
-from cwcli.prediction.models import MODELS
-from cwcli.registry import Registry
-from cwcli.warning.rules import RULES
-
-DOCS = Path(__file__).parents[2] / "docs"
 
 
 @pytest.mark.parametrize("path", list(pages()), ids=lambda path: path.name)
 def test_page_is_up_to_date(path: Path) -> None:
     assert path.read_text(encoding="utf-8") == pages()[path], "run `python -m cwcli.cli.reference`"
-
-
-@pytest.mark.parametrize(
-    ("page", "option", "registry"),
-    [
-        ("warning.md", "`--rule`", RULES),
-        ("prediction.md", "`--model`", MODELS),
-    ],
-)
-def test_page_lists_what_is_registered(page: str, option: str, registry: Registry[object]) -> None:
-    lines = (DOCS / page).read_text(encoding="utf-8").splitlines()
-    first = next(k for k, line in enumerate(lines) if line.startswith(f"| {option} |"))
-    rows = itertools.takewhile(lambda line: line.startswith("|"), lines[first + 2 :])
-    assert [row.split("`")[1] for row in rows] == list(registry)
 
 
 def test_parse_reads_comments_of_messages_fields_and_enums() -> None:

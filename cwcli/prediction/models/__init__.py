@@ -6,6 +6,11 @@ from cwcli.prediction.models import onset
 from cwcli.prediction.models.base import Model, check_responses, check_trust
 from cwcli.registry import Registry, plugin_entry
 
+HYPOTHESES: dict[str, Model] = {
+    "onset": onset.MODEL,
+}
+"""What may be, rather than what is likeliest: rolled out like a model, but not compared with what then happened."""
+
 MODELS: Registry[Model] = Registry(
     "motion model",
     "cwcli.motion_models",
@@ -18,10 +23,6 @@ MODELS: Registry[Model] = Registry(
         "cj-cya": "cwcli.prediction.models.cj_cya:MODEL",
     },
     plugin_entry(Model, {"responses": check_responses, "trust": check_trust}),
+    taken=(*HYPOTHESES, "lateral", "lateral-zhang2011"),
 )
 DEFAULT_MODEL = "auto"
-
-HYPOTHESES: dict[str, Model] = {
-    "onset": onset.MODEL,
-}
-"""What may be, rather than what is likeliest: rolled out like a model, but not compared with what then happened."""

@@ -15,5 +15,6 @@ RULES: Registry[Rule] = Registry(
         "path-ttc": "cwcli.warning.rules.path_ttc:RULE",
     },
     plugin_entry(Rule, {"decide": check_decision}),
+    taken=("lane-departure",),
 )
 DEFAULT_RULE = "cwcli"
