@@ -31,7 +31,7 @@ from cwcli.estimation.passes import PassResult, Series, Start, run_pass
 from cwcli.estimation.prepare import thinned
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.metrics.chi_square import chi_square_quantile
+from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 PRIOR_S = 0.2  # one sigma about the coarse guess
@@ -41,7 +41,7 @@ OBSERVABLE_S = 0.05  # a latency that the filter knows worse than this is not co
 SIGNIFICANT_SIGMAS = 3.0
 THINNED_HZ = 25.0
 WINDOW_S = 300.0
-GATE = 1.0 - 1e-5
+GATE_PROBABILITY = 1.0 - 1e-5
 NEAR_S = 0.02  # near enough for the evidence to be weighed
 SMALL = 1.1  # noise whose variance has to grow by more than this made the gate reject good rows
 LARGE = 0.25  # noise whose variance has to shrink below this part hid too much
@@ -73,7 +73,7 @@ def find_latencies(
     reference = [s for s, r in zip(series, roles, strict=True) if r and r.status is LatencyStatus.REFERENCE]
     begin, end = _window(series, reference)
     reference = [
-        replace(cut, gate=chi_square_quantile(GATE, cut.width))
+        replace(cut, gate_nis=gate_nis(GATE_PROBABILITY, cut.width))
         for cut in (_thin(_cut(s, begin, end)) for s in reference)
     ]
     if any(s.bias_state >= 0 for s in reference):
@@ -163,7 +163,9 @@ class _Search:
     def _approached(self, guess: float) -> _Found | None:
         """Run the filter with the latency among its states until the stamps stay; None where it breaks down."""
         n = len(self.walk)
-        now = replace(self.target, latency_s=guess, latency_state=n, gate=chi_square_quantile(GATE, self.target.width))
+        now = replace(
+            self.target, latency_s=guess, latency_state=n, gate_nis=gate_nis(GATE_PROBABILITY, self.target.width)
+        )
         walks, priors = np.append(self.walk, 0.0), np.append(self.prior, PRIOR_S**2)
         for damping in (1.0, *[0.5] * (MAX_PASSES - 1)):
             start = self._start([now, *self.reference], priors)
@@ -188,7 +190,7 @@ class _Search:
         fixed in each pass, and all passes have the same rows: those that were used in the last pass before.
         """
         target, *reference = (
-            replace(s.at(status >= UpdateStatus.USED), gate=0.0, latency_state=-1)
+            replace(s.at(status >= UpdateStatus.USED), gate_nis=0.0, latency_state=-1)
             for s, status in zip([found.target, *self.reference], found.result.status, strict=True)
         )
         if len(target) < MIN_ROWS_FOR_NOISE:
@@ -224,7 +226,7 @@ class _Search:
         """The target's `nis` of a pass whose latencies are fixed; an outlier counts, but no more than as one."""
         series = [target, *reference]
         nis = self._pass(series, self._start(series, self.prior), self.walk).nis[0]
-        np.minimum(nis[:, 0], chi_square_quantile(GATE, target.width), out=nis[:, 0])
+        np.minimum(nis[:, 0], gate_nis(GATE_PROBABILITY, target.width), out=nis[:, 0])
         return nis
 
     def _start(self, series: Sequence[Series], prior: FloatArray) -> Start:

@@ -72,7 +72,7 @@ def settle_noise(
     Returns:
         The series with settled noise; the motion model.
     """
-    window = [replace(s, gate=0.0) for s in _window(_from_first_position(series))]
+    window = [replace(s, gate_nis=0.0) for s in _window(_from_first_position(series))]
     if sum(len(s) for s in window) < 2 * MIN_ROWS_FOR_NOISE or not any(
         len(s) and s.kind is Kind.POSITION for s in window
     ):
@@ -94,7 +94,7 @@ def settle_noise(
         base = trials.likelihood(parameters)
         for name, limits in LIVELINESS.items():
             parameters, base = _livelier(trials, parameters, name, limits, base, begin)
-    settled = [replace(s.scaled(float(f)), gate=0.0) for s, f in zip(series, factors, strict=True)]
+    settled = [replace(s.scaled(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
     # The window tells of the motion; the noise of the slow sources needs the whole log.
     whole = any(
         len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_ROWS))

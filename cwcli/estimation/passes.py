@@ -38,7 +38,7 @@ class Series:
         noise_origin: "message", "log" or "default".
         latency_s: Subtracted from time_s.
         bias_state, latency_state: Index of the parameter state, or -1.
-        gate: Chi-square limit, 0 = off.
+        gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
         floor: Sigma below which noise found from the log is not believed.
     """
 
@@ -51,7 +51,7 @@ class Series:
     latency_s: float = 0.0
     bias_state: int = -1
     latency_state: int = -1
-    gate: float = 0.0
+    gate_nis: float = 0.0
     floor: float = 0.0
 
     def __len__(self) -> int:
@@ -240,7 +240,7 @@ def pass_input(
         sensor=np.array([s.kind for s in series], np.int32),
         bias_state=np.array([s.bias_state for s in series], np.int32),
         latency_state=np.array([s.latency_state for s in series], np.int32),
-        gate=np.array([s.gate for s in series], np.float64),
+        gate_nis=np.array([s.gate_nis for s in series], np.float64),
         patience=order_of.patience,
     )
     events = ekf.Events(

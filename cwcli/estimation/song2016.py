@@ -206,7 +206,7 @@ def filter_vectors(
     none = np.full(len(VECTOR_KINDS), -1, np.int32)
     sensor = np.array(VECTOR_KINDS, np.int32)
     sources = ekf.Sources(
-        sensor=sensor, bias_state=none, latency_state=none, gate=np.zeros(len(sensor)), patience=-none
+        sensor=sensor, bias_state=none, latency_state=none, gate_nis=np.zeros(len(sensor)), patience=-none
     )
     motion = ekf.Motion.song2016(process_noise(step_s) if q is None else q)
     result = ekf.run(events, sources, motion, np.array(z[0], dtype=np.float64), np.diag(variance), n, smooth=smooth)

@@ -16,7 +16,7 @@ from cwcli.estimation.noise import settle_noise
 from cwcli.estimation.passes import N_MOTION, Series
 from cwcli.estimation.prepare import Prepared
 from cwcli.kernels import ekf
-from cwcli.metrics.chi_square import chi_square_quantile
+from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 ACCEL_BIAS_PRIOR = 3.0  # m/s^2: gravity through 18 degrees of pitch
@@ -53,10 +53,7 @@ def tune(prepared: Sequence[Prepared], config: EstimatorConfig, parameters: Mode
     latencies = find_latencies(series, latency_roles(series, config), parameters, walk, prior)
     series = [replace(s, latency_s=latency.applied_s) for s, latency in zip(series, latencies, strict=True)]
     series, parameters = settle_noise(series, parameters, walk, prior)
-    probability = config.gate_probability
-    gated = tuple(
-        replace(s, gate=0.0 if probability >= 1.0 else chi_square_quantile(probability, s.width)) for s in series
-    )
+    gated = tuple(replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
     notes = tuple(
         f"{s.source}: latency of {s.kind.name.lower()} not observable, not corrected"
         for s, latency in zip(series, latencies, strict=True)

@@ -72,11 +72,11 @@ class Sources:
     Args:
         sensor: A `Sensor`.
         bias_state, latency_state: Index of the parameter state; -1 = none.
-        gate: Chi-square limit of the squared normalised innovation; <= 0 switches the gate off.
+        gate_nis: Limit of the squared normalised innovation; <= 0 switches the gate off.
         patience: After so many gated updates in a row the next one is used.
     """
 
-    def __init__(self, *, sensor: _I, bias_state: _I, latency_state: _I, gate: _F, patience: _I) -> None: ...
+    def __init__(self, *, sensor: _I, bias_state: _I, latency_state: _I, gate_nis: _F, patience: _I) -> None: ...
 
 class Pass:
     """What a pass found.

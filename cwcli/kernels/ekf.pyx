@@ -81,11 +81,11 @@ cdef class Events:
 
 cdef class Sources:
     cdef const int[::1] sensor, bias_state, latency_state, patience
-    cdef const double[::1] gate
+    cdef const double[::1] gate_nis
 
-    def __init__(self, *, sensor, bias_state, latency_state, gate, patience):
+    def __init__(self, *, sensor, bias_state, latency_state, gate_nis, patience):
         self.sensor, self.bias_state, self.latency_state = sensor, bias_state, latency_state
-        self.gate, self.patience = gate, patience
+        self.gate_nis, self.patience = gate_nis, patience
 
 
 cdef class Pass:
@@ -122,7 +122,7 @@ def run(Events events, Sources sources, Motion motion, start_state, start_covari
 
 cdef int forward(Events events, Sources sources, const Model* model, Pass result, bint keep) except -1:
     """Run the filter over all steps; `last_state` and `last_covariance` are those of the start first."""
-    cdef const double[::1] time_s = events.time_s, gate = sources.gate
+    cdef const double[::1] time_s = events.time_s, gate_nis = sources.gate_nis
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const double[:, ::1] values = events.values, noise = events.noise
     cdef const int[::1] sensor = sources.sensor, bias_state = sources.bias_state
@@ -204,7 +204,7 @@ cdef int forward(Events events, Sources sources, const Model* model, Pass result
                     d2 = (s11 * nu[0] * nu[0] - 2.0 * s01 * nu[0] * nu[1] + s00 * nu[1] * nu[1]) / det
                 nis[u, 0] = d2
                 quiet = 1.0 + (time_s[k] - last_used_s[s]) / GATE_WIDENS_S
-                if gate[s] > 0.0 and not d2 <= gate[s] * quiet * quiet:
+                if gate_nis[s] > 0.0 and not d2 <= gate_nis[s] * quiet * quiet:
                     streak[s] += 1
                     if streak[s] <= patience[s] or (
                         time_s[k] - last_used_s[s] < PATIENCE_S

@@ -59,7 +59,7 @@ class Tuning(TypedDict):
     extra_variance: float
     kappa: float
     cartesian_below: float
-    gate: list[float]
+    gate_nis: list[float]
     max_gap_s: float
     restart_after: int
 

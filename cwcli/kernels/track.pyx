@@ -230,8 +230,8 @@ def score_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, Rows rows, 
                 if row.kind == RowKind.POSITION:     # cheap first: a position far outside any gate
                     dx = row.z[0] - x[i, 0]
                     dy = row.z[1] - x[i, 1]
-                    reach = t.gate[2] * (p[i, 0, 0] + p[i, 1, 1] + row.r[0] + row.r[4])
-                    if t.gate[2] > 0.0 and dx * dx + dy * dy > reach:
+                    reach = t.gate_nis[2] * (p[i, 0, 0] + p[i, 1, 1] + row.r[0] + row.r[4])
+                    if t.gate_nis[2] > 0.0 and dx * dx + dy * dy > reach:
                         continue
                 measure(t, &x[i, 0], &p[i, 0, 0], &row, False, True, &found)
                 if found.nis >= 0.0 and not is_gated(t, &found):

@@ -22,7 +22,7 @@ cdef struct Tuning:
     double extra_variance  # start: of turn rate or acceleration
     double kappa           # sigma-point spread: sqrt(n + kappa) sigma
     double cartesian_below # radar update in Cartesian form when position sigma / range exceeds this; 0 = never
-    double gate[4]         # limit of the squared normalised innovation by its number of values; 0 = none
+    double gate_nis[4]     # limit of the squared normalised innovation by its number of values; 0 = none
     double max_gap_s       # a longer gap is not bridged
     int restart_after      # so many gated detections in a row make a new start; 0 = never
 

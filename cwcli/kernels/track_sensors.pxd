@@ -24,7 +24,7 @@ cdef struct Innovation:
 
 
 cdef inline bint is_gated(const Tuning* t, const Innovation* found) noexcept nogil:
-    return t.gate[found.n_values] > 0.0 and not found.nis <= t.gate[found.n_values]
+    return t.gate_nis[found.n_values] > 0.0 and not found.nis <= t.gate_nis[found.n_values]
 
 
 cdef inline double wrap(double a) noexcept nogil:

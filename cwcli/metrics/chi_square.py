@@ -62,6 +62,19 @@ def chi_square_quantile(probability: float, dof: float) -> float:
     return 0.5 * (low + high)
 
 
+def gate_nis(probability: float, dof: int) -> float:
+    """The innovation gate: the normalised innovation squared that a fitting measurement of `dof` values stays below.
+
+    Args:
+        probability: With which it does; 1: there is no gate.
+        dof: Number of values.
+
+    Returns:
+        The limit; 0 without a gate.
+    """
+    return chi_square_quantile(probability, dof) if probability < 1.0 else 0.0
+
+
 def mean_bounds(dof: float, count: float, level: float = 0.95) -> tuple[float, float]:
     """Two-sided bounds of the mean of chi-square variables; NaN without any.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cwcli.kernels import track as kernel
-from cwcli.metrics.chi_square import chi_square_quantile
+from cwcli.metrics.chi_square import gate_nis
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,7 @@ class FilterConfig:
 
     def kernel_filter(self, *, gated: bool = True) -> kernel.Filter:
         """The kernel's filter; without `gated` every detection counts."""
-        motion, gate = self.motion, [0.0] * 4
-        if gated and self.gate_probability < 1.0:
-            gate[1:] = (chi_square_quantile(self.gate_probability, dof) for dof in (1, 2, 3))
+        motion, probability = self.motion, self.gate_probability if gated else 1.0
         return kernel.Filter(
             {
                 "model": motion.kernel_model,
@@ -105,7 +103,7 @@ class FilterConfig:
                 "extra_variance": (motion.start_sigma if self.start_sigma is None else self.start_sigma) ** 2,
                 "kappa": self.kappa,
                 "cartesian_below": self.cartesian_below,
-                "gate": gate,
+                "gate_nis": [0.0, *(gate_nis(probability, dof) for dof in (1, 2, 3))],
                 "max_gap_s": self.max_gap_s,
                 "restart_after": self.restart_after,
             }

@@ -125,7 +125,7 @@ def test_gate_rejects_a_jump_and_counts_it() -> None:
     time = 0.1 * np.arange(100)
     xy = np.stack([10.0 * time, np.zeros(100)], axis=1)
     xy[50] += 30.0
-    s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate=13.8)
+    s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate_nis=13.8)
     state = np.zeros(8)
     state[2] = 10.0
     start = Start(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
@@ -139,7 +139,7 @@ def test_gate_gives_in_when_the_measurements_stay_elsewhere() -> None:
     time = 0.1 * np.arange(200)
     xy = np.stack([10.0 * time, np.zeros(200)], axis=1)
     xy[100:, 1] += 200.0
-    s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate=13.8)
+    s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate_nis=13.8)
     state = np.zeros(8)
     state[2] = 10.0
     start = Start(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
