@@ -314,7 +314,7 @@ def _from_the_camera(role: str, channels: Sequence[ChannelLike], command: str) -
     if OBSERVER in steps and not has_speed:
         words[steps.index(OBSERVER)] += " (it needs the car's speed too, which no channel holds)"
     if command == "warn":
-        words.append("`cwcli warn --rules lane-departure`")
+        words.append("`cwcli warn-lane`")
     return f"no channel holds a position for `cwcli estimate`; from the camera: {', '.join(words)}"
 
 

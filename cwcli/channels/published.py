@@ -38,7 +38,7 @@ class Channel:
 OWN_PREFIX = "/cwcli/"
 _STATE, _PATH = "cwcli.v1.VehicleState", "cwcli.v1.PredictedPath"
 _SCENE, _POSE, _LINES = "foxglove.SceneUpdate", "foxglove.PoseInFrame", "foxglove.ImageAnnotations"
-_FROM_OBSERVER = "predict --from observer"
+_FROM_OBSERVER = "predict-lane"
 
 EGO_STATE = Channel("/cwcli/ego/state", _STATE, "estimate", "the ego state", "ego_state")
 REMOTE_STATE = Channel("/cwcli/remote/state", _STATE, "estimate", "the remote vehicles' states", "remote_state")

@@ -7,6 +7,7 @@ rich help costs 60 ms of import and breaks lines differently on a terminal and i
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import sys
 from typing import Annotated, Any
@@ -16,34 +17,15 @@ import typer.core
 import typer.main
 
 from cwcli import __version__
-from cwcli.cli.options.expand import expand
+from cwcli.cli.commands import COMMANDS
+from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand
 from cwcli.cli.options.fast import skip_coercion
 from cwcli.cli.options.shared import TalkOptions
+from cwcli.cli.options.stage import every_stage
 from cwcli.errors import UsageError
 from cwcli.input import remembering_inputs
+from cwcli.stages import STAGES
 
-COMMANDS = {
-    "info": "List what a log holds and what cwcli can do with it.",
-    "estimate": "Estimate the states of the ego and the remote vehicles.",
-    "track": "Track other road users from lidar and radar detections.",
-    "predict": "Predict the vehicles' paths from their states.",
-    "warn": "Warn of collisions from the predicted paths.",
-    "control": "Replay each warning with a braking controller at the pedals.",
-    "lanes": "Find the lane boundaries in camera frames.",
-    "observe": "Observe lateral speed and yaw rate from the lane.",
-    "run": "Run every stage that a log has the signals for, on one log or many.",
-    "config": "Print a pipeline file with every option resolved and checked.",
-    "evaluate": "Score one log or many, and check gates.",
-    "compare": "Say what got better and what got worse between two runs.",
-    "report": "Make one HTML page of a run, or of one annotated log.",
-    "simulate": "Make a log with known truth from a scenario.",
-    "reproduce": "Make a paper's tables and figures again, beside ours.",
-    "layout": "Make a viewer layout that shows every channel of cwcli.",
-    "demo": "Estimate, predict and warn on two bundled logs.",
-}
-"""Name -> one line of help, in the order of `cwcli --help`. The code is in `cwcli/cli/commands/<name>.py`."""
-
-ENVIRONMENT_PREFIX = "CWCLI"
 MAX_WITHOUT_HEADINGS = 15
 """The options of a command with no more than this stand in one list."""
 EPILOG = """\b
@@ -107,13 +89,23 @@ class LazyGroup(typer.core.TyperGroup):
 
 
 def load_command(name: str) -> Any:
-    """Import one command module and make its Typer command."""
-    module = importlib.import_module(f"cwcli.cli.commands.{name}")
+    """Import one command's module and make its Typer command.
+
+    Raises:
+        UsageError: The module of a stage is missing.
+    """
+    if name in STAGES:
+        from cwcli.cli.stage_command import stage_command
+
+        function, examples = stage_command(STAGES[name])
+    else:
+        module = importlib.import_module(f"cwcli.cli.commands.{name}")
+        stages = every_stage() if "stages" in inspect.signature(module.command).parameters else ()
+        function, examples = expand(module.command, name, stages=stages), module.EXAMPLES
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
-    examples = "\n".join(f"  {example}" for example in module.EXAMPLES)
-    heading = "Example:" if len(module.EXAMPLES) == 1 else "Examples:"
-    epilog = f"\b\n{heading}\n{examples}"
-    single.command(name, cls=PlainCommand, epilog=epilog)(expand(module.command, name))
+    heading = "Example:" if len(examples) == 1 else "Examples:"
+    epilog = "\n".join(["\b", heading, *(f"  {example}" for example in examples)])
+    single.command(name, cls=PlainCommand, epilog=epilog)(function)
     return typer.main.get_command(single)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,14 +14,13 @@ from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
 from cwcli.errors import UsageError
-from cwcli.pipeline.call import Stage
+from cwcli.pipeline.call import Call
 from cwcli.pipeline.execute import Missed, Outcome, run_stages
 from cwcli.pipeline.selection import select
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
     from cwcli.metrics.table import Table
-    from cwcli.pipeline.result import StageResult
 
 
 @dataclass(frozen=True)
@@ -32,19 +31,21 @@ class Job:
         command: Name of the command.
         source: MCAP file or "-".
         stages: Name -> stage, in order.
-        metrics: File of a single stage's main table, or None.
+        metrics: File of the stage's main table, or None.
         metrics_dir: Folder for every table of every stage, or None.
+        first: Names of those of the stages that only make what the command's own needs.
         missing, lenient: Which stages are left out; see `cwcli.pipeline.execute.run_stages`.
     """
 
     command: str
     source: str
-    stages: Mapping[str, Stage]
+    stages: Mapping[str, Call]
     reading: ReadingOptions
     writing: WritingOptions
     talk: TalkOptions
     metrics: str | None = None
     metrics_dir: str | None = None
+    first: Collection[str] = ()
     missing: Missed = lambda name, log, selection: None
     lenient: bool = False
 
@@ -77,7 +78,7 @@ def execute(job: Job) -> Outcome:
     with Progress(quiet=job.talk.quiet) as progress:
         progress.step(f"reading {job.source}")
         with Log.open(job.source, recover=job.reading.recover) as log:
-            outcome, _ = run_stages(
+            outcome, annotated = run_stages(
                 log,
                 job.stages,
                 select(log, job.reading.topic, job.reading.start, job.reading.end),
@@ -86,7 +87,7 @@ def execute(job: Job) -> Outcome:
                 strict=job.reading.strict,
                 step=progress.step,
             )
-            _write(job, log, outcome, progress)
+            _write(job, annotated, outcome, progress)
     return outcome
 
 
@@ -114,15 +115,15 @@ def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
     from cwcli.metrics.table import write_table
     from cwcli.output import Together, check_targets, make_folder
 
-    tables = _table_files(job, outcome.results)
+    tables = _table_files(job, outcome)
     check_targets([path for path in tables if path.parent.is_dir()], force=job.writing.force)  # others are made below
     with Together() as together:
         if job.writing.output is not None:
             progress.step(f"writing {job.writing.output}")
             report = annotate(
                 log,
-                [channel for result in outcome.results for channel in result.channels],
-                {f"cwcli.run.{result.stage}": result.metadata for result in outcome.results},
+                (),
+                {},
                 job.writing.output,
                 replace=job.writing.replace,
                 force=job.writing.force,
@@ -138,15 +139,14 @@ def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
     outcome.written.extend(map(str, tables))
 
 
-def _table_files(job: Job, results: Sequence[StageResult]) -> dict[Path, Table]:
+def _table_files(job: Job, outcome: Outcome) -> dict[Path, Table]:
     """The tables that were asked for, by file."""
     files: dict[Path, Table] = {}
     if job.metrics is not None:
-        files[Path(job.metrics)] = next(iter(results[-1].tables.values()))
+        own = next(result for result in outcome.results if result.stage not in job.first)
+        files[Path(job.metrics)] = next(iter(own.tables.values()))
     if job.metrics_dir is not None:
-        for result in results:
-            for name, table in result.tables.items():
-                files[Path(job.metrics_dir) / f"{name}.parquet"] = table
+        files |= {Path(job.metrics_dir) / f"{name}.parquet": table for name, table in outcome.tables().items()}
     return files
 
 

@@ -56,7 +56,8 @@ def reference() -> str:
     """The page: the header, then the help of `cwcli` and of each command."""
     import typer.main
 
-    from cwcli.cli.app import COMMANDS, app, load_command
+    from cwcli.cli.app import app, load_command
+    from cwcli.cli.commands import COMMANDS
 
     parts = [HEADER, _section("cwcli", typer.main.get_command(app), "cwcli")]
     parts += [_section(f"cwcli {name}", load_command(name), f"cwcli {name}") for name in COMMANDS]

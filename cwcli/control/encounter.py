@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from cwcli.control.closed_loop import (
     fuzzy_policy,
     replay,
 )
+from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -52,8 +54,17 @@ class Span:
         after_s: At most this far beyond the last state of a vehicle; it then goes on at its last speed and yaw rate.
     """
 
-    duration_s: float = 15.0
-    after_s: float = 6.0
+    duration_s: Annotated[
+        float, Option("--duration", "Replay at most this long after a warning.", metavar="SECONDS")
+    ] = 15.0
+    after_s: Annotated[
+        float,
+        Option(
+            "--after",
+            "Go on at most this far beyond the last state of a vehicle, at its last speed and yaw rate.",
+            metavar="SECONDS",
+        ),
+    ] = 6.0
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Literal
+from typing import Annotated, Literal
 
 from cwcli.dynamics.samples import PREVIEW_M
 from cwcli.errors import UsageError
+from cwcli.option import Option
 
 
 @dataclass(frozen=True)
@@ -82,15 +83,40 @@ class ObserverConfig:
             added as it stands in eq. 16.
     """
 
-    method: str = "cwcli"
+    method: Annotated[
+        Literal["cwcli", "zhang2011"],
+        Option(
+            "--method",
+            "cwcli: one Kalman filter over frames and sensors at their own times; zhang2011: the paper's observers for "
+            "multiples of 10 km/h, two of them blended.",
+        ),
+    ] = "cwcli"
     preview_m: float = PREVIEW_M
-    estimate_load: bool = False
-    max_coast_s: float = 2.0
+    estimate_load: Annotated[
+        bool, Option("--estimate-load", "Estimate the car's mass too (cwcli); turns are needed to tell it.")
+    ] = False
+    max_coast_s: Annotated[
+        float,
+        Option(
+            "--coast",
+            "Carry the state on for so long without boundaries.",
+            metavar="SECONDS",
+            above=0.0,
+            at_most=60.0,
+        ),
+    ] = 2.0
     max_gap_s: float = 1.0
     max_speed_gap_s: float = 0.5
     noise: FilterNoise = field(default_factory=FilterNoise)
     period_s: float | None = None
-    steer_rate: str = "raw"
+    steer_rate: Annotated[
+        Literal["raw", "robust"],
+        Option(
+            "--steer-rate",
+            "How zhang2011 takes the rate of the heading deviation (eq. 10): from two frames, or as the median slope "
+            "of five.",
+        ),
+    ] = "raw"
     process_noise: float = 0.01
     lane_noise: float = 0.01
     noise_reading: Literal["continuous", "discrete"] = "continuous"

@@ -2,12 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from cwcli.errors import UsageError
+from cwcli.option import Option
 
 ModelName = Literal["cwcli", "song2016"]
 LatencyOption = Literal["auto", "none"] | Mapping[str, float]
+MS_PER_S = 1000.0
+MAX_LATENCY_S = 3600.0
+
+
+def parse_latency(entries: Sequence[str]) -> LatencyOption:
+    """`auto`, `none`, or source -> seconds from `NAME=MS` entries.
+
+    Raises:
+        UsageError: An entry is malformed, a source comes twice, or entries contradict each other.
+    """
+    if list(entries) in ([], ["auto"]):
+        return "auto"
+    if list(entries) == ["none"]:
+        return "none"
+    found: dict[str, float] = {}
+    for entry in entries:
+        name, _, text = entry.rpartition("=")
+        try:
+            latency_s = float(text.removesuffix("ms")) / MS_PER_S
+        except ValueError:
+            latency_s = math.nan
+        if not name or not abs(latency_s) <= MAX_LATENCY_S:
+            raise UsageError(
+                f"--latency {entry!r} is not auto, none or NAME=MS", hint="for example --latency /gps/fix=80"
+            )
+        if name in found:
+            raise UsageError(f"--latency names {name} twice")
+        found[name] = latency_s
+    return found
 
 
 @dataclass(frozen=True)
@@ -27,10 +60,33 @@ class EstimatorConfig:
         song2016_step_s: Sampling time of the six-state filter (dT of eq. 2).
     """
 
-    model: ModelName = "cwcli"
-    causal: bool = False
-    latency: LatencyOption = field(default="auto")
-    gate_probability: float = 0.999
+    model: Annotated[
+        ModelName,
+        Option("--model", "cwcli: eight states, each sensor at its own time; song2016: the paper's six-state filter."),
+    ] = "cwcli"
+    causal: Annotated[bool, Option("--causal", "The filter alone: no estimate uses what was measured later.")] = False
+    latency: Annotated[
+        LatencyOption,
+        Option(
+            "--latency",
+            "Find each source's latency from the log, trust the stamps, or give that of a topic in milliseconds "
+            "(positive is late; the others are found). Repeatable.",
+            metavar="auto|none|NAME=MS",
+            default="auto",
+            kind=list[str],
+            parse=parse_latency,
+        ),
+    ] = "auto"
+    gate_probability: Annotated[
+        float,
+        Option(
+            "--gate",
+            "Probability that the gate keeps a good measurement; 1 is off.",
+            metavar="P",
+            above=0.0,
+            at_most=1.0,
+        ),
+    ] = 0.999
     reset_after: int = 20
     rate_hz: float = 20.0
     song2016_step_s: float = 0.05

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.errors import UsageError
 from cwcli.evaluation.estimate import Ego
 from cwcli.logs.log import Log
 from cwcli.metrics.headline import Headline, metric_of
@@ -104,11 +105,14 @@ def _config(log: Log) -> PredictConfig:
     used: Mapping[str, object] = json_entry(run_records(log).get("predict", {}), "configuration", dict)
     default = PredictConfig()
     horizon_s, step_s = used.get("horizon_s"), used.get("step_s")
-    return PredictConfig(
-        horizon_s=float(horizon_s) if isinstance(horizon_s, int | float) else default.horizon_s,
-        step_s=float(step_s) if isinstance(step_s, int | float) else default.step_s,
-        discretisation="paper" if used.get("discretisation") == "paper" else "exact",
-    )
+    try:
+        return PredictConfig(
+            horizon_s=float(horizon_s) if isinstance(horizon_s, int | float) else default.horizon_s,
+            step_s=float(step_s) if isinstance(step_s, int | float) else default.step_s,
+            discretisation="paper" if used.get("discretisation") == "paper" else "exact",
+        )
+    except UsageError:
+        return default
 
 
 def _add_models(headline: Headline, table: Table) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,7 @@ from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.records import Record, configuration_of, rule_of, run_records, whole
+from cwcli.stages.records import Record, configuration_of, rule_of, run_records, warn_record, whole
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.types import WarningConfig, outline_of
@@ -57,25 +56,31 @@ def add_warnings(headline: Headline, log: Log) -> None:
     """
     if all(channel.topic != WARNINGS.topic for channel in log.channels):
         return
-    record = run_records(log).get("warn", {})
+    records = run_records(log)
     events = warning_events(read_warnings(log.columns(WARNINGS.topic, WITHOUT_WORDS)))
-    rules = _rules(configuration_of(record))
+    rules = _rules(records)
     if LANE_DEPARTURE in rules:
         headline.count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
-    for k, (rule, scores) in enumerate(judge_warnings(log, events, record, collision_rules).items()):
+    for k, (rule, scores) in enumerate(judge_warnings(log, events, collision_rules).items()):
         if k == 0:
             _add_scores(headline, "warnings", scores)
         if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
             _add_scores(headline, f"warnings.{rule}", scores)
 
 
-def _rules(configuration: Mapping[str, Any]) -> list[str]:
+def _rules(records: Mapping[str, Record]) -> list[str]:
     """The rules that warned, by name."""
+    record, _ = warn_record(records)
+    of_lane = [LANE_DEPARTURE] if "warn-lane" in records else []
+    if of_lane and not record:
+        return of_lane
+    configuration = configuration_of(record)
     rules, options = configuration.get("rules"), configuration.get("rule")
     if isinstance(rules, list) and rules:
-        return list(dict.fromkeys(map(str, rules)))
-    return [str(options.get("rule"))] if isinstance(options, dict) and "rule" in options else [WarningConfig().rule]
+        return list(dict.fromkeys([*map(str, rules), *of_lane]))
+    named = options.get("rule") if isinstance(options, dict) else None
+    return [WarningConfig().rule if named is None else str(named), *of_lane]
 
 
 def _add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
@@ -96,12 +101,11 @@ def _add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
     headline.add(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
 
 
-def judge_warnings(
-    log: Log, events: Sequence[WarningEvent], record: Record, rules: Sequence[str]
-) -> dict[str, WarningScores]:
+def judge_warnings(log: Log, events: Sequence[WarningEvent], rules: Sequence[str]) -> dict[str, WarningScores]:
     """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores. Empty where states are missing."""
+    record, is_of_targets = warn_record(run_records(log))
     configuration = configuration_of(record)
-    others_topic = TARGETS.topic if configuration.get("source") == "targets" else REMOTE_STATE.topic
+    others_topic = TARGETS.topic if is_of_targets else REMOTE_STATE.topic
     if not rules or not {EGO_STATE.topic, others_topic} <= {channel.topic for channel in log.channels}:
         return {}
     columns = log.load(dict.fromkeys((EGO_STATE.topic, others_topic)))

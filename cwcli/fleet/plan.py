@@ -39,12 +39,12 @@ class Plan:
 
     def calls(self) -> dict[str, StageCall]:
         """Name -> stage, in order."""
-        return {call.stage: call for call in self.stages}
+        return {call.stage.name: call for call in self.stages}
 
     def key(self, input_sha256: str) -> str:
         """A hash that is the same where the same version of cwcli would make the same of the same input."""
         settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        settings["stages"] = [[call.stage, dataclasses.asdict(call.config)] for call in self.stages]
+        settings["stages"] = [[call.stage.name, dataclasses.asdict(call.config)] for call in self.stages]
         del settings["pipeline"]
         basis = json.dumps([__version__, input_sha256, settings], sort_keys=True, default=str)
         return hashlib.sha256(basis.encode()).hexdigest()

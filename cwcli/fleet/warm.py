@@ -15,10 +15,10 @@ import cwcli.logs.codecs.protobuf
 import cwcli.logs.load
 import cwcli.logs.memory
 import cwcli.logs.message_reader
-import cwcli.stages.estimate
-import cwcli.stages.predict
-import cwcli.stages.warn
+from cwcli.stages import DEFAULT_STAGES, STAGES
 
 __all__ = ["cwcli", "numpy", "pyarrow", "pyproj", "zstandard"]
 
+for name in DEFAULT_STAGES:
+    STAGES[name].module  # noqa: B018 - imports it
 pyarrow.array(numpy.zeros(1))  # at its first array it looks for pandas

@@ -23,8 +23,9 @@ from cwcli.logs.log import Log
 from cwcli.logs.source import open_source
 from cwcli.output import make_folder
 from cwcli.pipeline.execute import Outcome, run_stages
-from cwcli.pipeline.missing import signals_for
+from cwcli.pipeline.missing import SignalsFor
 from cwcli.pipeline.selection import select
+from cwcli.stages import STAGES
 
 
 @dataclass(frozen=True)
@@ -116,13 +117,13 @@ def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]
         log,
         calls,
         select(log, plan.topic, plan.start, plan.end),
-        missing=signals_for(calls, plan.ego_station),
+        missing=SignalsFor(STAGES, plan.ego_station),
         lenient=True,
         strict=plan.strict,
     )
     annotate(annotated, (), {}, folder.annotated, replace=plan.replace, force=True, durable=False)
     outputs = [folder.annotated]
-    tables = {name: table for result in outcome.results for name, table in result.tables.items()}
+    tables = outcome.tables()
     for name, table in tables.items():
         outputs.append(put_table(table, folder.table(DETAILS, name)))
     outputs.append(put_table(evaluate_log(annotated, tables=tables), folder.metrics))
@@ -142,7 +143,7 @@ def _describe(outcome: Outcome, entry: Document) -> None:
     entry["inputs"] = [
         {"stage": result.stage, **count} for result in outcome.results for count in result.summary.to_json()["inputs"]
     ]
-    entry["tables"] = {name: len(table) for result in outcome.results for name, table in result.tables.items()}
+    entry["tables"] = {name: len(table) for name, table in outcome.tables().items()}
 
 
 def error_entry(error: CwcliError) -> dict[str, Any]:

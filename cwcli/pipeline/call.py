@@ -1,12 +1,13 @@
-"""A stage with its options already in it, as a value that can be sent to another process."""
+"""A stage with its configuration, as a value that can be sent to another process."""
 
 from __future__ import annotations
 
 import dataclasses
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+from cwcli.pipeline.stage import Stage
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
@@ -27,7 +28,7 @@ class Selection:
     end_ns: int | None = None
 
 
-Stage = Callable[["Log", Selection], "StageResult"]
+Call = Callable[["Log", Selection], "StageResult"]
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,11 @@ class StageCall:
     """One stage and its configuration; calling it runs the stage.
 
     Attributes:
-        stage: Its name: the function of this name in the module `cwcli.stages.<name>`.
+        stage: Of `cwcli.stages.STAGES`.
         config: Its frozen configuration, without the part that differs from log to log.
     """
 
-    stage: str
+    stage: Stage
     config: Any
 
     def __call__(self, log: Log, selection: Selection) -> StageResult:
@@ -48,10 +49,8 @@ class StageCall:
         Raises:
             CwcliError: As the stage does.
         """
-        function: Callable[[Log, Any], StageResult] = getattr(
-            importlib.import_module(f"cwcli.stages.{self.stage}"), self.stage
-        )
-        return function(log, with_selection(self.config, selection))
+        result: StageResult = self.stage.function(log, with_selection(self.config, selection))
+        return result
 
 
 def with_selection(config: Any, selection: Selection) -> Any:

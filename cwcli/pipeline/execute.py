@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.pipeline.call import Selection, Stage
+from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.missing import Missing
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
+    from cwcli.metrics.table import Table
     from cwcli.pipeline.result import StageResult
 
 Missed = Callable[[str, "Log", Selection], "Missing | None"]
@@ -38,10 +39,18 @@ class Outcome:
     written: list[str] = field(default_factory=list)
     left_profile: str = ""
 
+    def tables(self) -> dict[str, Table]:
+        """Every table by name; one whose name is taken has its stage's behind its own."""
+        found: dict[str, Table] = {}
+        for result in self.results:
+            for name, table in result.tables.items():
+                found[f"{name}_{result.stage.replace('-', '_')}" if name in found else name] = table
+        return found
+
 
 def run_stages(
     log: Log,
-    stages: Mapping[str, Stage],
+    stages: Mapping[str, Call],
     selection: Selection,
     *,
     missing: Missed = lambda name, log, selection: None,

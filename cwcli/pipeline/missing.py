@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cwcli.channels.binding import ROLE_TEXT, bind
-from cwcli.channels.published import OBSERVER, REMOTE_PATH, REMOTE_STATE
+from cwcli.channels.published import REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
-from cwcli.pipeline.call import Selection, StageCall
-from cwcli.pipeline.needs import NEEDS, PREDICT_FROM_OBSERVER, STAGES, WARN_OF_TARGETS, Need
+from cwcli.pipeline.call import Selection
+from cwcli.pipeline.needs import Table, readiness
+from cwcli.pipeline.stage import Stage
 from cwcli.signals.codec import Role
 
 if TYPE_CHECKING:
     from cwcli.logs.log import Log
 
-DEFAULT_STAGES = tuple(stage for stage in STAGES if stage != "control")
-"""Replaying warnings with a controller is no part of looking at a drive; it runs when it is asked for."""
 NO_REMOTE = "no channel holds remote vehicles (BSM or CAM messages)"
-FROM_CAMERA = {
-    "predict": "--predict-from observer",
-    "warn": "--predict-from observer --warn-rules lane-departure",
-}
-"""Stage -> the options of `cwcli run` with which it needs no position."""
 NO_REMOTE_MESSAGE = "no message of another vehicle could be used"
 
 
@@ -45,12 +38,12 @@ class SignalsFor:
     """Tells why a stage can't run on a log.
 
     Attributes:
+        stages: Name -> stage, of all that there are.
         ego_station: V2X station of the ego, or None.
-        needs: Stage -> what it needs with its configuration, where that differs from `NEEDS`.
     """
 
+    stages: Table
     ego_station: str | None = None
-    needs: Mapping[str, Need] = field(default_factory=dict)
 
     def __call__(self, stage: str, log: Log, selection: Selection) -> Missing | None:
         """Why `stage` can't run on the log as it is now; None if it can.
@@ -59,7 +52,7 @@ class SignalsFor:
             MissingSignalError: Two channels could be the ego's position: a choice that the user must make.
             UsageError: An override of a topic does not fit the log.
         """
-        for group in self.needs.get(stage, NEEDS[stage]).groups:
+        for group in self.stages[stage].groups:
             errors = [self._unbound(name, log, selection) for name in group]
             role, error = group[0], errors[0]
             if error is None or None in errors:
@@ -94,20 +87,52 @@ class SignalsFor:
     def _reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:
         if role in (Role.REMOTE, REMOTE_STATE.role, REMOTE_PATH.role):
             return NO_REMOTE if self._unbound(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE
-        reason = f"no channel holds {ROLE_TEXT[role]}"
-        has_observer = self._unbound(OBSERVER.role, log, selection) is None
-        return f"{reason} (from the camera: {FROM_CAMERA[stage]})" if has_observer and stage in FROM_CAMERA else reason
+        return f"no channel holds {ROLE_TEXT[role]}{self._another_way(stage, log, selection)}"
+
+    def _another_way(self, stage: str, log: Log, selection: Selection) -> str:
+        """The stages to ask for instead, if what is in the file is enough for them."""
+        added = {channel.topic for channel in log.added_channels}
+        there = [channel for channel in log.channels if channel.topic not in added]
+        bound = bind(
+            there, {}, required=(), optional=tuple(ROLE_TEXT), ego_station=self.ego_station, where=log.name
+        ).by_role
+        for entry in readiness(bound, self.stages):
+            if entry.stage.instead_of == stage and not entry.missing:
+                return f" (another way: --stage {','.join((*entry.after, entry.stage.name))})"
+        return ""
 
 
-def signals_for(calls: Mapping[str, StageCall], ego_station: str | None) -> SignalsFor:
-    """The question with these stages' configurations in mind."""
-    needs: dict[str, Need] = {}
-    if "warn" in calls:
-        config = calls["warn"].config
-        if config.rules:  # each of them may need other roles; the stage leaves those out that it lacks
-            needs["warn"] = Need(required=())
-        elif config.source == "targets":
-            needs["warn"] = NEEDS[WARN_OF_TARGETS]
-    if "predict" in calls and calls["predict"].config.origin == "observer":
-        needs["predict"] = NEEDS[PREDICT_FROM_OBSERVER]
-    return SignalsFor(ego_station, needs)
+@dataclass(frozen=True)
+class FirstStages:
+    """Leaves those stages out that a stage's command runs first, where the log holds their channels already.
+
+    Attributes:
+        stage: The command's stage.
+        stages: Name -> stage, of all that there are.
+        ego_station: V2X station of the ego, or None.
+    """
+
+    stage: Stage
+    stages: Table
+    ego_station: str | None = None
+
+    def __call__(self, name: str, log: Log, selection: Selection) -> Missing | None:
+        """Why a stage does not run.
+
+        Raises:
+            MissingSignalError: The log has neither all of its channels nor the sensors from which to make them.
+        """
+        if name not in self.stage.first:
+            return None
+        made = {role: source for role, source in self.stages[name].added.items() if role in self.stage.required}
+        found = bind(log.channels, selection.topics, required=(), optional=tuple(made), where=log.name)
+        is_there = any(role in found for role in made)
+        bind(
+            log.channels,
+            selection.topics,
+            required=tuple(made if is_there else made.values()),
+            ego_station=self.ego_station,
+            where=log.name,
+            command=self.stage.name,
+        )
+        return Missing("the log holds the states") if is_there else None

@@ -32,7 +32,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.stages.inputs.measurements import ego_measurements
 from cwcli.stages.inputs.sources import read_sources
-from cwcli.stages.records import configuration_of, inputs_of, map_of, rule_of, run_records, sources_of
+from cwcli.stages.records import inputs_of, map_of, rule_of, run_records, sources_of, warn_record
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.types import WarningConfig, outline_of
 
@@ -133,11 +133,11 @@ def read_drive(log: Log) -> Drive:
     there = {channel.topic for channel in log.channels}
     wanted = {topic: fields for topic, fields in TOPICS.items() if topic in there}
     columns = log.load(wanted) if wanted else {}
-    warn = records.get("warn", {})
+    warn, is_of_targets = warn_record(records)
     ego = read_states(columns[EGO_STATE.topic]) if EGO_STATE.topic in columns else None
     notes: list[str] = []
     others = [*_remotes(columns), *_targets(columns, notes)]
-    if configuration_of(warn).get("source") == "targets":
+    if is_of_targets:
         others.sort(key=lambda other: other.kind != "target")
     measured = _measured(log, records, notes) if ego is not None and len(ego) else ()
     return Drive(

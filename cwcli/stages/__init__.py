@@ -1,5 +1,87 @@
-"""One file per stage. A stage is a pure function from a log and a configuration to new channels, tables and a summary.
+"""The stages: one line each here, and one file each beside this one.
 
-A stage binds roles to channels, loads the columns it needs, calls one domain room and names what comes out. It writes
-no file and prints nothing: `cwcli.logs.annotate` and `cwcli.cli` do.
+A stage is a pure function from a log and a configuration to new channels, tables and a summary. It binds roles to
+channels, loads the columns it needs, calls one domain room and names what comes out. It writes no file, prints nothing,
+and judges nothing: `cwcli.logs.annotate`, `cwcli.cli` and `cwcli.evaluation` do. Importing this table imports no stage.
 """
+
+from __future__ import annotations
+
+from cwcli.pipeline.stage import Stage
+
+STAGES: dict[str, Stage] = {
+    stage.name: stage
+    for stage in (
+        Stage(
+            "estimate",
+            "Estimate the states of the ego and the remote vehicles.",
+            required=("ego_position",),
+            used=("ego_velocity", "ego_speed", "ego_heading", "imu", "remote", "truth"),
+            added={"ego_state": "ego_position", "remote_state": "remote"},
+        ),
+        Stage(
+            "track",
+            "Track other road users from lidar and radar detections.",
+            required=("detections",),
+            used=("ego_state", "target_truth"),
+            added={"targets": "detections"},
+        ),
+        Stage(
+            "lanes",
+            "Find the lane boundaries in camera frames.",
+            required=("camera",),
+            used=("camera_info", "ego_state", "ego_speed", "imu"),
+            added={"lanes": "camera"},
+        ),
+        Stage(
+            "observe",
+            "Observe lateral speed and yaw rate from the lane.",
+            required=("lanes",),
+            one_of=(("ego_speed", "ego_state", "ego_velocity"),),
+            used=("imu", "ego_steer", "lateral_truth"),
+            added={"observer": "lanes"},
+        ),
+        Stage(
+            "predict",
+            "Predict the vehicles' paths from their states.",
+            required=("ego_state",),
+            used=("remote_state",),
+            added={"ego_path": "ego_state", "remote_path": "remote_state"},
+        ),
+        Stage(
+            "predict-lane",
+            "Predict the ego's path from its observed lateral motion.",
+            required=("observer",),
+            used=("ego_state", "camera", "truth", "lateral_truth"),
+            added={"observer_path": "observer"},
+            instead_of="predict",
+        ),
+        Stage(
+            "warn",
+            "Warn of collisions from the predicted paths.",
+            required=("ego_state", "ego_path", "remote_state", "remote_path"),
+        ),
+        Stage(
+            "warn-targets",
+            "Warn of collisions with tracked targets.",
+            required=("ego_state", "ego_path", "targets"),
+            instead_of="warn",
+        ),
+        Stage(
+            "warn-lane",
+            "Warn of leaving the lane.",
+            required=("observer_path", "lanes"),
+            instead_of="warn",
+        ),
+        Stage(
+            "control",
+            "Replay each warning with a braking controller at the pedals.",
+            required=("ego_state", "remote_state"),
+            on_request=True,
+            first={"estimate": {"causal": True}},
+        ),
+    )
+}
+"""Name -> stage, in the order in which they run."""
+DEFAULT_STAGES = tuple(name for name, stage in STAGES.items() if stage.is_default)
+"""What `cwcli run` runs. Replaying warnings with a controller is no part of looking at a drive, for example."""

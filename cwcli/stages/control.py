@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
 from cwcli.control.encounter import RecordedTrack, Span, replay_warning
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.log import Log
+from cwcli.option import Option
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
@@ -24,10 +26,16 @@ from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.records import Record, configuration_of, map_of, run_records
 from cwcli.stages.summaries.control import Replayed, control_table, published_steps, sections, series_table
 from cwcli.stages.warn import vehicle_tracks
+from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
+EXAMPLES = (
+    "cwcli control drive.mcap -o braked.mcap --metrics control.parquet",
+    "cwcli control drive.mcap --predictor cj-cya -o braked.mcap --metrics-dir m/",
+    "cwcli estimate drive.mcap --causal -o - | cwcli control - --rule ttc --json",
+)
 PAPER_RULE = "song2016"
 PATH_STEP_S = 0.05
 MIN_SPAN_S = 0.1
@@ -39,38 +47,84 @@ class ControlConfig:
 
     Attributes:
         predictor: A key of `prediction.MODELS`; None: the default one.
-        rule: The rule that finds the warning moments, and its thresholds.
+        rule: A key of `warning.RULES`, which finds the warnings; None: the paper's with a predictor that was chosen,
+            else the default one.
+        horizon_s, distance_m: Of the rule, as in `WarningConfig`.
         span: How much of the drive is replayed after each warning.
         topics: Role -> topic, the user's choices.
         start_ns, end_ns: Only states logged in this span are used.
     """
 
-    predictor: str | None = None
-    rule: WarningConfig = field(default_factory=WarningConfig)
+    predictor: Annotated[
+        str | None,
+        Option(
+            "--predictor",
+            "Motion model that finds the warnings: {names} (see `cwcli predict --help`).",
+            metavar="NAME",
+            default=DEFAULT_MODEL,
+            choices="cwcli.prediction.models:MODELS",
+        ),
+    ] = None
+    rule: Annotated[
+        str | None,
+        Option(
+            "--rule",
+            "Warning rule: {names} (see `cwcli warn --help`).",
+            metavar="NAME",
+            default=f"{PAPER_RULE} with --predictor, else {DEFAULT_RULE}",
+            choices="cwcli.warning.rules:RULES",
+        ),
+    ] = None
+    horizon_s: Annotated[float, Option("--horizon", "Warn of events at most this far ahead.", metavar="SECONDS")] = (
+        WarningConfig.horizon_s
+    )
+    distance_m: Annotated[
+        float, Option("--distance", "The rule's collision distance between centres.", metavar="METRES")
+    ] = WarningConfig.distance_m
     span: Span = field(default_factory=Span)
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
 
+    def __post_init__(self) -> None:
+        """Check what can be checked without a log.
 
-def rule_for(predictor: str | None) -> str:
-    """The rule that goes with a predictor unless the user says otherwise: the paper's with one that was chosen."""
-    return DEFAULT_RULE if predictor is None else PAPER_RULE
+        Raises:
+            UsageError: An unknown model or rule, or a setting out of range.
+        """
+        MODELS.require(self.model)
+        check_rule(self.warnings)
+        if not MIN_SPAN_S <= self.span.duration_s <= 600.0:
+            raise UsageError(f"a duration of {self.span.duration_s:g} s is not between {MIN_SPAN_S:g} and 600")
+        if not MIN_SPAN_S <= self.span.after_s <= 60.0:
+            raise UsageError(f"{self.span.after_s:g} s beyond the record is not between {MIN_SPAN_S:g} and 60")
+
+    @property
+    def model(self) -> str:
+        """The motion model."""
+        return self.predictor or DEFAULT_MODEL
+
+    @property
+    def warnings(self) -> WarningConfig:
+        """The rule that finds the warnings, and its thresholds."""
+        usual = DEFAULT_RULE if self.predictor is None else PAPER_RULE
+        return WarningConfig(rule=self.rule or usual, horizon_s=self.horizon_s, distance_m=self.distance_m)
 
 
 def control(log: Log, config: ControlConfig) -> StageResult:
-    """Find the warnings, and replay the drive around each of them under every policy.
+    """Replay each warning with a braking controller, a driver who brakes late, and nobody.
 
-    A warning that is raised while an earlier one is still being replayed is left out: the host would not have been
-    there.
+    The host's recorded motion is replayed until the warning; then the fuzzy controller of song2016 brakes it along its
+    recorded path, or a driver 1.5 s later, or nobody. The other vehicle moves as recorded. Uses the states of `cwcli
+    estimate --causal`; where the log has none, they are estimated first and written too. Paths and warnings are found
+    anew. A warning that is raised while an earlier one is still being replayed is left out: the host would not have
+    been there.
 
     Raises:
         MissingSignalError: The log lacks the states of the ego or of the other vehicles.
-        UsageError: An unknown model or rule, or a setting out of range.
         DataError: The log holds the states of several egos.
     """
-    check_config(config)
-    model = config.predictor or DEFAULT_MODEL
+    model, rule = config.model, config.warnings
     bound = bind(
         log.channels,
         config.topics,
@@ -89,23 +143,23 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         if role == EGO_STATE.role:
             require_ego(states, log_name=log.name, topic=topics[role])
         is_other = role == REMOTE_STATE.role
-        uses_onset = is_other and RULES[config.rule.rule].uses_onset
-        paths = _predicted(model, states, config.rule.horizon_s + (MAX_MESSAGE_AGE_S if is_other else 0.0))
+        uses_onset = is_other and RULES[rule.rule].uses_onset
+        paths = _predicted(model, states, rule.horizon_s + (MAX_MESSAGE_AGE_S if is_other else 0.0))
         tracks[role] = vehicle_tracks(states, paths, with_onset=uses_onset)
     if len(tracks[EGO_STATE.role]) != 1:
         raise DataError(
             f"expected the states of one ego, found {len(tracks[EGO_STATE.role])}", where=topics[EGO_STATE.role]
         )
     (host,), others = tracks[EGO_STATE.role], tracks[REMOTE_STATE.role]
-    events = evaluate(host, others, config.rule).events.records()
+    events = evaluate(host, others, rule).events.records()
     replayed, notes = _replays(host, others, events, config.span)
     if not events:
-        notes.append(f"no warning arises (predictor {model}, rule {config.rule.rule}): nothing is braked")
+        notes.append(f"no warning arises (predictor {model}, rule {rule.rule}): nothing is braked")
     notes += _about_states(run_records(log).get("estimate", {}))
     summary = Summary(
-        "control", sections(replayed, log.start_ns, model, config.rule.rule), tuple(inputs), (*bound.notes, *notes)
+        "control", sections(replayed, log.start_ns, model, rule.rule), tuple(inputs), (*bound.notes, *notes)
     )
-    tables = (control_table(replayed, model, config.rule.rule), series_table(replayed))
+    tables = (control_table(replayed, model, rule.rule), series_table(replayed))
     channels: tuple[OutputChannel, ...] = ()
     if replayed:
         local_map = map_of(run_records(log).get("estimate", {}))
@@ -118,23 +172,6 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         summary,
         run_record("control", log, config, summary),
     )
-
-
-def check_config(config: ControlConfig) -> None:
-    """Check what can be checked without a log.
-
-    Raises:
-        UsageError: An unknown model or rule, or a setting out of range.
-    """
-    model = config.predictor or DEFAULT_MODEL
-    MODELS.require(model)
-    RULES.require(config.rule.rule)
-    if not (np.isfinite(config.rule.horizon_s) and config.rule.horizon_s > 0.0):
-        raise UsageError(f"a horizon of {config.rule.horizon_s:g} is not positive")
-    if not MIN_SPAN_S <= config.span.duration_s <= 600.0:
-        raise UsageError(f"a duration of {config.span.duration_s:g} s is not between {MIN_SPAN_S:g} and 600")
-    if not MIN_SPAN_S <= config.span.after_s <= 60.0:
-        raise UsageError(f"{config.span.after_s:g} s beyond the record is not between {MIN_SPAN_S:g} and 60")
 
 
 def _predicted(model: str, states: VehicleStates, horizon_s: float) -> PredictedPaths:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.track import estimate_track, estimate_tracks
 from cwcli.logs.log import Log
+from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal
@@ -36,10 +39,29 @@ from cwcli.stages.summaries.estimate import (
 )
 from cwcli.stages.truth import TruthErrors, against_truth
 
+EXAMPLES = (
+    "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
+    "cwcli estimate drive.mcap --latency /gps/vel=300 --causal -o estimated.mcap",
+)
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_STATES = 20_000_000
 MAX_BRIDGE_S = 60
 STATIONS_AT_ONCE = 4
+
+
+def parse_origin(text: str) -> tuple[float, float, float]:
+    """`LAT,LON,ALT` in degrees and metres.
+
+    Raises:
+        UsageError: It is not three numbers in range.
+    """
+    try:
+        latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--truth-origin {text!r} is not LAT,LON,ALT") from None
+    if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180 and math.isfinite(altitude_m)):
+        raise UsageError(f"--truth-origin {text!r} is not on the earth")
+    return latitude_deg, longitude_deg, altitude_m
 
 
 @dataclass(frozen=True)
@@ -56,8 +78,19 @@ class EstimateConfig:
 
     sources: SourceConfig = field(default_factory=SourceConfig)
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
-    rate_hz: float = 20.0
-    truth_origin: tuple[float, float, float] | None = None
+    rate_hz: Annotated[
+        float, Option("--rate", "Rate of the ego's states.", metavar="HZ", above=0.0, at_most=10_000.0)
+    ] = 20.0
+    truth_origin: Annotated[
+        tuple[float, float, float] | None,
+        Option(
+            "--truth-origin",
+            "Where the origin of a Cartesian truth channel lies, in degrees and metres.",
+            metavar="LAT,LON,ALT",
+            kind=str | None,
+            parse=parse_origin,
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -74,7 +107,10 @@ class RemoteStates:
 
 
 def estimate(log: Log, config: EstimateConfig) -> StageResult:
-    """Estimate the states of the ego and of every remote vehicle.
+    """Estimate the states of the ego and the remote vehicles.
+
+    Needs the ego's position; uses its velocity, speed, heading and IMU, V2X messages and a truth channel where the log
+    has them. Each source's latency and the IMU's biases are found from the log itself and reported.
 
     Raises:
         MissingSignalError: No channel, or more than one, holds the ego position.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,7 @@ from cwcli.errors import DataError, UsageError
 from cwcli.logs.frames import Frame
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table
+from cwcli.option import Option
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.clocks import NO_STAMP
@@ -27,7 +30,7 @@ from cwcli.stages.inputs.camera import CameraSource, camera_source
 from cwcli.stages.inputs.frame_motion import Motion, read_motion
 from cwcli.stages.inputs.mounting import MountingChoice, check_mounting, mounting_source
 from cwcli.stages.summaries.lanes import lanes_section, lanes_table
-from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
@@ -37,6 +40,11 @@ from cwcli.vision.raw_images import Image
 from cwcli.vision.rectify import Rectifier, rectified
 from cwcli.vision.video import VIDEO_FORMATS
 
+EXAMPLES = (
+    "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
+    "cwcli lanes drive.mcap -o lanes.mcap --render /camera/annotated",
+    "cwcli lanes drive.mcap --method zhang2011 --seed 1 --camera-height 1.4",
+)
 PREVIEW_M = 33.5
 """Distance of the paper's preview point."""
 MAX_PREVIEW_M = 1000.0
@@ -63,19 +71,57 @@ class LanesConfig:
         start_ns, end_ns: Only frames logged in this span are used.
     """
 
-    method: str = DEFAULT_METHOD
-    seed: int = 0
-    preview_m: float = PREVIEW_M
-    mounting: Mounting | MountingChoice | None = None
-    field_of_view_rad: float | None = None
-    render: str | None = None
+    method: Annotated[str, Option("--method", "{choices}", metavar="NAME", choices="cwcli.vision.methods:METHODS")] = (
+        DEFAULT_METHOD
+    )
+    seed: Annotated[int, Option("--seed", "Of the random numbers of a genetic search.", metavar="N")] = 0
+    preview_m: Annotated[
+        float, Option("--preview", "Distance of the preview point ahead of the camera.", metavar="METRES")
+    ] = PREVIEW_M
+    render: Annotated[
+        str | None,
+        Option("--render", "Publish the frames with the boundaries drawn on them here, as JPEG.", metavar="/TOPIC"),
+    ] = None
+    mounting: Mounting | MountingChoice = field(default_factory=MountingChoice)
+    field_of_view_rad: Annotated[
+        float | None,
+        Option(
+            "--camera-fov",
+            "Horizontal field of view, for a log without calibration.",
+            metavar="DEGREES",
+            default=f"{math.degrees(DEFAULT_FIELD_OF_VIEW_RAD):.0f}",
+            parse=math.radians,
+        ),
+    ] = None
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
 
+    def __post_init__(self) -> None:
+        """Check what can be checked without a log.
+
+        Raises:
+            UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
+        """
+        METHODS.require(self.method)
+        if not 0.0 < self.preview_m <= MAX_PREVIEW_M:
+            raise UsageError(f"--preview {self.preview_m:g} must be positive, and at most {MAX_PREVIEW_M:g} m")
+        check_mounting(self.mounting)
+        low_rad, high_rad = FIELD_OF_VIEW_RAD
+        if self.field_of_view_rad is not None and not low_rad <= self.field_of_view_rad <= high_rad:
+            degrees = f"{np.degrees(low_rad):.0f} and {np.degrees(high_rad):.0f} degrees"
+            raise UsageError(f"--camera-fov must lie between {degrees}")
+        if not 0 <= self.seed < 2**64:
+            raise UsageError(f"--seed {self.seed} must lie between 0 and 2^64 - 1")
+        check_topic_name(self.render)
+
 
 def lanes(log: Log, config: LanesConfig) -> StageResult:
-    """Find both lane boundaries in every frame, and put them on the road.
+    """Find the lane boundaries in camera frames.
+
+    Needs a camera channel (JPEG, PNG, raw images or video). Adds the boundaries, the car's place in its lane at the
+    preview point, and annotations that Foxglove draws on the image. The calibration is taken from the log where it
+    holds one.
 
     Raises:
         MissingSignalError: The log has no camera channel, or more than one.
@@ -83,7 +129,6 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         DataError: No frame could be used.
         InputError: The frames are compressed video, and there is no decoder for it.
     """
-    check_config(config)
     method = METHODS[config.method]
     bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
@@ -164,26 +209,6 @@ def _prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[Deco
         return _Prepared(grey, None if method.prepare is None else method.prepare(grey))
 
     return prepare
-
-
-def check_config(config: LanesConfig) -> None:
-    """Check what can be checked without a log.
-
-    Raises:
-        UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
-    """
-    METHODS.require(config.method)
-    if not 0.0 < config.preview_m <= MAX_PREVIEW_M:
-        raise UsageError(f"--preview {config.preview_m:g} must be positive, and at most {MAX_PREVIEW_M:g} m")
-    if config.mounting is not None:
-        check_mounting(config.mounting)
-    low_rad, high_rad = FIELD_OF_VIEW_RAD
-    if config.field_of_view_rad is not None and not low_rad <= config.field_of_view_rad <= high_rad:
-        degrees = f"{np.degrees(low_rad):.0f} and {np.degrees(high_rad):.0f} degrees"
-        raise UsageError(f"--camera-fov must lie between {degrees}")
-    if not 0 <= config.seed < 2**64:
-        raise UsageError(f"--seed {config.seed} must lie between 0 and 2^64 - 1")
-    check_topic_name(config.render)
 
 
 def _is_within(log_time_ns: int, config: LanesConfig) -> bool:

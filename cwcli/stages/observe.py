@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import LateralTrack, Status
 from cwcli.dynamics.single_track import critical_speed_mps
-from cwcli.dynamics.vehicle import Vehicle, load_vehicle
+from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.log import Log
+from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.codec import Role
@@ -28,6 +30,11 @@ from cwcli.stages.records import vehicle_entry
 from cwcli.stages.summaries.observe import observer_section, observer_table, truth_errors, truth_section
 
 FIELDS: dict[str, tuple[str, ...]] = {LANES.role: PREVIEW_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
+EXAMPLES = (
+    "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml",
+    "cwcli observe lanes.mcap --method zhang2011 --load full",
+    "cwcli lanes drive.mcap -o - | cwcli observe - -o observed.mcap",
+)
 SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
@@ -36,7 +43,8 @@ class ObserveConfig:
     """Settings of the stage.
 
     Attributes:
-        vehicle: The car; None: the shipped example, which is noted.
+        vehicle: The car, or its file's name, which is read at once; None: the shipped example, which is noted.
+        load: Of its file.
         observer: Method and its options; the preview distance is that of the lanes.
         use_gyro: Fuse a measured yaw rate, if the log has one.
         use_steer: Use a measured steering angle, if the log has one.
@@ -44,17 +52,51 @@ class ObserveConfig:
         start_ns, end_ns: Only messages logged in this span are used.
     """
 
-    vehicle: Vehicle | None = None
+    vehicle: Annotated[
+        Vehicle | str | None,
+        Option(
+            "--vehicle",
+            "TOML file of the car, or the name of a shipped one.",
+            metavar="FILE",
+            default=f"the shipped example {DEFAULT_VEHICLE}",
+            kind=str | None,
+        ),
+    ] = None
+    load: Annotated[
+        str | None, Option("--load", "A load of the car's file.", metavar="NAME", default="the file's own")
+    ] = None
     observer: ObserverConfig = field(default_factory=ObserverConfig)
-    use_gyro: bool = True
-    use_steer: bool = True
+    use_gyro: Annotated[bool, Option("--gyro/--no-gyro", "Fuse the measured yaw rate, if there is one (cwcli).")] = True
+    use_steer: Annotated[
+        bool, Option("--steering/--no-steering", "Use the measured steering angle, if there is one.")
+    ] = True
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
 
+    def __post_init__(self) -> None:
+        """Read the car's file: who runs the stage may be another machine.
+
+        Raises:
+            UsageError: There is no such file or load.
+        """
+        if isinstance(self.vehicle, str) or self.load is not None:
+            assert not isinstance(self.vehicle, Vehicle), "a load belongs to a car's file"
+            object.__setattr__(self, "vehicle", load_vehicle(self.vehicle or DEFAULT_VEHICLE, load=self.load))
+            object.__setattr__(self, "load", None)
+
+    @property
+    def car(self) -> Vehicle | None:
+        """The car, if one was named."""
+        assert not isinstance(self.vehicle, str), "it is read at once"
+        return self.vehicle
+
 
 def observe(log: Log, config: ObserveConfig) -> StageResult:
-    """Observe the lateral motion at every frame of the lanes.
+    """Observe the ego's lateral speed and yaw rate from its lane.
+
+    Needs the channel of `cwcli lanes` and the ego's speed; uses a gyroscope and a measured steering angle where the log
+    has them. Where the log holds the true motion, errors are shown.
 
     Raises:
         MissingSignalError: The log has no lanes, or nothing tells the ego's speed.
@@ -88,7 +130,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     )
     if inputs.speed is None:
         raise _no_speed(log, config)
-    vehicle = config.vehicle or load_vehicle()
+    vehicle = config.car or load_vehicle()
     track = observe_lateral(
         lanes.samples,
         inputs.speed,

@@ -1,4 +1,4 @@
-"""Paths from the observer's channel, in the car's own axes: what `predict --from observer` and overlays start from."""
+"""Paths from the observer's channel, in the car's own axes: what `predict-lane` and overlays start from."""
 
 from __future__ import annotations
 

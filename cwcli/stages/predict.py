@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from cwcli.channels.path_scene import write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
-from cwcli.errors import UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import Table, TableColumn
+from cwcli.option import Option
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
@@ -27,12 +27,14 @@ from cwcli.signals.columns import OutputChannel
 from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.vehicle_state import EGO_ID
 
+EXAMPLES = (
+    "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
+    "cwcli estimate drive.mcap -o - | cwcli predict - -o predicted.mcap",
+)
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 MAX_MESSAGE_AGE_S = 1.0
 """How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
 MAX_GAP_S = 0.5
-
-Origin = Literal["states", "observer"]
 
 
 @dataclass(frozen=True)
@@ -40,60 +42,44 @@ class PredictConfig:
     """Settings of the stage.
 
     Attributes:
-        model: A key of `prediction.MODELS`; from the observer `lateral` or `lateral-zhang2011`, and "auto" is the
-            first.
-        origin: Start from the states of `cwcli estimate`, or from those of `cwcli observe`.
-        calibrate: From the observer: scale the uncertainty by the record itself.
-        render: From the observer: topic for the camera's frames with the path burnt in, or None.
+        model: A key of `prediction.MODELS`.
         horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
         discretisation: "exact", or "paper" for song2016's recursion.
         topics: Role -> topic, the user's choices.
         start_ns, end_ns: Only states logged in this span are used.
     """
 
-    model: str = DEFAULT_MODEL
-    horizon_s: float = 2.5
-    step_s: float = 0.05
-    discretisation: Discretisation = "exact"
-    origin: Origin = "states"
-    calibrate: bool = True
-    render: str | None = None
+    model: Annotated[str, Option("--model", "{choices}", metavar="NAME", choices="cwcli.prediction.models:MODELS")] = (
+        DEFAULT_MODEL
+    )
+    horizon_s: Annotated[float, Option("--horizon", "How far ahead.", metavar="SECONDS")] = 2.5
+    step_s: Annotated[float, Option("--step", "Between the points of a path.", metavar="SECONDS")] = 0.05
+    discretisation: Annotated[
+        Discretisation,
+        Option("--discretisation", "Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
+    ] = "exact"
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
 
+    def __post_init__(self) -> None:
+        """Check what can be checked without a log.
 
-def check_config(config: PredictConfig) -> None:
-    """Check what can be checked without a log.
-
-    Raises:
-        UsageError: An unknown model, or a horizon or step that is not positive.
-    """
-    if config.origin == "observer":
-        from cwcli.stages.predict_observer import path_config
-
-        path_config(config)
-        return
-    if config.render is not None:
-        raise UsageError("--render draws the path of the observer", hint="add --from observer")
-    check_request(config.model, config.discretisation, config.horizon_s, config.step_s)
+        Raises:
+            UsageError: An unknown model, or a horizon or step that is not positive.
+        """
+        check_request(self.model, self.discretisation, self.horizon_s, self.step_s)
 
 
 def predict(log: Log, config: PredictConfig) -> StageResult:
-    """Predict the path of every vehicle from each of its states, and compare every model with what then happened.
+    """Predict the path of every vehicle from each of its states.
 
-    From the observer it is the ego's path alone (`predict_observer`).
+    Needs the channels of `cwcli estimate`. Adds one path per state, with its covariance, and compares every motion
+    model with what then happened.
 
     Raises:
-        MissingSignalError: The log has no ego state, or no observer channel.
-        UsageError: An unknown model, or a horizon or step that is not positive.
+        MissingSignalError: The log has no ego state.
     """
-    if config.origin == "observer":
-        from cwcli.stages.predict_observer import predict_observer
-
-        return predict_observer(log, config)
-    if config.render is not None:
-        raise UsageError("--render draws the path of the observer", hint="add --from observer")
     bound = bind(
         log.channels,
         config.topics,

@@ -86,6 +86,13 @@ def sources_of(record: Record) -> SourceConfig:
     )
 
 
+def warn_record(records: Mapping[str, Record]) -> tuple[Record, bool]:
+    """The record of the warnings of collisions, and whether they are of tracked targets."""
+    of_targets = "warn" not in records and "warn-targets" in records
+    record = records.get("warn-targets" if of_targets else "warn", {})
+    return record, of_targets or configuration_of(record).get("source") == "targets"  # so in older logs
+
+
 def rule_of(record: Record) -> WarningConfig:
     """The thresholds of `warn`."""
     given = configuration_of(record).get("rule")

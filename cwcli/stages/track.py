@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -13,13 +13,13 @@ from cwcli.channels.published import EGO_STATE
 from cwcli.channels.target import write_targets
 from cwcli.channels.vehicle_state import read_states
 from cwcli.logs.log import Log
+from cwcli.option import Option
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
 from cwcli.stages.inputs.detections import (
-    SensorSetting,
     check_carriers,
     detections_of,
     ego_states,
@@ -31,8 +31,14 @@ from cwcli.stages.summaries.track import detection_counts, sections, track_table
 from cwcli.stages.track_truth import score_record, scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, EgoStates, SensorModel
+from cwcli.tracking.sensor_setting import SensorSetting, parse_sensors
 from cwcli.tracking.tracker import TrackResult, track_many, track_one
 
+EXAMPLES = (
+    "cwcli track drive.mcap -o tracked.mcap --filter ukf --metrics tracks.parquet",
+    "cwcli track drive.mcap --filter ekf --causal",
+    "cwcli track drive.mcap --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30",
+)
 Targets = Literal["auto", "one", "many"]
 MAX_GATED_SHARE = 0.1
 """Of the detections: with more outside the gate, one target is not all that there is."""
@@ -52,15 +58,33 @@ class TrackConfig:
 
     sources: SourceConfig = field(default_factory=SourceConfig)
     tracker: TrackerConfig = field(default_factory=lambda: TrackerConfig(FilterConfig(tune=True)))
-    targets: Targets = "auto"
-    sensors: Mapping[str, SensorSetting] = field(default_factory=dict)
+    targets: Annotated[
+        Targets,
+        Option(
+            "--targets",
+            "auto: one target where no scan holds two detections and one track takes nine in ten, else many.",
+        ),
+    ] = "auto"
+    sensors: Annotated[
+        Mapping[str, SensorSetting],
+        Option(
+            "--sensor",
+            "Mounting and noise of a sensor: x, y (m), yaw_deg, axes (body, paper), carrier (body, map), frame, "
+            "sigma (one value, or one per measured value with / between), range_m, fov_deg, detection (probability), "
+            "rate (away, toward, off). Repeatable.",
+            metavar="TOPIC:KEY=VALUE,..",
+            kind=list[str],
+            parse=parse_sensors,
+        ),
+    ] = field(default_factory=dict)
 
 
 def track(log: Log, config: TrackConfig) -> StageResult:
-    """Track the targets that the sensors detect.
+    """Track other road users from the detections of lidars and radars.
 
-    With the ego's states in the log, tracks live in the map; without, in the frame of the car (or of sensors that
-    report in the map).
+    Needs a channel of detections; every such channel is a sensor. With the states of `cwcli estimate` in the log,
+    targets are in the map and the car's own motion is taken out; without them, in the frame of the car (or of sensors
+    that report in the map). Where the log has their truth, errors are shown.
 
     Raises:
         MissingSignalError: No channel holds detections, or the ego state is needed and missing.

@@ -1,22 +1,23 @@
-"""Stage `warn`: states and predicted paths in, warnings and their scores out."""
+"""Stage `warn`: states and predicted paths in, warnings of collisions and their scores out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
 from cwcli.channels.predicted_path import PredictedPaths, read_paths
-from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS
+from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
-from cwcli.channels.warning import write_warnings
-from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.channels.warning import read_warnings, write_warnings
+from cwcli.errors import DataError
 from cwcli.logs.log import Log
+from cwcli.option import Option
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.models import MODELS
@@ -29,18 +30,22 @@ from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.summaries.warn import RuleOutcome, numbered, tables_of
 from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import evaluate
-from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.lane_departure import LaneDepartureConfig
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult, outline_of
 
-ALL_RULES = (*RULES, LANE_DEPARTURE)
+EXAMPLES = (
+    "cwcli warn predicted.mcap -o warned.mcap --metrics warnings.parquet",
+    "cwcli warn predicted.mcap --rule song2016 --horizon 2.5 --distance 2.5",
+    "cwcli warn predicted.mcap --rules cwcli,ttc -o warned.mcap",
+)
 ONSET = "onset"
 """The motion model that says where a manoeuvre leads that has just begun."""
 OF_EGO = (EGO_STATE.role, EGO_PATH.role)
 OF_OTHERS = (REMOTE_STATE.role, REMOTE_PATH.role)
 
-Source = Literal["v2x", "targets"]
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
 @dataclass(frozen=True)
@@ -48,126 +53,78 @@ class WarnConfig:
     """Settings of the stage.
 
     Attributes:
-        rule: The collision rule and its thresholds.
-        rules: Several rules: names of collision rules, each with the thresholds of `rule`, and `lane-departure`.
-            Empty: the collision rule of `rule` alone.
-        lane_departure: Options of that rule.
-        source: Whom to warn of: the vehicles that speak over V2X, or the targets of `cwcli track`.
+        rule: The rule and its thresholds.
+        rules: Several rules, each with the thresholds of `rule`. Empty: that of `rule` alone.
         topics: Role -> topic, the user's choices.
         start_ns, end_ns: Only states logged in this span are used.
     """
 
     rule: WarningConfig = field(default_factory=WarningConfig)
-    rules: tuple[str, ...] = ()
-    lane_departure: LaneDepartureConfig = field(default_factory=LaneDepartureConfig)
-    source: Source = "v2x"
+    rules: Annotated[
+        tuple[str, ...],
+        Option(
+            "--rules",
+            "Several rules in one pass: names of those of --rule.",
+            metavar="NAME[,NAME]",
+            default="that of --rule",
+            kind=str | None,
+            parse=_names,
+        ),
+    ] = ()
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
 
+    def __post_init__(self) -> None:
+        """Check what can be checked without a log.
+
+        Raises:
+            UsageError: An unknown rule, or a value out of its range.
+        """
+        for name in self.names:
+            check_rule(replace(self.rule, rule=name))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The rules."""
+        return self.rules or (self.rule.rule,)
+
 
 def warn(log: Log, config: WarnConfig) -> StageResult:
-    """Warn the ego of the other vehicles, at each of its states, and of leaving its lane, at each frame.
+    """Warn the ego vehicle of collisions with the others.
 
-    Of several rules those for which the log lacks a channel are left out, with a note.
+    Needs the channels of `cwcli predict`. One conflict is one warning: raised, held, cleared. Where the log holds what
+    really happened, warnings are scored as true, false, late or missed, with their lead times.
 
     Raises:
-        MissingSignalError: The log lacks a state or path channel, for each of the rules.
-        UsageError: An unknown rule, or a threshold out of range.
+        MissingSignalError: The log lacks a state or path channel.
         DataError: States and paths do not belong together.
     """
-    names = _checked_rules(config)
-    outcomes: list[RuleOutcome] = []
-    missing: list[tuple[str, MissingSignalError]] = []
-    for group in _groups(names):
-        try:
-            outcomes += _lane_departure(log, config) if LANE_DEPARTURE in group else _collisions(log, config, group)
-        except MissingSignalError as error:
-            missing.append((", ".join(group), error))
-    if not outcomes:
-        raise missing[0][1]
-    outcomes = numbered(sorted(outcomes, key=lambda outcome: names.index(outcome.rule)))
-    summary = Summary(
-        title="warn",
-        sections=tuple(section for outcome in outcomes for section in outcome.sections),
-        inputs=_distinct_inputs(outcomes),
-        notes=(
-            *dict.fromkeys(note for outcome in outcomes for note in outcome.notes),
-            *(f"{group} is left out: {error.what}" for group, error in missing),
-        ),
-    )
-    channels = write_warnings([outcome.rows for outcome in outcomes])
-    return StageResult("warn", channels, tables_of(outcomes), summary, run_record("warn", log, config, summary))
+    return warn_of(log, config, "warn", OF_OTHERS)
 
 
-def _distinct_inputs(outcomes: list[RuleOutcome]) -> tuple[InputCount, ...]:
-    """Each channel in each role once."""
-    return tuple({(count.topic, count.role): count for outcome in outcomes for count in outcome.inputs}.values())
+def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -> StageResult:
+    """Warn the ego of others, at each of its states.
 
-
-def check_config(config: WarnConfig) -> None:
-    """Check what can be checked without a log.
+    Args:
+        log: The log.
+        config: The rules.
+        stage: Name of the stage that this is.
+        others: Roles of the others: those of their states and paths, or that of targets, which are predicted here with
+            the model, the step and the horizon of the ego's own paths.
 
     Raises:
-        UsageError: An unknown rule, or a value out of its range.
+        MissingSignalError: The log lacks a channel.
+        DataError: States and paths do not belong together.
     """
-    for name in _checked_rules(config):
-        if name != LANE_DEPARTURE:
-            check_rule(replace(config.rule, rule=name))
-
-
-def _checked_rules(config: WarnConfig) -> tuple[str, ...]:
-    names = tuple(dict.fromkeys(config.rules or (config.rule.rule,)))
-    for name in names:
-        if name not in ALL_RULES:
-            raise UsageError(f"there is no warning rule '{name}'", hint=f"one of: {', '.join(ALL_RULES)}")
-    return names
-
-
-def _groups(names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The collision rules, which need the same channels, and lane departure; what was named first comes first."""
-    collisions = tuple(name for name in names if name != LANE_DEPARTURE)
-    groups = [group for group in (collisions, (LANE_DEPARTURE,)) if group and group[0] in names]
-    return sorted(groups, key=lambda group: names.index(group[0]))
-
-
-def _lane_departure(log: Log, config: WarnConfig) -> list[RuleOutcome]:
-    from cwcli.stages.warn_lanes import NEEDED, warn_of_lane_departure
-
-    bound = bind(log.channels, config.topics, required=NEEDED, where=log.name, command=f"warn --rules {LANE_DEPARTURE}")
-    found = warn_of_lane_departure(log, bound, config.lane_departure, start_ns=config.start_ns, end_ns=config.end_ns)
-    tables = (found.result.events, found.result.series)
-    return [
-        RuleOutcome(
-            LANE_DEPARTURE,
-            found.result.rows,
-            tables,
-            found.sections,
-            found.inputs,
-            (*bound.notes, *found.notes),
-        )
-    ]
-
-
-def _collisions(log: Log, config: WarnConfig, names: tuple[str, ...]) -> list[RuleOutcome]:
-    """The collision rules, on the same tracks.
-
-    Targets are predicted here, with the model, the step and the horizon of the ego's own paths.
-    """
-    bound = bind(
-        log.channels,
-        config.topics,
-        required=OF_EGO + (OF_OTHERS if config.source == "v2x" else (TARGETS.role,)),
-        where=log.name,
-        command="warn",
-    )
+    bound = bind(log.channels, config.topics, required=OF_EGO + others, where=log.name, command=stage)
     topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
     columns = log.load(dict.fromkeys(topics.values()))
-    uses_onset = any(RULES[name].uses_onset for name in names)
+    uses_onset = any(RULES[name].uses_onset for name in config.names)
     inputs: list[InputCount] = []
     tracks: dict[str, list[VehicleTrack]] = {}
     predicted: dict[str, PredictedPaths] = {}
-    for state_role, path_role in ((EGO_STATE.role, EGO_PATH.role), (REMOTE_STATE.role, REMOTE_PATH.role)):
+    for state_role, path_role in (OF_EGO, OF_OTHERS):
         if state_role not in topics:
             continue
         everything = read_states(columns[topics[state_role]])
@@ -183,18 +140,36 @@ def _collisions(log: Log, config: WarnConfig, names: tuple[str, ...]) -> list[Ru
     hosts = tracks[EGO_STATE.role]
     if len(hosts) != 1:
         raise DataError(f"expected the states of one ego, found {len(hosts)}", where=topics[EGO_STATE.role])
-    if config.source == "targets":
+    if TARGETS.role in topics:
         everything = read_targets(columns[topics[TARGETS.role]])
         states = everything.logged_within(config.start_ns, config.end_ns)
         paths = _paths_of(states, like=predicted[EGO_PATH.role], where=topics[EGO_PATH.role])
         tracks[REMOTE_STATE.role] = vehicle_tracks(states, paths, with_onset=uses_onset)
         inputs.append(InputCount(topics[TARGETS.role], TARGETS.role, len(everything), len(states)))
     outcomes = []
-    for name in names:
+    for name in config.names:
         result = evaluate(hosts[0], tracks[REMOTE_STATE.role], replace(config.rule, rule=name))
         sections = _sections(result, log.start_ns)
-        outcomes.append(RuleOutcome(name, result.rows, result.tables, sections, tuple(inputs), bound.notes))
-    return outcomes
+        outcomes.append(RuleOutcome(name, result.rows, result.tables, sections))
+    return warnings_result(stage, log, config, outcomes, tuple(inputs), bound.notes)
+
+
+def warnings_result(
+    stage: str,
+    log: Log,
+    config: object,
+    outcomes: Sequence[RuleOutcome],
+    inputs: tuple[InputCount, ...],
+    notes: tuple[str, ...],
+) -> StageResult:
+    """What the rules of one stage say. The warnings of an earlier stage of the same run stay in the channel."""
+    is_there = any(channel.topic == WARNINGS.topic for channel in log.added_channels)
+    earlier = [read_warnings(log.columns(WARNINGS.topic))] if is_there else []
+    outcomes = numbered(outcomes, after=earlier)
+    channels = write_warnings([*earlier, *(outcome.rows for outcome in outcomes)])
+    sections = tuple(section for outcome in outcomes for section in outcome.sections)
+    summary = Summary(stage, sections, inputs, notes)
+    return StageResult(stage, channels, tables_of(outcomes), summary, run_record(stage, log, config, summary))
 
 
 def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_onset: bool = False) -> list[VehicleTrack]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 from cwcli.kernels import track as kernel
 from cwcli.metrics.chi_square import gate_nis
+from cwcli.option import Option
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ MODELS: dict[str, MotionModel] = {
     "ca": MotionModel(kernel.Model.CA, (*_CV, "ax_mps2", "ay_mps2"), 1.0, 0.0, 2.0, "constant acceleration"),
     "ctrv": MotionModel(kernel.Model.CTRV, (*_CV, "turn_rate_radps"), 0.3, 0.2, 0.3, "constant turn rate and velocity"),
 }
-FILTERS: dict[str, bool] = {"ukf": True, "ekf": False}
+FilterName = Literal["ukf", "ekf"]
+FILTERS: dict[FilterName, bool] = {"ukf": True, "ekf": False}
 
 
 @dataclass(frozen=True)
@@ -60,19 +64,52 @@ class FilterConfig:
         tune: Estimate process and measurement noise by maximum likelihood first.
     """
 
-    filter: str = "ukf"
-    model: str = "ctrv"
-    noise: float | None = None
+    filter: Annotated[Literal["ukf", "ekf"], Option("--filter", "Unscented or extended Kalman filter (xiang2019).")] = (
+        "ukf"
+    )
+    model: Annotated[
+        Literal["ctrv", "ca", "cv"],
+        Option(
+            "--model",
+            "Motion of a target: constant turn rate and velocity, constant acceleration, or constant velocity "
+            "(the paper's).",
+        ),
+    ] = "ctrv"
+    noise: Annotated[
+        float | None,
+        Option(
+            "--noise",
+            "Process noise: acceleration in m/s^1.5, or jerk in m/s^2.5 for ca. --tune starts from it.",
+            metavar="DENSITY",
+            default="the model's own",
+            above=0.0,
+            at_most=1000.0,
+        ),
+    ] = None
     turn_noise: float | None = None
     start_speed_mps: float = 10.0
     start_sigma: float | None = None
     kappa: float = 0.0
     cartesian_below: float = 0.3
-    gate_probability: float = 0.9999
+    gate_probability: Annotated[
+        float,
+        Option(
+            "--gate", "Probability that the gate keeps a good detection; 1 is off.", metavar="P", above=0.0, at_most=1.0
+        ),
+    ] = 0.9999
     restart_after: int = 10
     max_gap_s: float = 5.0
-    smooth: bool = True
-    tune: bool = False
+    smooth: Annotated[
+        bool,
+        Option("--causal", "The filter alone: no state uses what was detected later.", parse=operator.not_),
+    ] = True
+    tune: Annotated[
+        bool,
+        Option(
+            "--tune/--no-tune",
+            "Find process and measurement noise from the detections by maximum likelihood; no truth is seen.",
+        ),
+    ] = False
 
     def __post_init__(self) -> None:
         if self.filter not in FILTERS:

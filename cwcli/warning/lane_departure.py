@@ -20,13 +20,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
@@ -42,6 +43,7 @@ EARLIEST_S = 1.5
 EARLIEST_FAST_M = 1.5
 LATEST_CAR_M = -0.3
 CLASS_II_MPS = 17.0
+USUAL_RELEASE_S = 1.5
 
 
 def earliest_line_m(rate_mps: FloatArray) -> FloatArray:
@@ -56,7 +58,8 @@ class LaneDepartureConfig:
     Attributes:
         warn_s: Warn when the time to line crossing falls to this.
         min_rate_mps: A slower approach is no departure until the tyre is on the line.
-        release_s: The warning is held until the time to line crossing is longer than this
+        release_s: The warning is held until the time to line crossing is longer than this (None: `USUAL_RELEASE_S`, or
+            `warn_s` if that is longer)
         release_m: and the tyre is farther than this inside the boundary.
         persistence_s: The condition must have held this long.
         hold_off_s: A condition that has been false this long is over.
@@ -65,13 +68,18 @@ class LaneDepartureConfig:
         max_width_m, min_width_m: Boundaries that are nearer or farther from each other than this are not believed.
     """
 
-    warn_s: float = 0.7
+    warn_s: Annotated[
+        float,
+        Option("--line-crossing", "Warn when the time to line crossing falls to this.", metavar="SECONDS"),
+    ] = 0.7
     min_rate_mps: float = 0.05
-    release_s: float = 1.5
+    release_s: float | None = None
     release_m: float = 0.1
     persistence_s: float = 0.1
     hold_off_s: float = 1.0
-    min_speed_mps: float = CLASS_II_MPS
+    min_speed_mps: Annotated[float, Option("--lane-speed", "No warning is raised below this speed.", metavar="MPS")] = (
+        CLASS_II_MPS
+    )
     speed_hysteresis_mps: float = 1.0
     rate_over_s: float = 0.3
     min_width_m: float = 2.0
@@ -84,12 +92,17 @@ class LaneDepartureConfig:
             UsageError: A value is negative, not a number, or the thresholds contradict each other.
         """
         for name, value in vars(self).items():
-            if not (math.isfinite(value) and value >= 0.0):
+            if value is not None and not (math.isfinite(value) and value >= 0.0):
                 raise UsageError(f"{name} is {value!r}; permitted: a number from 0", where=RULE)
-        if self.release_s < self.warn_s:
-            raise UsageError(f"release_s ({self.release_s:g}) is below warn_s ({self.warn_s:g})", where=RULE)
+        if self.released_s < self.warn_s:
+            raise UsageError(f"release_s ({self.released_s:g}) is below warn_s ({self.warn_s:g})", where=RULE)
         if self.min_width_m >= self.max_width_m:
             raise UsageError("min_width_m is not below max_width_m", where=RULE)
+
+    @property
+    def released_s(self) -> float:
+        """The time to line crossing beyond which a warning ends."""
+        return max(USUAL_RELEASE_S, self.warn_s) if self.release_s is None else self.release_s
 
 
 @dataclass(frozen=True)
@@ -223,7 +236,7 @@ def _side(
         leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps)
         fast = speed_mps >= config.min_speed_mps
         raised = near & (over | leaving) & fast
-        held = (gap[:, 0] < config.release_m) | ((crossing <= config.release_s) & (rate > 0.0))
+        held = (gap[:, 0] < config.release_m) | ((crossing <= config.released_s) & (rate > 0.0))
         held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
     spans = find_events(
         stamp_ns,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 
 from cwcli.metrics.table import Table
+from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.rows import WarningRows
 
@@ -82,6 +83,15 @@ def _or(value: float | None, default: float) -> float:
     return float(value) if value is not None and value > 0.0 else default
 
 
+def _conflict_help() -> str:
+    from cwcli.warning.conflicts import definitions
+
+    return (
+        f"What counts as a conflict when warnings are scored: a measure beyond its threshold ({definitions()}), or "
+        "beyond one of yours: 'ttc < 1.5'. distance alone is that of --distance."
+    )
+
+
 @dataclass(frozen=True)
 class WarningConfig:
     """Options of the evaluation.
@@ -102,17 +112,35 @@ class WarningConfig:
         max_lead_s: A warning earlier than this before a conflict is not about that conflict.
     """
 
-    rule: str = "cwcli"
-    horizon_s: float = 2.5
-    distance_m: float = 2.5
-    probability: float = 0.5
-    persistence_s: float | None = None
-    hold_off_s: float = 1.0
-    use: Use = "received"
-    max_age_s: float = 1.0
+    rule: Annotated[str, Option("--rule", "{choices}", metavar="NAME", choices="cwcli.warning.rules:RULES")] = "cwcli"
+    horizon_s: Annotated[float, Option("--horizon", "Warn of events at most this far ahead.", metavar="SECONDS")] = 2.5
+    distance_m: Annotated[
+        float, Option("--distance", "Centres nearer than this are a collision.", metavar="METRES")
+    ] = 2.5
+    probability: Annotated[float, Option("--probability", "Threshold of the rule cwcli.", metavar="P")] = 0.5
+    persistence_s: Annotated[
+        float | None,
+        Option(
+            "--persistence",
+            "How long the condition must hold before the warning.",
+            metavar="SECONDS",
+            default="the rule's own",
+        ),
+    ] = None
+    hold_off_s: Annotated[
+        float, Option("--hold-off", "A condition false for this long is over.", metavar="SECONDS")
+    ] = 1.0
+    use: Annotated[
+        Use, Option("--use", "Remote states that had been received by then, or all whose stamp has passed.")
+    ] = "received"
+    max_age_s: Annotated[float, Option("--max-age", "Older remote states are not used.", metavar="SECONDS")] = 1.0
     max_gap_s: float = 0.5
-    conflict: str = "distance"
-    max_lead_s: float = 5.0
+    conflict: Annotated[
+        str, Option("--conflict", _conflict_help, metavar="MEASURE", choices="cwcli.measures:MEASURES")
+    ] = "distance"
+    max_lead_s: Annotated[
+        float, Option("--max-lead", "A warning earlier than this is not about the conflict.", metavar="SECONDS")
+    ] = 5.0
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""`cwcli observe`, `predict --from observer`, `warn --rules` as a user runs them: the whole pipe, exit codes, words."""
+"""`cwcli observe`, `predict-lane`, `warn-lane` as a user runs them: the whole pipe, exit codes, words."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_whole_pipe_from_rendered_frames_to_warnings(cwcli: Run, tmp_path: P
         ("simulate", "road", "--seed", "5", "--set", f"duration_s={SECONDS}", "--set", f"rate_hz={RATE_HZ}"),
         ("lanes", "-", "--camera-height", "1.3"),
         ("observe", "-", "--vehicle", "vehicle.toml", "--metrics", "observer.parquet"),
-        ("predict", "-", "--from", "observer", "--horizon", "2.0", "--metrics", "prediction.csv"),
+        ("predict-lane", "-", "--horizon", "2.0", "--metrics", "prediction.csv"),
     ]
     data = None
     for command in commands:
@@ -40,10 +40,10 @@ def test_the_whole_pipe_from_rendered_frames_to_warnings(cwcli: Run, tmp_path: P
         done = cwcli(*command, "-o", "-", **source)
         assert done.returncode == 0, done.stderr.decode()
         data = done.stdout
-    done = cwcli("warn", "-", "--rules", "lane-departure", "-o", "warned.mcap", "--json", input=data)
+    done = cwcli("warn-lane", "-", "-o", "warned.mcap", "--json", input=data)
     assert done.returncode == 0, done.stderr.decode()
     frames = SECONDS * RATE_HZ + 1
-    sections = json.loads(done.stdout)["stages"]["warn"]["sections"]
+    sections = json.loads(done.stdout)["stages"]["warn-lane"]["sections"]
     assert {"what became of them": "frames", "count": frames} in sections["lane_frames"]
     found: dict[str, list[object]] = {}
     with (tmp_path / "warned.mcap").open("rb") as file:
@@ -57,7 +57,7 @@ def test_the_whole_pipe_from_rendered_frames_to_warnings(cwcli: Run, tmp_path: P
         "/cwcli/observer/path": frames,
         "/truth/lateral": frames,
     }
-    assert {"cwcli.run.lanes", "cwcli.run.observe", "cwcli.run.predict_observer", "cwcli.run.warn"} <= records
+    assert {"cwcli.run.lanes", "cwcli.run.observe", "cwcli.run.predict-lane", "cwcli.run.warn-lane"} <= records
     path = found["/cwcli/observer/path"][-1]
     assert (path.horizon_s, len(path.x_m), path.frame_id) == (2.0, 41, "odom")  # type: ignore[attr-defined]
     true, seen = (
@@ -97,8 +97,8 @@ def test_a_log_without_lanes_is_exit_code_4(cwcli: Run, intersection: Path) -> N
     done = cwcli("observe", intersection, "-o", "observed.mcap")
     assert done.returncode == 4
     assert "cwcli lanes" in done.stderr.decode()
-    assert cwcli("predict", intersection, "--from", "observer").returncode == 4
-    assert cwcli("warn", intersection, "--rules", "lane-departure").returncode == 4
+    assert cwcli("predict-lane", intersection).returncode == 4
+    assert cwcli("warn-lane", intersection).returncode == 4
 
 
 def test_a_span_without_frames_is_exit_code_4(cwcli: Run, lanes: Path) -> None:
@@ -160,9 +160,9 @@ def test_reversed_signs_in_the_cars_file_are_exit_code_2_and_one_line(
         (("observe", "--load", "ballast"), "load 'ballast' is unknown; permitted: empty, half, full"),
         (("observe", "--coast", "-1"), "--coast -1"),
         (("predict", "--from", "observer", "--model", "ctra"), "does not start from the observer"),
-        (("predict", "--from", "observer", "--horizon", "-2"), "horizon"),
+        (("predict-lane", "--horizon", "-2"), "horizon"),
         (("warn", "--rules", "lane-departure,nonsense"), "there is no warning rule 'nonsense'"),
-        (("warn", "--rules", "lane-departure", "--line-crossing", "-1"), "warn_s is -1"),
+        (("warn-lane", "--line-crossing", "-1"), "warn_s is -1"),
     ],
 )
 def test_wrong_use_is_exit_code_2(cwcli: Run, lanes: Path, arguments: tuple[str, ...], words: str) -> None:

@@ -12,11 +12,13 @@ import typer
 import typer.main
 
 from cwcli.cli.app import PlainCommand
-from cwcli.cli.commands.estimate import parse_latency, parse_origin
-from cwcli.cli.options.expand import StageOptions, expand
+from cwcli.cli.options.expand import expand
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
+from cwcli.cli.options.stage import StageOptions
 from cwcli.cli.options.values import time_ns, utc
 from cwcli.errors import UsageError
+from cwcli.estimation.config import parse_latency
+from cwcli.stages.estimate import parse_origin
 
 
 @dataclass(frozen=True)
@@ -196,7 +198,6 @@ def test_parse_latency_refuses(entries: list[str]) -> None:
 
 
 def test_parse_origin() -> None:
-    assert parse_origin(None) is None
     assert parse_origin("48.98,8.39,116.4") == (48.98, 8.39, 116.4)
 
 

@@ -155,8 +155,8 @@ def test_targets_seen_from_a_moving_car_are_in_the_map(tracked: Path) -> None:
 
 def test_warns_of_a_tracked_target_when_it_warns_of_the_same_car_over_v2x(cwcli: Run, tracked: Path) -> None:
     (target,), (spoken,) = (
-        json.loads(cwcli("warn", tracked, "--source", source, "--json").stdout)["stages"]["warn"]["sections"]["events"]
-        for source in ("targets", "v2x")
+        json.loads(cwcli(stage, tracked, "--json").stdout)["stages"][stage]["sections"]["events"]
+        for stage in ("warn-targets", "warn")
     )
     assert target["vehicle"] == "1"
     assert (target["verdict"], spoken["verdict"]) == ("true", "true")
@@ -166,7 +166,7 @@ def test_warns_of_a_tracked_target_when_it_warns_of_the_same_car_over_v2x(cwcli:
 def test_warning_of_targets_needs_the_ego(cwcli: Run, tmp_path: Path) -> None:
     write_scans(tmp_path / "a.mcap", {LIDAR: at_rate([[{"x_m": 10.0 + k, "y_m": 0.0}] for k in range(20)])})
     assert cwcli("track", "a.mcap", "-o", "t.mcap").returncode == 0
-    done = cwcli("warn", "t.mcap", "--source", "targets")
+    done = cwcli("warn-targets", "t.mcap")
     assert done.returncode == 4
     assert b"ego state" in done.stderr
     assert b"cwcli estimate" in done.stderr
@@ -178,7 +178,7 @@ def test_warning_of_targets_in_the_car_s_frame_is_refused(cwcli: Run, tracked: P
     assert done.returncode == 0, done.stderr.decode()
     for command, source, target in (("estimate", "t.mcap", "e.mcap"), ("predict", "e.mcap", "p.mcap")):
         assert cwcli(command, source, "-o", target, "--quiet").returncode == 0
-    done = cwcli("warn", "p.mcap", "--source", "targets")
+    done = cwcli("warn-targets", "p.mcap")
     assert done.returncode == 5
     assert b"car's own frame" in done.stderr
 
@@ -239,6 +239,6 @@ def test_an_empty_road_gives_no_warning_and_no_error(cwcli: Run, intersection: P
     with_detections(intersection, tmp_path / "d.mcap", is_empty=True)
     for command, source, target in (("estimate", "d", "e"), ("track", "e", "t"), ("predict", "t", "p")):
         assert cwcli(command, f"{source}.mcap", "-o", f"{target}.mcap", "--quiet").returncode == 0
-    done = cwcli("warn", "p.mcap", "--source", "targets", "--json")
+    done = cwcli("warn-targets", "p.mcap", "--json")
     assert done.returncode == 0, done.stderr.decode()
-    assert json.loads(done.stdout)["stages"]["warn"]["sections"]["events"] == []
+    assert json.loads(done.stdout)["stages"]["warn-targets"]["sections"]["events"] == []

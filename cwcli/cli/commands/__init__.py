@@ -1,4 +1,23 @@
-"""One file per subcommand: parse, build one frozen configuration, call a stage, print, return a code.
+"""The commands: those of the stages are made from their table, the others have a file each beside this one.
 
-A command module holds a function `command`, whose docstring is its help page, and `EXAMPLES`, the lines at its end.
+A module holds `command`, whose docstring is the help, and `EXAMPLES`. Importing this table imports none of them.
 """
+
+from __future__ import annotations
+
+from cwcli.stages import STAGES
+
+COMMANDS = {
+    "info": "List what a log holds and what cwcli can do with it.",
+    **{name: stage.help for name, stage in STAGES.items()},
+    "run": "Run every stage that a log, or each of many, has the signals for.",
+    "config": "Print a pipeline file with every option resolved and checked.",
+    "evaluate": "Score one log or many, and check gates.",
+    "compare": "Say what got better and what got worse between two runs.",
+    "report": "Make one HTML page of a run, or of one annotated log.",
+    "simulate": "Make a log with known truth from a scenario.",
+    "reproduce": "Make a paper's tables and figures again, beside ours.",
+    "layout": "Make a viewer layout that shows every channel of cwcli.",
+    "demo": "Estimate, predict and warn on two bundled logs.",
+}
+"""Name -> one line of help, in the order of `cwcli --help`."""

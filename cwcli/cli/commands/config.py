@@ -9,6 +9,9 @@ import typer
 
 from cwcli.cli.console import Console
 from cwcli.cli.options.expand import expand
+from cwcli.cli.options.former import say_notes
+from cwcli.cli.options.shared import TalkOptions
+from cwcli.cli.options.stage import every_stage
 from cwcli.cli.options.toml import toml
 from cwcli.errors import UsageError
 
@@ -29,12 +32,16 @@ def command(
     What is printed is itself a pipeline file for `cwcli run --config` that means the same: values of the environment
     and defaults are in it too. An option without a value stands in a comment.
     """
-    document = resolved(file)
+    document, notes = resolved(file)
+    say_notes(TalkOptions(), notes)
     Console().data(json.dumps(document, indent=2, allow_nan=False) if as_json else toml(document).rstrip())
 
 
-def resolved(file: str | None) -> dict[str, Any]:
+def resolved(file: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Every option that decides what `cwcli run` makes of a log, as the file, the environment and the defaults have it.
+
+    Returns:
+        The document, and notes on what replaces old spellings.
 
     Raises:
         UsageError: The file can't be read, or holds an unknown key or a value that does not fit.
@@ -47,9 +54,10 @@ def resolved(file: str | None) -> dict[str, Any]:
     with load_command("run").make_context("run", arguments) as context:
         values = dict(context.params)
     try:
-        options = expand(all_options, "run")(**values)
+        options = expand(all_options, "run", stages=every_stage())(**values)
         check_selection(options.reading.topic, options.reading.start, options.reading.end)
         document: dict[str, Any] = options.document()
+        notes: tuple[str, ...] = options.notes
     except UsageError as error:
         raise UsageError(error.what, where=error.where or file or "", found=error.found, hint=error.hint) from error
-    return document
+    return document, notes

@@ -90,15 +90,16 @@ def _channel(channel: Any, duration_s: float, roles: list[str]) -> Document:
 
 def _commands(bound: set[str]) -> Document:
     from cwcli.pipeline.needs import readiness
+    from cwcli.stages import STAGES
 
     return {
-        entry.command: {
+        entry.stage.name: {
             "ready": entry.is_ready,
             "after": list(entry.after),
             "missing": list(entry.missing),
             "would_use": list(entry.unused),
         }
-        for entry in readiness(bound)
+        for entry in readiness(bound, STAGES)
     }
 
 
@@ -147,10 +148,13 @@ def _facts(document: Document) -> list[tuple[str, str]]:
 
 
 def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:
+    """A row a stage. One that is another way to run a stage is listed where it is open."""
+    from cwcli.stages import STAGES
+
     rows: list[tuple[Cell, ...]] = []
     for name, entry in commands.items():
         if entry["missing"]:
-            if " " not in name:  # a way that is not the default one is listed where it is open
+            if not STAGES[name].instead_of:
                 rows.append((name, "no", f"needs {join_names(entry['missing'])}"))
             continue
         answer = "yes" if entry["ready"] else f"after {join_names(entry['after'])}"

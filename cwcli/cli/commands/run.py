@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
-from cwcli.cli.commands.control import ControlOptions
-from cwcli.cli.commands.estimate import EstimateOptions
-from cwcli.cli.commands.lanes import LanesOptions
-from cwcli.cli.commands.observe import ObserveOptions
-from cwcli.cli.commands.predict import PredictOptions
-from cwcli.cli.commands.track import TrackOptions
-from cwcli.cli.commands.warn import WarnOptions
+from cwcli.cli.options.former import resolved, say_notes
 from cwcli.cli.options.shared import (
     LogsArgument,
     MetricsDirOption,
@@ -23,8 +17,10 @@ from cwcli.cli.options.shared import (
     TalkOptions,
     WritingOptions,
 )
+from cwcli.cli.options.stage import StageOptions, call_of, every_stage
 from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
+from cwcli.stages import DEFAULT_STAGES, STAGES
 
 if TYPE_CHECKING:
     from cwcli.fleet.plan import Plan
@@ -38,6 +34,10 @@ EXAMPLES = (
 )
 
 
+def _stages(incomplete: str) -> list[tuple[str, str]]:
+    return [(name, stage.help) for name, stage in STAGES.items() if name.startswith(incomplete)]
+
+
 @dataclass(frozen=True)
 class PipelineOptions:
     """What is done with each log, beside the options of the stages."""
@@ -48,8 +48,9 @@ class PipelineOptions:
         typer.Option(
             "--stage",
             metavar="NAME",
-            show_default="all but control",
-            help="Run this stage if the log has the signals for it. Repeatable.",
+            show_default=", ".join(DEFAULT_STAGES),
+            autocompletion=_stages,
+            help="Run this stage if the log has the signals for it; several with commas. Repeatable.",
         ),
     ] = field(default_factory=list)
     tables: Annotated[bool, typer.Option("--tables", help="With -d: write the channels' columns too.")] = False
@@ -101,37 +102,35 @@ class AllOptions:
     Attributes:
         pipeline, reading, sensors: Those that the stages share.
         of_stages: Stage -> its own.
+        wanted: The stages that are to run, in order.
+        notes: What replaces old spellings that were given.
     """
 
     pipeline: PipelineOptions
     reading: ReadingOptions
     sensors: SensorOptions
-    of_stages: dict[str, Any]
+    of_stages: dict[str, StageOptions]
+    wanted: tuple[str, ...]
+    notes: tuple[str, ...]
 
     def calls(self) -> dict[str, StageCall]:
         """The stages that are to run, in order.
 
         Raises:
-            UsageError: There is no such stage, or an option's value makes no sense.
+            UsageError: An option's value makes no sense.
         """
-        from cwcli.cli.console import closest
         from cwcli.metrics.gate_syntax import parse
-        from cwcli.pipeline.missing import DEFAULT_STAGES
 
         for gate in self.pipeline.gates:
             parse(gate)
-        for name in self.pipeline.stages:
-            if name not in self.of_stages:
-                raise UsageError(f"there is no stage {name}", hint=closest(name, list(self.of_stages)))
-        wanted = self.pipeline.stages or DEFAULT_STAGES
-        return {name: self._call(name, options) for name, options in self.of_stages.items() if name in wanted}
+        return {name: call_of(self.of_stages[name], self.sensors) for name in self.wanted}
 
     def document(self) -> dict[str, Any]:
         """Every option and its value, as a configuration file has them."""
         shared = {**asdict(self.reading), **asdict(self.sensors)}
         shared["gates"] = list(self.pipeline.gates)
         run = {"stages": list(self.calls()), "tables": self.pipeline.tables}
-        return {**shared, "run": run, **{name: asdict(options) for name, options in self.of_stages.items()}}
+        return {**shared, "run": run, **{name: options.values() for name, options in self.of_stages.items()}}
 
     def plan(self, *, replace: bool) -> Plan:
         """What is done with each log."""
@@ -151,32 +150,29 @@ class AllOptions:
             tables=self.pipeline.tables,
         )
 
-    def _call(self, name: str, options: Any) -> StageCall:
-        call: StageCall = options.make(self.sensors) if name in ("estimate", "track") else options.make()
-        return call
-
 
 def all_options(
-    pipeline: PipelineOptions,
-    reading: ReadingOptions,
-    sensors: SensorOptions,
-    estimate: EstimateOptions,
-    track: TrackOptions,
-    lanes: LanesOptions,
-    observe: ObserveOptions,
-    predict: PredictOptions,
-    warn: WarnOptions,
-    control: ControlOptions,
+    pipeline: PipelineOptions, reading: ReadingOptions, sensors: SensorOptions, stages: dict[str, StageOptions]
 ) -> AllOptions:
-    """The options of every stage, in the order in which the stages run."""
-    of_stages = {each.stage: each for each in (estimate, track, lanes, observe, predict, warn, control)}
-    return AllOptions(pipeline, reading, sensors, of_stages)
+    """The options of every stage, old spellings replaced.
+
+    Raises:
+        UsageError: There is no stage of a name.
+    """
+    from cwcli.cli.console import closest
+
+    asked = [name.strip() for names in pipeline.stages for name in names.split(",")]
+    for name in asked:
+        if name not in STAGES:
+            raise UsageError(f"there is no stage {name}", hint=closest(name, list(STAGES)))
+    wanted = [name for name in STAGES if name in (asked or DEFAULT_STAGES)]
+    return AllOptions(pipeline, reading, sensors, *resolved(stages, wanted))
 
 
 def default_options() -> AllOptions:
     """Every option as it is when nobody says otherwise."""
-    kinds = (EstimateOptions, TrackOptions, LanesOptions, ObserveOptions, PredictOptions, WarnOptions, ControlOptions)
-    return AllOptions(PipelineOptions(), ReadingOptions(), SensorOptions(), {kind.stage: kind() for kind in kinds})
+    stages = {kind.stage: kind() for kind in every_stage()}
+    return all_options(PipelineOptions(), ReadingOptions(), SensorOptions(), stages)
 
 
 def command(
@@ -187,13 +183,7 @@ def command(
     reading: ReadingOptions,
     sensors: SensorOptions,
     talk: TalkOptions,
-    estimate: EstimateOptions,
-    track: TrackOptions,
-    lanes: LanesOptions,
-    observe: ObserveOptions,
-    predict: PredictOptions,
-    warn: WarnOptions,
-    control: ControlOptions,
+    stages: dict[str, StageOptions],
     metrics_dir: MetricsDirOption = None,
 ) -> int:
     """Run every stage that a log has the signals for, on one log or many.
@@ -206,25 +196,27 @@ def command(
     second run does what is missing or has changed. The exit code is 0 if every log is done, else the highest of those
     that failed.
     """
-    options = all_options(pipeline, reading, sensors, estimate, track, lanes, observe, predict, warn, control)
+    options = all_options(pipeline, reading, sensors, stages)
     if fleet.directory is not None:
         from cwcli.cli.fleet import run_many
 
         _refuse_with_directory(writing, metrics_dir, fleet)
-        return run_many(
-            logs, options.plan(replace=writing.replace), fleet.directory, fleet.jobs, fleet.ray, writing.force, talk
-        )
+        plan = options.plan(replace=writing.replace)
+        say_notes(talk, options.notes)
+        return run_many(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
     _refuse_without_directory(logs, pipeline, fleet)
-    run_job(with_all_stages(Job("run", logs[0], {}, reading, writing, talk, metrics_dir=metrics_dir), options))
+    job = with_all_stages(Job("run", logs[0], {}, reading, writing, talk, metrics_dir=metrics_dir), options)
+    say_notes(talk, options.notes)
+    run_job(job)
     return 0
 
 
 def with_all_stages(job: Job, options: AllOptions) -> Job:
     """The job with every stage that is to run and for which its log turns out to have the signals."""
-    from cwcli.pipeline.missing import signals_for
+    from cwcli.pipeline.missing import SignalsFor
 
-    calls = options.calls()
-    return replace(job, stages=calls, missing=signals_for(calls, options.sensors.ego_station), lenient=True)
+    missing = SignalsFor(STAGES, options.sensors.ego_station)
+    return replace(job, stages=options.calls(), missing=missing, lenient=True)
 
 
 def _refuse_with_directory(writing: WritingOptions, metrics_dir: str | None, fleet: FleetOptions) -> None:

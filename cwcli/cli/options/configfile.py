@@ -18,6 +18,9 @@ import typer
 
 from cwcli.errors import UsageError
 
+OF_STAGE = "__"
+"""Between stage and option in the parameters of a command that runs several stages: no name of either holds it."""
+
 
 def read_config(ctx: typer.Context, value: str | None) -> str | None:
     """Take the file's values as the command's defaults (Typer callback of `--config`).
@@ -37,18 +40,14 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
     for table, entries in document.items():
         if not isinstance(entries, dict):
             continue
-        for key, entry in entries.items():
-            name = _name(key)
-            option = name if table == command else f"{table}_{name}"
-            if option in options:
-                defaults[option] = _checked(ctx, value, f"{table}.{key}", entry, options[option])
-            elif table == command or any(known.startswith(f"{table}_") for known in options):
-                known = (
-                    sorted(options)
-                    if table == command
-                    else [other.removeprefix(f"{table}_") for other in sorted(options) if other.startswith(f"{table}_")]
-                )
-                raise _unknown(value, f"{table}.{key}", known)
+        prefix = "" if table == command else f"{_name(table)}{OF_STAGE}"
+        own = [name for name in options if name.startswith(prefix) and (prefix or OF_STAGE not in name)]
+        for key, entry in entries.items() if own else ():
+            option = f"{prefix}{_name(key)}"
+            if option not in own:
+                shown = [name.removeprefix(prefix) for name in own if not getattr(options[name], "hidden", False)]
+                raise _unknown(value, f"{table}.{key}", sorted(shown))
+            defaults[option] = _checked(ctx, value, f"{table}.{key}", entry, options[option])
     _check_selection(value, defaults)
     ctx.default_map = defaults
     return value
@@ -69,7 +68,7 @@ def _load(path: str) -> dict[str, Any]:
 
 def _top_level(path: str, document: dict[str, Any]) -> dict[str, Any]:
     """The shared options of the document, by parameter name."""
-    from cwcli.cli.app import COMMANDS
+    from cwcli.cli.commands import COMMANDS
 
     shared = shared_names()
     found = {}

@@ -10,51 +10,62 @@ import dataclasses
 import functools
 import inspect
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from typing import Annotated, Any
 
 from typer.models import OptionInfo
 
+from cwcli.cli.options.configfile import OF_STAGE
+from cwcli.cli.options.stage import StageOptions
+
 ENVIRONMENT_PREFIX = "CWCLI"
 
 
-class StageOptions:
-    """Base of options that belong to one stage.
+STAGES = "stages"
+"""The parameter of a function that gets the options of stages, by their names."""
 
-    Their environment variables and their table in the configuration file carry the stage's name. In a command that
-    runs several stages their flags do too: `--model` of `cwcli estimate` is `--estimate-model` of `cwcli run`.
-    There they stand under a heading of their own.
+
+def expand(
+    function: Callable[..., Any],
+    command: str,
+    *,
+    stages: Sequence[type[StageOptions]] = (),
+    without: Collection[str] = (),
+) -> Callable[..., Any]:
+    """`function` with its dataclass parameters replaced by their fields.
+
+    Args:
+        function: The command's code.
+        command: Its name.
+        stages: The stages whose options the command has.
+        without: Parameters that the command does not offer; they get their defaults.
     """
-
-    stage: typing.ClassVar[str]
-
-
-def expand(function: Callable[..., Any], command: str) -> Callable[..., Any]:
-    """`function` with its dataclass parameters replaced by their fields."""
     hints = typing.get_type_hints(function, include_extras=True)
     hints.pop("return", None)
+    of_stages = {kind.stage: kind for kind in stages}
+    named = [item for name in hints for item in (of_stages.items() if name == STAGES else [(name, hints[name])])]
     parameters: list[inspect.Parameter] = []
     groups: dict[str, tuple[type[Any], dict[str, str]]] = {}
     plain: list[str] = []
-    for name, hint in hints.items():
+    for name, hint in named:
         if not dataclasses.is_dataclass(hint):
             default = inspect.signature(function).parameters[name].default
             parameters.append(_parameter(name, _with_environment(hint, ENVIRONMENT_PREFIX, name), default))
             plain.append(name)
             continue
         assert isinstance(hint, type)
-        fields: dict[str, str] = {}
-        for field_name, parameter in _fields(hint, command):
-            parameters.append(parameter)
-            fields[field_name] = parameter.name
-        groups[name] = (hint, fields)
+        fields = {} if name in without else dict(_fields(hint, command))
+        parameters += fields.values()
+        groups[name] = (hint, {field: parameter.name for field, parameter in fields.items()})
 
     @functools.wraps(function)
     def expanded(**values: Any) -> Any:
         arguments = {name: values[name] for name in plain}
-        for name, (kind, fields) in groups.items():
-            arguments[name] = kind(**{field: values[parameter] for field, parameter in fields.items()})
+        made = {name: kind(**{of: values[at] for of, at in fields.items()}) for name, (kind, fields) in groups.items()}
+        arguments |= {name: options for name, options in made.items() if name not in of_stages}
+        if of_stages:
+            arguments[STAGES] = {name: made[name] for name in of_stages}
         return function(**arguments)
 
     signature = inspect.Signature(sorted(parameters, key=lambda parameter: parameter.kind))
@@ -78,8 +89,9 @@ def _fields(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]
             name, hint = field.name, _with_environment(hint, ENVIRONMENT_PREFIX, field.name)
         else:
             hint = _under_heading(hint, "Options" if stage == command else f"Stage {stage}")
-            hint = _with_environment(hint, f"{ENVIRONMENT_PREFIX}_{stage}", field.name)
-            name = field.name if stage == command else f"{stage}_{field.name}"
+            prefix = stage.replace("-", "_")
+            hint = _with_environment(hint, f"{ENVIRONMENT_PREFIX}_{prefix}", field.name)
+            name = field.name if stage == command else f"{prefix}{OF_STAGE}{field.name}"
             if stage != command:
                 hint = _with_stage(hint, stage)
         found.append((field.name, _parameter(name, hint, default)))

@@ -126,7 +126,7 @@ def _paired(
     **which: bool,
 ) -> dict[str, FloatArray]:
     """Squared errors (n_seeds, 2) of x and y, meaned over the track, of both filters on the same detections."""
-    out = {name: np.zeros((n_seeds, 2)) for name in FILTERS}
+    out: dict[str, FloatArray] = {name: np.zeros((n_seeds, 2)) for name in FILTERS}
     for seed in range(n_seeds):
         scene = watch(*truth, noise, np.random.default_rng([seed, key]))
         rows = rows_of(scene, noise, **which)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,42 +13,8 @@ from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Strings
 from cwcli.signals.elements import taken
 from cwcli.tracking.convert import polar_from_cartesian
-from cwcli.tracking.detections import Axes, Detections, EgoStates, Kind, SensorModel
-
-
-@dataclass(frozen=True)
-class SensorSetting:
-    """What the user says of one sensor; None leaves it to the log or to the default.
-
-    Attributes:
-        x_m, y_m, yaw_rad: Mounting in the body frame, or in the map for one that stands still.
-        axes: `body` (x forward, y left) or `paper` (x right, y forward; xiang2019).
-        carrier: `body` or `map`; None: `map` where the messages' frame says so.
-        frame: Frame id that is accepted; None: the most frequent one.
-        sigma: 1-sigma noise of each value where the message gives none.
-        max_range_m, field_of_view_rad: What it can see.
-        detection_probability: Chance that a scan sees a target in view.
-        use_range_rate: False leaves the range rate out.
-        is_rate_towards: The range rate is positive for what comes nearer.
-    """
-
-    x_m: float | None = None
-    y_m: float | None = None
-    yaw_rad: float | None = None
-    axes: Axes = "body"
-    carrier: str | None = None
-    frame: str | None = None
-    sigma: tuple[float, ...] = ()
-    max_range_m: float | None = None
-    field_of_view_rad: float | None = None
-    detection_probability: float | None = None
-    use_range_rate: bool = True
-    is_rate_towards: bool = False
-
-    @property
-    def is_mounted(self) -> bool:
-        """Whether the user said where the sensor is."""
-        return (self.x_m, self.y_m, self.yaw_rad) != (None, None, None)
+from cwcli.tracking.detections import Detections, EgoStates, Kind, SensorModel
+from cwcli.tracking.sensor_setting import SensorSetting
 
 
 def detections_of(signal: DetectionSignal, setting: SensorSetting) -> Detections:

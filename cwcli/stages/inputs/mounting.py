@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 from cwcli.channels.binding import is_truth_topic
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.errors import UsageError
 from cwcli.logs.log import Log
+from cwcli.option import Option
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.transforms import BODY_FRAMES, CameraPose, Transform, body_from_frame, camera_pose
 from cwcli.vision.camera import Mounting
@@ -35,10 +37,22 @@ class MountingChoice:
         height_m, pitch_rad, yaw_rad, lateral_offset_m: As in `vision.camera.Mounting`.
     """
 
-    height_m: float | None = None
-    pitch_rad: float | None = None
-    yaw_rad: float | None = None
-    lateral_offset_m: float | None = None
+    height_m: Annotated[
+        float | None,
+        Option(OPTIONS["height_m"], "Above the road.", metavar="METRES", default=f"{Mounting().height_m:g}"),
+    ] = None
+    pitch_rad: Annotated[
+        float | None,
+        Option(OPTIONS["pitch_rad"], "Nose down positive.", metavar="DEGREES", default="0", parse=math.radians),
+    ] = None
+    yaw_rad: Annotated[
+        float | None,
+        Option(OPTIONS["yaw_rad"], "To the left positive.", metavar="DEGREES", default="0", parse=math.radians),
+    ] = None
+    lateral_offset_m: Annotated[
+        float | None,
+        Option(OPTIONS["lateral_offset_m"], "Left of the car's centre line positive.", metavar="METRES", default="0"),
+    ] = None
 
     def given(self) -> dict[str, float]:
         """Name -> value of what is given."""
@@ -81,7 +95,7 @@ def check_mounting(choice: MountingChoice | Mounting) -> None:
             raise UsageError(f"{OPTIONS[name]} {scale * value:g} must lie between {low:g} and {high:g} {unit}")
 
 
-def mounting_source(log: Log, frame_id: str, choice: MountingChoice | Mounting | None) -> MountingSource:
+def mounting_source(log: Log, frame_id: str, choice: MountingChoice | Mounting) -> MountingSource:
     """Find out how a camera is mounted.
 
     Each value that the user gives counts before that of the transforms, and that before the default. The transforms are
@@ -94,7 +108,7 @@ def mounting_source(log: Log, frame_id: str, choice: MountingChoice | Mounting |
     """
     if isinstance(choice, Mounting):
         return MountingSource(choice, is_pitch_known=choice.pitch_rad != 0.0)
-    given = {} if choice is None else choice.given()
+    given = choice.given()
     if len(given) == len(OPTIONS):
         return MountingSource(Mounting(**given), is_pitch_known=True)
     pose, counts, notes = _from_transforms(log, frame_id.lstrip("/"))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.metrics.table import Table
-from cwcli.pipeline.result import InputCount, Section
+from cwcli.pipeline.result import Section
 from cwcli.warning.rows import WarningRows
 
 EVENT = "event_id"
@@ -22,26 +22,33 @@ class RuleOutcome:
         rule: Its name.
         rows: The life of the warnings.
         tables: The rule's, its events first.
-        sections, inputs, notes: For the summary.
+        sections: For the summary.
     """
 
     rule: str
     rows: WarningRows
     tables: tuple[Table, ...]
     sections: tuple[Section, ...]
-    inputs: tuple[InputCount, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
-def numbered(outcomes: Sequence[RuleOutcome]) -> list[RuleOutcome]:
-    """The same with event ids that go on from rule to rule, so that each is unique in the channel."""
+def numbered(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
+    """The same with event ids that go on from rule to rule, so that each is unique in the channel.
+
+    Args:
+        outcomes: In order.
+        after: What is in the channel already.
+    """
     result: list[RuleOutcome] = []
-    n_before = 0
+    n_before = max(map(_last_event, after), default=0)
     for outcome in outcomes:
-        n = int(np.max(outcome.rows.event_id, initial=0))
+        n = _last_event(outcome.rows)
         result.append(_moved(outcome, n_before) if n_before else outcome)
         n_before += n
     return result
+
+
+def _last_event(rows: WarningRows) -> int:
+    return int(np.max(rows.event_id, initial=0))
 
 
 def _moved(outcome: RuleOutcome, n_before: int) -> RuleOutcome:

@@ -118,21 +118,21 @@ OBSERVER = Channel("/cwcli/observer", "cwcli.v1.LateralState", "protobuf")
             EGO_STATE.role,
             "predict",
             "no channel holds a position for `cwcli estimate`; from the camera: `cwcli lanes`, `cwcli observe`, "
-            "`cwcli predict --from observer`",
+            "`cwcli predict-lane`",
         ),
         (
             [IMAGE],
             EGO_STATE.role,
             "predict",
             "no channel holds a position for `cwcli estimate`; from the camera: `cwcli lanes`, `cwcli observe` (it "
-            "needs the car's speed too, which no channel holds), `cwcli predict --from observer`",
+            "needs the car's speed too, which no channel holds), `cwcli predict-lane`",
         ),
         (
             [IMAGE, TWIST, LANES, OBSERVER],
             EGO_STATE.role,
             "warn",
-            "no channel holds a position for `cwcli estimate`; from the camera: `cwcli predict --from observer`, "
-            "`cwcli warn --rules lane-departure`",
+            "no channel holds a position for `cwcli estimate`; from the camera: `cwcli predict-lane`, "
+            "`cwcli warn-lane`",
         ),
         ([IMAGE, TWIST, LANES], EGO_PATH.role, "warn", None),
         ([TWIST], EGO_STATE.role, "predict", "run `cwcli estimate LOG -o annotated.mcap` first"),
@@ -148,7 +148,7 @@ def test_bind_without_a_position_points_to_the_camera(
     assert raised.value.hint == (
         hint
         or "no channel holds a position for `cwcli estimate`; from the camera: `cwcli observe`, "
-        "`cwcli predict --from observer`, `cwcli warn --rules lane-departure`"
+        "`cwcli predict-lane`, `cwcli warn-lane`"
     )
 
 

@@ -21,6 +21,7 @@ from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.run import run_fleet
 from cwcli.fleet.worker import work
 from cwcli.pipeline.call import Selection, StageCall, with_selection
+from cwcli.stages import STAGES
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
 EMPTY_SHA256 = hashlib.sha256(b"").hexdigest()
@@ -40,7 +41,7 @@ def test_key_depends_on_what_decides_the_result(plan: Plan) -> None:
         dataclasses.replace(plan, tables=True).key("a"),
         dataclasses.replace(plan, stages=plan.stages[:1]).key("a"),
         dataclasses.replace(
-            plan, stages=(StageCall("estimate", dataclasses.replace(plan.stages[0].config, rate_hz=5)),)
+            plan, stages=(StageCall(STAGES["estimate"], dataclasses.replace(plan.stages[0].config, rate_hz=5)),)
         ).key("a"),
     }
     assert len(keys) == 7

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -229,20 +230,25 @@ def test_log_without_camera_says_what_it_holds(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "config",
+    "settings",
     [
-        LanesConfig(method="nonsense"),
-        LanesConfig(preview_m=0.0),
-        LanesConfig(preview_m=math.nan),
-        LanesConfig(mounting=Mounting(height_m=-1.0)),
-        LanesConfig(field_of_view_rad=4.0),
-        LanesConfig(seed=-1),
-        LanesConfig(render="/camera/image"),
+        {"method": "nonsense"},
+        {"preview_m": 0.0},
+        {"preview_m": math.nan},
+        {"mounting": Mounting(height_m=-1.0)},
+        {"field_of_view_rad": 4.0},
+        {"seed": -1},
+        {"render": "no topic"},
     ],
 )
-def test_settings_that_make_no_sense_are_refused(tmp_path: Path, config: LanesConfig) -> None:
+def test_settings_that_make_no_sense_are_refused(settings: dict[str, Any]) -> None:
     with pytest.raises(UsageError):
-        run(write_log(tmp_path / "road.mcap", road_frames(1)), config)
+        LanesConfig(**settings)
+
+
+def test_frames_are_not_drawn_onto_the_cameras_own_topic(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="the camera's own topic"):
+        run(write_log(tmp_path / "road.mcap", road_frames(1)), LanesConfig(render="/camera/image"))
 
 
 def test_video_without_a_decoder_is_an_input_error(tmp_path: Path) -> None:

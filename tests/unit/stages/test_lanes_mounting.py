@@ -154,7 +154,7 @@ LOGS = {
 @pytest.mark.parametrize("frame_id", ["camera_optical_frame", "camera_link", "/camera_link"])
 def test_mounting_from_transforms(make: Any, frame_id: str, tmp_path: Path) -> None:
     with Log.open(make(tmp_path / "tf.mcap")) as log:
-        found = mounting_source(log, frame_id, None)
+        found = mounting_source(log, frame_id, MountingChoice())
     for name in ("height_m", "pitch_rad", "yaw_rad", "roll_rad", "lateral_offset_m"):
         assert getattr(found.mounting, name) == pytest.approx(getattr(MOUNTED, name), abs=ATOL), name
     assert found.is_pitch_known
@@ -176,7 +176,7 @@ def test_mounting_of_a_rendered_road(tmp_path: Path) -> None:
     config = road_config("clear", 1, ("duration_s=0.2", "size=64x48"))
     write_road(plan(config), config, path)
     with Log.open(path) as log:
-        found = mounting_source(log, CAMERA_FRAME, None)
+        found = mounting_source(log, CAMERA_FRAME, MountingChoice())
     assert found.mounting.height_m == pytest.approx(1.65)
     assert found.mounting.pitch_rad == pytest.approx(math.atan(1.65 / 33.5), abs=1e-9)
     assert (found.mounting.yaw_rad, found.mounting.roll_rad) == pytest.approx((0.0, 0.0), abs=1e-9)
@@ -188,7 +188,7 @@ def test_option_before_transform_before_default(tmp_path: Path) -> None:
         found = mounting_source(log, "camera_link", MountingChoice(pitch_rad=0.2))
         whole = mounting_source(log, "camera_link", Mounting(height_m=2.0))
         unknown = mounting_source(log, "elsewhere", MountingChoice(height_m=2.0))
-        nothing = mounting_source(log, "elsewhere", None)
+        nothing = mounting_source(log, "elsewhere", MountingChoice())
     assert found.mounting.pitch_rad == 0.2
     assert found.mounting.height_m == pytest.approx(1.45)
     assert "--camera-pitch counts before the transform" in found.notes
@@ -216,7 +216,7 @@ def test_option_before_transform_before_default(tmp_path: Path) -> None:
 )
 def test_transforms_that_are_not_used(edges: tuple[Transform, ...], says: str, tmp_path: Path) -> None:
     with Log.open(ros2_log(tmp_path / "tf.mcap", [("/tf_static", edges)])) as log:
-        found = mounting_source(log, "cam", None)
+        found = mounting_source(log, "cam", MountingChoice())
     assert says in found.notes[0]
     assert found.mounting == Mounting()
 
@@ -234,7 +234,7 @@ def test_base_footprint_below_base_link_counts() -> None:
 def test_unreadable_transforms_are_counted(tmp_path: Path) -> None:
     documents = [{"transforms": 3}, {"nothing": 1}, ros_message(TREE)]
     with Log.open(json_log(tmp_path / "tf.mcap", "tf2_msgs/msg/TFMessage", documents)) as log:
-        found = mounting_source(log, "camera_link", None)
+        found = mounting_source(log, "camera_link", MountingChoice())
     assert found.mounting.height_m == pytest.approx(1.45)
     (count,) = found.counts
     assert (count.read, count.used, dict(count.rejected)) == (3, 1, {"not a transform": 2})

@@ -2,11 +2,12 @@
 
 import pytest
 
-from cwcli.pipeline.needs import NEEDS, STAGES, readiness
+from cwcli.pipeline.needs import readiness
+from cwcli.stages import STAGES
 
 
-def by_command(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str, ...]]]:
-    return {entry.command: (entry.is_ready, entry.after, entry.missing) for entry in readiness(bound)}
+def by_stage(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str, ...]]]:
+    return {entry.stage.name: (entry.is_ready, entry.after, entry.missing) for entry in readiness(bound, STAGES)}
 
 
 @pytest.mark.parametrize(
@@ -55,8 +56,8 @@ def by_command(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str,
             {
                 "lanes": (True, (), ()),
                 "observe": (False, ("lanes",), ()),
-                "predict --from observer": (False, ("lanes", "observe"), ()),
-                "warn --rules lane-departure": (False, ("lanes", "observe", "predict --from observer"), ()),
+                "predict-lane": (False, ("lanes", "observe"), ()),
+                "warn-lane": (False, ("lanes", "observe", "predict-lane"), ()),
                 "warn": (False, (), ("ego_position", "remote")),
             },
         ),
@@ -66,12 +67,12 @@ def by_command(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str,
         (("lanes",), {"observe": (False, (), ("ego_speed",))}),
         (
             ("lanes", "observer_path"),
-            {"warn": (False, (), ("ego_position", "remote")), "warn --rules lane-departure": (True, (), ())},
+            {"warn": (False, (), ("ego_position", "remote")), "warn-lane": (True, (), ())},
         ),
         (
             ("ego_position", "detections"),
             {
-                "warn --source targets": (False, ("estimate", "track", "predict"), ()),
+                "warn-targets": (False, ("estimate", "track", "predict"), ()),
                 "warn": (False, (), ("remote",)),
             },
         ),
@@ -94,25 +95,10 @@ def by_command(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str,
     ],
 )
 def test_readiness(bound: tuple[str, ...], expected: dict[str, tuple[bool, tuple[str, ...], tuple[str, ...]]]) -> None:
-    found = by_command(*bound)
+    found = by_stage(*bound)
     assert {stage: found[stage] for stage in expected} == expected
 
 
 def test_readiness_names_what_a_stage_would_use() -> None:
-    estimate = readiness(("ego_position", "imu"))[0]
+    estimate = readiness(("ego_position", "imu"), STAGES)[0]
     assert estimate.unused == ("ego_velocity", "ego_speed", "ego_heading", "remote", "truth")
-
-
-def test_needs_name_roles() -> None:
-    from cwcli.channels.binding import EVERY_ROLE
-
-    known = set(EVERY_ROLE)
-    for need in NEEDS.values():
-        named = {role for group in need.groups for role in group}
-        assert {*named, *need.used, *need.added, *need.added.values()} <= known
-
-
-def test_commands_are_in_the_order_in_which_run_runs_them() -> None:
-    from cwcli.cli.commands.run import default_options
-
-    assert list(STAGES) == list(default_options().of_stages)

@@ -21,7 +21,7 @@ from cwcli.simulation.road.camera import wide_camera
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.path_overlay import path_overlay
-from cwcli.stages.predict import PredictConfig, predict
+from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
 from cwcli.vision.camera import Mounting
 from cwcli.vision.path_overlay import PATH_RGB
 
@@ -99,17 +99,15 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     assert np.ptp(without[at]) < 20, "grey: no path in this frame"
 
 
-def test_predict_publishes_the_observers_path_on_the_frames(log: Log) -> None:
+def test_predict_lane_publishes_its_path_on_the_frames(log: Log) -> None:
     made = observe(log, ObserveConfig(use_gyro=False))
     observed = log.with_channels(made.channels, {"cwcli.run.observe": made.metadata})
-    result = predict(observed, PredictConfig(origin="observer", horizon_s=2.0, render=RENDERED))
+    result = predict_lane(observed, PredictLaneConfig(horizon_s=2.0, render=RENDERED))
     by_topic = {channel.topic: channel for channel in result.channels}
     n = len(stamps(log)[0])
     assert len(by_topic[OBSERVER_PATH_LINES.topic]) == len(by_topic[RENDERED]) == n
-    plain = predict(observed, PredictConfig(origin="observer", horizon_s=2.0))
+    plain = predict_lane(observed, PredictLaneConfig(horizon_s=2.0))
     assert {channel.topic for channel in plain.channels} == set(by_topic) - {RENDERED}
-    with pytest.raises(UsageError, match="--render"):
-        predict(observed, PredictConfig(render=RENDERED))
 
 
 def test_paths_without_a_frame_are_left_out_and_counted(log: Log) -> None:

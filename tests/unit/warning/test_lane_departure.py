@@ -152,7 +152,13 @@ def test_no_frames() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"warn_s": -1.0}, {"warn_s": 2.0}, {"min_speed_mps": np.nan}, {"min_width_m": 7.0}, {"persistence_s": np.inf}],
+    [
+        {"warn_s": -1.0},
+        {"warn_s": 2.0, "release_s": 1.5},
+        {"min_speed_mps": np.nan},
+        {"min_width_m": 7.0},
+        {"persistence_s": np.inf},
+    ],
 )
 def test_wrong_options_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(UsageError, match="lane-departure"):

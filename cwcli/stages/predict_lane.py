@@ -1,4 +1,4 @@
-"""`predict --from observer`: the ego's path from its observed lateral motion and the road's curvature.
+"""Stage `predict-lane`: the ego's path from its observed lateral motion and the road's curvature.
 
 The paths are published in the map if the log holds the ego's states; else in `odom`, a frame of the log's own in which
 the observed motion is added up from where the car was, and pointed, at its first state.
@@ -7,7 +7,9 @@ the observed motion is added up from where the car was, and pointed, at its firs
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +22,7 @@ from cwcli.channels.vehicle_state import read_states
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.log import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.option import Option
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.horizon import BASELINE, HorizonErrors, horizon_errors, horizon_table
@@ -33,11 +36,13 @@ from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
 from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
-from cwcli.stages.predict import MAX_GAP_S, PredictConfig, error_horizons
+from cwcli.stages.predict import MAX_GAP_S, error_horizons
 from cwcli.stages.records import vehicle_of
 
-STAGE = "predict_observer"
-"""Not `predict`: a run may hold both."""
+EXAMPLES = (
+    "cwcli predict-lane observed.mcap -o predicted.mcap --horizon 2",
+    "cwcli predict-lane observed.mcap -o predicted.mcap --render /camera/drawn",
+)
 ODOM_FRAME = "odom"
 NO_STATE = "no state"
 NO_POSE = "no ego state near it"
@@ -46,6 +51,67 @@ COURSE_SCHEMA = "cwcli.v1.VehicleState"
 """Its heading is the direction of motion, not that of the car's axis."""
 
 BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class PredictLaneConfig:
+    """Settings of the stage.
+
+    Attributes:
+        model: A name of `observer_paths.MODEL_NAMES`.
+        horizon_s, step_s: Of the published paths.
+        calibrate: Scale the uncertainty by the record itself.
+        render: Topic for the camera's frames with the path burnt in, or None.
+        topics: Role -> topic, the user's choices.
+        start_ns, end_ns: Only frames logged in this span are used.
+    """
+
+    model: Annotated[
+        Literal["lateral", "lateral-zhang2011"],
+        Option(
+            "--model",
+            "lateral: the yaw rate goes over to the road's; lateral-zhang2011: speed, lateral speed and yaw rate stay.",
+        ),
+    ] = "lateral"
+    horizon_s: Annotated[float, Option("--horizon", "How far ahead.", metavar="SECONDS")] = 2.5
+    step_s: Annotated[float, Option("--step", "Between the points of a path.", metavar="SECONDS")] = 0.05
+    calibrate: Annotated[
+        bool,
+        Option(
+            "--calibrate/--no-calibrate",
+            "Scale the uncertainty by how far this record's car went from its paths; looks at the whole record.",
+        ),
+    ] = True
+    render: Annotated[
+        str | None,
+        Option(
+            "--render",
+            "Publish the camera's frames with the path and the lane drawn on them here, as JPEG.",
+            metavar="/TOPIC",
+        ),
+    ] = None
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without a log.
+
+        Raises:
+            UsageError: No model that starts from the observer, or times that do not fit.
+        """
+        if self.model not in MODEL_NAMES.values():
+            raise UsageError(
+                f"--model {self.model} does not start from the observer",
+                hint=f"one of: {', '.join(MODEL_NAMES.values())}",
+            )
+        assert self.path
+
+    @property
+    def path(self) -> LateralPathConfig:
+        """The settings of the path model."""
+        model = next(model for model, name in MODEL_NAMES.items() if name == self.model)
+        return LateralPathConfig(model=model, horizon_s=self.horizon_s, step_s=self.step_s)
 
 
 @dataclass(frozen=True)
@@ -67,27 +133,28 @@ class Poses:
     at_yaw_rad: FloatArray
 
 
-def predict_observer(log: Log, config: PredictConfig) -> StageResult:
-    """Predict the ego's path from each observed frame, and compare it with what then happened.
+def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
+    """Predict the ego's path from its observed lateral motion.
+
+    Needs the channel of `cwcli observe`, and no position. Adds one path per frame, with its covariance, from the
+    lateral motion and the road's curvature, and compares it with what then happened.
 
     Raises:
         MissingSignalError: The log has no observer channel, or no frame of it has a state.
-        UsageError: An unknown model, or a horizon or step that is not positive.
         DataError: The channel is of another version.
     """
-    settings = path_config(config)
     own = bind(
         log.channels,
         config.topics,
         required=(OBSERVER.role,),
         optional=(EGO_STATE.role, Role.LATERAL_TRUTH),
         where=log.name,
-        command="predict --from observer",
+        command="predict-lane",
     )
     sources = read_sources(
         log,
         SourceConfig(topics=config.topics, start_ns=config.start_ns, end_ns=config.end_ns),
-        command="predict --from observer",
+        command="predict-lane",
         required=(),
         optional=(Role.TRUTH,),
         also={bindings[0].topic: None for bindings in own.by_role.values()},
@@ -98,7 +165,7 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
     vehicle, notes = vehicle_of(log)
-    body = predict_body(observed, vehicle, settings, calibrate=config.calibrate)
+    body = predict_body(observed, vehicle, config.path, calibrate=config.calibrate)
     state_topic = own.topic(EGO_STATE.role)
     states = None if state_topic is None else sources.columns[state_topic]
     own_motion = _own_motion(observed)
@@ -111,7 +178,7 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
     table = _errors(body, reference, config)
     overlay = _overlay(log, body, config)
     summary = Summary(
-        title="predict (from the observer)",
+        title="predict-lane",
         sections=(_section(table, config.horizon_s, reference.source),),
         inputs=(count,),
         notes=(
@@ -121,11 +188,11 @@ def predict_observer(log: Log, config: PredictConfig) -> StageResult:
             *(() if in_map else ("no ego state in the log: paths are in a frame of their own, `odom`",)),
         ),
     )
-    record = run_record(STAGE, log, config, summary)
-    return StageResult(STAGE, (placed, *overlay.channels), {table.name: table}, summary, record)
+    record = run_record("predict-lane", log, config, summary)
+    return StageResult("predict-lane", (placed, *overlay.channels), {table.name: table}, summary, record)
 
 
-def _overlay(log: Log, body: BodyPaths, config: PredictConfig) -> Overlay:
+def _overlay(log: Log, body: BodyPaths, config: PredictLaneConfig) -> Overlay:
     """The paths on the camera's image; nothing for a log without the lanes' channel, unless it is asked for."""
     if config.render is None and not has_lanes(log):
         return Overlay(())
@@ -139,21 +206,6 @@ def _overlay(log: Log, body: BodyPaths, config: PredictConfig) -> Overlay:
         render=config.render,
         topics=config.topics,
     )
-
-
-def path_config(config: PredictConfig) -> LateralPathConfig:
-    """The settings of the path model.
-
-    Raises:
-        UsageError: No model that starts from the observer, or times that do not fit.
-    """
-    models = {name: model for model, name in MODEL_NAMES.items()}
-    name = next(iter(models)) if config.model == "auto" else config.model
-    if name not in models:
-        raise UsageError(
-            f"--model {config.model} does not start from the observer", hint=f"one of: {', '.join(models)}"
-        )
-    return LateralPathConfig(model=models[name], horizon_s=config.horizon_s, step_s=config.step_s)
 
 
 def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> tuple[OutputChannel, InputCount]:
@@ -220,11 +272,10 @@ def _slip(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
     return np.where(moves, np.arctan2(lateral_mps, np.where(moves, speed_mps, 1.0)), 0.0)
 
 
-def _errors(body: BodyPaths, poses: Poses, config: PredictConfig) -> Table:
+def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
     """Each path model and constant velocity from the same starts, at the poses where the track has the car."""
     track = body.observed.track
     horizons = error_horizons(config.horizon_s)
-    settings = path_config(config)
     made = {BASELINE: _straight_on(body)}
     for model, name in MODEL_NAMES.items():
         is_own = name == body.model
@@ -232,7 +283,7 @@ def _errors(body: BodyPaths, poses: Poses, config: PredictConfig) -> Table:
             body.paths
             if is_own
             else predict_body(
-                body.observed, body.vehicle, replace(settings, model=model), calibrate=config.calibrate
+                body.observed, body.vehicle, replace(config.path, model=model), calibrate=config.calibrate
             ).paths
         )
     compared: dict[str, HorizonErrors] = {}

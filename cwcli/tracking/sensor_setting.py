@@ -1,18 +1,52 @@
-"""The option `--sensor TOPIC:KEY=VALUE,..`: how a sensor is mounted and how well it measures."""
+"""What the user says of a sensor, `--sensor TOPIC:KEY=VALUE,..`: how it is mounted and how well it measures."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 from cwcli.errors import UsageError
-
-if TYPE_CHECKING:
-    from cwcli.stages.inputs.detections import SensorSetting
+from cwcli.tracking.detections import Axes
 
 MAX_SIGMAS = 3
 EXAMPLE = "for example --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30,sigma=0.25/0.01/0.12"
+
+
+@dataclass(frozen=True)
+class SensorSetting:
+    """What the user says of one sensor; None leaves it to the log or to the default.
+
+    Attributes:
+        x_m, y_m, yaw_rad: Mounting in the body frame, or in the map for one that stands still.
+        axes: `body` (x forward, y left) or `paper` (x right, y forward; xiang2019).
+        carrier: `body` or `map`; None: `map` where the messages' frame says so.
+        frame: Frame id that is accepted; None: the most frequent one.
+        sigma: 1-sigma noise of each value where the message gives none.
+        max_range_m, field_of_view_rad: What it can see.
+        detection_probability: Chance that a scan sees a target in view.
+        use_range_rate: False leaves the range rate out.
+        is_rate_towards: The range rate is positive for what comes nearer.
+    """
+
+    x_m: float | None = None
+    y_m: float | None = None
+    yaw_rad: float | None = None
+    axes: Axes = "body"
+    carrier: str | None = None
+    frame: str | None = None
+    sigma: tuple[float, ...] = ()
+    max_range_m: float | None = None
+    field_of_view_rad: float | None = None
+    detection_probability: float | None = None
+    use_range_rate: bool = True
+    is_rate_towards: bool = False
+
+    @property
+    def is_mounted(self) -> bool:
+        """Whether the user said where the sensor is."""
+        return (self.x_m, self.y_m, self.yaw_rad) != (None, None, None)
 
 
 def _number(text: str) -> float:
@@ -78,10 +112,6 @@ def parse_sensors(entries: Sequence[str]) -> dict[str, SensorSetting]:
     Raises:
         UsageError: An entry is malformed, or a topic or a key comes twice.
     """
-    if not entries:
-        return {}
-    from cwcli.stages.inputs.detections import SensorSetting
-
     found: dict[str, SensorSetting] = {}
     for entry in entries:
         topic, _, text = entry.partition(":")

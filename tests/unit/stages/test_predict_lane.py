@@ -1,4 +1,4 @@
-"""`predict --from observer`: paths in the map, in `odom` and in the car's axes, against what the simulated car did."""
+"""The stage `predict-lane`: paths in the map, in `odom` and in the car's axes, against what the simulated car did."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.observer_paths import body_paths
-from cwcli.stages.predict import PredictConfig, predict
-from cwcli.stages.warn_lanes import body_of
+from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
+from cwcli.stages.warn_lane import body_of
 from tests.unit.stages.lateral_logs import EGO_TRUTH, START_NS, TRUTH, drive, ego_state_channel, write_lane_log
 
 DRIVE = drive(seconds=30.0)
-FROM_OBSERVER = PredictConfig(origin="observer", horizon_s=2.0)
+TWO_SECONDS = PredictLaneConfig(horizon_s=2.0)
 TOPIC = "/cwcli/observer/path"
 
 
@@ -36,11 +36,11 @@ def observed(log: Log) -> Log:
 
 
 def run(
-    path: Path, config: PredictConfig = FROM_OBSERVER, *more: OutputChannel
+    path: Path, config: PredictLaneConfig = TWO_SECONDS, *more: OutputChannel
 ) -> tuple[StageResult, PredictedPaths, Columns]:
     with Log.open(path) as log:
         whole = observed(log.with_channels(more) if more else log)
-        result = predict(whole, config)
+        result = predict_lane(whole, config)
         columns = whole.with_channels(result.channels).columns(TOPIC)
     return result, read_paths(columns), columns
 
@@ -56,7 +56,7 @@ def frames_of(columns: Columns) -> set[str]:
 
 
 def test_in_the_map_when_the_log_holds_the_ego_state(lanes: Path) -> None:
-    result, predicted, columns = run(lanes, FROM_OBSERVER, ego_state_channel(DRIVE))
+    result, predicted, columns = run(lanes, TWO_SECONDS, ego_state_channel(DRIVE))
     assert frames_of(columns) == {"map"}
     truth = DRIVE.truth
     index = np.round((predicted.stamp_ns - START_NS) / 1e7).astype(int)
@@ -81,7 +81,7 @@ def test_in_odom_without_an_ego_state_and_the_same_way(lanes: Path) -> None:
     assert any("odom" in note for note in result.summary.notes)
     first = (predicted.paths.x_m[0, 0], predicted.paths.y_m[0, 0], predicted.paths.heading_rad[0, 0])
     assert first == (0.0, 0.0, 0.0)
-    _, in_map, _ = run(lanes, FROM_OBSERVER, ego_state_channel(DRIVE))
+    _, in_map, _ = run(lanes, TWO_SECONDS, ego_state_channel(DRIVE))
     one, other = body_of(predicted.paths), body_of(in_map.paths)
     np.testing.assert_allclose(one.x_m, other.x_m, atol=1e-6)
     np.testing.assert_allclose(one.y_m, other.y_m, atol=1e-6)
@@ -102,13 +102,13 @@ def test_without_a_truth_the_own_track_is_the_reference(tmp_path: Path) -> None:
     path = write_lane_log(tmp_path / "l.mcap", DRIVE, without=(TRUTH, EGO_TRUTH))
     alone, _, _ = run(path)
     assert errors(alone, "lateral")["against"] == "the observed motion"
-    with_state, _, _ = run(path, FROM_OBSERVER, ego_state_channel(DRIVE))
+    with_state, _, _ = run(path, TWO_SECONDS, ego_state_channel(DRIVE))
     assert errors(with_state, "lateral")["against"] == "the ego state"
     assert errors(with_state, "lateral")["median_m"] < 0.35
 
 
 def test_the_papers_path_keeps_speed_and_yaw_rate(lanes: Path) -> None:
-    config = PredictConfig(model="lateral-zhang2011", origin="observer", horizon_s=2.0)
+    config = PredictLaneConfig(model="lateral-zhang2011", horizon_s=2.0)
     _, predicted, _ = run(lanes, config)
     turned = np.diff(predicted.paths.heading_rad, axis=1)
     np.testing.assert_allclose(turned, turned[:, :1] * np.ones(40), atol=1e-9)
@@ -127,7 +127,7 @@ def test_frames_without_a_state_have_no_path_and_are_counted(tmp_path: Path) -> 
 
 def test_without_an_observer_channel_it_names_the_command(lanes: Path) -> None:
     with Log.open(lanes) as log, pytest.raises(MissingSignalError, match="observed lateral motion") as caught:
-        predict(log, FROM_OBSERVER)
+        predict_lane(log, TWO_SECONDS)
     assert "cwcli observe" in caught.value.hint
 
 
@@ -137,9 +137,9 @@ def test_no_state_at_all_is_an_error(tmp_path: Path) -> None:
         run(write_lane_log(tmp_path / "l.mcap", blind))
 
 
-def test_a_model_of_the_states_does_not_start_from_the_observer(lanes: Path) -> None:
+def test_a_model_of_the_states_does_not_start_from_the_observer() -> None:
     with pytest.raises(UsageError, match="does not start from the observer"):
-        run(lanes, PredictConfig(model="ctrv", origin="observer"))
+        PredictLaneConfig(model="ctrv")  # type: ignore[arg-type]
 
 
 def test_body_paths_for_an_overlay(lanes: Path) -> None:

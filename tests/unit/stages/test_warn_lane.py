@@ -1,4 +1,4 @@
-"""Lane departure over the stages: observe, predict, warn, on logs of a simulated car; and several rules in one pass."""
+"""Lane departure: observe, predict-lane, warn-lane on logs of a simulated car; and several rules in one channel."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.errors import MissingSignalError, UsageError
+from cwcli.errors import UsageError
 from cwcli.logs.annotate import annotate
 from cwcli.logs.log import Log
 from cwcli.pipeline.result import StageResult
@@ -18,23 +18,24 @@ from cwcli.simulation.lane_drive import Road
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict
+from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
 from cwcli.stages.warn import WarnConfig, warn
+from cwcli.stages.warn_lane import WarnLaneConfig, warn_lane
 from cwcli.warning.lane_departure import LaneDepartureConfig, earliest_line_m
 from tests.unit.stages.lateral_logs import START_NS, LaneDrive, drive, write_lane_log
 
-LANE_DEPARTURE = WarnConfig(rules=("lane-departure",))
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
 
 
 def predicted(log: Log) -> Log:
     made = observe(log, ObserveConfig(vehicle=load_vehicle()))
     log = log.with_channels(made.channels, {"cwcli.run.observe": made.metadata})
-    return log.with_channels(predict(log, PredictConfig(origin="observer", horizon_s=2.0)).channels)
+    return log.with_channels(predict_lane(log, PredictLaneConfig(horizon_s=2.0)).channels)
 
 
-def run(path: Path, config: WarnConfig = LANE_DEPARTURE) -> StageResult:
+def run(path: Path, config: WarnLaneConfig | None = None) -> StageResult:
     with Log.open(path) as log:
-        return warn(predicted(log), config)
+        return warn_lane(predicted(log), config or WarnLaneConfig())
 
 
 def counts(result: StageResult) -> dict[str, int]:
@@ -96,8 +97,7 @@ def test_without_a_drift_it_is_silent(tmp_path: Path) -> None:
 
 def test_below_the_least_speed_nothing_is_raised(tmp_path: Path, drifting: LaneDrive) -> None:
     path = write_lane_log(tmp_path / "l.mcap", drifting)
-    config = WarnConfig(rules=("lane-departure",), lane_departure=LaneDepartureConfig(min_speed_mps=30.0))
-    result = run(path, config)
+    result = run(path, WarnLaneConfig(LaneDepartureConfig(min_speed_mps=30.0)))
     assert len(result.tables["lane_departures"]) == 0
     assert counts(result)["too slow"] == 141
 
@@ -117,25 +117,29 @@ def test_frames_without_a_path_are_counted_and_not_judged(tmp_path: Path, drifti
     assert counts(result)["speed not known"] == 141 - lanes.used
 
 
-def test_collision_rules_are_left_out_where_there_is_nobody(tmp_path: Path, drifting: LaneDrive) -> None:
-    result = run(write_lane_log(tmp_path / "l.mcap", drifting), WarnConfig(rules=("cwcli", "ttc", "lane-departure")))
-    assert list(result.tables) == ["lane_departures", "lane_series"]
-    assert any(note.startswith("cwcli, ttc is left out: no channel holds") for note in result.summary.notes)
+def test_a_longer_time_to_line_crossing_holds_the_warning_as_long(tmp_path: Path, drifting: LaneDrive) -> None:
+    path = write_lane_log(tmp_path / "l.mcap", drifting)
+    early, usual = (run(path, WarnLaneConfig(LaneDepartureConfig(warn_s=warn_s))) for warn_s in (1.9, 0.7))
+    raised = [result.tables["lane_departures"].records()[0]["raised_stamp_ns"] for result in (early, usual)]
+    assert raised[0] < raised[1]
 
 
-def test_lane_departure_is_left_out_where_there_are_no_lanes(intersection: Path) -> None:
+def test_warnings_of_an_earlier_stage_of_the_run_stay_in_the_channel(intersection: Path, tmp_path: Path) -> None:
+    """As `cwcli run --stage warn,warn-lane` has them: one channel, events numbered on."""
     with Log.open(intersection) as log:
-        result = warn(log, WarnConfig(rules=("lane-departure", "cwcli")))
-    assert next(iter(result.tables)) == "events"
-    assert any(note.startswith("lane-departure is left out") for note in result.summary.notes)
-
-
-def test_if_no_rule_can_run_the_first_one_says_what_is_missing() -> None:
-    with (
-        Log.open(SAMPLES / "intersection.mcap") as log,
-        pytest.raises(MissingSignalError, match="path from the observer"),
-    ):
-        warn(log, WarnConfig(rules=("lane-departure", "cwcli")))
+        collisions = warn(log, WarnConfig())
+    lanes = write_lane_log(tmp_path / "l.mcap", drive(seconds=14.0, drift_mps=0.5, road=Road()))
+    with Log.open(lanes) as log:
+        alone = warn_lane(predicted(log), WarnLaneConfig())
+        both = warn_lane(predicted(log.with_channels(collisions.channels)), WarnLaneConfig())
+    n_before = len(collisions.tables["events"])
+    assert n_before > 0
+    ids = [row["event_id"] for row in both.tables["lane_departures"].records()]
+    assert ids == [n_before + row["event_id"] for row in alone.tables["lane_departures"].records()]
+    for together, one, other in zip(both.channels, collisions.channels, alone.channels, strict=True):
+        assert together.topic == one.topic == other.topic
+        assert len(together) == len(one) + len(other)
+        assert (np.diff(together.log_time_ns) >= 0).all()
 
 
 def test_several_collision_rules_number_their_events_on(intersection: Path) -> None:
@@ -153,6 +157,6 @@ def test_several_collision_rules_number_their_events_on(intersection: Path) -> N
 
 
 def test_an_unknown_rule_names_those_there_are() -> None:
-    with Log.open(SAMPLES / "intersection.mcap") as log, pytest.raises(UsageError, match="'nonsense'") as caught:
-        warn(log, WarnConfig(rules=("nonsense",)))
-    assert caught.value.hint.endswith("lane-departure")
+    with pytest.raises(UsageError, match="'nonsense'") as caught:
+        WarnConfig(rules=("nonsense",))
+    assert caught.value.hint.startswith("one of: cwcli, ")

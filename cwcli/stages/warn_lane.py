@@ -1,26 +1,39 @@
-"""The rule `lane-departure` of the stage `warn`: the observer's paths against the boundaries of `cwcli lanes`."""
+"""Stage `warn-lane`: the observer's paths against the boundaries of `cwcli lanes` in, lane departures out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from cwcli.channels.binding import Bindings
+from cwcli.channels.binding import bind
 from cwcli.channels.lanes import ROAD_FIELDS, LaneRows, read_lanes
 from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError
 from cwcli.logs.log import Log
-from cwcli.pipeline.result import Cell, InputCount, Section
+from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.records import vehicle_of
-from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, LaneDepartureResult, evaluate_lane_departure
+from cwcli.stages.summaries.warn import RuleOutcome
+from cwcli.stages.warn import warnings_result
+from cwcli.warning.lane_departure import (
+    RULE,
+    Boundaries,
+    LaneDepartureConfig,
+    LaneDepartureResult,
+    evaluate_lane_departure,
+)
 
+EXAMPLES = (
+    "cwcli warn-lane predicted.mcap -o warned.mcap",
+    "cwcli warn-lane predicted.mcap --line-crossing 1.0 --json",
+)
 NEEDED = (OBSERVER_PATH.role, LANES.role)
 NO_PATH = "no path from the observer"
 LIMITS = np.array([1e3, 10.0, 1.0])
@@ -29,41 +42,38 @@ MIN_HORIZON_S = 0.05
 
 
 @dataclass(frozen=True)
-class LaneWarnings:
-    """The rule's outcome on a log.
+class WarnLaneConfig:
+    """Settings of the stage.
 
     Attributes:
-        result: Channel, events, series, counts.
-        inputs: What became of the messages.
-        sections: For the summary.
-        notes: For the user.
+        rule: Options of the rule.
+        topics: Role -> topic, the user's choices.
+        start_ns, end_ns: Only frames logged in this span are used.
     """
 
-    result: LaneDepartureResult
-    inputs: tuple[InputCount, ...]
-    sections: tuple[Section, ...]
-    notes: tuple[str, ...]
+    rule: LaneDepartureConfig = field(default_factory=LaneDepartureConfig)
+    topics: Mapping[str, str] = field(default_factory=dict)
+    start_ns: int | None = None
+    end_ns: int | None = None
 
 
-def warn_of_lane_departure(
-    log: Log, bound: Bindings, config: LaneDepartureConfig, *, start_ns: int | None, end_ns: int | None
-) -> LaneWarnings:
-    """Judge every frame of the lanes.
+def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
+    """Warn the ego vehicle of leaving its lane.
 
-    Args:
-        log: The log.
-        bound: With the roles of `NEEDED`.
-        config: The rule's options.
-        start_ns, end_ns: Only frames logged in this span are used.
+    Needs the channels of `cwcli lanes` and `cwcli predict-lane`. A warning is raised when the predicted path takes a
+    front tyre over a lane boundary within the time to line crossing; one departure is one warning.
 
     Raises:
-        MissingSignalError: There is no frame.
+        MissingSignalError: The log lacks a channel, or there is no frame.
         UsageError: The paths are shorter than the rule looks ahead.
         DataError: A channel is of another version.
     """
+    bound = bind(log.channels, config.topics, required=NEEDED, where=log.name, command="warn-lane")
     path_topic, lanes_topic = (bound.by_role[role][0].topic for role in NEEDED)
     loaded = log.load({path_topic: None, lanes_topic: ROAD_FIELDS})
-    path_columns, lanes = (loaded[topic].logged_within(start_ns, end_ns) for topic in (path_topic, lanes_topic))
+    path_columns, lanes = (
+        loaded[topic].logged_within(config.start_ns, config.end_ns) for topic in (path_topic, lanes_topic)
+    )
     if not len(lanes):
         place = f"{log.name}: {lanes_topic}"
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
@@ -72,23 +82,26 @@ def warn_of_lane_departure(
     stamp_ns, log_time_ns, boundaries = _frames(read_lanes(lanes), vehicle)
     paths = body_of(predicted.paths)
     _, mine, theirs = np.intersect1d(stamp_ns, predicted.stamp_ns, return_indices=True)
-    matched = _spread(paths, mine, theirs, len(stamp_ns), config.warn_s)
+    matched = _spread(paths, mine, theirs, len(stamp_ns), config.rule.warn_s)
     result = evaluate_lane_departure(
         stamp_ns,
         log_time_ns,
         matched,
         boundaries,
         matched.speed_mps[:, 0],
-        config,
+        config.rule,
         width_m=vehicle.width_m,
         front_axle_m=vehicle.front_axle_m,
     )
     without = len(stamp_ns) - len(mine)
+    set_aside = {NO_PATH: without} if without else {}
     inputs = (
         InputCount(path_topic, OBSERVER_PATH.role, len(predicted), len(theirs)),
-        InputCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside={NO_PATH: without} if without else {}),
+        InputCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside=set_aside),
     )
-    return LaneWarnings(result, inputs, _sections(result, log.start_ns), notes)
+    tables = (result.events, result.series)
+    outcome = RuleOutcome(RULE, result.rows, tables, _sections(result, log.start_ns))
+    return warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))
 
 
 def body_of(paths: Paths) -> Paths:

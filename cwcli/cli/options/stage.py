@@ -1,0 +1,175 @@
+"""The options of a stage's command, made from its annotated configuration (`cwcli.option`), and back."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import typer
+
+from cwcli.cli.options.shared import SensorOptions
+from cwcli.errors import UsageError
+from cwcli.option import Option
+from cwcli.pipeline.call import StageCall
+from cwcli.pipeline.stage import Stage
+from cwcli.registry import named
+from cwcli.stages import STAGES
+
+
+class StageOptions:
+    """Base of options that belong to one stage; `stage_options` makes the classes.
+
+    Their environment variables and their table in the configuration file carry the stage's name. In a command that
+    runs several stages their flags do too: `--model` of `cwcli estimate` is `--estimate-model` of `cwcli run`.
+    There they stand under a heading of their own.
+
+    Attributes:
+        stage: Its name.
+        hidden: Old options, which help and documents leave out.
+    """
+
+    stage: ClassVar[str]
+    hidden: ClassVar[frozenset[str]] = frozenset()
+
+    def values(self) -> dict[str, Any]:
+        """Every option and its value, as a configuration file has them."""
+        return {name: value for name, value in vars(self).items() if name not in self.hidden}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An option and where its value stands in the configuration.
+
+    Attributes:
+        key: Its name in a configuration file.
+        path: Of the field, through the configurations inside the configuration.
+        option: As it is annotated.
+        kind: Type of its value.
+        default: Its value if nobody gives another.
+    """
+
+    key: str
+    path: tuple[str, ...]
+    option: Option
+    kind: Any
+    default: Any
+
+
+@functools.cache
+def entries(name: str) -> tuple[Entry, ...]:
+    """The options of a stage.
+
+    Raises:
+        UsageError: Its module is not there.
+    """
+    return tuple(_entries(STAGES[name].configuration(), ()))
+
+
+def _entries(default: Any, path: tuple[str, ...]) -> Iterator[Entry]:
+    hints = typing.get_type_hints(type(default), include_extras=True)
+    for field in dataclasses.fields(default):
+        value, place = getattr(default, field.name), (*path, field.name)
+        kind, *extras = typing.get_args(hints[field.name]) or (hints[field.name],)
+        option = next((extra for extra in extras if isinstance(extra, Option)), None)
+        if option is not None:
+            kind = option.kind or kind
+            given = _nothing(kind) if option.parse else value
+            yield Entry(_key(option), place, option, kind, given)
+        elif dataclasses.is_dataclass(value):
+            yield from _entries(value, place)
+
+
+def _nothing(kind: Any) -> Any:
+    """The value of an option that nobody gave, where it is parsed."""
+    return [] if typing.get_origin(kind) is list else False if kind is bool else None
+
+
+def _key(option: Option) -> str:
+    return option.flags.partition("/")[0].removeprefix("--").replace("-", "_")
+
+
+@functools.cache
+def stage_options(name: str) -> type[StageOptions]:
+    """A dataclass with the stage's options, as `expand` takes it. Making one checks nothing."""
+    from cwcli.cli.options.former import former_fields
+
+    own = [(entry.key, Annotated[entry.kind, _typer_option(entry)], _field(entry.default)) for entry in entries(name)]
+    hidden = former_fields(name)
+    fields: list[Any] = [*own, *((key, kind, _field(value)) for key, kind, value in hidden)]
+    return dataclasses.make_dataclass(
+        f"{STAGES[name].identifier}_options",
+        fields,
+        bases=(StageOptions,),
+        frozen=True,
+        namespace={"stage": name, "hidden": frozenset(key for key, _, _ in hidden)},
+    )
+
+
+def every_stage() -> tuple[type[StageOptions], ...]:
+    """The options of all stages, in the order in which they run."""
+    return tuple(map(stage_options, STAGES))
+
+
+def _field(default: Any) -> Any:
+    return dataclasses.field(default_factory=default.copy) if isinstance(default, list) else default
+
+
+def _typer_option(entry: Entry) -> Any:
+    option = entry.option
+    registry = named(option.choices) if option.choices else None
+    text = option.help if isinstance(option.help, str) else option.help()
+    if registry is not None:
+        text = text.replace("{choices}", registry.help()).replace("{names}", ", ".join(registry))
+    return typer.Option(
+        option.flags,
+        metavar=option.metavar,
+        help=text,
+        show_default=option.default or (entry.default is not None and entry.default != []),
+        autocompletion=None if registry is None else registry.complete,
+    )
+
+
+def call_of(options: StageOptions, sensors: SensorOptions) -> StageCall:
+    """The stage with these options.
+
+    Raises:
+        UsageError: A value makes no sense.
+    """
+    stage = STAGES[options.stage]
+    given = {
+        entry.path: _parsed(entry.option, value)
+        for entry in entries(stage.name)
+        if (value := getattr(options, entry.key)) != entry.default
+    }
+    config = _configured(stage.configuration(), given)
+    if hasattr(config, "sources"):
+        sources = dataclasses.replace(config.sources, clock=sensors.clock, ego_station=sensors.ego_station)
+        config = dataclasses.replace(config, sources=sources)
+    return StageCall(stage, config)
+
+
+def _parsed(option: Option, value: Any) -> Any:
+    low, high = option.above, option.at_most
+    if value is not None and ((low is not None and not value > low) or (high is not None and not value <= high)):
+        bounds = [f"above {low:g}"] if low is not None else []
+        bounds += [f"at most {high:g}"] if high is not None else []
+        raise UsageError(f"{option.flags} {value:g} must be {' and '.join(bounds)}")
+    return option.parse(value) if option.parse else value
+
+
+def _configured(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
+    """A configuration with some of its fields, and of those inside them, changed."""
+    changes = {path[0]: value for path, value in given.items() if len(path) == 1}
+    for name in dict.fromkeys(path[0] for path in given if len(path) > 1):
+        inside = {path[1:]: value for path, value in given.items() if len(path) > 1 and path[0] == name}
+        changes[name] = _configured(getattr(default, name), inside)
+    return dataclasses.replace(default, **changes) if changes else default
+
+
+def reads_sensors(stage: Stage) -> bool:
+    """Whether the stage, or one that its command runs first, reads messages of sensors."""
+    return any(hasattr(STAGES[name].configuration(), "sources") for name in (stage.name, *stage.first))

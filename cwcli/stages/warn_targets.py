@@ -1,0 +1,33 @@
+"""Stage `warn-targets`: the targets of `cwcli track` in, warnings of collisions with them out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cwcli.channels.published import TARGETS
+from cwcli.logs.log import Log
+from cwcli.pipeline.result import StageResult
+from cwcli.stages.warn import WarnConfig, warn_of
+
+EXAMPLES = (
+    "cwcli warn-targets tracked.mcap -o warned.mcap",
+    "cwcli warn-targets tracked.mcap --rule path-ttc --json",
+)
+
+
+@dataclass(frozen=True)
+class WarnTargetsConfig(WarnConfig):
+    """Settings of the stage: those of `warn`."""
+
+
+def warn_targets(log: Log, config: WarnTargetsConfig) -> StageResult:
+    """Warn the ego vehicle of collisions with tracked targets.
+
+    Needs the channels of `cwcli track` and of `cwcli predict`. Targets are predicted like the ego, with the model, the
+    step and the horizon of its paths.
+
+    Raises:
+        MissingSignalError: The log lacks the ego's states or paths, or targets.
+        DataError: The paths' motion model is not known.
+    """
+    return warn_of(log, config, "warn-targets", (TARGETS.role,))

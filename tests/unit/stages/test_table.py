@@ -1,0 +1,61 @@
+"""The table of stages: what every line of it must be, so that commands, docs and runs can be made from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+
+import pytest
+
+from cwcli.channels.binding import EVERY_ROLE
+from cwcli.channels.published import PUBLISHED
+from cwcli.errors import UsageError
+from cwcli.pipeline.call import StageCall
+from cwcli.pipeline.stage import Stage
+from cwcli.stages import DEFAULT_STAGES, STAGES
+
+ALL = pytest.mark.parametrize("stage", STAGES.values(), ids=STAGES)
+
+
+@ALL
+def test_a_line_leads_to_function_configuration_and_examples(stage: Stage) -> None:
+    assert callable(stage.function)
+    assert dataclasses.is_dataclass(stage.configuration())
+    assert any(f"cwcli {stage.name} " in example for example in stage.module.EXAMPLES)
+    assert stage.help.endswith(".") and len(stage.help) < 66
+
+
+@ALL
+def test_its_roles_are_roles(stage: Stage) -> None:
+    named = {role for group in stage.groups for role in group}
+    assert {*named, *stage.used, *stage.added, *stage.added.values()} <= set(EVERY_ROLE)
+
+
+@ALL
+def test_it_adds_the_roles_of_its_channels(stage: Stage) -> None:
+    assert set(stage.added) == {channel.role for channel in PUBLISHED if channel.stage == stage.name and channel.role}
+
+
+@ALL
+def test_other_stages_that_it_names_are_there(stage: Stage) -> None:
+    assert {stage.instead_of, *stage.first} - {""} <= set(STAGES)
+
+
+@ALL
+def test_its_call_can_be_sent_to_another_process(stage: Stage) -> None:
+    call = StageCall(stage, stage.configuration())
+    assert pickle.loads(pickle.dumps(call)) == call
+
+
+def test_published_channels_name_stages() -> None:
+    assert {channel.stage for channel in PUBLISHED} <= set(STAGES)
+
+
+def test_a_run_looks_at_a_drive_and_no_more_unless_it_is_asked() -> None:
+    assert DEFAULT_STAGES == ("estimate", "track", "lanes", "observe", "predict", "warn")
+
+
+def test_a_line_whose_module_is_missing_says_so() -> None:
+    with pytest.raises(UsageError, match=r"the stage no-such can't be loaded.*cwcli.stages.no_such") as caught:
+        Stage("no-such", "None.").configuration  # noqa: B018 - imports it
+    assert (caught.value.exit_code, caught.value.hint) == (2, "install cwcli again")
