@@ -6,6 +6,8 @@ frame_id says neither, or the user named the channel for the role, the role deci
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
@@ -21,6 +23,22 @@ MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "loc
 BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
 MAX_QUATERNION = 1e3
 NO_ORIENTATION = "orientation not given"
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """How the body moves, as the messages say: shape (n,) each, NaN where not given.
+
+    Attributes:
+        speed_mps: Along the body's x axis, negative in reverse.
+        yaw_rate_radps: Counter-clockwise positive.
+        speed_variance, yaw_rate_variance: In (m/s)^2 and (rad/s)^2, unchecked.
+    """
+
+    speed_mps: FloatArray
+    yaw_rate_radps: FloatArray
+    speed_variance: FloatArray
+    yaw_rate_variance: FloatArray
 
 
 def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | SpeedSignal, Quality]:
@@ -42,7 +60,7 @@ def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | Sp
     if frame in MAP_FRAMES:
         speed = np.hypot(east_or_forward, north_or_left)
         ledger.note(f"frame_id {frame} names map axes, the speed is the magnitude of the velocity")
-    return _speed(columns, reading, ledger, speed, yaw_rate, covariance[:, 0], covariance[:, 35])
+    return build_speed(columns, reading, ledger, BodyMotion(speed, yaw_rate, covariance[:, 0], covariance[:, 35]))
 
 
 def build_velocity_report(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
@@ -50,7 +68,8 @@ def build_velocity_report(columns: Columns, reading: Reading) -> tuple[SpeedSign
     ledger = RowLedger(columns, reading.role)
     yaw_rate = filled(ledger, numbers(columns, "heading_rate"), "yaw rate")
     nothing = np.full(len(columns), np.nan)
-    return _speed(columns, reading, ledger, numbers(columns, "longitudinal_velocity"), yaw_rate, nothing, nothing)
+    motion = BodyMotion(numbers(columns, "longitudinal_velocity"), yaw_rate, nothing, nothing)
+    return build_speed(columns, reading, ledger, motion)
 
 
 def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
@@ -121,25 +140,20 @@ def _velocity(
     return signal, ledger.quality
 
 
-def _speed(
-    columns: Columns,
-    reading: Reading,
-    ledger: RowLedger,
-    speed_mps: FloatArray,
-    yaw_rate_radps: FloatArray,
-    speed_variance: FloatArray,
-    yaw_rate_variance: FloatArray,
+def build_speed(
+    columns: Columns, reading: Reading, ledger: RowLedger, motion: BodyMotion
 ) -> tuple[SpeedSignal, Quality]:
-    reject_unusable(ledger, speed_mps, MAX_SPEED_MPS)
-    yaw_rate_radps = within(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
-    variances = given_variances(ledger, np.stack([speed_variance, yaw_rate_variance], axis=1))
-    timeline = settle(ledger, *stamps(columns), reading.clock, [speed_mps, yaw_rate_radps])
+    """The speed signal of a channel whose messages say how the body moves; rows without a usable speed are rejected."""
+    reject_unusable(ledger, motion.speed_mps, MAX_SPEED_MPS)
+    yaw_rate_radps = within(ledger, motion.yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
+    variances = given_variances(ledger, np.stack([motion.speed_variance, motion.yaw_rate_variance], axis=1))
+    timeline = settle(ledger, *stamps(columns), reading.clock, [motion.speed_mps, yaw_rate_radps])
     rows = timeline.rows
     signal = SpeedSignal(
         source=columns.topic,
         stamp_ns=timeline.stamp_ns,
         log_time_ns=columns.log_time_ns[rows],
-        speed_mps=speed_mps[rows],
+        speed_mps=motion.speed_mps[rows],
         yaw_rate_radps=yaw_rate_radps[rows],
         speed_variance_m2ps2=variances[rows, 0],
         yaw_rate_variance_rad2ps2=variances[rows, 1],

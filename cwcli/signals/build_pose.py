@@ -6,12 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.build_motion import build_twist, filled, yaw_of
-from cwcli.signals.canonical import PoseSignal, SpeedSignal, VelocitySignal
+from cwcli.signals.build_motion import BodyMotion, build_speed, filled, yaw_of
+from cwcli.signals.canonical import PoseSignal, SpeedSignal
 from cwcli.signals.clocks import settle
-from cwcli.signals.codec import Reading, Role
+from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.covariances import given_plane_covariance
+from cwcli.signals.covariances import given_plane_covariance, given_variances
 from cwcli.signals.leaves import find, frame_id, matrix, numbers, stamps, vector, whole_numbers
 from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
@@ -20,23 +20,36 @@ ComplexArray = npt.NDArray[np.complex128]
 
 MIN_SPEED_FOR_AXES_MPS = 0.5
 MIN_ROWS_FOR_AXES = 10
+MAX_SLIP = 0.1
+"""A car's velocity points to the side by less than this part of what it points forward."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
     """Build poses. An orientation that is the identity in every message is taken as not given (yaw NaN).
 
-    The twist of an `Odometry` is in the child frame: its x is the speed. Some senders put it in the axes of the pose;
-    the way from pose to pose tells. Where there is no orientation the speed is the magnitude of the twist.
+    Speed and yaw rate are those of the twist of an `Odometry`, see `_motion`; only a truth is compared with them.
     """
     ledger = RowLedger(columns, reading.role)
     base = "pose.pose" if find(columns, "pose.pose.position.x") is not None else "pose"
     position_m = vector(columns, f"{base}.position")
     yaw_rad = _given_yaw(columns, ledger, f"{base}.orientation")
-    speed_mps, yaw_rate = _motion(columns, ledger, position_m, yaw_rad)
+    motion = _motion(columns, ledger, position_m, yaw_rad)
     reject_unusable(ledger, position_m[:, :2], MAX_POSITION_M)
     covariance = matrix(columns, "pose.covariance", 36)
     plane_m2 = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
-    return _pose(columns, reading, ledger, position_m, yaw_rad, speed_mps, yaw_rate, plane_m2, *stamps(columns))
+    heading_variance = given_variances(ledger, covariance[:, 35])
+    return _pose(
+        columns,
+        reading,
+        ledger,
+        position_m,
+        yaw_rad,
+        motion.speed_mps,
+        motion.yaw_rate_radps,
+        plane_m2,
+        *stamps(columns),
+        yaw_variance_rad2=heading_variance,
+    )
 
 
 def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
@@ -55,10 +68,12 @@ def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal,
     )
 
 
-def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[VelocitySignal | SpeedSignal, Quality]:
-    """Build the speed from the twist of an `Odometry` (child frame)."""
-    forced = Reading(role=Role.EGO_SPEED, clock=reading.clock, is_override=True)
-    return build_twist(columns, forced)
+def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+    """Build the speed from the twist of an `Odometry`, see `_motion`."""
+    ledger = RowLedger(columns, reading.role)
+    yaw_rad = _given_yaw(columns, ledger, "pose.pose.orientation")
+    motion = _motion(columns, ledger, vector(columns, "pose.pose.position"), yaw_rad)
+    return build_speed(columns, reading, ledger, motion)
 
 
 def _pose(
@@ -104,22 +119,36 @@ def _given_yaw(columns: Columns, ledger: RowLedger, base: str) -> FloatArray:
     return yaw_rad
 
 
-def _motion(
-    columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Speed and yaw rate of the twist, NaN where the message has none."""
+def _motion(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad: FloatArray) -> BodyMotion:
+    """Speed and yaw rate of the twist of an `Odometry`, NaN where the message has none.
+
+    It is in the child frame, so its x is the speed, whatever the frame of the pose is called. Some senders put it in
+    the axes of the pose; the way from pose to pose tells, and it is turned by the yaw. Where no orientation is given
+    and the twist points to the side, too, as no car drives, the speed is its magnitude.
+    """
+    n = len(columns)
     if find(columns, "twist.twist.linear.x") is None:
-        nothing = np.full(len(columns), np.nan)
-        return nothing, nothing
+        return BodyMotion(*np.full((4, n), np.nan))
     twist = numbers(columns, "twist.twist.linear.x") + 1j * numbers(columns, "twist.twist.linear.y")
-    yaw_rate = filled(ledger, numbers(columns, "twist.twist.angular.z"), "yaw rate")
-    if not np.isfinite(yaw_rad).any():
+    forward = np.ones(n, np.complex128)
+    if np.isfinite(yaw_rad).any():
+        if _is_map_twist(columns, position_m, yaw_rad, twist):
+            ledger.note("the twist is in the axes of the pose, not of the child frame: turned by the yaw")
+            forward = np.exp(1j * yaw_rad)
+    elif np.nansum(np.abs(twist.imag)) > MAX_SLIP * np.nansum(np.abs(twist.real)):
         ledger.note("the speed is the magnitude of the twist")
-        return np.abs(twist), yaw_rate
-    if _is_map_twist(columns, position_m, yaw_rad, twist):
-        ledger.note("the twist is in the axes of the pose, not of the child frame: turned by the yaw")
-        twist = twist * np.exp(-1j * yaw_rad)
-    return twist.real, yaw_rate
+        forward = np.exp(1j * np.angle(twist))
+    covariance = matrix(columns, "twist.covariance", 36)
+    variance, x, y = covariance[:, 0], forward.real, forward.imag
+    if y.any():
+        with np.errstate(invalid="ignore", over="ignore"):
+            variance = x * x * variance + 2.0 * x * y * covariance[:, 1] + y * y * covariance[:, 7]
+    return BodyMotion(
+        speed_mps=(twist * forward.conj()).real,
+        yaw_rate_radps=filled(ledger, numbers(columns, "twist.twist.angular.z"), "yaw rate"),
+        speed_variance=variance,
+        yaw_rate_variance=covariance[:, 35],
+    )
 
 
 def _is_map_twist(columns: Columns, position_m: FloatArray, yaw_rad: FloatArray, twist: ComplexArray) -> bool:

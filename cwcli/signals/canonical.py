@@ -47,6 +47,7 @@ class PoseSignal:
         covariance_m2: Shape (n, 3): xx, xy, yy.
         latitude_deg, longitude_deg: Shape (n,): the same points, WGS84, where the message has them too; else None.
         accel_mps2: Shape (n,), longitudinal, where the message has it; else None.
+        yaw_variance_rad2: Shape (n,), NaN where not given; None where no message of the schema has it.
     """
 
     source: str
@@ -63,6 +64,7 @@ class PoseSignal:
     latitude_deg: FloatArray | None = None
     longitude_deg: FloatArray | None = None
     accel_mps2: FloatArray | None = None
+    yaw_variance_rad2: FloatArray | None = None
 
 
 @dataclass(frozen=True)

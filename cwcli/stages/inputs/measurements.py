@@ -120,19 +120,14 @@ def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: Local
 
 
 def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
+    """Position and heading. The twist of an odometry is another role's (the ego speed), so that it counts once."""
     values = np.column_stack([pose.x_m, pose.y_m])
-    unknown = np.full(len(pose.stamp_ns), np.nan)
+    variance = pose.yaw_variance_rad2
+    if variance is None:
+        variance = np.full(len(pose.stamp_ns), np.nan)
     return [
         Measurements(pose.source, Kind.POSITION, pose.stamp_ns, values, _symmetric(pose.covariance_m2)),
-        *_given(
-            pose.source,
-            pose.stamp_ns,
-            {
-                Kind.HEADING: (pose.yaw_rad, unknown),
-                Kind.SPEED: (pose.speed_mps, unknown),
-                Kind.YAW_RATE: (pose.yaw_rate_radps, unknown),
-            },
-        ),
+        *_given(pose.source, pose.stamp_ns, {Kind.HEADING: (pose.yaw_rad, variance)}),
     ]
 
 

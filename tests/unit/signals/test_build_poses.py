@@ -160,6 +160,49 @@ def test_odometry_as_speed_source() -> None:
     np.testing.assert_array_equal(signal.speed_mps, [-3.0] * 3)
 
 
+@pytest.mark.parametrize("frame", ["odom", "map"])
+def test_odometry_s_twist_is_in_the_child_frame_whatever_the_pose_s_frame_is_called(frame: str) -> None:
+    twist = {"twist.twist.linear.y": np.zeros(3), "header.frame_id": [frame] * 3}
+    signal, quality = build(Role.EGO_SPEED, odometry_columns("base_link", [0.1, 0.2, 0.3], **twist))
+    assert isinstance(signal, SpeedSignal)
+    np.testing.assert_array_equal(signal.speed_mps, [-3.0] * 3)
+    assert quality.notes == []
+
+
+def test_odometry_without_orientation_may_reverse() -> None:
+    columns = odometry_columns("base_link", np.zeros(3), **{"twist.twist.linear.y": np.full(3, 0.1)})
+    signal, _ = build(Role.EGO_SPEED, columns)
+    assert isinstance(signal, SpeedSignal)
+    np.testing.assert_array_equal(signal.speed_mps, [-3.0] * 3)
+
+
+def test_odometry_says_the_variances_of_speed_yaw_rate_and_heading() -> None:
+    twist, pose = np.zeros((3, 6, 6)), np.zeros((3, 6, 6))
+    twist[:, 0, 0], twist[:, 1, 1], twist[:, 5, 5], pose[:, 5, 5] = 0.04, np.inf, 0.01, 0.0025
+    covariances = {"twist.covariance": twist.reshape(3, 36), "pose.covariance": pose.reshape(3, 36)}
+    columns = odometry_columns("base_link", [0.1, 0.2, 0.3], **covariances)
+    speed, quality = build(Role.EGO_SPEED, columns)
+    assert isinstance(speed, SpeedSignal)
+    np.testing.assert_array_equal(speed.speed_variance_m2ps2, [0.04] * 3)
+    np.testing.assert_array_equal(speed.yaw_rate_variance_rad2ps2, [0.01] * 3)
+    assert quality.n_faults == 0
+    heading, _ = build(Role.EGO_POSITION, columns)
+    assert isinstance(heading, PoseSignal)
+    assert heading.yaw_variance_rad2 is not None
+    np.testing.assert_array_equal(heading.yaw_variance_rad2, [0.0025] * 3)
+
+
+def test_odometry_s_variance_is_turned_with_a_twist_without_orientation() -> None:
+    # the twist (-3, 4) points along (-0.6, 0.8): 0.36 * 0.25 - 2 * 0.48 * 0.1 + 0.64 * 0.5 = 0.314
+    twist = np.zeros((3, 6, 6))
+    twist[:, 0, 0], twist[:, 0, 1], twist[:, 1, 0], twist[:, 1, 1] = 0.25, 0.1, 0.1, 0.5
+    columns = odometry_columns("target", np.zeros(3), **{"twist.covariance": twist.reshape(3, 36)})
+    signal, _ = build(Role.EGO_SPEED, columns)
+    assert isinstance(signal, SpeedSignal)
+    np.testing.assert_allclose(signal.speed_mps, 5.0)
+    np.testing.assert_allclose(signal.speed_variance_m2ps2, 0.314)
+
+
 def test_vehicle_state_is_a_pose() -> None:
     fields = {
         "stamp_ns": STEADY_NS[:2].astype(np.uint64),
