@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from cwcli.errors import UsageError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 
 RENDERED_SCHEMA = "foxglove.CompressedImage"
 NAME = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")

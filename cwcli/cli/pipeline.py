@@ -19,7 +19,7 @@ from cwcli.pipeline.execute import Missed, Outcome, run_stages
 from cwcli.pipeline.selection import select
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
     from cwcli.metrics.table import Table
 
 
@@ -73,7 +73,7 @@ def execute(job: Job) -> Outcome:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
     """
     _check_targets(job)
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
     with Progress(quiet=job.talk.quiet) as progress:
         progress.step(f"reading {job.source}")
@@ -111,7 +111,7 @@ def _check_targets(job: Job) -> None:
 
 def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
     """Write the annotated log and the tables: all of them, or none."""
-    from cwcli.logs.annotate import annotate
+    from cwcli.logs.write.annotate import annotate
     from cwcli.metrics.table import write_table
     from cwcli.output import Together, check_targets, make_folder
 

@@ -13,7 +13,7 @@ from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.estimation.consistency import effective_count, nees
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.signals.angles import wrap_angle

@@ -16,7 +16,7 @@ from cwcli.evaluation.observer import add_observer
 from cwcli.evaluation.prediction import add_prediction
 from cwcli.evaluation.tracking import add_tracking
 from cwcli.evaluation.warnings import add_warnings
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.table import Table
 

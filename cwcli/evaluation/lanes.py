@@ -9,8 +9,8 @@ import numpy as np
 from cwcli.channels.binding import is_truth_topic
 from cwcli.channels.lanes import SIDES, LaneRows, read_lanes
 from cwcli.channels.published import LANES
-from cwcli.logs.channel import ChannelInfo
-from cwcli.logs.log import Log
+from cwcli.logs.read.channels import ChannelInfo
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, width_stability
 from cwcli.signals.columns import Columns, FloatArray, Int64Array

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cwcli.channels.published import OWN_PREFIX
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.records import json_entry, number, run_records

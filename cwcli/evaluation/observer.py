@@ -7,7 +7,7 @@ import math
 from cwcli.channels.binding import bind
 from cwcli.channels.lateral_state import read_observed
 from cwcli.channels.published import OBSERVER
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.signals.codec import Role
 from cwcli.stages.summaries.observe import truth_errors

@@ -12,7 +12,7 @@ from cwcli.channels.published import EGO_PATH, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.errors import UsageError
 from cwcli.evaluation.estimate import Ego
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.metrics.table import Table
 from cwcli.prediction.models import MODELS

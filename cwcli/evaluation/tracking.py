@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.stages.records import json_entry, number, run_records
 

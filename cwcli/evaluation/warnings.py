@@ -13,7 +13,7 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.signals.rows import rows_by_id, rows_by_stamp

@@ -11,7 +11,7 @@ from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.signals.columns import StreamedChannel
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
     from cwcli.signals.columns import Columns
 
 LOG_TIME, PUBLISH_TIME = ColumnDoc("ns", doc="when it was logged"), ColumnDoc("ns", doc="when it was published")

@@ -17,7 +17,7 @@ from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
 STDIN = "-"
 TEXTS = ("stage", "metric", "unit", "pool")
@@ -133,7 +133,7 @@ def _error(entry: dict[str, Any]) -> str:
 
 def _of_log(source: str, name: str, truth: str) -> LogMetrics:
     from cwcli.evaluation.evaluate_log import evaluate_log
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
     with Log.open(source) as log:
         table = evaluate_log(log, truth=truth)

@@ -8,13 +8,13 @@ import pyproj
 import zstandard
 
 import cwcli.fleet.worker
-import cwcli.logs.annotate
 import cwcli.logs.codecs.cdr
 import cwcli.logs.codecs.json
 import cwcli.logs.codecs.protobuf
-import cwcli.logs.load
-import cwcli.logs.memory
-import cwcli.logs.message_reader
+import cwcli.logs.read.added_channels
+import cwcli.logs.read.columns
+import cwcli.logs.read.message_reader
+import cwcli.logs.write.annotate
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
 __all__ = ["cwcli", "numpy", "pyarrow", "pyproj", "zstandard"]

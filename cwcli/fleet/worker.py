@@ -18,9 +18,9 @@ from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, ne
 from cwcli.fleet.inputs import is_remote, local_copy
 from cwcli.fleet.plan import Plan, Task
 from cwcli.input import InputFile, remembering_inputs
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
-from cwcli.logs.source import open_source
+from cwcli.logs.read.reader import Log
+from cwcli.logs.read.source import open_source
+from cwcli.logs.write.annotate import annotate
 from cwcli.output import make_folder
 from cwcli.pipeline.execute import Outcome, run_stages
 from cwcli.pipeline.missing import SignalsFor

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cwcli.pipeline.stage import Stage
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
     from cwcli.pipeline.result import StageResult
 
 

@@ -12,7 +12,7 @@ from cwcli.pipeline.missing import Missing
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
     from cwcli.metrics.table import Table
     from cwcli.pipeline.result import StageResult
 

@@ -14,7 +14,7 @@ from cwcli.pipeline.stage import Stage
 from cwcli.signals.codec import Role
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
 NO_REMOTE = "no channel holds remote vehicles (BSM or CAM messages)"
 NO_REMOTE_MESSAGE = "no message of another vehicle could be used"

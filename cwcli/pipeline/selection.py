@@ -12,7 +12,7 @@ from cwcli.pipeline.call import Selection
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 

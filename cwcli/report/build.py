@@ -13,7 +13,7 @@ from cwcli import __version__
 from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
 from cwcli.errors import CwcliError, InputError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateResult, check_gates
 from cwcli.metrics.pooling import LogMetrics, MetricRow, rows_of
 from cwcli.report.drive import read_drive, require_results

@@ -15,7 +15,7 @@ from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
 from cwcli.signals.canonical import (
     HeadingSignal,
@@ -222,7 +222,7 @@ def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[st
 
 def _camera(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
     """The camera's topic: the one of the lanes, else the first channel of frames."""
-    from cwcli.logs.frames import is_camera
+    from cwcli.logs.read.frames import is_camera
 
     topics = [channel.topic for channel in log.channels if is_camera(channel)]
     for entry in inputs_of(records.get("lanes", {})):

@@ -11,8 +11,8 @@ import numpy as np
 
 from cwcli.channels.lanes import LaneRows
 from cwcli.errors import CwcliError
-from cwcli.logs.frames import Frame
-from cwcli.logs.log import Log
+from cwcli.logs.read.frames import Frame
+from cwcli.logs.read.reader import Log
 from cwcli.report.drive import Drive
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames

@@ -27,7 +27,7 @@ from cwcli.channels.published import (
     topics,
 )
 from cwcli.control.encounter import POLICIES
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.report.layout_panels import Mosaic, Panels, Series, Settings, column, path, row, split
 from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for

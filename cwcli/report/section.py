@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH
 from cwcli.errors import CwcliError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.prediction.paths import Paths
 from cwcli.report.drawing import Figure
 from cwcli.report.drive import Drive

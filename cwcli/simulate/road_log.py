@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cwcli import __version__
 from cwcli.errors import UsageError
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import (
     FloatArray,
     Int64Array,

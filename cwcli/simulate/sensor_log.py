@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cwcli import __version__
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.write.writer import LogWriter
 from cwcli.output import write_file
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap

@@ -2,7 +2,7 @@
 
 A stage is a pure function from a log and a configuration to new channels, tables and a summary. It binds roles to
 channels, loads the columns it needs, calls one domain room and names what comes out. It writes no file, prints nothing,
-and judges nothing: `cwcli.logs.annotate`, `cwcli.cli` and `cwcli.evaluation` do. Importing this table imports no stage.
+and judges nothing: `cwcli.logs.write`, `cwcli.cli` and `cwcli.evaluation` do. Importing this table imports no stage.
 """
 
 from __future__ import annotations

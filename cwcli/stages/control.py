@@ -15,7 +15,7 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
 from cwcli.control.encounter import RecordedTrack, Span, replay_warning
 from cwcli.errors import DataError, UsageError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record

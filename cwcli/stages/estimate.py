@@ -16,7 +16,7 @@ from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.track import estimate_track, estimate_tracks
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record

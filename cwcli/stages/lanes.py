@@ -17,8 +17,8 @@ from cwcli.channels.binding import bind
 from cwcli.channels.lanes import LaneFrames, write_lane_frames, write_lane_lines, write_lanes
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
-from cwcli.logs.frames import Frame
-from cwcli.logs.log import Log
+from cwcli.logs.read.frames import Frame
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.option import Option
 from cwcli.pipeline.result import InputCount, StageResult, Summary

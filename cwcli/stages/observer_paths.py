@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.channels.lateral_state import Observed, read_observed
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.vehicle import Vehicle
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.prediction.lateral import LateralPathConfig, lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.prediction.paths import Paths

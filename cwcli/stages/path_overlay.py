@@ -18,7 +18,7 @@ from cwcli.channels.painted_frames import painted_channel
 from cwcli.channels.published import LANES, OBSERVER_PATH_LINES
 from cwcli.channels.render_topic import check_render_topic
 from cwcli.errors import MissingSignalError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel

@@ -14,7 +14,7 @@ from cwcli.channels.path_scene import write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table, TableColumn
 from cwcli.option import Option
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary

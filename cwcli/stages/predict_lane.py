@@ -20,7 +20,7 @@ from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_STATE, OBSERVER, OBSERVER_PATH
 from cwcli.channels.vehicle_state import read_states
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.option import Option
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary

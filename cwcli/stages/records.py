@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.errors import DataError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.inputs.sources import SourceConfig
 from cwcli.warning.types import Use, WarningConfig

@@ -12,7 +12,7 @@ from cwcli.channels.binding import bind
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.target import write_targets
 from cwcli.channels.vehicle_state import read_states
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record

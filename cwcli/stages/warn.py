@@ -16,7 +16,7 @@ from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
 from cwcli.channels.warning import read_warnings, write_warnings
 from cwcli.errors import DataError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record

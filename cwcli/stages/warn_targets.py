@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cwcli.channels.published import TARGETS
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageResult
 from cwcli.stages.warn import WarnConfig, warn_of
 

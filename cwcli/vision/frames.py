@@ -35,7 +35,7 @@ BATCH_BYTES = 400_000
 
 
 class FrameLike(Protocol):
-    """What decoding needs to know of a frame (`cwcli.logs.frames.Frame`)."""
+    """What decoding needs to know of a frame (`cwcli.logs.read.frames.Frame`)."""
 
     @property
     def log_time_ns(self) -> int: ...

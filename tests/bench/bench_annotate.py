@@ -25,7 +25,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cwcli.input import InputFile
-from cwcli.logs.annotate import annotate
+from cwcli.logs.write.annotate import annotate
 from cwcli.signals.columns import OutputChannel, Strings
 
 LIMIT = 8.0

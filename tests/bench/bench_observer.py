@@ -34,7 +34,7 @@ def report(name: str, work: Callable[[], object]) -> None:
 
 def report_stages(name: str) -> None:
     """Processor time of `lanes` by each method, and of `observe` behind it."""
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
     from cwcli.stages.lanes import LanesConfig, lanes
     from cwcli.stages.observe import ObserveConfig, observe
     from cwcli.vision.methods import METHODS as LANE_METHODS

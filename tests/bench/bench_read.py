@@ -27,7 +27,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory
 from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 
 BOUNDS = {"cdr": 8.0, "protobuf": 4.0, "json": 4.0}
 TOPICS = (IMU_TOPIC, GNSS_TOPIC, BSM_TOPIC)

@@ -23,8 +23,8 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorP
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 
-from cwcli.logs.schemas import message_schema
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.writer import LogWriter
 from tests.bench.ros_messages import BSM_TEXT, FIX_TEXT, IMAGE_TEXT, IMU_TEXT
 
 T0_NS = 1_700_000_000_000_000_000

@@ -12,7 +12,7 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 
 MS = 1_000_000
 T0_NS = 1_700_000_000_000_000_000

@@ -20,7 +20,7 @@ import pytest
 from mcap.writer import Writer
 
 from cwcli.errors import EXIT_USAGE
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.prediction.models import MODELS
 from cwcli.registry import _installed

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
-from cwcli.logs.memory import memory_columns
+from cwcli.logs.read.added_channels import memory_columns
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.report.build import MAX_BYTES
 from cwcli.signals.columns import OutputChannel, Ragged, Strings
 from cwcli.vision.overlay import encode_jpeg

@@ -218,8 +218,8 @@ def test_many_targets_with_truth(cwcli: Run, tmp_path: Path) -> None:
 
 def add_truth(source: Path, target: Path, scene: Any) -> None:
     """`/truth/targets` as `cwcli.v1.Target`, through the library's own annotating writer."""
-    from cwcli.logs.annotate import annotate
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
+    from cwcli.logs.write.annotate import annotate
     from cwcli.signals.columns import OutputChannel, Strings
 
     n = len(scene.truth_stamp_ns)

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "viewers.md").read_text(encoding="utf-8")

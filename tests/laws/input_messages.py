@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 from mcap_ros2.writer import Writer as Ros2Writer
 
-from cwcli.logs.schemas import DESCRIPTOR_SET_NAME, schema_folder
+from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, schema_folder
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Ragged
 from cwcli.signals.etsi import EN_PATHS, TS_PATHS

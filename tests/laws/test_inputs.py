@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
 from cwcli.signals.codec import Reading, Role

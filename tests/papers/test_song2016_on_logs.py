@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.song2016 import STEP_S, with_derivatives
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.predict import PredictConfig, predict

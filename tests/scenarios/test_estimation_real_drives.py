@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.codec import Role
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.inputs.measurements import ego_measurements

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.lane_scores import max_jump, width_stability
 from cwcli.stages.lanes import LanesConfig, lanes
 

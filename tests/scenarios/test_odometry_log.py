@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import FloatArray
 from cwcli.stages.estimate import EstimateConfig, estimate

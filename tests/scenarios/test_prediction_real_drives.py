@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.estimate import EstimateConfig, estimate

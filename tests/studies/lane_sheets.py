@@ -19,8 +19,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, is_right, vision_camera
 from cwcli.simulation.road.drive import set_drives
 from cwcli.simulation.road.sets import SETS

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.estimation import EstimatorConfig
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.simulate.sensor_log import write_log
 from cwcli.simulation.drive import simulate
 from cwcli.simulation.scenario import load_scenario

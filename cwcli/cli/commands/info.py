@@ -13,7 +13,7 @@ from cwcli.cli.text import count, duration, join_names, paragraph, printable, si
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
 EXAMPLES = ("cwcli info drive.mcap", "cwcli info drive.mcap --json | jq .commands")
 
@@ -26,7 +26,7 @@ def command(log: LogArgument, reading: ReadingOptions, sensors: SensorOptions, t
     Shows every channel with its rate and the role that cwcli would give it, and for each command whether the log has
     the signals that it needs.
     """
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
     console = Console(quiet=talk.quiet)
     with Log.open(log, recover=reading.recover) as opened:

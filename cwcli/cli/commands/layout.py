@@ -51,7 +51,7 @@ def command(
         check_targets([output], force=force, inputs=[] if log is None else [log])
     topics = LogTopics()
     if log is not None:
-        from cwcli.logs.log import Log
+        from cwcli.logs.read.reader import Log
 
         with Log.open(log) as opened:
             topics = log_topics(opened)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.codec import Role

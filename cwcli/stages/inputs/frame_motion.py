@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.channels.binding import bind
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import read_states
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.codec import Role

@@ -9,7 +9,7 @@ from typing import Annotated
 from cwcli.channels.binding import is_truth_topic
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.errors import UsageError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.transforms import BODY_FRAMES, CameraPose, Transform, body_from_frame, camera_pose

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import Signal

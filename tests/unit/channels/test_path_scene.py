@@ -12,7 +12,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from cwcli.channels.path_scene import LIFETIME_NS, N_POINTS, write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import PATH_SCENE
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.write.writer import LogWriter
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import OutputChannel, strings_from
 

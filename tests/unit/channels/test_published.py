@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.channels.published import OF_ROLE, POLICY, PUBLISHED, Channel, topics
-from cwcli.logs.schemas import message_schema, schema_folder
+from cwcli.logs.write.schemas import message_schema, schema_folder
 
 ROOT = Path(__file__).parents[3]
 TOPIC = re.compile(r"(?<!\w)/cwcli/[\w/<>]*[\w>]")

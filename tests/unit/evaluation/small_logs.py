@@ -10,7 +10,7 @@ from typing import Any
 from mcap.writer import Writer
 
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.pooling import rows_of
 from cwcli.signals.columns import OutputChannel
 

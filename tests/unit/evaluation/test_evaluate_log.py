@@ -16,7 +16,7 @@ from cwcli.channels.published import EGO_PATH, EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import METRICS
 from cwcli.metrics.pooling import rows_of
 from cwcli.metrics.table import Table

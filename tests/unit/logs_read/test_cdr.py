@@ -15,7 +15,7 @@ from cwcli.errors import InputError
 from cwcli.logs.codecs.cdr import CdrDecoder
 from cwcli.logs.codecs.ros2msg import SchemaError, parse_definitions
 from cwcli.logs.codecs.slots import Payloads
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Ragged, Strings
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
 from tests.unit.logs_read.official import assert_same, read_officially

@@ -12,8 +12,8 @@ import pytest
 
 from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile, check_unchanged, inputs_below, note_input, read_file, remembering_inputs
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.output import Together, check_target, write_file
 from tests.unit.logs_read.builders import small_log
 from tests.unit.logs_write.builders import state_channel

@@ -12,8 +12,16 @@ import pytest
 from mcap.writer import CompressionType
 
 from cwcli.errors import CwcliError, InputError
-from cwcli.logs.log import Log
-from cwcli.logs.records import CHUNK, CHUNK_INDEX, MESSAGE, MESSAGE_INDEX, read_chunk, read_chunk_index, read_prefix
+from cwcli.logs.format.records import (
+    CHUNK,
+    CHUNK_INDEX,
+    MESSAGE,
+    MESSAGE_INDEX,
+    read_chunk,
+    read_chunk_index,
+    read_prefix,
+)
+from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Columns
 from tests.unit.logs_read.builders import LAYOUTS, small_log
 

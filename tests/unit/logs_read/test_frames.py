@@ -16,9 +16,9 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.writer import CompressionType
 
 from cwcli.errors import InputError
-from cwcli.logs.frames import BAD_BASE64, MAX_FRAMES_AT_ONCE
-from cwcli.logs.log import Log
-from cwcli.logs.schemas import message_schema
+from cwcli.logs.read.frames import BAD_BASE64, MAX_FRAMES_AT_ONCE
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.schemas import message_schema
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes, small_log
 from tests.unit.logs_read.official import read_officially
 

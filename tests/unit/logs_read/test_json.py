@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.logs.codecs.json import INVALID, NO_OBJECT, JsonDecoder
 from cwcli.logs.codecs.slots import Payloads
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Field, Ragged, Strings
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
 from tests.unit.logs_read.official import assert_same, read_officially

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.logs import kept
-from cwcli.logs.log import Log
+from cwcli.logs.read import column_cache as kept
+from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import OutputChannel
 
 LOG = Path(__file__).parents[3] / "sample_logs/straight.mcap"

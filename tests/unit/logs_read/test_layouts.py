@@ -11,8 +11,8 @@ import pytest
 from mcap.writer import CompressionType
 
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.logs import message_reader
-from cwcli.logs.log import Log
+from cwcli.logs.read import message_reader
+from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.builders import FIX, LAYOUTS, NOTES, T0_NS, Declared, Sent, fix_message, log_bytes, small_log
 from tests.unit.logs_read.official import assert_same, read_officially
 
@@ -90,7 +90,7 @@ def test_only_chunks_with_wanted_channels_are_opened(tmp_path: Path, monkeypatch
     path = tmp_path / "log.mcap"
     path.write_bytes(log_bytes([FIX, NOTES], messages, compression=CompressionType.LZ4))
     opened = []
-    from cwcli.logs import message_reader
+    from cwcli.logs.read import message_reader
 
     real = message_reader.chunk_payload
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from cwcli.errors import InputError, UsageError
-from cwcli.logs.log import Log
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import Columns, Field, OutputChannel, Ragged, Strings
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes, small_log
 
@@ -81,7 +81,7 @@ def test_an_error_of_hashing_is_told_to_whoever_waits(path: Path, monkeypatch: p
 def test_opening_needs_no_heavy_module(path: Path) -> None:
     code = f"""
 import sys
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 with Log.open({str(path)!r}) as log:
     assert len(log.channels) == 2 and log.n_messages == 120 and log.metadata
 print(sorted({{"numpy", "mcap", "pyarrow", "google", "zstandard", "lz4"}} & set(sys.modules)))

@@ -14,7 +14,7 @@ from google.protobuf.message_factory import GetMessageClass
 from cwcli.errors import InputError
 from cwcli.logs.codecs.protobuf import UNDECODABLE, ProtobufDecoder
 from cwcli.logs.codecs.slots import Payloads
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Ragged
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
 from tests.unit.logs_read.official import assert_same, read_officially

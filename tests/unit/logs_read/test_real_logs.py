@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.logs.frames import is_camera
-from cwcli.logs.log import Log
+from cwcli.logs.read.frames import is_camera
+from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.official import SHARED_LOGS, assert_same, read_officially
 
 LOGS = sorted(SHARED_LOGS.glob("*.mcap"))

@@ -14,8 +14,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from cwcli.errors import EXIT_OUTPUT, OutputError
-from cwcli.logs.annotate import annotate
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import OutputChannel
 from tests.unit.logs_write.builders import SourceStub, read_content, state_channel, write_log
 

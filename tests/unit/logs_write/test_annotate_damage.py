@@ -16,7 +16,7 @@ from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from cwcli.errors import InputError
-from cwcli.logs.annotate import annotate
+from cwcli.logs.write.annotate import annotate
 from tests.unit.logs_write.builders import SourceStub, read_content, state_channel, write_log
 
 STATE = "/cwcli/ego/state"
@@ -239,9 +239,9 @@ def test_killed_annotation_leaves_no_file(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
     code = (
         "import os, signal, sys\n"
-        "import cwcli.logs.record_writer as record_writer\n"
+        "import cwcli.logs.write.record_writer as record_writer\n"
         "from pathlib import Path\n"
-        "from cwcli.logs.annotate import annotate\n"
+        "from cwcli.logs.write.annotate import annotate\n"
         "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
         "record_writer.RecordWriter.finish = lambda self: os.kill(os.getpid(), signal.SIGKILL)\n"
         "annotate(SourceStub(Path(sys.argv[1])), [state_channel()], {}, sys.argv[2])\n"
@@ -259,7 +259,7 @@ def test_to_standard_output(tmp_path: Path) -> None:
     code = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from cwcli.logs.annotate import annotate\n"
+        "from cwcli.logs.write.annotate import annotate\n"
         "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
         "annotate(SourceStub(Path(sys.argv[1])), [state_channel()], {}, '-')\n"
     )

@@ -11,7 +11,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
-from cwcli.logs.annotate import annotate
+from cwcli.logs.write.annotate import annotate
 from cwcli.signals.columns import OutputChannel
 from tests.unit.logs_write.builders import SourceStub, state_channel
 

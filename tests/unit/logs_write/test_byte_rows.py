@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from google.protobuf.internal.encoder import _VarintBytes
 
-from cwcli.logs.byte_rows import copy_rows, join_rows, offsets_of, varint, varints
+from cwcli.logs.write.byte_rows import copy_rows, join_rows, offsets_of, varint, varints
 
 
 @pytest.mark.parametrize("max_size", [0, 1, 5, 300])

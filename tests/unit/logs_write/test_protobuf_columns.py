@@ -10,9 +10,9 @@ import pytest
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message_factory import GetMessageClass
 
-from cwcli.logs.byte_rows import ByteRows
-from cwcli.logs.protobuf_columns import ColumnError, encode_columns
-from cwcli.logs.schemas import message_schema
+from cwcli.logs.write.byte_rows import ByteRows
+from cwcli.logs.write.protobuf_encoder import ColumnError, encode_columns
+from cwcli.logs.write.schemas import message_schema
 from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, column_rows
 
 SCHEMAS = [

@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from cwcli.errors import OutputError
-from cwcli.logs.message_merge import MAX_CHUNK_BYTES
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.write.message_merge import MAX_CHUNK_BYTES
+from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import OutputChannel, Ragged
 from tests.unit.logs_write.builders import T0_NS, read_content, state_channel
 

@@ -17,8 +17,8 @@ import foxglove.layouts as fl
 import pytest
 
 from cwcli.channels.published import topics
-from cwcli.logs.log import Log
-from cwcli.logs.schemas import message_schema
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.schemas import message_schema
 from cwcli.report.layout import STAGE_TABS, CameraTopics, LogTopics, layout, log_topics
 from cwcli.report.layout_panels import PANEL_TYPES, Panels, path, quoted
 

@@ -10,7 +10,7 @@ import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from cwcli.channels.binding import bind
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build, fields_for
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.codec import Role

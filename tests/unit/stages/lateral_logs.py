@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
-from cwcli.logs.writer import LogWriter
+from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Strings
 from cwcli.simulate.cdr import DEFINITIONS, imu_messages, velocity_reports
 from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane, true_preview

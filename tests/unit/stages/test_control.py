@@ -12,7 +12,7 @@ from cwcli.channels.vehicle_state import read_states
 from cwcli.control.encounter import POLICIES, Span
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageResult
 from cwcli.stages.control import ControlConfig, control
 from cwcli.stages.estimate import EstimateConfig, estimate

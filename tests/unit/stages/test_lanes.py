@@ -15,8 +15,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Ragged, StreamedChannel
 from cwcli.stages.lanes import LanesConfig, lanes

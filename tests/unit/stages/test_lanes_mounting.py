@@ -14,7 +14,7 @@ from mcap_protobuf.writer import Writer as ProtobufWriter
 from mcap_ros2.writer import Writer as Ros2Writer
 from scipy.spatial.transform import Rotation
 
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.signals.transforms import Transform, body_from_frame, camera_pose
 from cwcli.simulate.road_log import CAMERA_FRAME, plan, road_config, write_road
 from cwcli.stages.inputs.mounting import MountingChoice, mounting_source

@@ -16,8 +16,8 @@ from mcap.writer import Writer
 from cwcli.channels.lens import Lenses
 from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.result import StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.registry import Registry, plugin_entry

@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.channels.binding import EVERY_ROLE, bind
 from cwcli.errors import MissingSignalError
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.execute import run_stages
 from cwcli.pipeline.missing import SignalsFor

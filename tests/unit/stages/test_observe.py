@@ -17,8 +17,8 @@ from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import Samples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise

@@ -13,8 +13,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from cwcli.channels.published import OBSERVER_PATH_LINES
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.prediction.paths import Paths
 from cwcli.simulate.road_log import plan, road_config, write_road
 from cwcli.simulation.road.camera import wide_camera

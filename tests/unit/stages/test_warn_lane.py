@@ -9,8 +9,8 @@ import pytest
 
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
-from cwcli.logs.annotate import annotate
-from cwcli.logs.log import Log
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Strings
 from cwcli.simulation.lane_camera import CameraNoise

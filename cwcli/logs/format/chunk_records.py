@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.input import InputFile
-from cwcli.logs.message_merge import INDEX_ENTRY
-from cwcli.logs.payload import ChunkError, chunk_payload, partial_payload
-from cwcli.logs.records import (
+from cwcli.logs.format.chunks import ChunkError, chunk_payload, partial_payload
+from cwcli.logs.format.records import (
     CHANNEL,
     MESSAGE,
     MESSAGE_HEADER_BYTES,
@@ -23,6 +22,7 @@ from cwcli.logs.records import (
     read_chunk_head,
     read_prefix,
 )
+from cwcli.logs.write.message_merge import INDEX_ENTRY
 
 _MESSAGE = struct.Struct("<HIQ")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.logs.faults import RECOVER_HINT, Faults
-from cwcli.logs.records import HEADER, MAGIC, RecordError, read_header, read_prefix
-from cwcli.logs.scan import DamageError, scan
-from cwcli.logs.structure import Structure
-from cwcli.logs.summary import find_footer, is_complete, read_summary
+from cwcli.logs.format.faults import RECOVER_HINT, Faults
+from cwcli.logs.format.index import Structure
+from cwcli.logs.format.records import HEADER, MAGIC, RecordError, read_header, read_prefix
+from cwcli.logs.format.summary import find_footer, is_complete, read_summary
+from cwcli.logs.format.walk import DamageError, scan
 
 
 def open_structure(data: InputFile, name: str, faults: Faults, *, recover: bool, verify: bool) -> Structure:
@@ -77,7 +77,7 @@ def _header(data: InputFile, name: str, faults: Faults, *, recover: bool) -> tup
     except RecordError as error:
         if not recover:
             raise InputError(f"the header is damaged: {error} (at byte {at})", where=name, hint=RECOVER_HINT) from error
-        from cwcli.logs.resync import next_record
+        from cwcli.logs.format.resync import next_record
 
         following = next_record(data, at + 1, range(1 << 16))
         faults.bytes_lost += following - at

@@ -12,11 +12,11 @@ import numpy as np
 from mcap.records import Attachment, Channel, Schema
 
 import cwcli
-from cwcli.logs.byte_rows import ByteRows, join_rows
-from cwcli.logs.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING, column_feed, row_feed
-from cwcli.logs.message_merge import Feed, MessageMerge
-from cwcli.logs.record_writer import RecordWriter
-from cwcli.logs.schemas import message_schema
+from cwcli.logs.write.byte_rows import ByteRows, join_rows
+from cwcli.logs.write.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING, column_feed, row_feed
+from cwcli.logs.write.message_merge import Feed, MessageMerge
+from cwcli.logs.write.record_writer import RecordWriter
+from cwcli.logs.write.schemas import message_schema
 from cwcli.output import open_output
 from cwcli.signals.columns import Int64Array, OutputChannel
 

@@ -8,13 +8,13 @@ from mcap.records import AttachmentIndex, MetadataIndex
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, stored_bytes, without_channels
-from cwcli.logs.faults import RECOVER_HINT
-from cwcli.logs.layout import Item, Layout, LooseMessages, LooseRecord, SalvagedRecords, damage_at
-from cwcli.logs.message_merge import ChunkPayload
-from cwcli.logs.payload import ChunkError
-from cwcli.logs.record_writer import CopiedChunk, RecordWriter
-from cwcli.logs.records import CHANNEL, SCHEMA, RecordError
+from cwcli.logs.format.chunk_records import chunk_records, index_entries, open_chunk, stored_bytes, without_channels
+from cwcli.logs.format.chunks import ChunkError
+from cwcli.logs.format.faults import RECOVER_HINT
+from cwcli.logs.format.layout import Item, Layout, LooseMessages, LooseRecord, SalvagedRecords, damage_at
+from cwcli.logs.format.records import CHANNEL, SCHEMA, RecordError
+from cwcli.logs.write.message_merge import ChunkPayload
+from cwcli.logs.write.record_writer import CopiedChunk, RecordWriter
 
 MAX_TIME_NS = (1 << 63) - 1
 

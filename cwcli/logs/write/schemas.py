@@ -52,7 +52,7 @@ def schema_folder() -> Traversable:
     try:
         return resources.files("cwcli.schemas")
     except ModuleNotFoundError:
-        return Path(__file__).parents[2] / "schemas"
+        return Path(__file__).parents[3] / "schemas"
 
 
 @cache

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.logs.byte_rows import ByteArray, ByteRows, copy_rows, offsets_of, windows
+from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_of, windows
 from cwcli.signals.columns import Int64Array
 
 OPCODE_MESSAGE = 0x05

@@ -32,7 +32,7 @@ class Kept:
 
     def of_channel(self, channel: OutputChannel, fields: Collection[str] | None) -> Columns:
         """A channel in memory. A flat one's columns are the channel's own arrays: keeping them costs nothing."""
-        from cwcli.logs.memory import is_flat, memory_columns
+        from cwcli.logs.read.added_channels import is_flat, memory_columns
 
         if fields is not None or not is_flat(channel.schema_name):
             return memory_columns(channel, fields)

@@ -10,7 +10,7 @@ from collections.abc import Container
 
 import numpy as np
 
-from cwcli.logs.records import (
+from cwcli.logs.format.records import (
     CHUNK,
     DATA_END,
     FOOTER,

@@ -29,8 +29,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from cwcli.logs.message_merge import ChunkPayload
-from cwcli.logs.records import MAGIC
+from cwcli.logs.format.records import MAGIC
+from cwcli.logs.write.message_merge import ChunkPayload
 from cwcli.output_stream import Output
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from mcap.records import Channel, Schema
 
 from cwcli.errors import OutputError
-from cwcli.logs.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING
-from cwcli.logs.layout import Layout
-from cwcli.logs.schemas import message_schema
+from cwcli.logs.format.layout import Layout
+from cwcli.logs.write.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING
+from cwcli.logs.write.schemas import message_schema
 from cwcli.signals.columns import OutputChannel
 
 MAX_ID = 0xFFFF

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cwcli.logs.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema, Statistics
+from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
 
 @dataclass

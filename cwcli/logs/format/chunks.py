@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from cwcli.input import InputFile
-from cwcli.logs.records import PREFIX, ChunkIndex, RecordError, read_chunk, read_prefix
+from cwcli.logs.format.records import PREFIX, ChunkIndex, RecordError, read_chunk, read_prefix
 
 if TYPE_CHECKING:
     import zstandard

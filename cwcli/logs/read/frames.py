@@ -15,14 +15,14 @@ import numpy as np
 from cwcli.errors import InputError
 from cwcli.logs.codecs.base import Decoder
 from cwcli.logs.codecs.ros2msg import short_name
-from cwcli.logs.faults import Faults
-from cwcli.logs.load import decoder_for, single_schema
-from cwcli.logs.message_reader import Batch, MessageReader
+from cwcli.logs.format.faults import Faults
+from cwcli.logs.read.columns import decoder_for, single_schema
+from cwcli.logs.read.message_reader import Batch, MessageReader
 from cwcli.signals.columns import Field, Strings
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from cwcli.logs.channel import ChannelInfo
+    from cwcli.logs.read.channels import ChannelInfo
 
 DATA = "data"
 FIELDS = ("format", "encoding", "width", "height", "step")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from cwcli.logs.structure import Structure
+from cwcli.logs.format.index import Structure
 
 
 @dataclass(frozen=True)

@@ -13,18 +13,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cwcli.errors import OutputError
-from cwcli.logs.annotate_copy import SourceCopy
-from cwcli.logs.annotate_ids import NewChannel, assign_ids
-from cwcli.logs.feeds import column_feed
-from cwcli.logs.layout import Layout, read_layout
-from cwcli.logs.message_merge import MessageMerge
-from cwcli.logs.profile import kept_profile
-from cwcli.logs.record_writer import RecordWriter
+from cwcli.logs.format.layout import Layout, read_layout
+from cwcli.logs.write.channel_ids import NewChannel, assign_ids
+from cwcli.logs.write.feeds import column_feed
+from cwcli.logs.write.message_merge import MessageMerge
+from cwcli.logs.write.profile import kept_profile
+from cwcli.logs.write.record_writer import RecordWriter
+from cwcli.logs.write.source_copy import SourceCopy
 from cwcli.output import Together, open_output
 from cwcli.signals.columns import OutputChannel
 
 if TYPE_CHECKING:
-    from cwcli.logs.log import Log
+    from cwcli.logs.read.reader import Log
 
 MIN_NEW_CHUNK_BYTES = 1 << 16  # fewer new bytes wait for the source's next chunk: tiny chunks are slow to read
 

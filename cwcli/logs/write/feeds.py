@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from cwcli.logs.byte_rows import ByteRows
-from cwcli.logs.message_merge import Feed
-from cwcli.logs.protobuf_columns import ColumnError, encode_columns
-from cwcli.logs.schemas import message_schema
+from cwcli.logs.write.byte_rows import ByteRows
+from cwcli.logs.write.message_merge import Feed
+from cwcli.logs.write.protobuf_encoder import ColumnError, encode_columns
+from cwcli.logs.write.schemas import message_schema
 from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, column_rows
 
 MESSAGE_ENCODING = "protobuf"

@@ -12,12 +12,12 @@ from cwcli.logs.codecs.base import Decoder
 from cwcli.logs.codecs.registry import make_decoder
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.codecs.slots import Payloads
-from cwcli.logs.faults import Faults
-from cwcli.logs.message_reader import Batch, MessageReader
+from cwcli.logs.format.faults import Faults
+from cwcli.logs.read.message_reader import Batch, MessageReader
 from cwcli.signals.columns import Columns
 
 if TYPE_CHECKING:
-    from cwcli.logs.channel import ChannelInfo
+    from cwcli.logs.read.channels import ChannelInfo
 
 MAX_BATCH_BYTES = 4 << 20
 """Of payloads that go to a decoder at once: its buffers for sequences are several times as large."""

@@ -16,9 +16,10 @@ from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED, FULL, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
-from cwcli.logs.faults import RECOVER_HINT, Faults
-from cwcli.logs.payload import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
-from cwcli.logs.records import (
+from cwcli.logs.format.chunks import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
+from cwcli.logs.format.faults import RECOVER_HINT, Faults
+from cwcli.logs.format.index import Structure
+from cwcli.logs.format.records import (
     MESSAGE,
     MESSAGE_HEADER_BYTES,
     MESSAGE_INDEX,
@@ -29,7 +30,6 @@ from cwcli.logs.records import (
     read_message_index,
     read_prefix,
 )
-from cwcli.logs.structure import Structure
 from cwcli.signals.columns import Int64Array
 
 MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES

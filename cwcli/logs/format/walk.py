@@ -5,9 +5,10 @@ from __future__ import annotations
 import struct
 
 from cwcli.input import InputFile
-from cwcli.logs.faults import Faults
-from cwcli.logs.payload import DECOMPRESSORS, ChunkError, chunk_payload, partial_payload
-from cwcli.logs.records import (
+from cwcli.logs.format.chunks import DECOMPRESSORS, ChunkError, chunk_payload, partial_payload
+from cwcli.logs.format.faults import Faults
+from cwcli.logs.format.index import Structure
+from cwcli.logs.format.records import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
@@ -34,7 +35,6 @@ from cwcli.logs.records import (
     read_prefix,
     read_schema,
 )
-from cwcli.logs.structure import Structure
 
 _MESSAGE = struct.Struct("<HIQ")
 
@@ -165,7 +165,7 @@ class _Scan:
             raise DamageError(why, at)
         if self._take_partial_chunk(at):
             return len(self._data)
-        from cwcli.logs.resync import next_record
+        from cwcli.logs.format.resync import next_record
 
         following = next_record(self._data, at + 1, self._structure.channels)
         self._faults.bytes_lost += following - at

@@ -25,19 +25,26 @@ from typing import TYPE_CHECKING, Self
 
 from cwcli.errors import InputError, MissingSignalError
 from cwcli.input import InputFile
-from cwcli.logs.channel import ChannelInfo, channels_of
-from cwcli.logs.faults import Faults
-from cwcli.logs.kept import Kept
-from cwcli.logs.opening import open_structure
-from cwcli.logs.records import MESSAGE_HEADER_BYTES, PREFIX, AttachmentIndex, RecordError, read_metadata, read_prefix
-from cwcli.logs.source import open_source
-from cwcli.logs.structure import Structure
+from cwcli.logs.format.faults import Faults
+from cwcli.logs.format.index import Structure
+from cwcli.logs.format.opening import open_structure
+from cwcli.logs.format.records import (
+    MESSAGE_HEADER_BYTES,
+    PREFIX,
+    AttachmentIndex,
+    RecordError,
+    read_metadata,
+    read_prefix,
+)
+from cwcli.logs.read.channels import ChannelInfo, channels_of
+from cwcli.logs.read.column_cache import Kept
+from cwcli.logs.read.source import open_source
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from cwcli.logs.frames import Frame
-    from cwcli.logs.message_reader import MessageReader
+    from cwcli.logs.read.frames import Frame
+    from cwcli.logs.read.message_reader import MessageReader
     from cwcli.signals.columns import Columns, OutputChannel
     from cwcli.signals.transforms import Transform
 
@@ -181,7 +188,7 @@ class Log:
             else:
                 from_file[topic] = fields
         if from_file:
-            from cwcli.logs.load import give_back_memory, load_columns
+            from cwcli.logs.read.columns import give_back_memory, load_columns
 
             channels = {topic: self._file_channels(topic) for topic in from_file}
             decoded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name, logged)
@@ -202,13 +209,13 @@ class Log:
             MissingSignalError: There is no such topic.
             InputError: It holds no frames, or the file is damaged and `recover` is off.
         """
-        from cwcli.logs.frames import stream_frames
+        from cwcli.logs.read.frames import stream_frames
 
         return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
 
     def transform_channels(self) -> list[ChannelInfo]:
         """The file's channels with transforms between frames of reference."""
-        from cwcli.logs.transforms import is_transforms
+        from cwcli.logs.read.transforms import is_transforms
 
         return [channel for channel in self._in_file if is_transforms(channel)]
 
@@ -219,7 +226,7 @@ class Log:
             MissingSignalError: There is no such topic.
             InputError: The file is damaged and `recover` is off.
         """
-        from cwcli.logs.transforms import stream_transforms
+        from cwcli.logs.read.transforms import stream_transforms
 
         for channel in self._file_channels(topic):
             yield from stream_transforms(self._message_reader(), channel)
@@ -274,7 +281,7 @@ class Log:
 
     def _message_reader(self) -> MessageReader:
         if self._reader is None:
-            from cwcli.logs.message_reader import MessageReader
+            from cwcli.logs.read.message_reader import MessageReader
 
             self._reader = MessageReader(
                 self.file, self._structure, self.faults, self.name, recover=self.recover, verify=self._verify
@@ -284,7 +291,7 @@ class Log:
     def _memory_channels(self) -> tuple[ChannelInfo, ...]:
         if not self.added_channels:
             return ()
-        from cwcli.logs.memory import memory_info
+        from cwcli.logs.read.added_channels import memory_info
 
         return tuple(memory_info(channel, -1 - k) for k, channel in enumerate(self.added_channels))
 

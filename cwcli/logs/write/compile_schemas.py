@@ -1,6 +1,6 @@
 """Compile `schemas/cwcli/v1/*.proto` to the descriptor set that cwcli ships.
 
-Development only (needs grpcio-tools): `python -m cwcli.logs.compile_schemas` in a checkout.
+Development only (needs grpcio-tools): `python -m cwcli.logs.write.compile_schemas` in a checkout.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cwcli.logs.schemas import DESCRIPTOR_SET_NAME, schema_folder
+from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, schema_folder
 
 
 def compile_schemas(folder: Path) -> bytes:

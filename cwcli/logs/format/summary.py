@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import zlib
 
-from cwcli.logs.records import (
+from cwcli.logs.format.index import Structure
+from cwcli.logs.format.records import (
     ATTACHMENT_INDEX,
     CHANNEL,
     CHUNK_INDEX,
@@ -29,7 +30,6 @@ from cwcli.logs.records import (
     read_schema,
     read_statistics,
 )
-from cwcli.logs.structure import Structure
 
 DATA_END_BYTES = PREFIX.size + 4
 

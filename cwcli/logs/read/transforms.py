@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 from typing import Any
 
-from cwcli.logs.channel import ChannelInfo
 from cwcli.logs.codecs.ros2msg import short_name
-from cwcli.logs.message_reader import MessageReader
+from cwcli.logs.read.channels import ChannelInfo
+from cwcli.logs.read.message_reader import MessageReader
 from cwcli.signals.transforms import Transform
 
 LISTS = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage", "foxglove_msgs/FrameTransforms", "foxglove.FrameTransforms"})

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.logs.byte_rows import ByteRows, join_rows, varint, varints
-from cwcli.logs.pieces import Fixed, Piece, Varying, assemble, constant, length_pieces, varint_piece
+from cwcli.logs.write.byte_rows import ByteRows, join_rows, varint, varints
+from cwcli.logs.write.row_assembly import Fixed, Piece, Varying, assemble, constant, length_pieces, varint_piece
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
 

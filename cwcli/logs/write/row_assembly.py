@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.logs.byte_rows import ByteArray, ByteRows, copy_rows, offsets_of, varint, varints, windows
+from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_of, varint, varints, windows
 from cwcli.signals.columns import Int64Array, NumericArray
 
 MAX_BLOCK_PIECE_BYTES = 64  # a wider piece is copied straight to its place: once instead of twice

@@ -23,12 +23,10 @@ from mcap.records import AttachmentIndex, Channel, ChunkIndex, Metadata, Metadat
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.logs.chunks import chunk_records, index_entries, open_chunk, open_cut_chunk
-from cwcli.logs.faults import RECOVER_HINT
-from cwcli.logs.message_merge import INDEX_ENTRY
-from cwcli.logs.payload import ChunkError
-from cwcli.logs.record_writer import CopiedChunk
-from cwcli.logs.records import (
+from cwcli.logs.format.chunk_records import chunk_records, index_entries, open_chunk, open_cut_chunk
+from cwcli.logs.format.chunks import ChunkError
+from cwcli.logs.format.faults import RECOVER_HINT
+from cwcli.logs.format.records import (
     INDEX_ENTRY_BYTES,
     MAGIC,
     PREFIX,
@@ -41,6 +39,8 @@ from cwcli.logs.records import (
     read_message_index,
     read_prefix,
 )
+from cwcli.logs.write.message_merge import INDEX_ENTRY
+from cwcli.logs.write.record_writer import CopiedChunk
 
 FOOTER = struct.Struct("<BQQQI")
 CHUNK_OPCODE = bytes([Opcode.CHUNK])

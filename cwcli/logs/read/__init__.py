@@ -1,0 +1,1 @@
+"""Reading logs: the bytes, the messages, columns, frames and transforms."""

@@ -1,0 +1,1 @@
+"""Writing logs: new ones, and copies with more channels."""
