@@ -118,7 +118,7 @@ def usual_log_times(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
     Returns:
         Both in ns, inclusive; (0, 0) where there is no message.
     """
-    times = np.sort(np.concatenate([np.zeros(0, np.int64), *log_time_ns]).view(np.uint64), kind="stable")
+    times = np.sort(np.concatenate([np.zeros(0, np.int64), *log_time_ns]).view(np.uint64))
     n = len(times)
     if not n:
         return 0, 0

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cwcli.signals.clocks import CLOCK_JUMP, LOG_TIME_APART, NO_STAMP
@@ -24,7 +25,9 @@ TEN_YEARS_S = 10 * 365 * 86_400
 STAMP_AT = 4  # behind the encapsulation header of CDR
 ATOL_PART = 0.05
 MOST_MB = 150
-KITTI = ROOT.parent / "shared" / "logs" / "kitti-2011-10-03-drive-0027.first240s.mcap"
+LOGS = ROOT.parent / "shared" / "logs"
+KITTI = LOGS / "kitti-2011-10-03-drive-0027.first240s.mcap"
+UDACITY = LOGS / "udacity-obj-pose.ros2.mcap"
 SENSORS = ("/gps/fix", "/gps/heading", "/vehicle/velocity", "/imu/data")
 OTHERS = ("/v2x/bsm", "/truth/ego", "/simulation/vehicles")
 
@@ -172,3 +175,22 @@ def test_strict_refuses_a_message_logged_at_one_nanosecond(cwcli: Run, clean_of:
     assert done.returncode == 5
     assert f"/imu/data rejected: 1 {LOG_TIME_APART}" in done.stderr.decode()
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
+
+
+@pytest.mark.parametrize("topic", ["/lidar/objects", "/radar/scan", "/truth/target"])
+def test_detection_logged_at_one_nanosecond_is_left_out(cwcli: Run, tmp_path: Path, topic: str) -> None:
+    if not UDACITY.exists():
+        pytest.skip(f"the development log {UDACITY.name} is not in ../shared/logs")
+    messages = read(UDACITY)
+    entries, errors_m = [], []
+    for name, logged in (("clean.mcap", messages), ("in.mcap", edited(messages, topic, 100, logged_at_one))):
+        write(tmp_path / name, logged)
+        done = cwcli("track", name, "--json")
+        assert done.returncode == 0, done.stderr.decode()
+        stage = json.loads(done.stdout)["stages"]["track"]
+        entries.append(next(each for each in stage["inputs"] if each["topic"] == topic))
+        (row,) = stage["sections"]["errors"]
+        errors_m.append((row["x [m]"], row["y [m]"]))
+    assert entries[1]["rejected"] == {LOG_TIME_APART: 1}
+    assert entries[1]["read"] == entries[0]["read"] == entries[1]["used"] + 1
+    np.testing.assert_allclose(errors_m[1], errors_m[0], rtol=ATOL_PART)
