@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.dynamics.friction import BRAKING_FRICTION
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
@@ -27,7 +28,7 @@ class CarResponse:
     brake_lag_s: float = 0.2
     throttle_lag_s: float = 0.3
     max_jerk_mps3: float = 15.0
-    friction: float = 0.8
+    friction: float = BRAKING_FRICTION
 
 
 @dataclass(frozen=True)

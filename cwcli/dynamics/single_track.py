@@ -43,6 +43,21 @@ def lateral_matrices(vehicle: Vehicle, speed_mps: float) -> tuple[FloatArray, Fl
     return a, share * np.array([[kf / m], [lf * kf / inertia]])
 
 
+def lateral_rates(
+    vehicle: Vehicle,
+    speed_mps: FloatArray | float,
+    lateral_mps: FloatArray,
+    yaw_rate_radps: FloatArray,
+    steer_rad: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """dv_y/dt and dgamma/dt of eq. 11 (corrected), by the tyres' forces; forward speeds, as `lateral_matrices`."""
+    v = np.maximum(speed_mps, MIN_MODEL_SPEED_MPS)
+    lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
+    front = vehicle.front_stiffness_nprad * (steer_rad * (speed_mps / v) - (lateral_mps + lf * yaw_rate_radps) / v)
+    rear = -vehicle.rear_stiffness_nprad * (lateral_mps - lr * yaw_rate_radps) / v
+    return (front + rear) / vehicle.mass_kg - v * yaw_rate_radps, (lf * front - lr * rear) / vehicle.yaw_inertia_kgm2
+
+
 def preview_matrices(vehicle: Vehicle, speed_mps: float, preview_m: float) -> tuple[FloatArray, FloatArray]:
     """A of shape (4, 4) and B of shape (4, 2) of eq. 21 (corrected).
 

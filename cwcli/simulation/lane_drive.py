@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
+from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, lateral_rates, understeer_gradient
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
+from cwcli.simulation.drivers import TargetLineDriver
 from cwcli.simulation.streams import stream
 
 STEP_S = 0.01
@@ -49,25 +50,6 @@ class Road:
         x = np.concatenate([[0.0], np.cumsum(np.cos(half) * TABLE_M)])
         y = np.concatenate([[0.0], np.cumsum(np.sin(half) * TABLE_M)])
         return station, x - np.interp(0.0, station, x), y - np.interp(0.0, station, y), direction
-
-
-@dataclass(frozen=True)
-class Driver:
-    """Steers back to a target line with a preview of the road, lagged and not quite steadily.
-
-    Attributes:
-        stiffness_radps: Natural frequency of the correction. damping: Its damping ratio.
-        lag_s: First-order lag of the arms and the steering.
-        unrest_mps2: Standard deviation of the unwanted lateral acceleration, correlated over `unrest_s`.
-        look_ahead_s: The driver answers to the curvature this far ahead, which cancels the lag.
-    """
-
-    stiffness_radps: float = 0.6
-    damping: float = 0.9
-    lag_s: float = 0.15
-    unrest_mps2: float = 0.10
-    unrest_s: float = 0.7
-    look_ahead_s: float = 0.15
 
 
 @dataclass(frozen=True)
@@ -119,7 +101,9 @@ class Truth:
     approach_mps: FloatArray
 
 
-def drive_lane(road: Road, vehicle: Vehicle, runs: Runs, *, driver: Driver | None = None, seed: int = 0) -> Truth:
+def drive_lane(
+    road: Road, vehicle: Vehicle, runs: Runs, *, driver: TargetLineDriver | None = None, seed: int = 0
+) -> Truth:
     """Drive all runs, by Runge-Kutta steps of `STEP_S` with the driver's unrest held over each.
 
     Args:
@@ -129,7 +113,7 @@ def drive_lane(road: Road, vehicle: Vehicle, runs: Runs, *, driver: Driver | Non
         driver: None: the default driver.
         seed: Of the unrest.
     """
-    driver = driver or Driver()
+    driver = driver or TargetLineDriver()
     m = len(runs.speed_mps)
     n = round(runs.duration_s / STEP_S) + 1
     time_s = np.arange(n, dtype=np.float64) * STEP_S
@@ -150,7 +134,7 @@ def drive_lane(road: Road, vehicle: Vehicle, runs: Runs, *, driver: Driver | Non
     return _truth(time_s, states, road, vehicle, runs)
 
 
-def _unrest(driver: Driver, n: int, m: int, seed: int) -> FloatArray:
+def _unrest(driver: TargetLineDriver, n: int, m: int, seed: int) -> FloatArray:
     noise = stream(seed, "lane", "unrest").standard_normal((n, m))
     keep = float(np.exp(-STEP_S / driver.unrest_s))
     values = np.empty((n, m))
@@ -173,29 +157,20 @@ def _at_start(road: Road, vehicle: Vehicle, runs: Runs) -> FloatArray:
 
 
 def _slope(
-    t: float, x: FloatArray, unrest: FloatArray, road: Road, vehicle: Vehicle, runs: Runs, driver: Driver
+    t: float, x: FloatArray, unrest: FloatArray, road: Road, vehicle: Vehicle, runs: Runs, driver: TargetLineDriver
 ) -> FloatArray:
     lateral, yaw_rate, steer, station, offset, heading = x
     v = np.maximum(runs.speed_mps + runs.accel_mps2 * t, 0.0)
     ve = np.maximum(v, MIN_MODEL_SPEED_MPS)
-    m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
-    kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
-    lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
-    front = kf * (steer * (v / ve) - (lateral + lf * yaw_rate) / ve)  # eq. 11 (corrected), as tyre forces
-    rear = -kr * (lateral - lr * yaw_rate) / ve
     target, rate = _target(t, runs)
     course = heading + lateral / ve
     ahead = road.curvature(station + v * driver.look_ahead_s)
-    correct = -(
-        (driver.stiffness_radps / ve) ** 2 * (offset - target)
-        + 2.0 * driver.damping * driver.stiffness_radps / ve * (course - rate / ve)
-    )
+    correct = driver.correction_1pm(ve, offset - target, course - rate / ve)
     wanted = (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2) * (ahead + correct + unrest / ve**2)
     along = (v * np.cos(heading) - lateral * np.sin(heading)) / (1.0 - offset * road.curvature(station))
     return np.stack(
         [
-            (front + rear) / m - ve * yaw_rate,
-            (lf * front - lr * rear) / inertia,
+            *lateral_rates(vehicle, v, lateral, yaw_rate, steer),
             (wanted - steer) / driver.lag_s,
             along,
             v * np.sin(heading) + lateral * np.cos(heading),

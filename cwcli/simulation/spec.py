@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from cwcli.dynamics.friction import PEAK_FRICTION
 from cwcli.errors import UsageError
 
 REQUIRED = object()
@@ -121,7 +122,9 @@ TOP_KEYS: Keys = {
     "description": Text("", "What happens, in a sentence."),
     "duration_s": Number(REQUIRED, 0.1, 3600, "s", "Length of the run."),
     "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` beats it."),
-    "friction": Number(0.9, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."),
+    "friction": Number(
+        PEAK_FRICTION, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."
+    ),
     "truth_rate_hz": Number(20, 1, 1000, "Hz", "Rate of the truth channels."),
 }
 """Besides these, the top level holds `start_time` and the tables `origin`, `vehicles`, `sensors`, `v2x`."""

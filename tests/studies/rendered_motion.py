@@ -28,7 +28,8 @@ from cwcli.prediction.paths import Paths
 from cwcli.reproduction.zhang2011.drives import ROAD as BENDS
 from cwcli.reproduction.zhang2011.drives import SETTLED_FRAMES, drive_errors
 from cwcli.reproduction.zhang2011.rendered import Look, RenderedDrive, sense_rendered
-from cwcli.simulation.lane_drive import STEP_S, Driver, Road, Runs, Truth, drive_lane
+from cwcli.simulation.drivers import TargetLineDriver
+from cwcli.simulation.lane_drive import STEP_S, Road, Runs, Truth, drive_lane
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.streams import stream
 from cwcli.vision.methods import DEFAULT_METHOD
@@ -202,7 +203,7 @@ def undisturbed(number: int, setting: Setting) -> tuple[int, float, int]:
     """A minute of lane keeping: events, the nearest that the car came to a boundary (m), frames."""
     road = tuple(ROADS.values())[number % 2] if number % 3 else gentle_road(number)
     runs = Runs(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, UNDISTURBED_S)
-    truth = drive_lane(road, CAR, runs, driver=Driver(), seed=number)
+    truth = drive_lane(road, CAR, runs, driver=TargetLineDriver(), seed=number)
     seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
     nearest_m = float(min(truth.left_gap_m.min(), truth.right_gap_m.min()))
     return len(warned(seen).events), nearest_m, len(seen.drive)

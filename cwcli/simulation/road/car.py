@@ -1,60 +1,43 @@
 """A car that keeps to a lane: the linear single-track model with a preview driver.
 
-zhang2011, eq. 11 (corrected) with the car of its table 5, half load. The body's y axis points to the left.
+zhang2011, eq. 11 (corrected). The body's y axis points to the left.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.dynamics.single_track import lateral_rates
+from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
+from cwcli.simulation.drivers import SwayingDriver
 
 STEP_S = 0.01
-MASS_KG, INERTIA_KGM2 = 1215.0, 2100.0
-FRONT_M, REAR_M = 0.90, 1.06
-FRONT_NPRAD = REAR_NPRAD = 60000.0
-WHEELBASE_M = FRONT_M + REAR_M
-UNDERSTEER_S2PM2 = MASS_KG * (REAR_M * REAR_NPRAD - FRONT_M * FRONT_NPRAD) / (WHEELBASE_M**2 * FRONT_NPRAD * REAR_NPRAD)
-"""f = 1 + UNDERSTEER v^2 (zhang2011, eq. 13 corrected): 0.000843 in the paper."""
 MIN_SPEED_MPS = 3.0
 
 LATERAL_SPEED, YAW_RATE, STATION, OFFSET, HEADING, X, Y, BEARING, STEER = range(9)
 STATES = 9
 
 
-@dataclass(frozen=True)
-class Driver:
-    """How the driver steers.
+def understeer_s2pm2(vehicle: Vehicle) -> float:
+    """f = 1 + this v^2 (zhang2011, eq. 13 corrected): 0.000843 in the paper.
 
-    Attributes:
-        preview_s: Looks this far ahead.
-        lag_s: First-order lag of hand and steering.
-        wander_m: Amplitudes of the sway in the lane.
-        wander_s: Its periods.
-        wander_rad: Its phases.
+    (In this order of operations, not as a quotient of `understeer_gradient`: the same bits in every simulated log.)
     """
-
-    preview_s: float = 1.3
-    lag_s: float = 0.12
-    wander_m: tuple[float, ...] = (0.18, 0.08)
-    wander_s: tuple[float, ...] = (17.0, 7.3)
-    wander_rad: tuple[float, ...] = (0.0, 1.0)
-
-    def wish_m(self, time_s: float) -> float:
-        """Offset from the lane's centre that the driver wants."""
-        parts = zip(self.wander_m, self.wander_s, self.wander_rad, strict=True)
-        return sum(size * math.sin(2 * math.pi * time_s / period + phase) for size, period, phase in parts)
+    kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
+    moment = vehicle.rear_axle_m * kr - vehicle.front_axle_m * kf
+    return vehicle.mass_kg * moment / (vehicle.wheelbase_m**2 * kf * kr)
 
 
 def drive_along(
     curvature_at: Callable[[float], float],
     speed_at: Callable[[float], float],
-    driver: Driver,
+    driver: SwayingDriver,
     duration_s: float,
+    vehicle: Vehicle,
 ) -> tuple[FloatArray, FloatArray]:
     """Drive; Runge-Kutta of fourth order at 10 ms.
 
@@ -63,39 +46,38 @@ def drive_along(
         speed_at: Time -> longitudinal speed, at least 3 m/s.
         driver: Who steers.
         duration_s: How long.
+        vehicle: The car, with its load.
 
     Returns:
         Times (n,) and states (n, 9): lateral speed (m/s, left), yaw rate (rad/s), station along the lane (m), offset
         from its centre (m, left), heading from its direction (rad), x and y (m) and bearing (rad) in the frame of the
         start, steering angle of the front wheels (rad, left).
     """
+    mass, front_m, rear_m = vehicle.mass_kg, vehicle.front_axle_m, vehicle.rear_axle_m
+    wheelbase_m, understeer = vehicle.wheelbase_m, understeer_s2pm2(vehicle)
     n = round(duration_s / STEP_S) + 1
     states = np.zeros((n, STATES))
     k0, v0 = curvature_at(0.0), max(speed_at(0.0), MIN_SPEED_MPS)
     state = np.zeros(STATES)
     # Start as the car would go round a steady bend of this curvature.
     state[YAW_RATE] = k0 * v0
-    state[LATERAL_SPEED] = k0 * v0 * (REAR_M - MASS_KG * FRONT_M * v0**2 / (WHEELBASE_M * REAR_NPRAD))
+    state[LATERAL_SPEED] = k0 * v0 * (rear_m - mass * front_m * v0**2 / (wheelbase_m * vehicle.rear_stiffness_nprad))
     state[OFFSET] = driver.wish_m(0.0)
     state[HEADING] = -state[LATERAL_SPEED] / v0
-    state[STEER] = WHEELBASE_M * (1.0 + UNDERSTEER_S2PM2 * v0**2) * k0
+    state[STEER] = wheelbase_m * (1.0 + understeer * v0**2) * k0
 
     def rate(time_s: float, q: FloatArray) -> FloatArray:
         v = max(speed_at(time_s), MIN_SPEED_MPS)
         v_y, yaw_rate, station, offset, heading, steer = q[[0, 1, 2, 3, 4, 8]]
         kappa = curvature_at(station)
-        ahead_m = v * driver.preview_s
-        missing = driver.wish_m(time_s + driver.preview_s) - offset - ahead_m * (heading + v_y / v)
-        wanted = curvature_at(station + 0.4 * ahead_m) + 1.2 * missing / ahead_m**2
-        command = WHEELBASE_M * (1.0 + UNDERSTEER_S2PM2 * v**2) * wanted
-        front = FRONT_NPRAD * (steer - (v_y + FRONT_M * yaw_rate) / v)
-        rear = -REAR_NPRAD * (v_y - REAR_M * yaw_rate) / v
+        correction = driver.correction_1pm(time_s, v, offset, heading + v_y / v)
+        wanted = curvature_at(station + 0.4 * (v * driver.preview_s)) + correction
+        command = wheelbase_m * (1.0 + understeer * v**2) * wanted
         along = (v * math.cos(heading) - v_y * math.sin(heading)) / (1.0 - kappa * offset)
         bearing = q[BEARING]
         return np.array(
             [
-                (front + rear) / MASS_KG - v * yaw_rate,
-                (FRONT_M * front - REAR_M * rear) / INERTIA_KGM2,
+                *lateral_rates(vehicle, v, v_y, yaw_rate, steer),
                 along,
                 v * math.sin(heading) + v_y * math.cos(heading),
                 yaw_rate - kappa * along,

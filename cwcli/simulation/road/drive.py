@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
+from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
-from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, Driver, drive_along
+from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, drive_along
 from cwcli.simulation.road.conditions import CONDITIONS, shadow_band
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
@@ -151,12 +153,13 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     )
     vertical = draw_vertical(spec, len(knots_m), rng)
     phases = rng.uniform(0.0, 2 * math.pi, 5)
-    driver = Driver(wander_rad=(float(phases[0]), float(phases[1])))
+    driver = SwayingDriver(wander_rad=(float(phases[0]), float(phases[1])))
     fine_time_s, states = drive_along(
         lambda station: float(np.interp(station, knots_m, curvature)),
         lambda t: config.speed_mps + config.accel_mps2 * t,
         driver,
         config.duration_s,
+        load_vehicle(),
     )
     scene = place_along(draw_scene(spec, config.weather, rng), config, length_m, rng)
     pitch_rad = sway_rad(spec, config, time_s, phases[2:])

@@ -5,11 +5,12 @@ import pytest
 
 from cwcli.dynamics.single_track import steady_state, understeer_gradient
 from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.simulation.drivers import TargetLineDriver
 from cwcli.simulation.lane_camera import CameraNoise, sense_lane, true_preview
-from cwcli.simulation.lane_drive import Driver, Road, Runs, drive_lane
+from cwcli.simulation.lane_drive import Road, Runs, drive_lane
 
 CAR = load_vehicle()
-CALM = Driver(unrest_mps2=0.0)
+CALM = TargetLineDriver(unrest_mps2=0.0)
 RADIUS_M = 400.0
 CIRCLE = Road(np.array([0.0]), np.array([1.0 / RADIUS_M]))
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
+from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.car import (
     BEARING,
@@ -14,26 +16,26 @@ from cwcli.simulation.road.car import (
     OFFSET,
     STATION,
     STEER,
-    UNDERSTEER_S2PM2,
     YAW_RATE,
-    Driver,
     X,
     Y,
     drive_along,
+    understeer_s2pm2,
 )
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 
-STILL = Driver(wander_m=(), wander_s=(), wander_rad=())
+CAR = load_vehicle()
+STILL = SwayingDriver(wander_m=(), wander_s=(), wander_rad=())
 
 
 def test_understeer_is_the_papers() -> None:
-    assert pytest.approx(0.000843, abs=5e-7) == UNDERSTEER_S2PM2
+    assert understeer_s2pm2(CAR) == pytest.approx(0.000843, abs=5e-7)
 
 
 def test_steady_bend_settles_at_the_papers_steady_state() -> None:
     # Radius 250 m at 20 m/s: gamma = v / R; v_y and steer from eq. 11 (corrected) with both rates zero.
     v, kappa = 20.0, 1 / 250
-    _, states = drive_along(lambda s: kappa, lambda t: v, STILL, 20.0)
+    _, states = drive_along(lambda s: kappa, lambda t: v, STILL, 20.0, CAR)
     end = states[-1]
     gamma = v * kappa
     a = np.array([[-120000 / v, 60000.0], [60000 * 0.16 / v, 54000.0]])
@@ -46,7 +48,7 @@ def test_steady_bend_settles_at_the_papers_steady_state() -> None:
 
 
 def test_straight_road_without_sway_stays_straight() -> None:
-    time_s, states = drive_along(lambda s: 0.0, lambda t: 25.0, STILL, 3.0)
+    time_s, states = drive_along(lambda s: 0.0, lambda t: 25.0, STILL, 3.0, CAR)
     np.testing.assert_allclose(states[:, STATION], 25.0 * time_s, atol=1e-9)
     np.testing.assert_allclose(states[:, [OFFSET, HEADING, YAW_RATE]], 0.0, atol=1e-12)
 
@@ -54,7 +56,7 @@ def test_straight_road_without_sway_stays_straight() -> None:
 def test_map_track_and_lane_coordinates_tell_the_same_drive() -> None:
     # On a circle of the lane: the distance to the circle's centre gives the offset, the angle the station.
     kappa = 1 / 400
-    _, states = drive_along(lambda s: kappa, lambda t: 22.0, Driver(), 12.0)
+    _, states = drive_along(lambda s: kappa, lambda t: 22.0, SwayingDriver(), 12.0, CAR)
     first = states[0]
     bearing = first[BEARING] - first[HEADING]  # of the lane at the start
     normal = np.array([-np.sin(bearing), np.cos(bearing)])
