@@ -63,7 +63,7 @@ def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         return Ego()
     record = run_records(log).get("estimate", {})
-    states = _in_order(read_states(log.columns(EGO_STATE.topic)))
+    states = read_states(log.columns(EGO_STATE.topic)).by_stamp()
     if not len(states):
         return Ego()
     reports = json_entry(record, "sources", list)
@@ -80,12 +80,6 @@ def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
     headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
     _add_consistency(headline, reports)
     return Ego(states, found, _truth_notes(read))
-
-
-def _in_order(states: VehicleStates) -> VehicleStates:
-    """In stamp order, one row a stamp."""
-    _, rows = np.unique(states.stamp_ns, return_index=True)
-    return states if len(rows) == len(states) and (np.diff(rows) == 1).all() else states.rows(rows)
 
 
 def _truth_notes(read: Sources) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from cwcli.metrics.table import Table
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_id
+from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import ERROR_HORIZONS_S, MAX_GAP_S, PredictConfig, prediction_table
 from cwcli.stages.records import json_entry, run_records
@@ -63,9 +63,8 @@ def _add_published(headline: Headline, who: str, published: PredictedPaths, stat
     for vehicle, rows in rows_by_id(published.ids):
         if vehicle not in tracks:
             continue
-        own = tracks[vehicle]
-        stamp_ns, first = np.unique(states.stamp_ns[own], return_index=True)
-        found.append(_against(published, rows, stamp_ns, states.state[own[first], :2], MAX_GAP_S))
+        own = rows_by_stamp(states.stamp_ns, tracks[vehicle])
+        found.append(_against(published, rows, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
     if found:
         _add_horizons(headline, f"prediction.{who}.", found)
 

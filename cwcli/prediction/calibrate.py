@@ -25,6 +25,7 @@ from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horiz
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import Discretisation, rollout
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 
 MISS_SHARE = 0.1
@@ -157,8 +158,8 @@ def predict_vehicles(
     power = np.minimum(paths.time_s / _horizon(paths, settings), 1.0)
     for one in np.unique(vehicle):
         rows = np.flatnonzero(vehicle == one)
-        kept, back = np.unique(stamp_ns[rows], return_index=True)
-        own = rows[back]
+        own = rows_by_stamp(stamp_ns, rows)
+        kept = stamp_ns[own]
         scale = variance_scale(paths.take(own), kept, state[own, :2], settings)
         each = scale[np.searchsorted(kept, stamp_ns[rows])]
         paths.position_covariance_m2[rows] *= (each[:, None] ** power)[..., None]

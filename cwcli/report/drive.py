@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.channels.lanes import LaneRows, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.channels.vehicle_state import KINEMATICS, VehicleStates, read_states
 from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
@@ -26,10 +26,9 @@ from cwcli.signals.canonical import (
     VelocitySignal,
 )
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.rows import rows_by_id, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.stages.inputs.measurements import ego_measurements
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.records import inputs_of, map_of, rule_of, run_records, sources_of, warn_record
@@ -37,7 +36,6 @@ from cwcli.warning.rows import WarningRows
 from cwcli.warning.types import WarningConfig, outline_of
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
-OTHER_FIELDS = ("id", "stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "length_m", "width_m")
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
@@ -100,7 +98,7 @@ class Drive:
 
 TOPICS: Mapping[str, tuple[str, ...] | None] = {
     EGO_STATE.topic: None,
-    REMOTE_STATE.topic: OTHER_FIELDS,
+    REMOTE_STATE.topic: KINEMATICS,
     TARGETS.topic: None,
     WARNINGS.topic: WITHOUT_WORDS,
     LANES.topic: None,
@@ -136,7 +134,11 @@ def read_drive(log: Log) -> Drive:
     warn, is_of_targets = warn_record(records)
     ego = read_states(columns[EGO_STATE.topic]) if EGO_STATE.topic in columns else None
     notes: list[str] = []
-    others = [*_remotes(columns), *_targets(columns, notes)]
+    others: list[OtherTrack] = []
+    if REMOTE_STATE.topic in columns:
+        others += _tracks(read_states(columns[REMOTE_STATE.topic], with_covariance=False), "vehicle")
+    if TARGETS.topic in columns:
+        others += _targets(columns[TARGETS.topic], notes)
     if is_of_targets:
         others.sort(key=lambda other: other.kind != "target")
     measured = _measured(log, records, notes) if ego is not None and len(ego) else ()
@@ -156,44 +158,20 @@ def read_drive(log: Log) -> Drive:
     )
 
 
-def _remotes(columns: Mapping[str, Columns]) -> list[OtherTrack]:
-    if REMOTE_STATE.topic not in columns:
-        return []
-    read = columns[REMOTE_STATE.topic]
-    numbers: dict[str, Any] = {}
-    for name in OTHER_FIELDS:
-        values = read.fields.get(name)
-        if values is None:
-            raise DataError(f"the channel has no field `{name}`", where=read.topic, hint="write it again (--replace)")
-        numbers[name] = values
-    ids = numbers["id"]
-    if not isinstance(ids, Strings):
-        raise DataError("the vehicles have no ids", where=read.topic, hint="write it again (--replace)")
-    state = np.column_stack([np.asarray(numbers[name], np.float64) for name in STATE_NAMES[:4]])
-    return _tracks(
-        ids, np.asarray(numbers["stamp_ns"], np.int64), state, numbers["length_m"], numbers["width_m"], "vehicle"
-    )
-
-
-def _targets(columns: Mapping[str, Columns], notes: list[str]) -> list[OtherTrack]:
-    if TARGETS.topic not in columns:
-        return []
+def _targets(columns: Columns, notes: list[str]) -> list[OtherTrack]:
     try:
-        states = read_targets(columns[TARGETS.topic])
+        return _tracks(read_targets(columns), "target")
     except DataError as error:
         notes.append(f"the targets are not drawn: {error.what}")
         return []
-    return _tracks(states.ids, states.stamp_ns, states.state[:, :4], states.length_m, states.width_m, "target")
 
 
-def _tracks(
-    ids: Strings, stamp_ns: Int64Array, state: FloatArray, length_m: FloatArray, width_m: FloatArray, kind: str
-) -> list[OtherTrack]:
+def _tracks(states: VehicleStates, kind: str) -> list[OtherTrack]:
     found = []
-    for vehicle, unordered in rows_by_id(ids):
-        rows = rows_by_stamp(stamp_ns, unordered)
-        size = outline_of(length_m[rows], width_m[rows])
-        found.append(OtherTrack(vehicle, kind, ActualTrack(stamp_ns[rows], state[rows]), size))
+    for vehicle, unordered in rows_by_id(states.ids):
+        rows = rows_by_stamp(states.stamp_ns, unordered)
+        size = outline_of(states.length_m[rows], states.width_m[rows])
+        found.append(OtherTrack(vehicle, kind, ActualTrack(states.stamp_ns[rows], states.state[rows, :4]), size))
     return found
 
 

@@ -14,6 +14,7 @@ from cwcli.measures.pair import ActualTrack, Pair, interpolate
 from cwcli.report.drive import Drive, OtherTrack, ego_size
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
+from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import RealConflict, Verdict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
@@ -105,8 +106,8 @@ def find_meetings(drive: Drive) -> Meetings:
     alerts = [] if drive.warnings is None else warning_events(drive.warnings)
     if drive.ego is None:
         return Meetings(tuple(_without_motion(drive, alert) for alert in alerts), (), None, 0)
-    stamps, first = np.unique(drive.ego.stamp_ns, return_index=True)
-    host = ActualTrack(stamps, drive.ego.state[first])
+    rows = rows_by_stamp(drive.ego.stamp_ns)
+    host = ActualTrack(drive.ego.stamp_ns[rows], drive.ego.state[rows])
     warned = {entry.other_id for entry in alerts}
     ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
     pairs: dict[int, Pair] = {}

@@ -47,7 +47,7 @@ ODOM_FRAME = "odom"
 NO_STATE = "no state"
 NO_POSE = "no ego state near it"
 MIN_SLIP_SPEED_MPS = 1.0
-COURSE_SCHEMA = "cwcli.v1.VehicleState"
+COURSE_SCHEMA = EGO_STATE.schema
 """Its heading is the direction of motion, not that of the car's axis."""
 
 BoolArray = npt.NDArray[np.bool_]

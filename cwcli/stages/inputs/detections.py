@@ -12,6 +12,7 @@ from cwcli.signals.build_motion import MAP_FRAMES
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Strings
 from cwcli.signals.elements import taken
+from cwcli.signals.rows import rows_by_stamp
 from cwcli.tracking.convert import polar_from_cartesian
 from cwcli.tracking.detections import Detections, EgoStates, Kind, SensorModel
 from cwcli.tracking.sensor_setting import SensorSetting
@@ -102,9 +103,7 @@ def _usual_frame(frame: Strings) -> str:
 
 def ego_states(states: VehicleStates) -> EgoStates:
     """The car's states by stamp, the first of each stamp."""
-    order = np.argsort(states.stamp_ns, kind="stable")
-    stamp_ns = states.stamp_ns[order]
-    rows = order[np.concatenate(([True], np.diff(stamp_ns) > 0))] if len(order) else order
+    rows = rows_by_stamp(states.stamp_ns)
     state = states.state[rows]
     return EgoStates(
         stamp_ns=states.stamp_ns[rows],

@@ -16,7 +16,9 @@ from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 
 MAX_AGE_S = 0.5
@@ -67,9 +69,9 @@ def read_motion(log: Log, topics: Mapping[str, str]) -> Motion:
     if topic is not None:
         states = read_states(log.columns(topic))
         count = InputCount(topic, EGO_STATE.role, len(states), len(states))
-        order = np.argsort(states.stamp_ns, kind="stable")
-        stamp_ns, state = states.stamp_ns[order], states.state[order]
-        return Motion(Series(stamp_ns, state[:, 2]), Series(stamp_ns, state[:, 5]), (count,))
+        rows = rows_by_stamp(states.stamp_ns)
+        stamp_ns, state = states.stamp_ns[rows], states.state[rows]
+        return Motion(Series(stamp_ns, state[:, SPEED]), Series(stamp_ns, state[:, YAW_RATE]), (count,))
     sources = read_sources(
         log, SourceConfig(topics=topics), command="lanes", required=(), optional=(Role.EGO_SPEED, Role.IMU)
     )

@@ -17,11 +17,11 @@ from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.rows import rows_by_stamp
+from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import Sources
 
 UP = 2
-SPEED, YAW_RATE = 2, 5
-"""Of the eight states of a vehicle."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ def inputs_of(sources: Sources, ego_state: Columns | None, *, use_gyro: bool, us
     yaw_rate, yaw_rate_source = _yaw_rate(sources) if use_gyro else (None, "")
     if ego_state is not None and len(ego_state) and (speed is None or (use_gyro and yaw_rate is None)):
         states = read_states(ego_state)
-        order = np.argsort(states.stamp_ns, kind="stable")
-        stamp_ns, state = states.stamp_ns[order], states.state[order]
-        variance = np.maximum(states.covariance[order, YAW_RATE, YAW_RATE], 0.0)
+        rows = rows_by_stamp(states.stamp_ns)
+        stamp_ns, state = states.stamp_ns[rows], states.state[rows]
+        variance = np.maximum(states.covariance[rows, YAW_RATE, YAW_RATE], 0.0)
         if speed is None:
             speed, speed_source = Samples(stamp_ns, state[:, SPEED]), ego_state.topic
         if use_gyro and yaw_rate is None:
