@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.channels.output import output
 from cwcli.channels.published import OBSERVER
-from cwcli.dynamics.samples import PREVIEW_M, LateralTrack, Status, count_statuses
+from cwcli.dynamics.samples import PREVIEW_M, FrameStatus, LateralTrack, count_statuses
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaves import matrix, numbers, unusable, whole_numbers
 from cwcli.signals.rows import rows_by_stamp
@@ -17,7 +17,7 @@ STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "he
 N_STATES = len(STATE_NAMES)
 TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES)
 FIRST_STATUS = 1
-"""`Status` counts from 0, the message from 1: 0 is unspecified."""
+"""`FrameStatus` counts from 0, the message from 1: 0 is unspecified."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def read_observed(columns: Columns) -> Observed:
         return numbers(columns, name, required=required)[order]
 
     number = column("status").astype(np.int64) - FIRST_STATUS
-    if n and not np.isin(number, [status.value for status in Status]).all():
+    if n and not np.isin(number, [status.value for status in FrameStatus]).all():
         raise unusable(columns, "status")
     status = number.astype(np.int8)
     preview_m = column("preview_distance_m", required=False)

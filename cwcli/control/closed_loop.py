@@ -21,7 +21,7 @@ DRIVER_PRESSURE_MPA = 7.0
 
 
 @dataclass(frozen=True)
-class Motion:
+class RecordedMotion:
     """One car's motion in the map frame.
 
     Attributes:
@@ -38,13 +38,13 @@ class Motion:
     accel_mps2: FloatArray | None = None
     yaw_rate_radps: FloatArray | None = None
 
-    def at(self, time_s: FloatArray) -> Motion:
+    def at(self, time_s: FloatArray) -> RecordedMotion:
         """The motion on another time grid, linear in between, held at the ends."""
 
         def between(column: FloatArray) -> FloatArray:
             return np.asarray(np.interp(time_s, self.time_s, column))
 
-        return Motion(
+        return RecordedMotion(
             time_s,
             between(self.x_m),
             between(self.y_m),
@@ -101,7 +101,7 @@ def driver_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Replay:
     """What would have happened, one row a run.
 
     Attributes:
@@ -130,14 +130,14 @@ class Outcome:
 
 
 def replay(
-    host: Motion,
-    other: Motion,
+    host: RecordedMotion,
+    other: RecordedMotion,
     warning_time_s: FloatArray,
     policy: Policy,
     *,
     car: CarResponse | None = None,
     step_s: float = 0.01,
-) -> Outcome:
+) -> Replay:
     """Replay the encounter with the policy at the pedals after each warning moment.
 
     Args:
@@ -194,7 +194,7 @@ def replay(
     jerk = np.abs(np.diff(rows["a"], axis=1, prepend=rows["a"][:, :1])) / step_s
     # The step from the recorded acceleration to the controlled one, and to standstill, is not the controller's jerk.
     own = after & np.roll(after, 1, axis=1) & (rows["v"] > 0.0)
-    return Outcome(
+    return Replay(
         time_s=time_s,
         x_m=rows["x"],
         y_m=rows["y"],
@@ -251,7 +251,7 @@ def time_to_close(gap_m: FloatArray, rate_mps: FloatArray, rate_change_mps2: Flo
 class _Obstacle:
     """The other car, with its velocity and acceleration in the map frame, shape (k,) each."""
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: RecordedMotion) -> None:
         self.motion = motion
         self.vx_mps = motion.speed_mps * np.cos(motion.heading_rad)
         self.vy_mps = motion.speed_mps * np.sin(motion.heading_rad)
@@ -267,7 +267,7 @@ class _Path:
     lengthen the latter, most of all where the car stands.
     """
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: RecordedMotion) -> None:
         steps = 0.5 * (motion.speed_mps[1:] + motion.speed_mps[:-1]) * np.diff(motion.time_s)
         self.travelled_m = np.concatenate(([0.0], np.cumsum(steps)))
         moved = np.concatenate(([True], steps > 0.0))

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from cwcli.control.closed_loop import (
     COLLISION_DISTANCE_M,
-    Motion,
-    Outcome,
+    RecordedMotion,
+    Replay,
     Situation,
     driver_policy,
     fuzzy_policy,
@@ -46,7 +46,7 @@ class RecordedTrack:
 
 
 @dataclass(frozen=True)
-class Span:
+class ReplaySpan:
     """How much of a drive is replayed.
 
     Attributes:
@@ -68,7 +68,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Encounter:
+class ReplayedWarning:
     """What would have happened after one warning; times are seconds after it, arrays have one row a policy.
 
     Attributes:
@@ -84,8 +84,8 @@ class Encounter:
         stopped_time_s: When the host first stands; NaN if never.
     """
 
-    outcome: Outcome
-    other: Motion
+    outcome: Replay
+    other: RecordedMotion
     is_behind: bool
     recorded_until_s: float
     after: BoolArray
@@ -99,7 +99,7 @@ class Encounter:
     stopped_time_s: FloatArray
 
 
-def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, span: Span) -> Encounter:
+def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, span: ReplaySpan) -> ReplayedWarning:
     """Replay both tracks around a warning, the host under every policy.
 
     Only the stretches without a gap longer than `MAX_GAP_S` around the warning are used, from `BEFORE_S` before it.
@@ -143,7 +143,7 @@ def contiguous_rows(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_GAP
     return slice(first, last + 1)
 
 
-def extended(motion: Motion, end_s: float, step_s: float = EXTENSION_STEP_S) -> Motion:
+def extended(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STEP_S) -> RecordedMotion:
     """The motion up to `end_s`, beyond its own end at its last speed and yaw rate (an arc).
 
     Args:
@@ -159,7 +159,7 @@ def extended(motion: Motion, end_s: float, step_s: float = EXTENSION_STEP_S) -> 
     turn_rate = float(motion.turn_rate_radps[-1])
     half_turn = 0.5 * turn_rate * more_s
     chord = speed * more_s * np.sinc(half_turn / np.pi)  # of the arc: 2 r sin(angle / 2)
-    return Motion(
+    return RecordedMotion(
         np.append(motion.time_s, last_s + more_s),
         np.append(motion.x_m, motion.x_m[-1] + chord * np.cos(heading + half_turn)),
         np.append(motion.y_m, motion.y_m[-1] + chord * np.sin(heading + half_turn)),
@@ -170,15 +170,15 @@ def extended(motion: Motion, end_s: float, step_s: float = EXTENSION_STEP_S) -> 
     )
 
 
-def cut(motion: Motion, start_s: float, end_s: float) -> Motion:
+def cut(motion: RecordedMotion, start_s: float, end_s: float) -> RecordedMotion:
     """The motion from `start_s` to `end_s`, with points at both."""
     inside = (motion.time_s > start_s) & (motion.time_s < end_s)
     return motion.at(np.concatenate(([start_s], motion.time_s[inside], [end_s])))
 
 
-def _motion(track: RecordedTrack, rows: slice, warning_ns: int) -> Motion:
+def _motion(track: RecordedTrack, rows: slice, warning_ns: int) -> RecordedMotion:
     state = track.state[rows]
-    return Motion(
+    return RecordedMotion(
         (track.stamp_ns[rows] - warning_ns) / NS_PER_S,
         state[:, 0],
         state[:, 1],
@@ -198,7 +198,9 @@ def _each_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
     return throttle, pressure
 
 
-def _encounter(outcome: Outcome, other: Motion, recorded_until_s: float, known_jerk_mps3: FloatArray) -> Encounter:
+def _encounter(
+    outcome: Replay, other: RecordedMotion, recorded_until_s: float, known_jerk_mps3: FloatArray
+) -> ReplayedWarning:
     after = outcome.time_s >= -1e-6
     distance = np.where(after, outcome.distance_m, np.inf)
     nearest = distance.argmin(axis=1)
@@ -214,7 +216,7 @@ def _encounter(outcome: Outcome, other: Motion, recorded_until_s: float, known_j
     deceleration, jerk = outcome.peak_deceleration_mps2.copy(), outcome.peak_jerk_mps3.copy()
     deceleration[0] = max(float(np.max(-outcome.accel_mps2[0, after])), 0.0)
     jerk[0] = float(np.abs(known_jerk_mps3[after]).max())
-    return Encounter(
+    return ReplayedWarning(
         outcome=outcome,
         other=other,
         is_behind=_is_behind(outcome, other, int(after.argmax())),
@@ -231,7 +233,7 @@ def _encounter(outcome: Outcome, other: Motion, recorded_until_s: float, known_j
     )
 
 
-def _is_behind(outcome: Outcome, other: Motion, here: int) -> bool:
+def _is_behind(outcome: Replay, other: RecordedMotion, here: int) -> bool:
     """Whether the other is behind the host. A standing car has no reliable heading: there its way ahead counts."""
     x, y = outcome.x_m[0, here], outcome.y_m[0, here]
     heading = float(outcome.heading_rad[0, here])

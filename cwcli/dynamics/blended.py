@@ -21,7 +21,7 @@ import numpy.typing as npt
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.matrix_exponential import discretise, discretise_noise
 from cwcli.dynamics.riccati import steady_gain
-from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status, count_statuses
+from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples, count_statuses
 from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
 from cwcli.dynamics.single_track import preview_matrices
 from cwcli.dynamics.speed import speed_at
@@ -176,7 +176,7 @@ def _life(
     """A `Begin` and the status of each frame."""
     n = len(v)
     begin = np.full(n, Begin.GO_ON, dtype=np.int8)
-    status = np.full(n, Status.LOST, dtype=np.int8)
+    status = np.full(n, FrameStatus.LOST, dtype=np.int8)
     slowest = SPEEDS_KMH[0] * MPS_PER_KMH * (1.0 - 1e-9)
     running, unseen_s = False, 0.0
     for i, (dt, speed, is_seen) in enumerate(zip(dt_s.tolist(), v.tolist(), seen.tolist(), strict=True)):
@@ -186,12 +186,12 @@ def _life(
             running = False
             begin[i] = Begin.STOP
         if not is_driving:
-            status[i] = Status.NO_SPEED if isnan(speed) else Status.TOO_SLOW
+            status[i] = FrameStatus.NO_SPEED if isnan(speed) else FrameStatus.TOO_SLOW
         elif is_seen:
-            status[i] = Status.OBSERVED if running else Status.STARTED
+            status[i] = FrameStatus.OBSERVED if running else FrameStatus.STARTED
             if not running:
                 begin[i] = Begin.ANEW
             running, unseen_s = True, 0.0
         elif running:
-            status[i] = Status.PREDICTED
+            status[i] = FrameStatus.PREDICTED
     return begin, status

@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
-from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status, count_statuses
+from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples, count_statuses
 from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
 from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
 from cwcli.dynamics.speed import speed_at
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
-from cwcli.kernels.observer import ETA, KL, STEER, Begin, EventStatus, Kind
+from cwcli.kernels.observer import ETA, KL, STEER, Begin, EventKind, EventStatus
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -111,11 +111,11 @@ def observe_filter(
     n = len(stamp_ns)
     notes: list[str] = []
     frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
-    parts = [(stamp_ns, Kind.LANE, *_lane_rows(lanes, config))]
+    parts = [(stamp_ns, EventKind.LANE, *_lane_rows(lanes, config))]
     vision = yaw_rate_from_vision(lanes, frame_speed)
     for name, samples, kind, default in (
-        ("yaw rate", yaw_rate, Kind.YAW_RATE, noise.yaw_rate_sigma_radps),
-        ("steering angle", steer, Kind.STEERING_ANGLE, noise.steer_sigma_rad),
+        ("yaw rate", yaw_rate, EventKind.YAW_RATE, noise.yaw_rate_sigma_radps),
+        ("steering angle", steer, EventKind.STEERING_ANGLE, noise.steer_sigma_rad),
     ):
         if samples is None or not len(samples.values):
             continue
@@ -143,10 +143,10 @@ def observe_filter(
         sigmas=sigmas,
     )
     x, p, outcome = kernel.observe(events, kernel_model(vehicle, config))
-    frames = kinds == Kind.LANE
+    frames = kinds == EventKind.LANE
     status = _statuses(stamps, kinds, outcome, values, frame_speed, config)
     x, p = x[frames], p[frames]
-    is_known = np.isin(status, (Status.OBSERVED, Status.REJECTED, Status.PREDICTED, Status.STARTED))
+    is_known = np.isin(status, (FrameStatus.OBSERVED, FrameStatus.REJECTED, FrameStatus.PREDICTED, FrameStatus.STARTED))
     x[~is_known] = np.nan
     p[~is_known] = np.nan
     return LateralTrack(
@@ -211,19 +211,19 @@ def _statuses(
     config: ObserverConfig,
 ) -> npt.NDArray[np.int8]:
     """The frames' statuses from the kernel's outcomes; a state carried on for too long is lost."""
-    frames = kinds == Kind.LANE
-    result = np.full(np.count_nonzero(frames), Status.LOST, dtype=np.int8)
+    frames = kinds == EventKind.LANE
+    result = np.full(np.count_nonzero(frames), FrameStatus.LOST, dtype=np.int8)
     own = outcome[frames]
     for code, status in (
-        (EventStatus.USED, Status.OBSERVED),
-        (EventStatus.GATED, Status.REJECTED),
-        (EventStatus.PREDICTED, Status.PREDICTED),
-        (EventStatus.STARTED, Status.STARTED),
+        (EventStatus.USED, FrameStatus.OBSERVED),
+        (EventStatus.GATED, FrameStatus.REJECTED),
+        (EventStatus.PREDICTED, FrameStatus.PREDICTED),
+        (EventStatus.STARTED, FrameStatus.STARTED),
     ):
         result[own == code] = status
-    supported = np.isin(outcome, (EventStatus.USED, EventStatus.STARTED)) & (frames | (kinds == Kind.YAW_RATE))
+    supported = np.isin(outcome, (EventStatus.USED, EventStatus.STARTED)) & (frames | (kinds == EventKind.YAW_RATE))
     last = np.maximum.accumulate(np.where(supported, np.arange(len(stamps)), 0))
     age_s = ((stamps - stamps[last]) / NS_PER_S)[frames]
-    result[(age_s > config.max_coast_s) & (result != Status.STARTED)] = Status.LOST
-    result[~np.isfinite(frame_speed)] = Status.NO_SPEED
+    result[(age_s > config.max_coast_s) & (result != FrameStatus.STARTED)] = FrameStatus.LOST
+    result[~np.isfinite(frame_speed)] = FrameStatus.NO_SPEED
     return result

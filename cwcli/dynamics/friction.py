@@ -4,5 +4,4 @@ PEAK_FRICTION = 0.9
 """What good tyres give at most: a scenario whose vehicles need more can't be driven. (The lead of
 `rear-end` brakes with 8 m/s^2, which is 0.82.)"""
 BRAKING_FRICTION = 0.8
-"""What a car that brakes in an emergency gets on average, its wheels at times beyond the peak: what a replayed host may
-count on. A larger number would make every controller look better."""
+"""With something in hand: what a controller of a replayed host may count on (docs/papers/song2016.md)."""

@@ -15,7 +15,7 @@ PREVIEW_M = 33.5
 """D_L of zhang2011."""
 
 
-class Status(IntEnum):
+class FrameStatus(IntEnum):
     """What stands behind the state of a frame."""
 
     OBSERVED = 0
@@ -93,7 +93,7 @@ class LateralTrack:
         curvature_1pm: Shape (n,): of the road at the preview point, right bend positive.
         mass_kg: Shape (n,): the load as estimated, or as assumed.
         mass_sigma_kg: Shape (n,): of the estimate; NaN where it is assumed.
-        status: Shape (n,), values of `Status`.
+        status: Shape (n,), values of `FrameStatus`.
         counts: Name of a status -> frames.
         notes: One line each, for people.
     """
@@ -116,4 +116,4 @@ class LateralTrack:
 
 def count_statuses(status: npt.NDArray[np.int8]) -> dict[str, int]:
     """How many frames have each status, by its name in small letters."""
-    return {each.name.lower(): int(np.count_nonzero(status == each)) for each in Status}
+    return {each.name.lower(): int(np.count_nonzero(status == each)) for each in FrameStatus}

@@ -48,10 +48,10 @@ class ModelParameters:
     accel_bias_walk: float = 0.005
     yaw_rate_bias_walk: float = 1e-5
 
-    def motion(self, walk: FloatArray) -> ekf.Motion:
+    def motion(self, walk: FloatArray) -> ekf.ProcessModel:
         """Return the kernel's model; walk (n,): random walk variance per second of the parameter states."""
         jerk_rate, yaw_accel_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
-        return ekf.Motion.damped(
+        return ekf.ProcessModel.damped(
             {
                 "accel_rate": 1.0 / self.accel_decay_s,
                 "jerk_rate": jerk_rate,

@@ -141,7 +141,7 @@ def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, r
 def run_pass(
     series: Sequence[Series],
     start: Start,
-    motion: ekf.Motion,
+    motion: ekf.ProcessModel,
     output_s: FloatArray,
     *,
     smooth: bool,
@@ -184,12 +184,12 @@ class PassInput:
     """
 
     events: ekf.Events
-    sources: ekf.Sources
+    sources: ekf.SourceTable
     n_output: int
     in_time: list[npt.NDArray[np.bool_]]
     order: npt.NDArray[np.intp]
 
-    def run(self, start: Start, motion: ekf.Motion, *, smooth: bool) -> ekf.Pass:
+    def run(self, start: Start, motion: ekf.ProcessModel, *, smooth: bool) -> ekf.Pass:
         """Run a pass; `nis` and `status` of the result are in time order."""
         return ekf.run(self.events, self.sources, motion, start.state, start.covariance, self.n_output, smooth=smooth)
 
@@ -236,7 +236,7 @@ def pass_input(
     series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
     values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
     noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
-    sources = ekf.Sources(
+    sources = ekf.SourceTable(
         sensor=np.array([s.kind for s in series], np.int32),
         bias_state=np.array([s.bias_state for s in series], np.int32),
         latency_state=np.array([s.latency_state for s in series], np.int32),

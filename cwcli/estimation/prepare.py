@@ -20,7 +20,7 @@ ROUGHNESS_PART = 0.5  # an IMU's noise is at least this part of what its second 
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedSeries:
     """One series with what happened on the way to it.
 
     Attributes:
@@ -50,13 +50,13 @@ def seconds(stamp_ns: Int64Array, epoch: int) -> FloatArray:
     return (stamp_ns - epoch) / NS_PER_S
 
 
-def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prepared], list[str]]:
+def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[PreparedSeries], list[str]]:
     """Clean, sort and split the measurements.
 
     Returns:
         The series, and notes on sources that were left out.
     """
-    prepared: list[Prepared] = []
+    prepared: list[PreparedSeries] = []
     notes: list[str] = []
     for m in measurements:
         finite = np.isfinite(m.values).all(axis=1)
@@ -76,7 +76,7 @@ def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prep
             )
             for kind, value, var in pairs:
                 series = _with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
-                prepared.append(Prepared(series, True, len(m), lost, imu.n_interpolated))
+                prepared.append(PreparedSeries(series, True, len(m), lost, imu.n_interpolated))
             continue
         late = held_back(time)
         if late.any():
@@ -85,10 +85,12 @@ def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prep
             covariance = None if covariance is None else covariance[~late]
         if _is_constant(m.kind, values):
             notes.append(f"{m.source}: {m.kind.name.lower()} never changes; taken as not measured")
-            prepared.append(Prepared(_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost))
+            prepared.append(
+                PreparedSeries(_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost)
+            )
             continue
         series = _with_noise(m.source, m.kind, time, values, covariance)
-        prepared.append(Prepared(series, False, len(m), lost, n_held_back=int(late.sum())))
+        prepared.append(PreparedSeries(series, False, len(m), lost, n_held_back=int(late.sum())))
     return prepared, notes
 
 

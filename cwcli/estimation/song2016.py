@@ -100,8 +100,8 @@ def estimate_song2016(
     wanted_step = np.maximum(np.floor(wanted / step + 1e-6).astype(np.int64), round(begin / step))
     steps = _steps(series, round(begin / step), wanted_step, step)
     result = run_pass(
-        series, replace(start, time_s=begin), ekf.Motion.song2016(process_noise(step)), np.asarray(steps * step, float),
-        smooth=not config.causal, reset_after=config.reset_after,
+        series, replace(start, time_s=begin), ekf.ProcessModel.song2016(process_noise(step)),
+        np.asarray(steps * step, float), smooth=not config.causal, reset_after=config.reset_after,
     )  # fmt: skip
     all_states, all_covariances = with_derivatives(result.state, result.covariance, steps, step)
     row = np.searchsorted(steps, wanted_step)
@@ -205,10 +205,10 @@ def filter_vectors(
     )
     none = np.full(len(VECTOR_KINDS), -1, np.int32)
     sensor = np.array(VECTOR_KINDS, np.int32)
-    sources = ekf.Sources(
+    sources = ekf.SourceTable(
         sensor=sensor, bias_state=none, latency_state=none, gate_nis=np.zeros(len(sensor)), patience=-none
     )
-    motion = ekf.Motion.song2016(process_noise(step_s) if q is None else q)
+    motion = ekf.ProcessModel.song2016(process_noise(step_s) if q is None else q)
     result = ekf.run(events, sources, motion, np.array(z[0], dtype=np.float64), np.diag(variance), n, smooth=smooth)
     return result.state, result.covariance
 

@@ -17,9 +17,9 @@ from cwcli.estimation.latency import NO_LATENCY, Latency, LatencyStatus
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass, unsmoothed_note
-from cwcli.estimation.prepare import Prepared, epoch_ns, prepare, seconds
+from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, seconds
 from cwcli.estimation.start import hold_before_start, start_with_parameters
-from cwcli.estimation.tune import Tuned, tune
+from cwcli.estimation.tune import TunedSeries, tune
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -162,7 +162,7 @@ def estimate_track(
     )
 
 
-def _start_again(tuned: Tuned, start: Start, reset_after: int) -> Start:
+def _start_again(tuned: TunedSeries, start: Start, reset_after: int) -> Start:
     """Where no position comes for long after the start, begin about what the smoother finds there.
 
     Until the first position the state hardly has a place, a speed or a heading, and the filter's expansion about a
@@ -192,7 +192,7 @@ def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
     return np.arange(first, last + 1, step, dtype=np.int64)
 
 
-def _late_reference(tuned: Tuned) -> tuple[float, list[str]]:
+def _late_reference(tuned: TunedSeries) -> tuple[float, list[str]]:
     """Return by how much the reference is late, in seconds, with a note; 0 where nothing says so.
 
     A position can't be stamped before it was there. Where one clearly comes out earlier than the reference, the
@@ -211,7 +211,7 @@ def _late_reference(tuned: Tuned) -> tuple[float, list[str]]:
     ]
 
 
-def _report(p: Prepared, tuned: Tuned, i: int, result: PassResult) -> SourceReport:
+def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -> SourceReport:
     """Sum up one series."""
     s, latency = tuned.series[i], tuned.latencies[i]
     nis, status = result.nis[i][:, 0], result.status[i]

@@ -14,7 +14,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import settle_noise
 from cwcli.estimation.passes import N_MOTION, Series
-from cwcli.estimation.prepare import Prepared
+from cwcli.estimation.prepare import PreparedSeries
 from cwcli.kernels import ekf
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
@@ -24,7 +24,7 @@ YAW_RATE_BIAS_PRIOR = 0.02  # rad/s
 
 
 @dataclass(frozen=True)
-class Tuned:
+class TunedSeries:
     """Series with latency, noise, bias states and gates settled.
 
     Attributes:
@@ -36,12 +36,12 @@ class Tuned:
 
     series: tuple[Series, ...]
     latencies: tuple[Latency, ...]
-    motion: ekf.Motion
+    motion: ekf.ProcessModel
     prior: FloatArray
     notes: tuple[str, ...]
 
 
-def tune(prepared: Sequence[Prepared], config: EstimatorConfig, parameters: ModelParameters) -> Tuned:
+def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters: ModelParameters) -> TunedSeries:
     """Find latencies, noise and liveliness, and lay out the parameter states.
 
     Args:
@@ -59,11 +59,11 @@ def tune(prepared: Sequence[Prepared], config: EstimatorConfig, parameters: Mode
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s)
     )
-    return Tuned(gated, tuple(latencies), parameters.motion(walk), prior, notes)
+    return TunedSeries(gated, tuple(latencies), parameters.motion(walk), prior, notes)
 
 
 def with_bias_states(
-    prepared: Sequence[Prepared], parameters: ModelParameters
+    prepared: Sequence[PreparedSeries], parameters: ModelParameters
 ) -> tuple[list[Series], FloatArray, FloatArray]:
     """Give every IMU series a bias state. Returns series, random walk variances and prior variances, both (n,)."""
     series, walk, prior = [], [0.0] * N_MOTION, [0.0] * N_MOTION

@@ -37,11 +37,11 @@ class DampedMotion(TypedDict):
     heading_noise: float
     reverse_speed: float
 
-class Motion:
+class ProcessModel:
     """What the state does between measurements: a motion model with its numbers."""
 
     @staticmethod
-    def damped(numbers: DampedMotion, walk_noise: _F) -> Motion:
+    def damped(numbers: DampedMotion, walk_noise: _F) -> ProcessModel:
         """Eight states and parameters, see `cwcli.estimation.model.ModelParameters`.
 
         Args:
@@ -50,7 +50,7 @@ class Motion:
         """
 
     @staticmethod
-    def song2016(step_noise: _F) -> Motion:
+    def song2016(step_noise: _F) -> ProcessModel:
         """Six states, acceleration and yaw rate stay over a step (eq. 2, 6); step_noise: (6, 6), Q."""
 
 class Events:
@@ -60,13 +60,13 @@ class Events:
         time_s: (T,), increasing.
         first: (T + 1,): the updates of step k are first[k]..first[k + 1] - 1.
         out_row: (T,): row of the output that step k fills, or -1.
-        source: (U,): index into the arrays of `Sources`.
+        source: (U,): index into the arrays of `SourceTable`.
         values, noise: (U, 2), scalars in the first column, and (U, 3): r00, r01, r11.
     """
 
     def __init__(self, *, time_s: _F, first: _I, out_row: _I, source: _I, values: _F, noise: _F) -> None: ...
 
-class Sources:
+class SourceTable:
     """What the filter has to know of each of S sources, (S,) each.
 
     Args:
@@ -99,8 +99,8 @@ class Pass:
 
 def run(
     events: Events,
-    sources: Sources,
-    motion: Motion,
+    sources: SourceTable,
+    motion: ProcessModel,
     start_state: _F,
     start_covariance: _F,
     n_output: int,

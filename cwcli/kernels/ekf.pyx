@@ -44,12 +44,12 @@ cdef double GATE_WIDENS_S = 2.0
 cdef double PATIENCE_S = 2.0
 
 
-cdef class Motion:
+cdef class ProcessModel:
     cdef Model model
 
     @staticmethod
     def damped(DampedMotion numbers, const double[::1] walk_noise):
-        cdef Motion motion = Motion()
+        cdef ProcessModel motion = ProcessModel()
         cdef int i
         motion.model.kind = MotionModel.DAMPED
         motion.model.n = <int>walk_noise.shape[0]
@@ -60,7 +60,7 @@ cdef class Motion:
 
     @staticmethod
     def song2016(const double[:, ::1] step_noise):
-        cdef Motion motion = Motion()
+        cdef ProcessModel motion = ProcessModel()
         cdef int i
         motion.model.kind = MotionModel.SONG2016
         motion.model.n = 6
@@ -79,7 +79,7 @@ cdef class Events:
         self.source, self.values, self.noise = source, values, noise
 
 
-cdef class Sources:
+cdef class SourceTable:
     cdef const int[::1] sensor, bias_state, latency_state, patience
     cdef const double[::1] gate_nis
 
@@ -96,7 +96,7 @@ cdef class Pass:
     cdef signed char[::1] flip
     cdef double[::1] yaw_decay
 
-    def __init__(self, Events events, Motion motion, int n_output, bint keep):
+    def __init__(self, Events events, ProcessModel motion, int n_output, bint keep):
         cdef int n = motion.model.n, n_updates = <int>events.source.shape[0]
         self.state, self.covariance = np.empty((n_output, n)), np.empty((n_output, n, n))
         self.nis, self.status = np.empty((n_updates, 3)), np.zeros(n_updates, np.int8)
@@ -109,7 +109,8 @@ cdef class Pass:
             self.innovation = np.empty((2 * n_updates, 2))
 
 
-def run(Events events, Sources sources, Motion motion, start_state, start_covariance, int n_output, *, bint smooth):
+def run(Events events, SourceTable sources, ProcessModel motion, start_state, start_covariance, int n_output, *,
+        bint smooth):
     if len(start_state) != motion.model.n:
         raise ValueError(f"a start of {len(start_state)} states for a motion model of {motion.model.n}")
     cdef Pass result = Pass(events, motion, n_output, smooth)
@@ -120,7 +121,7 @@ def run(Events events, Sources sources, Motion motion, start_state, start_covari
     return result
 
 
-cdef int forward(Events events, Sources sources, const Model* model, Pass result, bint keep) except -1:
+cdef int forward(Events events, SourceTable sources, const Model* model, Pass result, bint keep) except -1:
     """Run the filter over all steps; `last_state` and `last_covariance` are those of the start first."""
     cdef const double[::1] time_s = events.time_s, gate_nis = sources.gate_nis
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
@@ -289,7 +290,7 @@ cdef int forward(Events events, Sources sources, const Model* model, Pass result
     return 0
 
 
-cdef int backward(Events events, Sources sources, const Model* model, Pass result) except -1:
+cdef int backward(Events events, SourceTable sources, const Model* model, Pass result) except -1:
     """Smooth what `forward` kept: state and covariance at the output rows become the smoothed ones."""
     cdef const double[::1] time_s = events.time_s, yaw_decay = result.yaw_decay
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source

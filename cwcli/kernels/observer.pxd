@@ -12,7 +12,7 @@ cpdef enum:
     CAM = 8             # yaw of the camera against its declared mounting
     N = 9               # number of states
 
-cpdef enum Kind:
+cpdef enum EventKind:
     LANE
     YAW_RATE
     STEERING_ANGLE

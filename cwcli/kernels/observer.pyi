@@ -21,7 +21,7 @@ GYRO: int
 CAM: int
 N: int
 
-class Kind(IntEnum):
+class EventKind(IntEnum):
     """What an event measures: a lane's y_L, e_L and K_L, or one number."""
 
     LANE = ...
@@ -101,7 +101,7 @@ class Events:
     Args:
         dt_s: (n,): since the event before.
         speed_mps: (n,): over that time.
-        kind: (n,): a `Kind`.
+        kind: (n,): an `EventKind`.
         begin: (n,): a `Begin`; STOP: no state at this event.
         values, sigmas: (n, 3): y_L, e_L, K_L, or one number in column 0; NaN for none.
     """

@@ -104,7 +104,7 @@ def observe(Events events, Model model):
                 for k in range(steps):
                     predict(x, p, step, speed[i], m)
             status[i] = EventStatus.PREDICTED if running else EventStatus.NOT_STARTED
-            if kind[i] == Kind.LANE and begin[i] != Begin.STOP:
+            if kind[i] == EventKind.LANE and begin[i] != Begin.STOP:
                 if not running:
                     if not isnan(values[i, 0]) and not isnan(values[i, 1]):
                         start(x, p, &values[i, 0], &sigmas[i, 0], speed[i], m, ever)
@@ -146,7 +146,7 @@ def observe(Events events, Model model):
             elif running and not isnan(values[i, 0]) and begin[i] != Begin.STOP:
                 memset(h, 0, N * sizeof(double))
                 r = sigmas[i, 0] * sigmas[i, 0]
-                if kind[i] == Kind.YAW_RATE:
+                if kind[i] == EventKind.YAW_RATE:
                     h[G] = 1.0
                     h[GYRO] = 1.0
                 else:

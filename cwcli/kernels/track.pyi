@@ -73,7 +73,7 @@ class Rows:
 
     def __init__(self, *, kind: _I8, z: _F, r: _F, origin: _F) -> None: ...
 
-class Output:
+class Filtered:
     """What `run` found: see `cwcli.tracking.single.FilterOutput`."""
 
     state: _F
@@ -84,7 +84,7 @@ class Output:
     status: _I8
     log_likelihood: float
 
-def run(filter: Filter, dt_s: _F, rows: Rows, *, smooth: bool) -> Output:
+def run(filter: Filter, dt_s: _F, rows: Rows, *, smooth: bool) -> Filtered:
     """Filter one target's rows in time order, dt_s (n,) seconds after the row before; then smooth, if asked to."""
 
 def log_likelihood(filter: Filter, dt_s: _F, rows: Rows) -> float:

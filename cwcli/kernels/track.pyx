@@ -34,7 +34,7 @@ cdef inline Row row_at(Rows rows, Py_ssize_t i) noexcept nogil:
     return row
 
 
-cdef class Output:
+cdef class Filtered:
     cdef readonly object state, covariance, innovation, nis, n_values, status
     cdef readonly double log_likelihood
     # What the smoother needs: of each row, or of the last one alone.
@@ -50,7 +50,7 @@ cdef class Output:
 
 
 def run(Filter filter, const double[::1] dt_s, Rows rows, *, bint smooth):
-    cdef Output out = Output(dt_s.shape[0], dt_s.shape[0], filter.tuning.d)
+    cdef Filtered out = Filtered(dt_s.shape[0], dt_s.shape[0], filter.tuning.d)
     filter_rows(&filter.tuning, dt_s, rows, out, True)
     if smooth:
         smooth_rows(out)
@@ -58,12 +58,12 @@ def run(Filter filter, const double[::1] dt_s, Rows rows, *, bint smooth):
 
 
 def log_likelihood(Filter filter, const double[::1] dt_s, Rows rows):
-    cdef Output out = Output(dt_s.shape[0], 1, filter.tuning.d)
+    cdef Filtered out = Filtered(dt_s.shape[0], 1, filter.tuning.d)
     filter_rows(&filter.tuning, dt_s, rows, out, False)
     return out.log_likelihood
 
 
-cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Output out, bint keep) except -1:
+cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Filtered out, bint keep) except -1:
     """Filter one target's detections in time order; without `keep` only the last state stays."""
     cdef double[:, ::1] x = out.state, xp = out.predicted_state, innovation = out.innovation
     cdef double[:, :, ::1] p = out.covariance, pp = out.predicted_covariance, f = out.jacobian
@@ -139,7 +139,7 @@ cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Output ou
     return 0
 
 
-cdef int smooth_rows(Output out) except -1:
+cdef int smooth_rows(Filtered out) except -1:
     """Rauch-Tung-Striebel smoother, in place on state and covariance.
 
     With the statistical Jacobians of the unscented filter it is the unscented smoother. Rows with f = 0 are starts,

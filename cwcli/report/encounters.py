@@ -16,7 +16,7 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.conflicts import RealConflict, Verdict, judge, real_conflicts
+from cwcli.warning.conflicts import EventVerdict, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 
 MAX_DETAILED_OTHERS = 400
@@ -56,7 +56,7 @@ class Encounter:
     alert_probability: float
     rows: Int64Array
     pair: Pair | None
-    verdict: Verdict | None
+    verdict: EventVerdict | None
     least_gap_m: float
     direction: str
 

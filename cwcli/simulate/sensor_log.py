@@ -19,7 +19,7 @@ from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.simulate.cdr import DEFINITIONS, headings, imu_messages, navsat_fixes, velocity_reports
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, bsm_json, ode_json
 from cwcli.simulation.drive import SimulatedDrive, simulate
-from cwcli.simulation.scenario import HOST, Scenario, Vehicle, load_scenario, scenario_text
+from cwcli.simulation.scenario import HOST, Scenario, ScenarioVehicle, load_scenario, scenario_text
 from cwcli.simulation.spec import TOP_KEYS
 from cwcli.simulation.streams import to_ns
 
@@ -169,7 +169,7 @@ def _write_truth(log: LogWriter, scenario: Scenario, local_map: LocalMap) -> lis
 
 
 def _truth_channel(
-    topic: str, vehicles: Mapping[str, Vehicle], time_s: FloatArray, start_ns: int, local_map: LocalMap
+    topic: str, vehicles: Mapping[str, ScenarioVehicle], time_s: FloatArray, start_ns: int, local_map: LocalMap
 ) -> OutputChannel:
     """`cwcli.v1.VehicleState` of some vehicles at the same times, time by time; steps of 1e-9 (1e-11 deg)."""
     n_vehicles, n_times = len(vehicles), len(time_s)

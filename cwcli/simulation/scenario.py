@@ -29,12 +29,12 @@ from cwcli.simulation.spec import (
     bad_value,
     read_table,
 )
-from cwcli.simulation.truth import Motion, check_possible
+from cwcli.simulation.truth import TrueMotion, check_possible
 
 __all__ = [
     "HOST",
     "Scenario",
-    "Vehicle",
+    "ScenarioVehicle",
     "load_scenario",
     "override",
     "parse_scenario",
@@ -52,7 +52,7 @@ _STATION_ID = re.compile(r"[0-9a-f]{8}")
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class ScenarioVehicle:
     """One vehicle of a scenario.
 
     Attributes:
@@ -66,7 +66,7 @@ class Vehicle:
     name: str
     station_id: str
     profile: Profile
-    motion: Motion
+    motion: TrueMotion
     length_m: float
     width_m: float
     has_v2x: bool
@@ -95,7 +95,7 @@ class Scenario:
     friction: float
     start_ns: int
     origin: Mapping[str, float]
-    vehicles: Mapping[str, Vehicle]
+    vehicles: Mapping[str, ScenarioVehicle]
     sensors: Mapping[str, Mapping[str, Any]]
     v2x: Mapping[str, Any] | None
     document: Mapping[str, Any]
@@ -216,7 +216,7 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
     )
 
 
-def _vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, Vehicle]:
+def _vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, ScenarioVehicle]:
     if not isinstance(tables, Mapping) or HOST not in tables:
         raise bad_value(source, f"vehicles.{HOST}", "is missing", "a table: the ego vehicle")
     vehicles = {
@@ -232,7 +232,7 @@ def _vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, Veh
     return vehicles
 
 
-def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Vehicle:
+def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> ScenarioVehicle:
     path = f"vehicles.{name}"
     if not _NAME.fullmatch(name):
         raise bad_value(source, path, "is no name", "lower-case letters, digits, - and _")
@@ -245,7 +245,9 @@ def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Vehi
         path=path,
         source=source,
     )
-    motion = Motion(profile, x_m=values["x_m"], y_m=values["y_m"], heading_rad=float(np.radians(values["heading_deg"])))
+    motion = TrueMotion(
+        profile, x_m=values["x_m"], y_m=values["y_m"], heading_rad=float(np.radians(values["heading_deg"]))
+    )
     check_possible(
         motion,
         end_s=top["duration_s"],
@@ -257,7 +259,7 @@ def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Vehi
     station_id = values["station_id"] or f"{zlib.crc32(name.encode()):08x}"
     if not _STATION_ID.fullmatch(station_id):
         raise bad_value(source, f"{path}.station_id", f"is {station_id!r}", "eight lower-case hexadecimal digits")
-    return Vehicle(name, station_id, profile, motion, values["length_m"], values["width_m"], values["v2x"])
+    return ScenarioVehicle(name, station_id, profile, motion, values["length_m"], values["width_m"], values["v2x"])
 
 
 def _start_ns(value: Any, source: str) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.streams import schedule, stream
-from cwcli.simulation.truth import Motion
+from cwcli.simulation.truth import TrueMotion
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,14 @@ SENSORS: Mapping[str, Model] = {"gnss": gnss, "gnss_heading": gnss_heading, "spe
 
 
 def measure(
-    sensor: str, motion: Motion, settings: Mapping[str, Any], *, start_ns: int, end_s: float, seed: int, vehicle: str
+    sensor: str,
+    motion: TrueMotion,
+    settings: Mapping[str, Any],
+    *,
+    start_ns: int,
+    end_s: float,
+    seed: int,
+    vehicle: str,
 ) -> SensorData:
     """Run one sensor over the drive.
 

@@ -18,7 +18,7 @@ REQUIRED = object()
 
 
 @dataclass(frozen=True)
-class Number:
+class NumberKey:
     """A real number inside a closed range; booleans and text are refused."""
 
     default: Any
@@ -115,124 +115,126 @@ class Intervals:
         return "[[from, to], ...]"
 
 
-Key = Number | Integer | Text | Flag | Intervals
+Key = NumberKey | Integer | Text | Flag | Intervals
 Keys = Mapping[str, Key]
 
 TOP_KEYS: Keys = {
     "description": Text("", "What happens, in a sentence."),
-    "duration_s": Number(REQUIRED, 0.1, 3600, "s", "Length of the run."),
+    "duration_s": NumberKey(REQUIRED, 0.1, 3600, "s", "Length of the run."),
     "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` beats it."),
-    "friction": Number(
+    "friction": NumberKey(
         PEAK_FRICTION, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."
     ),
-    "truth_rate_hz": Number(20, 1, 1000, "Hz", "Rate of the truth channels."),
+    "truth_rate_hz": NumberKey(20, 1, 1000, "Hz", "Rate of the truth channels."),
 }
 """Besides these, the top level holds `start_time` and the tables `origin`, `vehicles`, `sensors`, `v2x`."""
 
 ORIGIN_KEYS: Keys = {
-    "latitude_deg": Number(28.1795, -85, 85, "deg", "WGS84 latitude of the map's origin."),
-    "longitude_deg": Number(112.9388, -180, 180, "deg", "WGS84 longitude of the map's origin."),
-    "altitude_m": Number(50, -400, 8000, "m", "Height above the ellipsoid."),
+    "latitude_deg": NumberKey(28.1795, -85, 85, "deg", "WGS84 latitude of the map's origin."),
+    "longitude_deg": NumberKey(112.9388, -180, 180, "deg", "WGS84 longitude of the map's origin."),
+    "altitude_m": NumberKey(50, -400, 8000, "m", "Height above the ellipsoid."),
 }
 
 VEHICLE_KEYS: Keys = {
-    "x_m": Number(0, -1e5, 1e5, "m", "Start position east of the origin (centre of the car)."),
-    "y_m": Number(0, -1e5, 1e5, "m", "Start position north of the origin."),
-    "heading_deg": Number(0, -360, 360, "deg", "Start heading, counter-clockwise from east."),
-    "speed_mps": Number(REQUIRED, 0, 70, "m/s", "Start speed."),
-    "length_m": Number(4.5, 0.5, 30, "m", "Length."),
-    "width_m": Number(1.8, 0.3, 5, "m", "Width."),
-    "turning_radius_m": Number(5, 1, 50, "m", "Tightest radius that the vehicle can drive."),
+    "x_m": NumberKey(0, -1e5, 1e5, "m", "Start position east of the origin (centre of the car)."),
+    "y_m": NumberKey(0, -1e5, 1e5, "m", "Start position north of the origin."),
+    "heading_deg": NumberKey(0, -360, 360, "deg", "Start heading, counter-clockwise from east."),
+    "speed_mps": NumberKey(REQUIRED, 0, 70, "m/s", "Start speed."),
+    "length_m": NumberKey(4.5, 0.5, 30, "m", "Length."),
+    "width_m": NumberKey(1.8, 0.3, 5, "m", "Width."),
+    "turning_radius_m": NumberKey(5, 1, 50, "m", "Tightest radius that the vehicle can drive."),
     "v2x": Flag(True, "Whether it sends V2X messages (the host's own are not in its log)."),
     "station_id": Text("", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."),
 }
 """Besides these, a vehicle holds the lists `longitudinal` and `lateral`."""
 
-_FROM = Number(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
+_FROM = NumberKey(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
 _SMOOTH = Flag(
     False, "Whether the rate itself rises and falls (a cubic ramp): 1.5 times as long at the same largest rate."
 )
-_TO = Number(None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later.")
+_TO = NumberKey(
+    None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later."
+)
 
 LONGITUDINAL_KEYS: Keys = {
     "from_s": _FROM,
     "to_s": _TO,
-    "accel_mps2": Number(None, -15, 15, "m/s^2", "Acceleration to go to and hold."),
-    "speed_mps": Number(
+    "accel_mps2": NumberKey(None, -15, 15, "m/s^2", "Acceleration to go to and hold."),
+    "speed_mps": NumberKey(
         None, 0, 70, "m/s", "Or: the speed to go to and hold, in the shortest time that the limits allow."
     ),
-    "limit_mps2": Number(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
-    "jerk_mps3": Number(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
+    "limit_mps2": NumberKey(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
+    "jerk_mps3": NumberKey(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
     "smooth": _SMOOTH,
 }
 
 LATERAL_KEYS: Keys = {
     "from_s": _FROM,
     "to_s": _TO,
-    "curvature_1pm": Number(None, -1, 1, "1/m", "Path curvature to go to and hold; positive = left."),
-    "curvature_rate_1pmps": Number(
+    "curvature_1pm": NumberKey(None, -1, 1, "1/m", "Path curvature to go to and hold; positive = left."),
+    "curvature_rate_1pmps": NumberKey(
         0.01, 1e-5, 10, "1/m/s", "Largest rate at which the curvature changes (a clothoid if not smooth)."
     ),
-    "yaw_rate_dps": Number(None, -90, 90, "deg/s", "Or: the yaw rate to go to and hold; positive = left."),
-    "yaw_accel_dps2": Number(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
+    "yaw_rate_dps": NumberKey(None, -90, 90, "deg/s", "Or: the yaw rate to go to and hold; positive = left."),
+    "yaw_accel_dps2": NumberKey(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
     "smooth": _SMOOTH,
 }
 
 _SENSOR_KEYS: Keys = {
-    "rate_hz": Number(20, 0.1, 1000, "Hz", "Measurement rate."),
-    "phase_s": Number(0, 0, 10, "s", "Stamp of the first measurement."),
-    "latency_s": Number(0, -1, 5, "s", "Undeclared lag: the value stamped t is the truth at t - latency_s."),
-    "delay_s": Number(0.005, 0, 5, "s", "Declared transport: log time = stamp + delay_s + jitter."),
-    "jitter_s": Number(0, 0, 1, "s", "Further delay of each message, uniform between 0 and this."),
-    "drop_probability": Number(0, 0, 1, "", "Chance that a message is lost."),
+    "rate_hz": NumberKey(20, 0.1, 1000, "Hz", "Measurement rate."),
+    "phase_s": NumberKey(0, 0, 10, "s", "Stamp of the first measurement."),
+    "latency_s": NumberKey(0, -1, 5, "s", "Undeclared lag: the value stamped t is the truth at t - latency_s."),
+    "delay_s": NumberKey(0.005, 0, 5, "s", "Declared transport: log time = stamp + delay_s + jitter."),
+    "jitter_s": NumberKey(0, 0, 1, "s", "Further delay of each message, uniform between 0 and this."),
+    "drop_probability": NumberKey(0, 0, 1, "", "Chance that a message is lost."),
     "outages": Intervals((), "Intervals in which nothing is sent."),
 }
 
 SENSOR_KEYS: Mapping[str, Keys] = {
     "gnss": {
         **_SENSOR_KEYS,
-        "sigma_m": Number(0.6, 0, 100, "m", "Noise of east, north and up, each, 1 sigma."),
-        "bias_east_m": Number(0, -100, 100, "m", "Constant error, east."),
-        "bias_north_m": Number(0, -100, 100, "m", "Constant error, north."),
+        "sigma_m": NumberKey(0.6, 0, 100, "m", "Noise of east, north and up, each, 1 sigma."),
+        "bias_east_m": NumberKey(0, -100, 100, "m", "Constant error, east."),
+        "bias_north_m": NumberKey(0, -100, 100, "m", "Constant error, north."),
     },
     "gnss_heading": {
         **_SENSOR_KEYS,
-        "sigma_deg": Number(1.0, 0, 180, "deg", "Noise, 1 sigma."),
-        "bias_deg": Number(0, -180, 180, "deg", "Constant error, counter-clockwise positive."),
+        "sigma_deg": NumberKey(1.0, 0, 180, "deg", "Noise, 1 sigma."),
+        "bias_deg": NumberKey(0, -180, 180, "deg", "Constant error, counter-clockwise positive."),
     },
     "speed": {
         **_SENSOR_KEYS,
-        "sigma_mps": Number(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
-        "bias_mps": Number(0, -20, 20, "m/s", "Constant error."),
+        "sigma_mps": NumberKey(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
+        "bias_mps": NumberKey(0, -20, 20, "m/s", "Constant error."),
     },
     "imu": {
         **_SENSOR_KEYS,
-        "accel_sigma_mps2": Number(0.049, 0, 10, "m/s^2", "Noise of each axis, 1 sigma (0.5 % of g)."),
-        "accel_bias_mps2": Number(0, -5, 5, "m/s^2", "Constant error of the forward axis."),
-        "yaw_rate_sigma_dps": Number(0.1, 0, 50, "deg/s", "Noise of each axis, 1 sigma."),
-        "yaw_rate_bias_dps": Number(0, -20, 20, "deg/s", "Constant error of the up axis."),
-        "mount_pitch_deg": Number(0, -30, 30, "deg", "Mounting error: positive = nose down."),
+        "accel_sigma_mps2": NumberKey(0.049, 0, 10, "m/s^2", "Noise of each axis, 1 sigma (0.5 % of g)."),
+        "accel_bias_mps2": NumberKey(0, -5, 5, "m/s^2", "Constant error of the forward axis."),
+        "yaw_rate_sigma_dps": NumberKey(0.1, 0, 50, "deg/s", "Noise of each axis, 1 sigma."),
+        "yaw_rate_bias_dps": NumberKey(0, -20, 20, "deg/s", "Constant error of the up axis."),
+        "mount_pitch_deg": NumberKey(0, -30, 30, "deg", "Mounting error: positive = nose down."),
     },
 }
 
 V2X_FORMATS = ("bsm-json", "ode-json")
 
 V2X_KEYS: Keys = {
-    "rate_hz": Number(20, 0.1, 100, "Hz", "Messages of each vehicle per second."),
-    "phase_s": Number(0, 0, 10, "s", "Generation time of each vehicle's first message."),
-    "latency_s": Number(0, -1, 5, "s", "Undeclared lag of the sender's own estimate, as for a sensor."),
-    "delay_s": Number(0.005, 0, 5, "s", "Link latency: reception = generation + delay_s + jitter."),
-    "jitter_s": Number(
+    "rate_hz": NumberKey(20, 0.1, 100, "Hz", "Messages of each vehicle per second."),
+    "phase_s": NumberKey(0, 0, 10, "s", "Generation time of each vehicle's first message."),
+    "latency_s": NumberKey(0, -1, 5, "s", "Undeclared lag of the sender's own estimate, as for a sensor."),
+    "delay_s": NumberKey(0.005, 0, 5, "s", "Link latency: reception = generation + delay_s + jitter."),
+    "jitter_s": NumberKey(
         0, 0, 1, "s", "Further delay of each message, uniform between 0 and this; may change the order."
     ),
-    "drop_probability": Number(0, 0, 1, "", "Chance that a message is lost."),
+    "drop_probability": NumberKey(0, 0, 1, "", "Chance that a message is lost."),
     "outages": Intervals((), "Intervals (of generation time) in which every message is lost."),
     "format": Text("bsm-json", "Encoding of the messages.", V2X_FORMATS),
-    "position_sigma_m": Number(0.15, 0, 100, "m", "Noise of the sent east and north position, each, 1 sigma."),
-    "speed_sigma_mps": Number(0.1, 0, 20, "m/s", "Noise of the sent speed."),
-    "heading_sigma_deg": Number(0.21, 0, 180, "deg", "Noise of the sent heading."),
-    "accel_sigma_mps2": Number(0.0265, 0, 10, "m/s^2", "Noise of the sent acceleration (0.27 % of g)."),
-    "yaw_rate_sigma_dps": Number(0.043, 0, 50, "deg/s", "Noise of the sent yaw rate."),
+    "position_sigma_m": NumberKey(0.15, 0, 100, "m", "Noise of the sent east and north position, each, 1 sigma."),
+    "speed_sigma_mps": NumberKey(0.1, 0, 20, "m/s", "Noise of the sent speed."),
+    "heading_sigma_deg": NumberKey(0.21, 0, 180, "deg", "Noise of the sent heading."),
+    "accel_sigma_mps2": NumberKey(0.0265, 0, 10, "m/s^2", "Noise of the sent acceleration (0.27 % of g)."),
+    "yaw_rate_sigma_dps": NumberKey(0.043, 0, 50, "deg/s", "Noise of the sent yaw rate."),
 }
 
 

@@ -55,7 +55,7 @@ class _Pieces:
     heading_rad: FloatArray
 
 
-class Motion:
+class TrueMotion:
     """True states of one vehicle at any time from `BEFORE_S` before the run to `AFTER_S` after it."""
 
     def __init__(self, profile: Profile, *, x_m: float, y_m: float, heading_rad: float) -> None:
@@ -164,7 +164,7 @@ def _shifted(coefficients: tuple[float, ...], shift: float) -> FloatArray:
 
 
 def check_possible(
-    motion: Motion, *, end_s: float, friction: float, turning_radius_m: float, path: str, source: str
+    motion: TrueMotion, *, end_s: float, friction: float, turning_radius_m: float, path: str, source: str
 ) -> None:
     """Refuse a motion that no car can make.
 
@@ -202,7 +202,7 @@ def check_possible(
         )
 
 
-def closest_approach(a: Motion, b: Motion, end_s: float) -> tuple[float, float]:
+def closest_approach(a: TrueMotion, b: TrueMotion, end_s: float) -> tuple[float, float]:
     """Time (s of the run) and size (m) of the smallest distance between two vehicles' centres, on a grid of 1 ms."""
     time_s = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
     distance = np.hypot(*(a.at(time_s)[:, :2] - b.at(time_s)[:, :2]).T)
@@ -210,7 +210,7 @@ def closest_approach(a: Motion, b: Motion, end_s: float) -> tuple[float, float]:
     return float(time_s[i]), float(distance[i])
 
 
-def first_time_below(a: Motion, b: Motion, end_s: float, distance_m: float) -> float:
+def first_time_below(a: TrueMotion, b: TrueMotion, end_s: float, distance_m: float) -> float:
     """First time (s of the run) at which two vehicles' centres are nearer than a distance; NaN if never."""
     time_s = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
     is_below = np.hypot(*(a.at(time_s)[:, :2] - b.at(time_s)[:, :2]).T) < distance_m

@@ -15,7 +15,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.streams import schedule, stream
-from cwcli.simulation.truth import Motion
+from cwcli.simulation.truth import TrueMotion
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class ReceivedMessages:
 
 def receive(
     vehicle: str,
-    motion: Motion,
+    motion: TrueMotion,
     settings: Mapping[str, Any],
     *,
     station_id: str,

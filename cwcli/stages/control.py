@@ -13,7 +13,7 @@ from cwcli.channels.control_step import write_replays
 from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
-from cwcli.control.encounter import RecordedTrack, Span, replay_warning
+from cwcli.control.encounter import RecordedTrack, ReplaySpan, replay_warning
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
@@ -81,7 +81,7 @@ class ControlConfig:
     distance_m: Annotated[
         float, Option("--distance", "The rule's collision distance between centres.", metavar="METRES")
     ] = WarningConfig.distance_m
-    span: Span = field(default_factory=Span)
+    span: ReplaySpan = field(default_factory=ReplaySpan)
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
@@ -188,7 +188,7 @@ def _predicted(model: str, states: VehicleStates, horizon_s: float) -> Predicted
 
 
 def _replays(
-    host: VehicleTrack, others: Sequence[VehicleTrack], events: Sequence[Mapping[str, object]], span: Span
+    host: VehicleTrack, others: Sequence[VehicleTrack], events: Sequence[Mapping[str, object]], span: ReplaySpan
 ) -> tuple[list[Replayed], list[str]]:
     """One replay per event that no earlier replay covers, and what to say of the others."""
     by_id = {other.id: other for other in others}

@@ -14,7 +14,7 @@ from cwcli.channels.lateral_state import TRUTH_FIELDS, Observed, write_observed
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
-from cwcli.dynamics.samples import LateralTrack, Status
+from cwcli.dynamics.samples import FrameStatus, LateralTrack
 from cwcli.dynamics.single_track import critical_speed_mps
 from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
@@ -139,7 +139,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         yaw_rate=inputs.yaw_rate,
         steer=inputs.steer,
     )
-    if (track.status == Status.NO_SPEED).all():
+    if (track.status == FrameStatus.NO_SPEED).all():
         raise DataError(
             "the speed covers none of the frames",
             where=f"{log.name}: {inputs.speed_source}",

@@ -14,7 +14,7 @@ from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.text import finite
-from cwcli.tracking.gospa import Moments, TrackingScores, score
+from cwcli.tracking.gospa import TargetMoments, TrackingScores, score
 from cwcli.tracking.tracker import TrackResult
 
 CUTOFF_M = 5.0
@@ -72,10 +72,12 @@ def scores_of(
     if not np.isfinite(velocity).all():
         velocity = _driven(truth, xy)
         notes.append(f"{truth.source}: the true velocities are differences of the positions")
-    true = Moments(truth.stamp_ns, truth.id.codes.astype(np.int64), np.column_stack([xy, velocity])).at(moments_ns)
+    true = TargetMoments(truth.stamp_ns, truth.id.codes.astype(np.int64), np.column_stack([xy, velocity])).at(
+        moments_ns
+    )
     if not len(true.stamp_ns):
         return None, (f"{truth.source}: no truth at the times of the scans",)
-    scores = score(true, Moments.of(result.tracks).at(true.stamp_ns), cutoff_m=CUTOFF_M)
+    scores = score(true, TargetMoments.of(result.tracks).at(true.stamp_ns), cutoff_m=CUTOFF_M)
     return TruthScores(truth.source, truth.id.values, scores), tuple(notes)
 
 

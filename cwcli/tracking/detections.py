@@ -22,14 +22,17 @@ Axes = Literal["body", "paper"]
 AXES_YAW_RAD: dict[str, float] = {"body": 0.0, "paper": -math.pi / 2}
 
 
-class Kind(IntEnum):
+class DetectionKind(IntEnum):
     """What the values of a detection are."""
 
     POSITION = RowKind.POSITION  # x, y in m (lidar, xiang2019 eq. 1)
     RADAR = RowKind.RADAR  # range in m, azimuth in rad, range rate in m/s, NaN where not measured (xiang2019 eq. 2-4)
 
 
-DEFAULT_SIGMA: dict[Kind, tuple[float, ...]] = {Kind.POSITION: (0.15, 0.15), Kind.RADAR: (0.3, 0.03, 0.3)}
+DEFAULT_SIGMA: dict[DetectionKind, tuple[float, ...]] = {
+    DetectionKind.POSITION: (0.15, 0.15),
+    DetectionKind.RADAR: (0.3, 0.03, 0.3),
+}
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Detections:
     """
 
     source: str
-    kind: Kind
+    kind: DetectionKind
     stamp_ns: Int64Array
     values: FloatArray
     covariance: FloatArray | None = None
@@ -55,7 +58,7 @@ class Detections:
     scan_stamp_ns: Int64Array | None = None
 
     def __post_init__(self) -> None:
-        width = 2 if self.kind == Kind.POSITION else 3
+        width = 2 if self.kind == DetectionKind.POSITION else 3
         n = len(self.stamp_ns)
         if self.values.shape != (n, width):
             raise ValueError(f"{self.source}: values {self.values.shape}, expected {(n, width)}")

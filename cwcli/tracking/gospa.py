@@ -102,7 +102,7 @@ class TrackingScores:
 
 
 class TrackLike(Protocol):
-    """What `Moments.of` needs of a track."""
+    """What `TargetMoments.of` needs of a track."""
 
     @property
     def id(self) -> int: ...
@@ -113,7 +113,7 @@ class TrackLike(Protocol):
 
 
 @dataclass(frozen=True)
-class Moments:
+class TargetMoments:
     """Targets or tracks as rows: `id` at `stamp_ns` is at `state` (n, 4): x, y, vx, vy."""
 
     stamp_ns: Int64Array
@@ -121,7 +121,7 @@ class Moments:
     state: FloatArray
 
     @classmethod
-    def of(cls, tracks: Sequence[TrackLike]) -> Moments:
+    def of(cls, tracks: Sequence[TrackLike]) -> TargetMoments:
         """The rows of `TargetTrack`s; of several rows of a track at one stamp, the last."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
         for track in tracks:
@@ -131,7 +131,7 @@ class Moments:
             states.append(track.state[last, :4])
         return cls(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
 
-    def at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> Moments:
+    def at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> TargetMoments:
         """Each id at the stamps that lie within its life, linear between its rows, never across a longer gap."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
         wanted = np.unique(stamp_ns)
@@ -149,10 +149,10 @@ class Moments:
             stamps.append(here)
             ids.append(np.full(len(here), k))
             states.append((1.0 - part) * self.state[mine[left]] + part * self.state[mine[right]])
-        return Moments(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
+        return TargetMoments(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
 
 
-def score(truth: Moments, tracks: Moments, *, cutoff_m: float = 5.0, p: float = 2.0) -> TrackingScores:
+def score(truth: TargetMoments, tracks: TargetMoments, *, cutoff_m: float = 5.0, p: float = 2.0) -> TrackingScores:
     """Compare tracks with the truth at every moment of the truth. Track rows at other moments are left out.
 
     A switch is counted as in CLEAR MOT (Bernardin, Stiefelhagen 2008): the target is paired with another id than at
@@ -184,7 +184,7 @@ def score(truth: Moments, tracks: Moments, *, cutoff_m: float = 5.0, p: float = 
     )  # fmt: skip
 
 
-def _target(truth: Moments, target: int, rows: list[FloatArray], switches: int) -> TargetErrors:
+def _target(truth: TargetMoments, target: int, rows: list[FloatArray], switches: int) -> TargetErrors:
     square = np.mean(np.square(rows), axis=0) if rows else np.full(4, np.nan)
     n = int((truth.id == target).sum())
     position, velocity = float(np.sqrt(square[:2].sum())), float(np.sqrt(square[2:].sum()))

@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.kernels.track import RowKind
 from cwcli.tracking.config import TrackerConfig
-from cwcli.tracking.prepare import Prepared
+from cwcli.tracking.prepare import PreparedDetections
 from cwcli.tracking.scan_loop import Association, ScanLoop
 
 # A sensor watches at least this much, however little it saw: m; m, rad, m/s.
@@ -17,7 +17,7 @@ _LEAST_EXTENT = {
 }
 
 
-def volume(prepared: Prepared, source: int) -> float:
+def volume(prepared: PreparedDetections, source: int) -> float:
     """Size of the part of the measurement space in which a source's detections lie: 2.5 to 97.5 % of each value.
 
     Positions count from the sensor, so that a drive through the map does not widen it.
@@ -39,7 +39,7 @@ def volume(prepared: Prepared, source: int) -> float:
     return float(np.prod(np.maximum((high - low) / 0.95, least)))
 
 
-def associate(prepared: Prepared, config: TrackerConfig) -> Association:
+def associate(prepared: PreparedDetections, config: TrackerConfig) -> Association:
     """Give every detection to a track.
 
     Clutter densities that the sensor models leave open are estimated: a first pass counts every detection as possible

@@ -16,9 +16,9 @@ from cwcli.tracking.detections import (
     AXES_YAW_RAD,
     DEFAULT_SIGMA,
     Counts,
+    DetectionKind,
     Detections,
     EgoStates,
-    Kind,
     SensorModel,
 )
 
@@ -94,7 +94,7 @@ class Scans:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedDetections:
     """Checked detections. `counts` is keyed by source."""
 
     rows: Rows
@@ -207,7 +207,7 @@ def _noise(data: Detections, model: SensorModel, counts: Counts) -> FloatArray:
 def _keep(data: Detections, model: SensorModel, counts: Counts, max_scan: int, lateness_s: float) -> Mask:
     """Rows that are good in themselves; the others are counted under the first reason that fits."""
     values = data.values
-    radar = data.kind == Kind.RADAR
+    radar = data.kind == DetectionKind.RADAR
     with np.errstate(invalid="ignore", over="ignore"):
         distance = values[:, 0] if radar else np.hypot(values[:, 0], values[:, 1])
         unknown = np.asarray(~np.isfinite(values[:, :2]).all(axis=1))
@@ -249,7 +249,7 @@ def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask
     z = np.zeros((n, 3))
     noise = np.tile(np.eye(3), (n, 1, 1))
     values = data.values[index]
-    if data.kind == Kind.POSITION:
+    if data.kind == DetectionKind.POSITION:
         c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
         z[:, :2] = pose[:, :2] + np.einsum("nij,nj->ni", turn, values)
@@ -307,7 +307,7 @@ def prepare(
     *,
     max_scan: int = 20_000,
     max_lateness_s: float = MAX_LATENESS_S,
-) -> Prepared:
+) -> PreparedDetections:
     """Check the detections, bring them into the tracking frame and put them in the order of time.
 
     Args:
@@ -335,7 +335,9 @@ def prepare(
         empty = np.zeros(0, np.int64)
         rows = Rows(empty, empty, np.zeros(0, np.int8), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 4)),
                     empty, ())  # fmt: skip
-        return Prepared(rows, Scans(empty, empty, np.zeros(1, np.int64), np.zeros((0, 3))), (), {}, ego is not None)
+        return PreparedDetections(
+            rows, Scans(empty, empty, np.zeros(1, np.int64), np.zeros((0, 3))), (), {}, ego is not None
+        )
     joined = Rows(
         np.concatenate([p.stamp_ns for p in parts]),
         np.concatenate([p.source for p in parts]),
@@ -348,4 +350,4 @@ def prepare(
     )
     rows = joined.take(np.lexsort((joined.source, joined.stamp_ns)))
     extra = [(k, d.scan_stamp_ns) for k, d in enumerate(detections) if d.scan_stamp_ns is not None]
-    return Prepared(rows, _scans(rows, extra, models, ego), models, counts, ego is not None)
+    return PreparedDetections(rows, _scans(rows, extra, models, ego), models, counts, ego is not None)

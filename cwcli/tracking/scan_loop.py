@@ -18,7 +18,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.associate import assign
 from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import SensorModel
-from cwcli.tracking.prepare import Prepared
+from cwcli.tracking.prepare import PreparedDetections
 
 Mask = npt.NDArray[np.bool_]
 _MAX_LOG_ODDS = 30.0
@@ -85,7 +85,7 @@ def in_view(x: FloatArray, pose: FloatArray, model: SensorModel) -> Mask:
 class ScanLoop:
     """The state of the pass; `run` does it."""
 
-    def __init__(self, prepared: Prepared, config: TrackerConfig, density: FloatArray) -> None:
+    def __init__(self, prepared: PreparedDetections, config: TrackerConfig, density: FloatArray) -> None:
         self.prepared, self.config, self.density = prepared, config, density
         self.filter, self.rows = config.single.kernel_filter(), prepared.rows.for_kernel()
         self.living = _Living(config.max_tracks, len(config.single.motion.states))

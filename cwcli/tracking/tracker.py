@@ -12,10 +12,10 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import Counts, Detections, EgoStates, SensorModel
 from cwcli.tracking.many import associate
-from cwcli.tracking.prepare import Prepared, Rows, prepare
+from cwcli.tracking.prepare import PreparedDetections, Rows, prepare
 from cwcli.tracking.scan_loop import Association
 from cwcli.tracking.single import Consistency, FilterOutput, consistency, run_filter
-from cwcli.tracking.tune import Tuned, rescale, tune
+from cwcli.tracking.tune import TunedFilter, rescale, tune
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class TrackResult:
     counts: dict[str, Counts]
     consistency: dict[str, Consistency]
     state_names: tuple[str, ...]
-    tuned: Tuned | None = None
+    tuned: TunedFilter | None = None
     clutter_density: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -156,7 +156,7 @@ def track_many(
     )  # fmt: skip
 
 
-def _with_scans(prepared: Prepared, which: Int64Array, last_ns: int) -> Rows:
+def _with_scans(prepared: PreparedDetections, which: Int64Array, last_ns: int) -> Rows:
     """The rows `which` and a predict-only row at every other scan between the first of them and `last_ns`."""
     rows = prepared.rows.take(which)
     times = np.unique(prepared.scans.stamp_ns)
@@ -177,7 +177,7 @@ def _with_scans(prepared: Prepared, which: Int64Array, last_ns: int) -> Rows:
 
 
 def _follow(
-    prepared: Prepared, found: Association, k: int, config: TrackerConfig
+    prepared: PreparedDetections, found: Association, k: int, config: TrackerConfig
 ) -> tuple[TargetTrack, tuple[Int64Array, FilterOutput]]:
     """Filter (and smooth) one track over its own detections."""
     single = replace(config.single, gate_probability=1.0)

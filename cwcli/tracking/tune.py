@@ -22,7 +22,7 @@ MAX_ROWS = 20_000
 
 
 @dataclass(frozen=True)
-class Tuned:
+class TunedFilter:
     """The result of `tune`.
 
     Attributes:
@@ -106,7 +106,7 @@ def _enough(targets: Sequence[Rows]) -> list[Rows]:
     return out
 
 
-def tune(targets: Sequence[Rows], config: FilterConfig) -> Tuned:
+def tune(targets: Sequence[Rows], config: FilterConfig) -> TunedFilter:
     """Find the process noise of `config` and the sigma factors of each source that make the rows most likely.
 
     The rows are not gated: what is an outlier can't be told before the noise is known.
@@ -148,7 +148,7 @@ def tune(targets: Sequence[Rows], config: FilterConfig) -> Tuned:
     start = np.zeros(n_process + sum(widths))
     before = -cost(start)
     if not any(len(t) > 10 for t in targets):
-        return Tuned(config, {}, before, before, 1)
+        return TunedFilter(config, {}, before, before, 1)
     theta, value, calls = minimise(cost, start)
     tuned, scale = decode(theta)
-    return Tuned(replace(tuned, tune=False), scale, before, -value, calls + 1)
+    return TunedFilter(replace(tuned, tune=False), scale, before, -value, calls + 1)

@@ -106,7 +106,7 @@ class RealConflict:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class EventVerdict:
     """What became of an event.
 
     Attributes:
@@ -162,7 +162,7 @@ def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside
 
 def judge(
     raised_ns: int, last_ns: int, conflicts: Sequence[RealConflict], pair: Pair, config: WarningConfig
-) -> Verdict:
+) -> EventVerdict:
     """The verdict on one event, raised at `raised_ns` and held until `last_ns`."""
     max_lead_ns = round(config.max_lead_s * NS_PER_S)
     closest_ns, closest_m = _closest(pair, raised_ns, raised_ns + max_lead_ns)
@@ -172,9 +172,9 @@ def judge(
         lead_ns = conflict.onset_ns - raised_ns
         if lead_ns <= max_lead_ns or conflict.onset_ns <= last_ns:
             kind = TRUE if lead_ns >= 0 else LATE
-            return Verdict(kind, index, lead_ns / NS_PER_S, conflict.closest_ns, conflict.closest_m)
+            return EventVerdict(kind, index, lead_ns / NS_PER_S, conflict.closest_ns, conflict.closest_m)
     decided = _covers(pair, raised_ns, raised_ns + round(config.horizon_s * NS_PER_S), config.max_gap_s)
-    return Verdict(FALSE if decided else UNDECIDED, -1, float("nan"), closest_ns, closest_m)
+    return EventVerdict(FALSE if decided else UNDECIDED, -1, float("nan"), closest_ns, closest_m)
 
 
 def _closest(pair: Pair, begin_ns: int, end_ns: int) -> tuple[int, float]:

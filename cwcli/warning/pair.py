@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.align import Points, pair_up, read_covariance, read_paths
-from cwcli.warning.conflicts import RealConflict, Verdict
+from cwcli.warning.conflicts import EventVerdict, RealConflict
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.measures import Measures, measure
 from cwcli.warning.rules.base import Decision, Rule
@@ -67,7 +67,7 @@ class ScoredPair:
     evaluation: PairEvaluation
     actual: Pair
     conflicts: list[RealConflict]
-    verdicts: list[Verdict]
+    verdicts: list[EventVerdict]
 
 
 def evaluate_pair(

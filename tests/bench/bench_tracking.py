@@ -20,9 +20,9 @@ import numpy as np
 
 from cwcli.simulation.dual_sensor import DualSensorScene, SensorNoise, crossing_targets, segment
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Detections, Kind, SensorModel
-from cwcli.tracking.gospa import Moments, score
-from cwcli.tracking.prepare import Prepared, prepare
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
+from cwcli.tracking.gospa import TargetMoments, score
+from cwcli.tracking.prepare import PreparedDetections, prepare
 from cwcli.tracking.single import run_filter
 from cwcli.tracking.tracker import track_many
 
@@ -42,7 +42,7 @@ class Speed:
     state: np.ndarray
 
 
-def prepared_segment() -> Prepared:
+def prepared_segment() -> PreparedDetections:
     """500 alternating lidar and radar samples of one walking target, without range rates (xiang2019 eq. 8)."""
     scene = segment("arc", N_SAMPLES, NOISE, np.random.default_rng(1))
     sensors = {
@@ -50,8 +50,8 @@ def prepared_segment() -> Prepared:
         "radar": SensorModel(sigma=(NOISE.range_m, NOISE.azimuth_rad, NOISE.rate_mps), use_range_rate=False),
     }
     data = [
-        Detections("lidar", Kind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
-        Detections("radar", Kind.RADAR, scene.radar_stamp_ns, scene.radar),
+        Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
+        Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
     ]
     return prepare(data, sensors)
 
@@ -66,13 +66,13 @@ def best_of(repeats: int, run: Callable[[], np.ndarray]) -> Speed:
     return Speed(seconds, state)
 
 
-def cwcli_speed(data: Prepared, name: str, *, smooth: bool = False) -> Speed:
+def cwcli_speed(data: PreparedDetections, name: str, *, smooth: bool = False) -> Speed:
     """This package."""
     config = FilterConfig(filter=name, model="cv", noise=PROCESS_NOISE, gate_probability=1.0)
     return best_of(50, lambda: run_filter(data.rows, config, smooth=smooth).state[-1, :4])
 
 
-def filterpy_speed(data: Prepared, name: str) -> Speed:
+def filterpy_speed(data: PreparedDetections, name: str) -> Speed:
     """filterpy's filters, driven as its book does."""
     from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
@@ -136,7 +136,7 @@ def filterpy_speed(data: Prepared, name: str) -> Speed:
     return best_of(3, ekf if name == "ekf" else ukf)
 
 
-def stonesoup_speed(data: Prepared, name: str) -> Speed:
+def stonesoup_speed(data: PreparedDetections, name: str) -> Speed:
     """Stone Soup's predictors and updaters, driven as in its tutorials 1 to 3."""
     from stonesoup.models.measurement.linear import LinearGaussian
     from stonesoup.models.measurement.nonlinear import CartesianToBearingRange
@@ -185,17 +185,19 @@ def scene_of(seed: int) -> DualSensorScene:
     return crossing_targets(np.random.default_rng(seed), noise=SensorNoise(lidar_m=CROSSING_SIGMA_M))
 
 
-def cwcli_tracks(scene: DualSensorScene) -> Moments:
+def cwcli_tracks(scene: DualSensorScene) -> TargetMoments:
     """This package: causal, the clutter density found from the detections."""
-    data = Detections("lidar", Kind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy, scan_stamp_ns=scene.lidar_scan_ns)
+    data = Detections(
+        "lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy, scan_stamp_ns=scene.lidar_scan_ns
+    )
     single = FilterConfig(filter="ukf", model="cv", noise=PROCESS_NOISE, smooth=False)
     sensors = {"lidar": SensorModel(sigma=(CROSSING_SIGMA_M,) * 2, detection_probability=0.9)}
-    return Moments.of(track_many([data], sensors, TrackerConfig(single)).tracks)
+    return TargetMoments.of(track_many([data], sensors, TrackerConfig(single)).tracks)
 
 
 def stonesoup_tracks(
     scene: DualSensorScene, *, is_global: bool, missed_distance: float = 4.0, min_points: int = 4, patience: int = 5
-) -> Moments:
+) -> TargetMoments:
     """Stone Soup's multi-target tracker with (global) nearest neighbour, as in its tutorials 5 to 7 and 9.
 
     The settings are the best of a grid on five seeds: missed_distance 3, 4, 5; min_points 2, 3, 4, 5; patience 3, 5.
@@ -238,7 +240,7 @@ def stonesoup_tracks(
             stamps.append(round((at - EPOCH).total_seconds() * 1e6) * 1000)
             ids.append(keys.setdefault(track.id, len(keys) + 1))
             states.append(mean[[0, 2, 1, 3]])
-    return Moments(np.array(stamps, np.int64), np.array(ids, np.int64), np.array(states).reshape(-1, 4))
+    return TargetMoments(np.array(stamps, np.int64), np.array(ids, np.int64), np.array(states).reshape(-1, 4))
 
 
 def compare_speed() -> bool:
@@ -263,7 +265,7 @@ def compare_speed() -> bool:
 
 def compare_gospa(n_seeds: int) -> bool:
     """Print the table of GOSPA; True when this package is no worse than either of Stone Soup's."""
-    trackers: dict[str, Callable[[DualSensorScene], Moments]] = {
+    trackers: dict[str, Callable[[DualSensorScene], TargetMoments]] = {
         "cwcli": cwcli_tracks,
         "Stone Soup GNN": lambda scene: stonesoup_tracks(scene, is_global=True),
         "Stone Soup NN": lambda scene: stonesoup_tracks(scene, is_global=False),
@@ -278,7 +280,7 @@ def compare_gospa(n_seeds: int) -> bool:
             start = time.perf_counter()
             tracks = run(scene)
             seconds = time.perf_counter() - start
-            truth = Moments(scene.truth_stamp_ns, scene.truth_id, scene.truth_state)
+            truth = TargetMoments(scene.truth_stamp_ns, scene.truth_id, scene.truth_state)
             s = score(truth, tracks, cutoff_m=CUTOFF_M)
             values.append([s.distance.mean(), s.localisation.mean(), s.n_missed.mean(), s.n_false.mean(),
                            s.id_switches, seconds])  # fmt: skip

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cwcli.tracking.config import FILTERS, MODELS, FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Detections, EgoStates, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
 from cwcli.tracking.tracker import track_many, track_one
 
 any_number = st.one_of(
@@ -21,9 +21,9 @@ any_stamp = st.one_of(st.integers(0, 10**10), st.integers(-(2**63), 2**63 - 1))
 @st.composite
 def detections(draw):
     out = []
-    for source, kind in (("lidar", Kind.POSITION), ("radar", Kind.RADAR)):
+    for source, kind in (("lidar", DetectionKind.POSITION), ("radar", DetectionKind.RADAR)):
         n = draw(st.integers(0, 12))
-        width = 2 if kind == Kind.POSITION else 3
+        width = 2 if kind == DetectionKind.POSITION else 3
         covariance = draw(st.none() | hnp.arrays(np.float64, (n, width, width), elements=any_number))
         out.append(
             Detections(

@@ -11,7 +11,7 @@ from cwcli.kernels import track as kernel
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.simulation.dual_sensor import SEGMENTS, SensorNoise, segment
 from cwcli.tracking.config import FILTERS, MODELS, FilterConfig
-from cwcli.tracking.detections import Detections, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import Rows, prepare
 from cwcli.tracking.single import consistency, run_filter
 
@@ -156,8 +156,8 @@ def test_what_is_seen_exactly_is_known_exactly(name, model):
 def test_turning_the_world_turns_the_track(name, model, angle):
     scene = segment("weave", 120, NOISE, np.random.default_rng(3))
     data = [
-        Detections("lidar", Kind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
-        Detections("radar", Kind.RADAR, scene.radar_stamp_ns, scene.radar),
+        Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
+        Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
     ]
     plain = run_filter(prepare(data).rows, FilterConfig(filter=name, model=model))
     turned_sensors = {s: SensorModel(yaw_rad=angle) for s in ("lidar", "radar")}
@@ -196,9 +196,14 @@ def test_nees_and_nis_lie_inside_their_bounds(name):
         r = np.hypot(state[:, 0], state[:, 1])
         polar = np.stack([r, np.arctan2(state[:, 1], state[:, 0]), (state[:, :2] * state[:, 2:]).sum(axis=1) / r], 1)
         data = [
-            Detections("lidar", Kind.POSITION, stamp[::2], state[::2, :2] + 0.1 * rng.standard_normal((n // 2, 2))),
             Detections(
-                "radar", Kind.RADAR, stamp[1::2], polar[1::2] + rng.standard_normal((n // 2, 3)) * (0.3, 0.02, 0.2)
+                "lidar", DetectionKind.POSITION, stamp[::2], state[::2, :2] + 0.1 * rng.standard_normal((n // 2, 2))
+            ),
+            Detections(
+                "radar",
+                DetectionKind.RADAR,
+                stamp[1::2],
+                polar[1::2] + rng.standard_normal((n // 2, 3)) * (0.3, 0.02, 0.2),
             ),
         ]
         sensors = {"lidar": SensorModel(sigma=(0.1, 0.1)), "radar": SensorModel(sigma=(0.3, 0.02, 0.2))}

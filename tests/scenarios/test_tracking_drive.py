@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Detections, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.tracker import track_many, track_one
 
 LOG = Path(__file__).parents[2].parent / "shared" / "logs" / "udacity-obj-pose.ros2.mcap"
@@ -41,8 +41,8 @@ def drive():
     stamps = [np.array([row[0] for row in rows], np.int64) for rows in (lidar, radar, truth)]
     values = [np.array([row[1:] for row in rows], float) for rows in (lidar, radar, truth)]
     detections = [
-        Detections("/lidar/objects", Kind.POSITION, stamps[0], values[0]),
-        Detections("/radar/scan", Kind.RADAR, stamps[1], values[1]),
+        Detections("/lidar/objects", DetectionKind.POSITION, stamps[0], values[0]),
+        Detections("/radar/scan", DetectionKind.RADAR, stamps[1], values[1]),
     ]
     return detections, stamps[2], values[2]
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cwcli.control.closed_loop import COLLISION_DISTANCE_M, Motion, Outcome, driver_policy, fuzzy_policy, replay
+from cwcli.control.closed_loop import COLLISION_DISTANCE_M, RecordedMotion, Replay, driver_policy, fuzzy_policy, replay
 from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
 from cwcli.reproduction.song2016.methods import FAMILIES
 from cwcli.reproduction.song2016.warning import OURS, Moments
@@ -42,7 +42,7 @@ def control_part(name: str, moments: Moments) -> Part:
     return Part(tuple(findings), _plots(name, outcomes, moments))
 
 
-def true_motion(scenario: Scenario, vehicle: str) -> Motion:
+def true_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
     """The vehicle's true motion; beyond the scenario's end at its last speed and yaw rate for `EXTRA_S`."""
     time_s = np.arange(round((scenario.duration_s + EXTRA_S) / GRID_S) + 1, dtype=np.float64) * GRID_S
     state = scenario.vehicles[vehicle].motion.at(np.minimum(time_s, scenario.duration_s))
@@ -50,7 +50,7 @@ def true_motion(scenario: Scenario, vehicle: str) -> Motion:
     speed, heading, yaw_rate = np.maximum(state[:, 2], 0.0), state[:, 3], state[:, 5]
     half_turn = 0.5 * yaw_rate * beyond_s
     chord = speed * beyond_s * np.sinc(half_turn / np.pi)  # of the arc: 2 r sin(angle / 2)
-    return Motion(
+    return RecordedMotion(
         time_s,
         state[:, 0] + chord * np.cos(heading + half_turn),
         state[:, 1] + chord * np.sin(heading + half_turn),
@@ -59,7 +59,7 @@ def true_motion(scenario: Scenario, vehicle: str) -> Motion:
     )
 
 
-def _rear_end(outcomes: dict[str, Outcome]) -> list[Finding]:
+def _rear_end(outcomes: dict[str, Replay]) -> list[Finding]:
     """Constant speed collides, the other two don't, the jerk model keeps the larger gap."""
     findings = []
     for family in FAMILIES:
@@ -88,7 +88,7 @@ def _rear_end(outcomes: dict[str, Outcome]) -> list[Finding]:
     return findings
 
 
-def _intersection(outcomes: dict[str, Outcome]) -> list[Finding]:
+def _intersection(outcomes: dict[str, Replay]) -> list[Finding]:
     """The yaw-acceleration model keeps the largest minimum distance."""
     findings = [
         Finding(
@@ -120,7 +120,7 @@ def _reported(figure: str, what: str, values_m: FloatArray) -> Finding:
     return Finding(figure, f"{what}, least distance, median", "m", NOT_PRINTED, median, low, high, "reported")
 
 
-def _plots(name: str, outcomes: dict[str, Outcome], moments: Moments) -> tuple[Plot, ...]:
+def _plots(name: str, outcomes: dict[str, Replay], moments: Moments) -> tuple[Plot, ...]:
     """Distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
     distance, speed = FIGURES[name]
     when = np.column_stack([moments.by_method[method] for method in outcomes])

@@ -25,7 +25,7 @@ from cwcli.simulation.dual_sensor import (
     watch,
 )
 from cwcli.tracking.config import FILTERS, FilterConfig
-from cwcli.tracking.detections import Detections, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import Rows, prepare
 from cwcli.tracking.single import run_filter
 
@@ -56,9 +56,9 @@ def rows_of(scene: DualSensorScene, noise: SensorNoise, *, lidar: bool = True, r
     }
     data = []
     if lidar:
-        data.append(Detections("lidar", Kind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy))
+        data.append(Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy))
     if radar:
-        data.append(Detections("radar", Kind.RADAR, scene.radar_stamp_ns, scene.radar))
+        data.append(Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar))
     return prepare(data, sensors).rows
 
 

@@ -19,7 +19,7 @@ SHIFT = 4
 
 
 @dataclass(frozen=True)
-class Shape:
+class FilledShape:
     """A filled polygon: corners (n, 2) as (u, v) in pixels, grey 0 to 255; or an ellipse that fills two corners'
     box."""
 
@@ -29,7 +29,7 @@ class Shape:
 
 
 def draw(
-    image: Float32Array, shapes: Sequence[Shape], *, opacity: float = 1.0, hidden: BoolArray | None = None
+    image: Float32Array, shapes: Sequence[FilledShape], *, opacity: float = 1.0, hidden: BoolArray | None = None
 ) -> None:
     """Draw shapes over each other, then their union over the image, in place.
 

@@ -17,7 +17,7 @@ from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, drive_a
 from cwcli.simulation.road.conditions import CONDITIONS, shadow_band
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
-from cwcli.simulation.road.scene import RoadScene, Shadow, Vehicle
+from cwcli.simulation.road.scene import RoadScene, SceneVehicle, Shadow
 from cwcli.simulation.road.sets import SET_SIZE, SETS, SetSpec, draw_scene
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.streams import stream
@@ -121,7 +121,7 @@ class RoadDrive:
         moved = tuple(self._moved(vehicle, number, time_s) for number, vehicle in enumerate(self.scene.vehicles))
         return replace(self.scene, vehicles=moved), self.camera.turned(float(self.pitch_rad[index])), road
 
-    def _moved(self, vehicle: Vehicle, number: int, time_s: float) -> Vehicle:
+    def _moved(self, vehicle: SceneVehicle, number: int, time_s: float) -> SceneVehicle:
         """The same lane keeps its distance, other lanes pass or fall back, oncoming traffic comes."""
         rng = stream(self.config.seed, "road-drive", "vehicle", str(number))
         if vehicle.is_oncoming:

@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road import surface
-from cwcli.simulation.road.rows import Rows
+from cwcli.simulation.road.rows import ImageRows
 from cwcli.simulation.road.scene import Patch, RoadScene, Shadow
 from cwcli.simulation.road.surface import CELL_M, CELLS_M, HALF_WIDTH_M, Float32Array
 
@@ -19,7 +19,7 @@ NEAR_M = 150.0
 PENUMBRA_M = 0.06
 
 
-def grey_strip(rows: Rows, scene: RoadScene) -> Float32Array:
+def grey_strip(rows: ImageRows, scene: RoadScene) -> Float32Array:
     """Grey of the unlit-by-shadow surface, markings left out; shape (n, cells)."""
     rng = np.random.default_rng(scene.seed)
     shift, along = int(rng.integers(0, 60)) - 30, float(rng.uniform(0, 100))
@@ -38,7 +38,7 @@ def grey_strip(rows: Rows, scene: RoadScene) -> Float32Array:
     return made
 
 
-def light_strip(rows: Rows, scene: RoadScene) -> Float32Array | None:
+def light_strip(rows: ImageRows, scene: RoadScene) -> Float32Array | None:
     """Factor on the grey from shadows and headlights, shape (n, cells); None where it is 1 everywhere."""
     light = scene.light
     made: Float32Array | None = None
@@ -58,7 +58,7 @@ def light_strip(rows: Rows, scene: RoadScene) -> Float32Array | None:
     return made
 
 
-def headlights(rows: Rows) -> Float32Array:
+def headlights(rows: ImageRows) -> Float32Array:
     """Light of the own low beams over (row, cell), with a little from the sky and the street."""
     x = rows.x_m[:, None]
     y = rows.road.lateral_at(0.0, rows.x_m)[:, None] + CELLS_M[None, :]
@@ -67,7 +67,7 @@ def headlights(rows: Rows) -> Float32Array:
     return np.asarray(0.13 + 0.95 * np.nan_to_num(beam), np.float32)
 
 
-def _is_near(rows: Rows, station_m: float, reach_m: float) -> bool:
+def _is_near(rows: ImageRows, station_m: float, reach_m: float) -> bool:
     here = rows.road.station_m
     return here - reach_m - 5.0 < station_m < here + reach_m + NEAR_M
 
@@ -86,14 +86,14 @@ def _between(low_m: float, high_m: float, soft_m: float) -> Float32Array:
 
 
 def _share(
-    rows: Rows, start_m: FloatArray | Float32Array | float, end_m: FloatArray | Float32Array | float
+    rows: ImageRows, start_m: FloatArray | Float32Array | float, end_m: FloatArray | Float32Array | float
 ) -> FloatArray:
     """Share of each row's stretch of road that lies between two stations; bounds (1, cells) or numbers."""
     low, high = rows.start_m[:, None], rows.end_m[:, None]
     return np.clip((np.minimum(high, end_m) - np.maximum(low, start_m)) / np.maximum(high - low, 1e-3), 0.0, 1.0)
 
 
-def _lay(road: Float32Array, rows: Rows, patch: Patch) -> None:
+def _lay(road: Float32Array, rows: ImageRows, patch: Patch) -> None:
     low, high = patch.offset_m - patch.width_m / 2, patch.offset_m + patch.width_m / 2
     if patch.seam:
         outer = _share(rows, patch.station_m - SEAM_M, patch.station_m + patch.length_m + SEAM_M)
@@ -103,7 +103,7 @@ def _lay(road: Float32Array, rows: Rows, patch: Patch) -> None:
     road += inner.astype(np.float32) * (patch.ratio * grain - road)
 
 
-def _band(rows: Rows, shadow: Shadow) -> Float32Array:
+def _band(rows: ImageRows, shadow: Shadow) -> Float32Array:
     start = shadow.station_m + shadow.slant * CELLS_M[None, :]
     inside = _share(rows, start, start + shadow.length_m)
     return np.asarray(inside * _between(shadow.right_m, shadow.left_m, PENUMBRA_M), np.float32)

@@ -9,10 +9,10 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
-from cwcli.simulation.road.canvas import Shape, draw
+from cwcli.simulation.road.canvas import FilledShape, draw
 from cwcli.simulation.road.geometry import RoadAhead
 from cwcli.simulation.road.lamps import Lamp
-from cwcli.simulation.road.scene import Light, RoadScene, Vehicle
+from cwcli.simulation.road.scene import Light, RoadScene, SceneVehicle
 from cwcli.simulation.road.surface import Float32Array
 from cwcli.simulation.road.trees import N_SHAPES, draw_tree
 from cwcli.simulation.road.truth import BoolArray
@@ -77,7 +77,7 @@ def draw_vehicles(
     return lamps
 
 
-def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArray) -> list[Lamp]:
+def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: BoolArray) -> list[Lamp]:
     x, y, direction = view.road.at_arc(vehicle.ahead_m, vehicle.offset_m)
     forward = np.array([math.cos(direction), math.sin(direction)])
     left = np.array([-forward[1], forward[0]])
@@ -88,11 +88,13 @@ def _vehicle(image: Float32Array, view: _View, vehicle: Vehicle, hidden: BoolArr
         place = np.array([x, y]) + along * forward + across * left
         return float(place[0]), float(place[1]), up
 
-    def shape(grey: float, *corners: tuple[float, float, float]) -> Shape:
+    def shape(grey: float, *corners: tuple[float, float, float]) -> FilledShape:
         px, py, pz = np.array([at(*corner) for corner in corners]).T
-        return Shape(view.points(px, py, pz), view.shade(grey, x))
+        return FilledShape(view.points(px, py, pz), view.shade(grey, x))
 
-    def face(grey: float, left_m: float, right_m: float, low_m: float, high_m: float, along: float = 0.0) -> Shape:
+    def face(
+        grey: float, left_m: float, right_m: float, low_m: float, high_m: float, along: float = 0.0
+    ) -> FilledShape:
         corners = ((left_m, low_m), (right_m, low_m), (right_m, high_m), (left_m, high_m))
         return shape(grey, *((along, across, up) for across, up in corners))
 
@@ -148,7 +150,7 @@ def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
     along = starts[:, None] + np.array([0.0, 0.12, 0.12, 0.0])
     posts = view.points(along.ravel(), np.interp(along.ravel(), x, y), np.tile([0.0, 0.0, 0.7, 0.7], len(starts)))
     shapes = [
-        Shape(corners, view.shade(85.0, float(start)))
+        FilledShape(corners, view.shade(85.0, float(start)))
         for corners, start in zip(posts.reshape(-1, 4, 2), starts, strict=True)
     ]
     for far, near in pairwise(RAIL_STEPS_M):
@@ -157,7 +159,7 @@ def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
         there_and_back = np.concatenate([inside, inside[::-1]]), np.concatenate([side, side[::-1]])
         for low, high, grey in RAIL_BANDS:
             up = np.repeat([low, high], len(inside))
-            shapes.append(Shape(view.points(*there_and_back, up), view.shade(grey, near)))
+            shapes.append(FilledShape(view.points(*there_and_back, up), view.shade(grey, near)))
     draw(image, shapes)
 
 
@@ -172,7 +174,7 @@ def _posts(image: Float32Array, view: _View, offset_m: float) -> None:
             corners = view.points(
                 np.full(4, x), y + np.array([0.06, -0.06, -0.06, 0.06]), np.array([low, low, high, high])
             )
-            shapes.append(Shape(corners, view.shade(grey, x)))
+            shapes.append(FilledShape(corners, view.shade(grey, x)))
         draw(image, shapes)
 
 

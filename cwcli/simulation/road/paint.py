@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.rows import Rows
+from cwcli.simulation.road.rows import ImageRows
 from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.road.surface import WEAR_CELL_M, WEAR_CELLS, WEAR_LEVELS, Float32Array, wear
 
 FULLY_KEPT = 0.97
 
 
-def paint(image: Float32Array, rows: Rows, marking: Marking, *, gain: float) -> None:
+def paint(image: Float32Array, rows: ImageRows, marking: Marking, *, gain: float) -> None:
     """Blend a marking into the image of the rows, in place.
 
     Args:
@@ -32,7 +32,7 @@ def paint(image: Float32Array, rows: Rows, marking: Marking, *, gain: float) -> 
 
 
 def _stripe(
-    image: Float32Array, rows: Rows, marking: Marking, offset_m: float, dash_m: tuple[float, float], gain: float
+    image: Float32Array, rows: ImageRows, marking: Marking, offset_m: float, dash_m: tuple[float, float], gain: float
 ) -> None:
     camera, road, half = rows.camera, rows.road, marking.width_m / 2
     left = road.column_of(camera, offset_m + half, rows.sub_x_m)
@@ -72,7 +72,7 @@ def _painted(edge_m: FloatArray, dash_m: tuple[float, float]) -> FloatArray:
 
 
 def _kept(
-    rows: Rows,
+    rows: ImageRows,
     at: np.ndarray[tuple[int], np.dtype[np.intp]],
     columns: np.ndarray[tuple[int, int], np.dtype[np.intp]],
     middle_px: FloatArray,

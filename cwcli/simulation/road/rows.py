@@ -19,7 +19,7 @@ REACH_M = 8.0
 
 
 @dataclass(frozen=True)
-class Rows:
+class ImageRows:
     """The n rows that show road, from the top.
 
     Attributes:
@@ -55,7 +55,7 @@ class Rows:
         return np.asarray(cv2.remap(strip, self.map_u, self.map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101))
 
 
-def rows_of(camera: RoadCamera, road: RoadAhead) -> Rows:
+def rows_of(camera: RoadCamera, road: RoadAhead) -> ImageRows:
     """The rows that show road."""
     every = np.arange(camera.height_px, dtype=np.float64)
     x_m = road.distance_of_rows(camera, every)
@@ -73,4 +73,4 @@ def rows_of(camera: RoadCamera, road: RoadAhead) -> Rows:
     lateral = ((columns[None, :] - right[:, None]) * per_px[:, None] - REACH_M).astype(np.float32)
     map_u = np.nan_to_num((lateral + HALF_WIDTH_M) / CELL_M - 0.5)
     map_v = np.repeat(np.arange(len(v), dtype=np.float32)[:, None], camera.width_px, axis=1)
-    return Rows(camera, road, v, x_m, edge, fine[:, 1::2], start, end, map_u.astype(np.float32), map_v)
+    return ImageRows(camera, road, v, x_m, edge, fine[:, 1::2], start, end, map_u.astype(np.float32), map_v)

@@ -60,7 +60,7 @@ class Shadow:
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class SceneVehicle:
     """A car or lorry, seen from behind (or from before, if it comes the other way).
 
     Attributes:
@@ -144,7 +144,7 @@ class RoadScene:
     tracks: float = 0.3
     cracks: float = 0.2
     patches: tuple[Patch, ...] = ()
-    vehicles: tuple[Vehicle, ...] = ()
+    vehicles: tuple[SceneVehicle, ...] = ()
     rail_left_m: float = float("nan")
     rail_right_m: float = float("nan")
     light: Light = field(default_factory=Light)

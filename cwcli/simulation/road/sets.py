@@ -19,7 +19,7 @@ from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.conditions import CONDITIONS
 from cwcli.simulation.road.geometry import RoadAhead, clothoid
 from cwcli.simulation.road.render import RoadFrame, render
-from cwcli.simulation.road.scene import Marking, Patch, RoadScene, Vehicle
+from cwcli.simulation.road.scene import Marking, Patch, RoadScene, SceneVehicle
 from cwcli.simulation.streams import stream
 
 SET_SIZE = 500
@@ -228,7 +228,7 @@ def _patch(lane_width_m: float, rng: np.random.Generator) -> Patch:
 
 def _traffic(
     spec: SetSpec, lane_width_m: float, n_left: int, n_right: int, rng: np.random.Generator
-) -> tuple[Vehicle, ...]:
+) -> tuple[SceneVehicle, ...]:
     found = []
     places = [(0.0, spec.vehicles[0], True)]
     places += [(lane_width_m * (k + 1), spec.vehicles[1], n_left > 0) for k in range(n_left)]
@@ -239,7 +239,7 @@ def _traffic(
         nearest, farthest = spec.own_gap_m if middle == 0.0 else (8.0, 70.0)
         is_lorry = rng.random() < 0.25
         found.append(
-            Vehicle(
+            SceneVehicle(
                 ahead_m=rng.uniform(nearest, farthest),
                 offset_m=middle + rng.uniform(-0.25, 0.25),
                 length_m=rng.uniform(8.0, 13.0) if is_lorry else rng.uniform(4.0, 4.9),

@@ -14,7 +14,7 @@ from cwcli.signals.columns import Strings
 from cwcli.signals.elements import taken
 from cwcli.signals.rows import rows_by_stamp
 from cwcli.tracking.convert import polar_from_cartesian
-from cwcli.tracking.detections import Detections, EgoStates, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
 from cwcli.tracking.sensor_setting import SensorSetting
 
 
@@ -32,7 +32,7 @@ def detections_of(signal: DetectionSignal, setting: SensorSetting) -> Detections
         values = values * np.array([1.0, 1.0, -1.0])
     return Detections(
         source=signal.source,
-        kind=Kind.POSITION if signal.kind == "position" else Kind.RADAR,
+        kind=DetectionKind.POSITION if signal.kind == "position" else DetectionKind.RADAR,
         stamp_ns=np.repeat(signal.stamp_ns[arrival], counts),
         values=values,
         covariance=covariance,

@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli.channels.control_step import ReplayedSteps
 from cwcli.control.controller import speed_difference
-from cwcli.control.encounter import POLICIES, Encounter
+from cwcli.control.encounter import POLICIES, ReplayedWarning
 from cwcli.measures.outlines import outline_distance
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.pipeline.result import Cell, Section
@@ -40,7 +40,7 @@ class Replayed:
     warning_ns: int
     other: VehicleTrack
     host_size_m: tuple[float, float]
-    encounter: Encounter
+    encounter: ReplayedWarning
 
     def stamp_ns(self, time_s: float) -> int:
         """A time of the replay as a stamp, -1 for NaN."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.channels.lateral_state import STATE_NAMES, read_lateral_truth
-from cwcli.dynamics.samples import LateralTrack, Status
+from cwcli.dynamics.samples import FrameStatus, LateralTrack
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.columns import Columns, FloatArray
@@ -31,7 +31,7 @@ def observer_table(track: LateralTrack) -> Table:
     sigma = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
     columns: dict[str, TableColumn] = {
         "stamp_ns": track.stamp_ns,
-        "status": [Status(code).name.lower() for code in track.status.tolist()],
+        "status": [FrameStatus(code).name.lower() for code in track.status.tolist()],
         "speed_mps": track.speed_mps,
     }
     for k, (name, sigma_name) in enumerate(zip(STATE_NAMES, SIGMA_NAMES, strict=True)):
@@ -119,7 +119,7 @@ def truth_section(errors: Table, topic: str) -> Section:
 
 def _is_settled(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Where the observer began at least `SETTLED_S` before, shape (n,)."""
-    began = np.where(track.status == Status.STARTED, track.stamp_ns, np.iinfo(np.int64).min)
+    began = np.where(track.status == FrameStatus.STARTED, track.stamp_ns, np.iinfo(np.int64).min)
     began = np.maximum.accumulate(began) if len(began) else began
     has_begun = began > np.iinfo(np.int64).min
     age_ns = np.where(has_begun, track.stamp_ns - np.where(has_begun, began, 0), -1)

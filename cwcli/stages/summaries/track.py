@@ -11,7 +11,7 @@ from cwcli.metrics.table import Table
 from cwcli.pipeline.result import Cell, InputCount, Section
 from cwcli.stages.track_truth import TruthScores
 from cwcli.tracking.config import FilterConfig
-from cwcli.tracking.detections import Counts, Kind
+from cwcli.tracking.detections import Counts, DetectionKind
 from cwcli.tracking.gospa import TargetErrors, TrackingScores
 from cwcli.tracking.single import Consistency
 from cwcli.tracking.tracker import TargetTrack, TrackResult
@@ -19,9 +19,9 @@ from cwcli.tracking.tracker import TargetTrack, TrackResult
 ASSOCIATION = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
 COMPONENTS = (("x", "m"), ("y", "m"), ("vx", "m/s"), ("vy", "m/s"))
-VALUES: dict[Kind, tuple[tuple[str, str], ...]] = {
-    Kind.POSITION: (("position", "m"),),
-    Kind.RADAR: (("range", "m"), ("azimuth", "rad"), ("range rate", "m/s")),
+VALUES: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
+    DetectionKind.POSITION: (("position", "m"),),
+    DetectionKind.RADAR: (("range", "m"), ("azimuth", "rad"), ("range rate", "m/s")),
 }
 MAX_TARGETS_SHOWN = 20
 NIS_WORDS = {True: "in", False: "OUT"}
@@ -41,7 +41,7 @@ def detection_counts(counts: Mapping[str, Counts]) -> tuple[InputCount, ...]:
 
 
 def sections(
-    result: TrackResult, kinds: Mapping[str, Kind], errors: TruthScores | None, *, in_map: bool
+    result: TrackResult, kinds: Mapping[str, DetectionKind], errors: TruthScores | None, *, in_map: bool
 ) -> tuple[Section, ...]:
     """The stage's tables for the terminal."""
     found = [_sensors_section(result), _noise_section(result, kinds), _targets_section(result, in_map)]
@@ -53,7 +53,7 @@ def sections(
 
 
 def track_tables(
-    result: TrackResult, single: FilterConfig, kinds: Mapping[str, Kind], errors: TruthScores | None
+    result: TrackResult, single: FilterConfig, kinds: Mapping[str, DetectionKind], errors: TruthScores | None
 ) -> dict[str, Table]:
     """One table: a row per metric, in the form of `cwcli estimate`'s.
 
@@ -86,8 +86,8 @@ def track_tables(
     }
 
 
-def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: Kind) -> list[Row]:
-    quantity = "position" if kind == Kind.POSITION else "radar"
+def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: DetectionKind) -> list[Row]:
+    quantity = "position" if kind == DetectionKind.POSITION else "radar"
     rows: list[Row] = [("", source, quantity, "read_count", float(count.read), "")]
     rows.append(("", source, quantity, "used_count", float(count.used), ""))
     for reason, n in (*count.rejected.items(), *count.repaired.items()):
@@ -162,7 +162,7 @@ def _nis_cells(check: Consistency | None) -> tuple[Cell, ...]:
     return check.nis_mean / check.dof, f"{low:.2f} to {high:.2f}", NIS_WORDS[check.is_inside]
 
 
-def _noise_section(result: TrackResult, kinds: Mapping[str, Kind]) -> Section:
+def _noise_section(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> Section:
     if result.tuned is None:
         return Section("noise", "", (), ())
     rows: list[tuple[Cell, ...]] = [

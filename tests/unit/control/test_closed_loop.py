@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from cwcli.control.car import CarResponse, CarState, advance
-from cwcli.control.closed_loop import Motion, Situation, driver_policy, fuzzy_policy, replay, time_to_close
+from cwcli.control.closed_loop import RecordedMotion, Situation, driver_policy, fuzzy_policy, replay, time_to_close
 
 INSTANT = CarResponse(brake_lag_s=1e-9, throttle_lag_s=1e-9, max_jerk_mps3=1e9)
 
 
-def straight(speed_mps: float, start_m: float, end_s: float = 10.0) -> Motion:
+def straight(speed_mps: float, start_m: float, end_s: float = 10.0) -> RecordedMotion:
     time_s = np.linspace(0.0, end_s, 201)
     zeros = np.zeros_like(time_s)
-    return Motion(time_s, start_m + speed_mps * time_s, zeros, zeros, np.full_like(time_s, speed_mps))
+    return RecordedMotion(time_s, start_m + speed_mps * time_s, zeros, zeros, np.full_like(time_s, speed_mps))
 
 
 def brake_5_mpa(situation: Situation) -> tuple[np.ndarray, np.ndarray]:
@@ -80,7 +80,7 @@ def test_driver_brakes_after_the_reaction_time() -> None:
 def test_host_keeps_to_its_recorded_curve() -> None:
     angle = np.linspace(0.0, np.pi, 400)
     time_s = angle * 40.0 / 10.0
-    host = Motion(time_s, 40.0 * np.sin(angle), 40.0 - 40.0 * np.cos(angle), angle, np.full(400, 10.0))
+    host = RecordedMotion(time_s, 40.0 * np.sin(angle), 40.0 - 40.0 * np.cos(angle), angle, np.full(400, 10.0))
     outcome = replay(host, straight(0.0, 500.0, end_s=12.0), np.array([3.0]), brake_5_mpa)
     radius = np.hypot(outcome.x_m[0], outcome.y_m[0] - 40.0)
     np.testing.assert_allclose(radius, 40.0, atol=2e-3)
@@ -88,7 +88,7 @@ def test_host_keeps_to_its_recorded_curve() -> None:
 
 def test_motions_that_do_not_overlap_are_refused() -> None:
     late = straight(1.0, 0.0)
-    late = Motion(late.time_s + 100.0, late.x_m, late.y_m, late.heading_rad, late.speed_mps)
+    late = RecordedMotion(late.time_s + 100.0, late.x_m, late.y_m, late.heading_rad, late.speed_mps)
     with pytest.raises(ValueError, match="overlap"):
         replay(straight(1.0, 0.0), late, np.array([1.0]), fuzzy_policy)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from cwcli.kernels.observer import CAM, EL, ETA, GYRO, KL, STEER, VY, YL, Begin, G, Kind
+from cwcli.kernels.observer import CAM, EL, ETA, GYRO, KL, STEER, VY, YL, Begin, EventKind, G
 
 
 def blend(phi, gamma, gain, *, low, weight, begin, periods, inputs, measured):
@@ -94,9 +94,11 @@ def observe(dt, speed, kind, values, sigmas, model, car, preview_m):
         n = max(1, int(np.ceil(dt[i] / model["max_step_s"] - 1e-9)))
         for _ in range(n if dt[i] > 0 else 0):
             x, p = predict(x, p, dt[i] / n, speed[i], car, preview_m, q, min_speed)
-        rows = {Kind.LANE: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: model["camera_preview_m"]})]}
+        rows = {
+            EventKind.LANE: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: model["camera_preview_m"]})]
+        }
         for column, entries in rows.get(
-            int(kind[i]), [(0, {G: 1.0, GYRO: 1.0} if kind[i] == Kind.YAW_RATE else {STEER: 1.0})]
+            int(kind[i]), [(0, {G: 1.0, GYRO: 1.0} if kind[i] == EventKind.YAW_RATE else {STEER: 1.0})]
         ):
             if np.isnan(values[i, column]):
                 continue

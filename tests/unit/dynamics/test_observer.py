@@ -10,11 +10,11 @@ from cwcli.dynamics import blended as paper
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
 from cwcli.dynamics.filter import kernel_model
 from cwcli.dynamics.observer import METHODS, observe
-from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples, Status
+from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.kernels import observer as kernel
-from cwcli.kernels.observer import Begin, EventStatus, Kind
+from cwcli.kernels.observer import Begin, EventKind, EventStatus
 from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane, true_preview
 from cwcli.simulation.lane_drive import Road, Runs, drive_lane
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
@@ -70,17 +70,17 @@ def test_filter_kernel_equals_its_twin(with_load: bool) -> None:
     n = 100
     frames = slice(0, 20)
     values = np.full((n, 3), np.nan)
-    kind = np.full(n, Kind.YAW_RATE, np.int8)
-    kind[::5] = Kind.LANE
-    kind[3::10] = Kind.STEERING_ANGLE
+    kind = np.full(n, EventKind.YAW_RATE, np.int8)
+    kind[::5] = EventKind.LANE
+    kind[3::10] = EventKind.STEERING_ANGLE
     lanes = SENSED.lanes
     values[::5] = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])[frames]
     index = SENSED.index[0] + 2 * np.arange(n)
-    values[kind == Kind.YAW_RATE, 0] = TRUTH.yaw_rate_radps[index, 0][kind == Kind.YAW_RATE]
-    values[kind == Kind.STEERING_ANGLE, 0] = TRUTH.steer_rad[index, 0][kind == Kind.STEERING_ANGLE]
+    values[kind == EventKind.YAW_RATE, 0] = TRUTH.yaw_rate_radps[index, 0][kind == EventKind.YAW_RATE]
+    values[kind == EventKind.STEERING_ANGLE, 0] = TRUTH.steer_rad[index, 0][kind == EventKind.STEERING_ANGLE]
     values[50:70:5] = np.nan
     sigmas = np.tile([0.05, 0.003, 3e-4], (n, 1))
-    sigmas[kind != Kind.LANE] = 0.003
+    sigmas[kind != EventKind.LANE] = 0.003
     dt = np.full(n, 0.02)
     dt[0] = 0.0
     speed = 25.0 + np.sin(np.arange(n) * 0.1)
@@ -142,9 +142,9 @@ def test_boundaries_missing_for_seconds(method: str) -> None:
     track = observe(sensed.lanes, sensed.speed, CAR, ObserverConfig(method))
     time_s = TRUTH.time_s[sensed.index]
     short, long = (time_s >= 8.0) & (time_s < 9.0), (time_s >= 14.2) & (time_s < 17.0)
-    assert set(track.status[short]) == {Status.PREDICTED}
+    assert set(track.status[short]) == {FrameStatus.PREDICTED}
     assert np.isfinite(track.state[short]).all()
-    assert set(track.status[long]) == {Status.LOST}
+    assert set(track.status[long]) == {FrameStatus.LOST}
     assert np.isnan(track.state[long]).all()
     after = time_s >= 18.5
     np.testing.assert_allclose(track.state[after, 1], true_state(sensed)[after, 1], atol=np.radians(1.5))
@@ -172,9 +172,9 @@ def test_missing_speed(method: str) -> None:
     holed = Samples(speed.stamp_ns, np.where(gap, np.nan, speed.values))
     track = observe(SENSED.lanes, holed, CAR, ObserverConfig(method))
     inside = (SENSED.stamp_ns > 11_000_000_000) & (SENSED.stamp_ns < 13_000_000_000)
-    assert set(track.status[inside]) == {Status.NO_SPEED}
+    assert set(track.status[inside]) == {FrameStatus.NO_SPEED}
     assert np.isnan(track.state[inside]).all()
-    assert track.status[-1] == Status.OBSERVED
+    assert track.status[-1] == FrameStatus.OBSERVED
     assert track.counts["started"] == 2
 
 
@@ -187,7 +187,7 @@ def test_standing_still() -> None:
     ours = observe(lanes, speed, CAR)
     np.testing.assert_allclose(ours.state[:, :2], 0.0, atol=2e-3)
     papers = observe(lanes, speed, CAR, ObserverConfig("zhang2011"))
-    assert set(papers.status) == {Status.TOO_SLOW}
+    assert set(papers.status) == {FrameStatus.TOO_SLOW}
     assert np.isnan(papers.state).all()
 
 
@@ -228,7 +228,7 @@ def test_a_lane_change_moves_the_place_and_not_the_motion() -> None:
     jumped[150:] += 3.6
     track = observe(replace(lanes, lateral_deviation_m=jumped), SENSED.speed, CAR)
     expected = true_state(SENSED)
-    assert track.status[150] == Status.REJECTED
+    assert track.status[150] == FrameStatus.REJECTED
     assert track.counts["started"] == 1
     np.testing.assert_allclose(track.state[150:170, 1], expected[150:170, 1], atol=0.02)
     np.testing.assert_allclose(track.state[155:, 2], expected[155:, 2] + 3.6, atol=0.2)
@@ -291,7 +291,7 @@ def test_another_lane_does_not_make_the_camera_known() -> None:
     speed = Samples(stamp_ns, np.full(n, 25.0))
     same = LaneSamples(stamp_ns, np.zeros(n), np.zeros(n), np.zeros(n), np.full(n, 0.05), np.full(n, 0.003))
     jumped = observe(replace(same, lateral_deviation_m=3.6 * (np.arange(n) >= 40)), speed, CAR, config)
-    assert jumped.status[40] == Status.REJECTED
+    assert jumped.status[40] == FrameStatus.REJECTED
     assert (jumped.covariance[40:, 2, 2] >= observe(same, speed, CAR, config).covariance[40:, 2, 2]).all()
 
 
@@ -299,7 +299,7 @@ def test_one_wrong_frame_is_left_out() -> None:
     heading = SENSED.lanes.heading_deviation_rad.copy()
     heading[150] += 0.2
     track = observe(replace(SENSED.lanes, heading_deviation_rad=heading), SENSED.speed, CAR)
-    assert track.status[150] == Status.REJECTED
+    assert track.status[150] == FrameStatus.REJECTED
     np.testing.assert_allclose(track.state[145:160, 1], true_state(SENSED)[145:160, 1], atol=0.02)
 
 

@@ -27,7 +27,7 @@ from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict
 from cwcli.stages.track_truth import TruthScores, score_record
 from cwcli.stages.warn import WarnConfig, warn
-from cwcli.tracking.gospa import Moments, score
+from cwcli.tracking.gospa import TargetMoments, score
 from cwcli.tracking.tracker import TrackResult
 from cwcli.warning.types import WarningConfig
 from tests.unit.evaluation.small_logs import T0_NS, log_of, values
@@ -240,8 +240,8 @@ def test_lateral_motion_agrees_with_the_stages_own_table(tmp_path: Path) -> None
 def test_tracking_scores_come_from_the_record(tmp_path: Path) -> None:
     at = np.array([0, 1, 2]) * 10**8 + T0_NS
     ids = np.zeros(3, np.int64)
-    truth = Moments(at, ids, np.zeros((3, 4)))
-    tracks = Moments(at[:2], ids[:2], np.array([[3.0, 4.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]))
+    truth = TargetMoments(at, ids, np.zeros((3, 4)))
+    tracks = TargetMoments(at[:2], ids[:2], np.array([[3.0, 4.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]))
     scores = score(truth, tracks, cutoff_m=10.0)
     empty = TrackResult((), counts={}, consistency={}, frame="map", sources=(), state_names=())
     record = {"scores": score_record(empty, TruthScores("/truth/target", ("a",), scores))}

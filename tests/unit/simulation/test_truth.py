@@ -10,7 +10,7 @@ from scipy.special import fresnel
 from cwcli.errors import UsageError
 from cwcli.simulation.profile import read_profile
 from cwcli.simulation.scenario import load_scenario
-from cwcli.simulation.truth import Motion, check_possible, closest_approach, first_time_below
+from cwcli.simulation.truth import TrueMotion, check_possible, closest_approach, first_time_below
 
 ATOL_M = 1e-6
 ATOL_RAD = 1e-9
@@ -24,12 +24,12 @@ def motion(
     speed_mps: float = 10,
     end_s: float = 60,
     heading_rad: float = 0,
-) -> Motion:
+) -> TrueMotion:
     profile = read_profile(longitudinal, lateral, speed_mps=speed_mps, end_s=end_s, path="host", source="drive.toml")
-    return Motion(profile, x_m=0.0, y_m=0.0, heading_rad=heading_rad)
+    return TrueMotion(profile, x_m=0.0, y_m=0.0, heading_rad=heading_rad)
 
 
-def at(made: Motion, *time_s: float) -> np.ndarray:
+def at(made: TrueMotion, *time_s: float) -> np.ndarray:
     return made.at(np.array(time_s))
 
 
@@ -136,7 +136,7 @@ def test_closest_approach_of_two_crossing_cars_by_hand() -> None:
     # East at 10 m/s from the origin, north at 10 m/s from (30, -38): relative way along (-1, 1) / sqrt(2).
     east = motion(speed_mps=10, end_s=8)
     profile = read_profile(None, None, speed_mps=10, end_s=8, path="b", source="drive.toml")
-    north = Motion(profile, x_m=30.0, y_m=-38.0, heading_rad=np.pi / 2)
+    north = TrueMotion(profile, x_m=30.0, y_m=-38.0, heading_rad=np.pi / 2)
     time_s, distance_m = closest_approach(east, north, 8)
     assert time_s == pytest.approx(3.4, abs=1e-3)
     assert distance_m == pytest.approx(8 / np.sqrt(2), abs=1e-5)

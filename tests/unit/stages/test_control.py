@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.vehicle_state import read_states
-from cwcli.control.encounter import POLICIES, Span
+from cwcli.control.encounter import POLICIES, ReplaySpan
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.read.reader import Log
@@ -140,8 +140,8 @@ def test_no_state_of_the_ego_in_the_span(rear_end: tuple[Log, StageResult]) -> N
         {"predictor": "unknown"},
         {"rule": "unknown"},
         {"horizon_s": -1.0},
-        {"span": Span(duration_s=0.0)},
-        {"span": Span(after_s=float("nan"))},
+        {"span": ReplaySpan(duration_s=0.0)},
+        {"span": ReplaySpan(after_s=float("nan"))},
     ],
 )
 def test_settings_out_of_range(settings: dict[str, Any]) -> None:

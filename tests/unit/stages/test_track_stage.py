@@ -15,7 +15,7 @@ from cwcli.stages.records import map_of
 from cwcli.stages.track import TrackConfig, _tracks
 from cwcli.stages.track_truth import scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Detections, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.tracker import track_many, track_one
 
 T0_NS = 1_700_000_000_000_000_000
@@ -54,7 +54,7 @@ def test_detections_come_in_the_order_of_arrival_with_their_scans():
 
 def test_a_radar_s_track_becomes_range_azimuth_and_closing_speed():
     data = detections_of(signal("radar_track", [[3.0, 4.0, 5.0, 0.0]]), SensorSetting())
-    assert data.kind == Kind.RADAR
+    assert data.kind == DetectionKind.RADAR
     np.testing.assert_allclose(data.values, [[5.0, np.arctan2(4, 3), 3.0]])
 
 
@@ -92,7 +92,7 @@ def test_sensors_in_the_map_and_on_the_car_need_the_ego():
 def lidar(xy, stamps=None):
     xy = np.asarray(xy, dtype=float)
     stamp_ns = T0_NS + STEP_NS * np.arange(len(xy)) if stamps is None else np.asarray(stamps)
-    return Detections("/s", Kind.POSITION, stamp_ns, xy, scan_stamp_ns=np.unique(stamp_ns))
+    return Detections("/s", DetectionKind.POSITION, stamp_ns, xy, scan_stamp_ns=np.unique(stamp_ns))
 
 
 def run(data, **config):

@@ -3,7 +3,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from cwcli.tracking.gospa import Moments, gospa, score
+from cwcli.tracking.gospa import TargetMoments, gospa, score
 
 
 def by_all_permutations(truth, tracks, cutoff_m, p):
@@ -48,7 +48,7 @@ def two_walkers(ids):
     state = np.zeros((8, 4))
     state[1::2, 0] = 20.0
     found = state + np.array([0.3, 0.0, 0.1, 0.0])
-    return Moments(stamp, np.tile([1, 2], 4), state), Moments(stamp, np.array(ids).ravel(), found)
+    return TargetMoments(stamp, np.tile([1, 2], 4), state), TargetMoments(stamp, np.array(ids).ravel(), found)
 
 
 def test_id_switches_and_errors_of_each_target():
@@ -65,7 +65,7 @@ def test_id_switches_and_errors_of_each_target():
 def test_a_track_that_pauses_and_returns_under_its_id_is_no_switch():
     truth, tracks = two_walkers([[7, 8], [7, 8], [7, 8], [7, 8]])
     keep = np.array([True, True, False, True, True, True, True, True])
-    paused = Moments(tracks.stamp_ns[keep], tracks.id[keep], tracks.state[keep])
+    paused = TargetMoments(tracks.stamp_ns[keep], tracks.id[keep], tracks.state[keep])
     scores = score(truth, paused)
     assert scores.id_switches == 0
     assert scores.n_missed.tolist() == [0, 1, 0, 0]
@@ -74,6 +74,6 @@ def test_a_track_that_pauses_and_returns_under_its_id_is_no_switch():
 
 def test_no_tracks_at_all():
     truth, _ = two_walkers([[7, 8]] * 4)
-    scores = score(truth, Moments.of([]))
+    scores = score(truth, TargetMoments.of([]))
     np.testing.assert_allclose(scores.distance, 5.0)
     assert np.isnan(scores.targets[0].position_rmse_m)

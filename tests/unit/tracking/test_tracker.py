@@ -10,8 +10,8 @@ import pytest
 
 from cwcli.simulation.dual_sensor import DualSensorScene, SensorNoise, crossing_targets
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Detections, EgoStates, Kind, SensorModel
-from cwcli.tracking.gospa import Moments, score
+from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
+from cwcli.tracking.gospa import TargetMoments, score
 from cwcli.tracking.tracker import track_many, track_one
 
 S = 1_000_000_000
@@ -25,7 +25,7 @@ def lidar(points_of_scan, period_s=0.1):
     stamp = np.round(np.arange(len(points_of_scan)) * period_s * 1e9).astype(np.int64)
     sizes = [len(p) for p in points_of_scan]
     values = np.array([xy for points in points_of_scan for xy in points], float).reshape(-1, 2)
-    return Detections("lidar", Kind.POSITION, np.repeat(stamp, sizes), values, scan_stamp_ns=stamp)
+    return Detections("lidar", DetectionKind.POSITION, np.repeat(stamp, sizes), values, scan_stamp_ns=stamp)
 
 
 def walker(k, x0=0.0, y0=0.0, vx=1.0):
@@ -65,7 +65,7 @@ def test_a_target_that_leaves_dies_and_its_id_is_not_used_again():
 def test_a_track_is_not_revived_after_a_long_pause():
     stamp = np.concatenate([np.arange(30), 1e8 + np.arange(30)]).astype(np.int64) * 100_000_000
     xy = np.array([walker(k) for k in range(60)])
-    result = track_many([Detections("lidar", Kind.POSITION, stamp, xy)], SENSOR, CAUSAL)
+    result = track_many([Detections("lidar", DetectionKind.POSITION, stamp, xy)], SENSOR, CAUSAL)
     assert [t.id for t in result.tracks] == [1, 2]
     assert len(result.tracks[0]) <= 30
 
@@ -93,7 +93,7 @@ def test_a_target_out_of_view_is_not_expected_and_does_not_die():
     """A forward radar does not see the target that the lidar sees beside the car: its empty scans say nothing."""
     points = [[(0.0, 20.0)] for _ in range(50)]
     stamp = np.arange(400) * S // 80
-    nothing = Detections("radar", Kind.RADAR, np.zeros(0, np.int64), np.zeros((0, 3)), scan_stamp_ns=stamp)
+    nothing = Detections("radar", DetectionKind.RADAR, np.zeros(0, np.int64), np.zeros((0, 3)), scan_stamp_ns=stamp)
     narrow = {**SENSOR, "radar": SensorModel(field_of_view_rad=1.0)}
     wide = {**SENSOR, "radar": SensorModel(detection_probability=0.99)}
     assert len(track_many([lidar(points), nothing], narrow, CAUSAL).tracks) == 1
@@ -107,8 +107,8 @@ def test_lidar_and_radar_feed_one_track():
     r = np.hypot(*truth.T)
     polar = np.stack([r, np.arctan2(truth[:, 1], truth[:, 0]), truth[:, 0] / r], axis=1)
     data = [
-        Detections("lidar", Kind.POSITION, stamp[::2], truth[::2]),
-        Detections("radar", Kind.RADAR, stamp[1::2], polar[1::2]),
+        Detections("lidar", DetectionKind.POSITION, stamp[::2], truth[::2]),
+        Detections("radar", DetectionKind.RADAR, stamp[1::2], polar[1::2]),
     ]
     result = track_many(data, SENSOR, CV)
     assert len(result.tracks) == 1
@@ -122,7 +122,7 @@ def test_tracks_live_in_the_map_when_the_car_moves():
     x = 15.0 * stamp * 1e-9
     ego = EgoStates(stamp, x, np.zeros(60), np.zeros(60), np.full(60, 15.0), np.zeros(60))
     seen = np.stack([40.0 - x, np.full(60, 3.0)], axis=1)
-    data = Detections("lidar", Kind.POSITION, stamp, seen)
+    data = Detections("lidar", DetectionKind.POSITION, stamp, seen)
     result = track_many([data], SENSOR, CV, ego)
     assert result.frame == "map"
     assert len(result.tracks) == 1
@@ -131,8 +131,10 @@ def test_tracks_live_in_the_map_when_the_car_moves():
 
 def measured(scene: DualSensorScene) -> list[Detections]:
     return [
-        Detections("lidar", Kind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy, scan_stamp_ns=scene.lidar_scan_ns),
-        Detections("radar", Kind.RADAR, scene.radar_stamp_ns, scene.radar, scan_stamp_ns=scene.radar_scan_ns),
+        Detections(
+            "lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy, scan_stamp_ns=scene.lidar_scan_ns
+        ),
+        Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar, scan_stamp_ns=scene.radar_scan_ns),
     ]
 
 
@@ -146,8 +148,8 @@ def test_five_crossing_targets_in_clutter(with_radar):
             "radar": SensorModel(sigma=(0.3, 0.01, 0.2)),
         }
         result = track_many(measured(scene)[: 1 + with_radar], sensors, CAUSAL)
-        truth = Moments(scene.truth_stamp_ns, scene.truth_id, scene.truth_state)
-        scores = score(truth, Moments.of(result.tracks))
+        truth = TargetMoments(scene.truth_stamp_ns, scene.truth_id, scene.truth_state)
+        scores = score(truth, TargetMoments.of(result.tracks))
         distance.append(scores.distance.mean())
         switches += scores.id_switches
         assert scores.n_false.mean() < 0.05
@@ -201,9 +203,11 @@ def test_ten_thousand_detections_in_one_place_do_not_blow_up():
 @pytest.mark.parametrize("run", [track_one, track_many])
 def test_nothing_and_only_rubbish_give_no_tracks(run):
     assert run([]).tracks == ()
-    empty = Detections("lidar", Kind.POSITION, np.zeros(0, np.int64), np.zeros((0, 2)))
+    empty = Detections("lidar", DetectionKind.POSITION, np.zeros(0, np.int64), np.zeros((0, 2)))
     assert run([empty]).tracks == ()
-    rubbish = Detections("radar", Kind.RADAR, np.arange(3) * S, np.array([[np.nan] * 3, [-1, 0, 0], [np.inf, 0, 0]]))
+    rubbish = Detections(
+        "radar", DetectionKind.RADAR, np.arange(3) * S, np.array([[np.nan] * 3, [-1, 0, 0], [np.inf, 0, 0]])
+    )
     result = run([empty, rubbish])
     assert result.tracks == ()
     assert result.counts["radar"].used == 0
@@ -214,10 +218,10 @@ def test_nothing_and_only_rubbish_give_no_tracks(run):
 def test_rubbish_among_good_detections_is_counted_and_changes_nothing(run):
     good = np.array([walker(k) for k in range(60)])
     stamp = np.arange(60) * S // 10
-    clean = run([Detections("lidar", Kind.POSITION, stamp, good)], SENSOR, CV)
+    clean = run([Detections("lidar", DetectionKind.POSITION, stamp, good)], SENSOR, CV)
     values = np.insert(good, [10, 20, 30], [[np.nan, 0.0], [1e9, 0.0], [1.0, 1.0]], axis=0)
     stamps = np.insert(stamp, [10, 20, 30], [S, 2 * S, 900 * S])
-    dirty = run([Detections("lidar", Kind.POSITION, stamps, values)], SENSOR, CV)
+    dirty = run([Detections("lidar", DetectionKind.POSITION, stamps, values)], SENSOR, CV)
     assert sum(dirty.counts["lidar"].rejected.values()) == 3
     np.testing.assert_allclose(dirty.tracks[0].state, clean.tracks[0].state)
 
@@ -225,7 +229,7 @@ def test_rubbish_among_good_detections_is_counted_and_changes_nothing(run):
 def test_one_target_counts_gated_detections():
     good = np.array([walker(k) for k in range(60)])
     good[30] += 30.0
-    result = track_one([Detections("lidar", Kind.POSITION, np.arange(60) * S // 10, good)], SENSOR, CV)
+    result = track_one([Detections("lidar", DetectionKind.POSITION, np.arange(60) * S // 10, good)], SENSOR, CV)
     assert result.counts["lidar"].rejected == {"outside the gate": 1}
     assert result.counts["lidar"].used == 59
     assert result.tracks[0].source[30] == -1

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from cwcli.tracking.convert import polar_from_cartesian, target_rows, vehicle_states
-from cwcli.tracking.detections import Detections, Kind
-from cwcli.tracking.gospa import Moments
+from cwcli.tracking.detections import DetectionKind, Detections
+from cwcli.tracking.gospa import TargetMoments
 from cwcli.tracking.tracker import track_many, track_one
 
 
@@ -38,7 +38,7 @@ def test_no_covariance_at_range_0_and_where_it_is_not_given():
 def test_rows_of_all_tracks_are_in_the_order_of_time():
     stamp = np.repeat(np.arange(30), 2) * 100_000_000
     xy = np.stack([stamp * 1e-9, np.tile([0.0, 30.0], 30)], axis=1)
-    rows = target_rows(track_many([Detections("lidar", Kind.POSITION, stamp, xy)]))
+    rows = target_rows(track_many([Detections("lidar", DetectionKind.POSITION, stamp, xy)]))
     assert len(rows.stamp_ns) == 60
     assert rows.id[:4].tolist() == [1, 2, 1, 2]
     assert (np.diff(rows.stamp_ns) >= 0).all()
@@ -65,7 +65,7 @@ def test_an_unknown_velocity_gives_a_heading_that_may_be_anything():
 
 def test_truth_is_brought_to_the_stamps_of_the_tracks():
     s = 1_000_000_000
-    truth = Moments(np.array([0, s // 4, 3 * s, 0]), np.array([1, 1, 1, 2]), np.arange(16.0).reshape(4, 4))
+    truth = TargetMoments(np.array([0, s // 4, 3 * s, 0]), np.array([1, 1, 1, 2]), np.arange(16.0).reshape(4, 4))
     there = truth.at(np.array([0, s // 8, s // 4, s, 3 * s, 4 * s]))
     first = there.id == 1
     assert there.stamp_ns[first].tolist() == [0, s // 8, s // 4, 3 * s]  # nothing in the gap

@@ -10,7 +10,7 @@ import pytest
 from cwcli.kernels.track import RowStatus
 from cwcli.simulation.dual_sensor import SensorNoise, segment
 from cwcli.tracking.config import FILTERS, MODELS, FilterConfig
-from cwcli.tracking.detections import Detections, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import prepare
 from cwcli.tracking.single import log_likelihood, run_filter
 from tests.unit.tracking import tracking_oracle as oracle
@@ -28,8 +28,8 @@ def rows_with_moving_sensor(use_rate=True):
         ),
     }
     data = [
-        Detections("lidar", Kind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
-        Detections("radar", Kind.RADAR, scene.radar_stamp_ns, scene.radar),
+        Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
+        Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
     ]
     rows = prepare(data, sensors).rows
     origin = rows.origin.copy()
@@ -71,7 +71,7 @@ def test_start_from_lidar_is_the_point_with_an_open_velocity():
 
 def test_start_from_radar_knows_the_speed_along_the_beam():
     # 10 m along 30 deg, receding at 4 m/s from a sensor at rest: the beam direction takes the rate, the rest is open
-    data = Detections("r", Kind.RADAR, np.array([0]), np.array([[10.0, np.radians(30.0), 4.0]]))
+    data = Detections("r", DetectionKind.RADAR, np.array([0]), np.array([[10.0, np.radians(30.0), 4.0]]))
     rows = prepare([data], {"r": SensorModel(sigma=(0.2, 0.001, 0.01))}).rows
     out = run_filter(rows, FilterConfig(model="cv", start_speed_mps=10.0))
     along = np.array([np.cos(np.radians(30.0)), 0.5])
@@ -102,8 +102,8 @@ def test_a_target_at_the_origin_starts_and_is_followed(name, first):
     seen = np.stack([r, np.zeros(100), rate], axis=1)
     seen[r == 0.0, 1] = rng.uniform(-np.pi, np.pi, int((r == 0.0).sum()))
     data = [
-        Detections("l", Kind.POSITION, stamp[lidar], truth[lidar] + 0.05 * rng.standard_normal((100, 2))),
-        Detections("r", Kind.RADAR, stamp[radar], seen),
+        Detections("l", DetectionKind.POSITION, stamp[lidar], truth[lidar] + 0.05 * rng.standard_normal((100, 2))),
+        Detections("r", DetectionKind.RADAR, stamp[radar], seen),
     ]
     out = run_filter(prepare(data).rows, FilterConfig(filter=name, smooth=False))
     assert np.isfinite(out.state).all()
@@ -121,7 +121,7 @@ def test_a_bearing_across_pi_is_wrapped():
     assert azimuth.min() < -3.0
     r = np.hypot(truth[:, 0], truth[:, 1])
     rate = (truth[:, :2] * truth[:, 2:]).sum(axis=1) / r
-    rows = prepare([Detections("r", Kind.RADAR, stamp, np.stack([r, azimuth, rate], axis=1))]).rows
+    rows = prepare([Detections("r", DetectionKind.RADAR, stamp, np.stack([r, azimuth, rate], axis=1))]).rows
     for name in FILTERS:
         out = run_filter(rows, FilterConfig(filter=name, model="cv", smooth=False))
         assert (out.status[1:] == RowStatus.USED).all()
@@ -134,7 +134,7 @@ def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
     xy = np.stack([np.arange(n) * 0.1, np.zeros(n)], axis=1)
     xy[30] += 20.0
     xy[50:] += 40.0  # another target from here on
-    rows = prepare([Detections("l", Kind.POSITION, stamp, xy)]).rows
+    rows = prepare([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
     out = run_filter(rows, FilterConfig(model="cv", noise=0.1, smooth=False, gate_probability=0.999))
     gated = np.flatnonzero(out.status == RowStatus.GATED)
     assert gated[0] == 30
@@ -147,7 +147,7 @@ def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
 def test_a_gap_longer_than_is_bridged_makes_a_new_start():
     stamp = np.concatenate([np.arange(10), 100 + np.arange(10)]) * 100_000_000
     xy = np.concatenate([np.zeros((10, 2)), np.full((10, 2), 30.0)])
-    rows = prepare([Detections("l", Kind.POSITION, stamp, xy)]).rows
+    rows = prepare([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
     out = run_filter(rows, FilterConfig(max_gap_s=2.0))
     assert np.flatnonzero(out.status == RowStatus.STARTED).tolist() == [0, 10]
     np.testing.assert_allclose(out.state[:10, :2], 0.0, atol=1e-9)  # nothing is smoothed across the gap

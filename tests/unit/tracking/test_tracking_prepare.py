@@ -7,9 +7,9 @@ import pytest
 
 from cwcli.signals.columns import Strings
 from cwcli.tracking.detections import (
+    DetectionKind,
     Detections,
     EgoStates,
-    Kind,
     SensorModel,
     body_from_paper,
     paper_from_body,
@@ -22,13 +22,13 @@ S = 1_000_000_000
 def lidar(values, stamp=None, **more):
     values = np.asarray(values, float).reshape(-1, 2)
     stamp = np.arange(len(values)) * S // 10 if stamp is None else np.asarray(stamp)
-    return Detections("lidar", Kind.POSITION, stamp, values, **more)
+    return Detections("lidar", DetectionKind.POSITION, stamp, values, **more)
 
 
 def radar(values, stamp=None, **more):
     values = np.asarray(values, float).reshape(-1, 3)
     stamp = np.arange(len(values)) * S // 10 if stamp is None else np.asarray(stamp)
-    return Detections("radar", Kind.RADAR, stamp, values, **more)
+    return Detections("radar", DetectionKind.RADAR, stamp, values, **more)
 
 
 def test_bad_detections_are_counted_by_reason():
@@ -212,7 +212,7 @@ def test_two_entries_for_one_source_and_wrong_shapes_are_refused():
     with pytest.raises(ValueError, match="two entries"):
         prepare([lidar([[1, 1]]), lidar([[1, 1]])])
     with pytest.raises(ValueError, match="values"):
-        Detections("x", Kind.RADAR, np.zeros(1, np.int64), np.zeros((1, 2)))
+        Detections("x", DetectionKind.RADAR, np.zeros(1, np.int64), np.zeros((1, 2)))
     with pytest.raises(ValueError, match="sigma"):
         SensorModel(sigma=(0.1, -1.0))
     with pytest.raises(ValueError, match="sigmas for"):

@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import minimize
 
 from cwcli.tracking.config import FilterConfig
-from cwcli.tracking.detections import Detections, Kind, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import prepare
 from cwcli.tracking.single import consistency, run_filter
 from cwcli.tracking.tune import minimise, rescale, tune
@@ -28,8 +28,8 @@ def constant_velocity_walk(seed, n=1500, dt=0.05):
     exact = np.stack([r, np.arctan2(s[:, 1], s[:, 0]), (s[:, :2] * s[:, 2:]).sum(axis=1) / r], axis=1)
     radar = exact + rng.standard_normal(exact.shape) * [TRUE["range"], TRUE["azimuth"], TRUE["rate"]]
     return [
-        Detections("lidar", Kind.POSITION, stamp[::2], lidar),
-        Detections("radar", Kind.RADAR, stamp[1::2], radar),
+        Detections("lidar", DetectionKind.POSITION, stamp[::2], lidar),
+        Detections("radar", DetectionKind.RADAR, stamp[1::2], radar),
     ]
 
 
@@ -53,7 +53,7 @@ def test_noise_is_found_although_the_defaults_are_wrong_by_up_to_fifteen_times(n
 
 
 def test_too_few_rows_are_left_alone():
-    rows = prepare([Detections("l", Kind.POSITION, np.arange(3), np.zeros((3, 2)))]).rows
+    rows = prepare([Detections("l", DetectionKind.POSITION, np.arange(3), np.zeros((3, 2)))]).rows
     found = tune([rows], FilterConfig())
     assert found.scale == {}
     assert found.n_evaluations == 1

@@ -14,7 +14,7 @@ from cwcli.simulation.road.names import WEATHERS
 from cwcli.simulation.road.paint import paint
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
 from cwcli.simulation.road.rows import rows_of
-from cwcli.simulation.road.scene import Light, Marking, RoadScene, Vehicle
+from cwcli.simulation.road.scene import Light, Marking, RoadScene, SceneVehicle
 from cwcli.simulation.road.sets import SETS, frame
 from cwcli.simulation.road.surface import asphalt, wear
 
@@ -113,7 +113,7 @@ def test_same_seed_same_frame_and_another_seed_another_noise() -> None:
 def test_vehicle_hides_the_boundary_behind_it() -> None:
     # A car 20 m ahead, from 0.9 to 2.7 m to the left. The line at 1.8 m passes behind it up to 40 m (1.8 * 20 / 40 =
     # 0.9), and under its bumper (0.16 m) one sees the road to 22.2 m.
-    blocked = scene(vehicles=(Vehicle(20.0, WIDTH_M / 2),))
+    blocked = scene(vehicles=(SceneVehicle(20.0, WIDTH_M / 2),))
     road = RoadAhead(clothoid(0.0), 0.0, 0.0)
     truth = truth_of(blocked, CAMERA, road)
     beyond = (truth.x_m > 23) & (truth.x_m < 38)
