@@ -66,18 +66,23 @@ def latency_roles(series: Sequence[Series], config: EstimatorConfig) -> list[Lat
     """Decide which series is the reference and which latency is given; None is to be found."""
     if config.latency == "none":
         return [NO_LATENCY for _ in series]
-    source, kinds = _reference(series)
     roles: list[Latency | None] = []
-    for s in series:
+    for s, is_reference in zip(series, references(series), strict=True):
         if (given := given_latency(s, config)) is not None:
             roles.append(given)
-        elif s.source == source and s.kind in kinds:
+        elif is_reference:
             roles.append(Latency(LatencyStatus.REFERENCE))
         elif len(s) < MIN_ROWS_FOR_NOISE:
             roles.append(Latency(LatencyStatus.NOT_OBSERVABLE))
         else:
             roles.append(None)
     return roles
+
+
+def references(series: Sequence[Series]) -> list[bool]:
+    """Which series the others are compared with: see `_reference`."""
+    source, kinds = _reference(series)
+    return [s.source == source and s.kind in kinds for s in series]
 
 
 def _reference(series: Sequence[Series]) -> tuple[str, tuple[Kind, ...]]:

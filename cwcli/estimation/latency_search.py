@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation.coarse_latency import coarse_latency
-from cwcli.estimation.latency import Latency, LatencyStatus
+from cwcli.estimation.latency import Latency, LatencyStatus, references
 from cwcli.estimation.latency_evidence import Evidence
 from cwcli.estimation.measurements import RATES
 from cwcli.estimation.model import ModelParameters
@@ -37,7 +37,7 @@ from cwcli.signals.columns import FloatArray
 PRIOR_S = 0.2  # one sigma about the coarse guess
 MIN_GUESS_S = 0.15  # nearer to zero the filter gets there by itself
 TRUST_S = 0.5  # farther from the guess the filter's linearisation is not believed
-OBSERVABLE_S = 0.05  # a latency that the filter knows worse than this is not corrected
+OBSERVABLE_S = 0.05  # a latency whose formal sigma is larger is not looked at
 SIGNIFICANT_SIGMAS = 3.0
 THINNED_HZ = 25.0
 WINDOW_S = 300.0
@@ -70,7 +70,14 @@ def find_latencies(
         parameters: Motion model.
         walk, prior: Shape (n,): random walk and prior variances of the parameter states.
     """
-    reference = [s for s, r in zip(series, roles, strict=True) if r and r.status is LatencyStatus.REFERENCE]
+    decided = [role for role in roles if role is not None]
+    if len(decided) == len(roles):
+        return decided
+    reference = [
+        replace(s, time_s=s.time_s - role.applied_s)
+        for s, role, is_reference in zip(series, roles, references(series), strict=True)
+        if is_reference and role is not None
+    ]
     begin, end = _window(series, reference)
     reference = [
         replace(cut, gate_nis=gate_nis(GATE_PROBABILITY, cut.width))
@@ -102,10 +109,12 @@ class _Found:
 
     Attributes:
         target: The source with this latency and the noise that goes with it.
+        sigma_s: What the filter says of the latency; rather too little, see `_Search._weighed`.
         result: The last pass.
     """
 
     target: Series
+    sigma_s: float
     result: PassResult
 
 
@@ -148,17 +157,14 @@ class _Search:
         reached = [found for guess in guesses if (found := self._approached(guess)) is not None]
         if not reached:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        weighed = self._weighed(max(reached, key=lambda f: f.result.log_likelihood))
-        if weighed is None:
+        found = max(reached, key=lambda f: f.result.log_likelihood)
+        weighed = self._weighed(found) if found.sigma_s < OBSERVABLE_S else None
+        if weighed is None or not weighed.evidence.formal_s < OBSERVABLE_S:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
         found_s, sigma_s = weighed.evidence.latency_s, weighed.evidence.sigma_s
-        if not weighed.evidence.formal_s < OBSERVABLE_S:
-            status = LatencyStatus.NOT_OBSERVABLE
-        elif abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(weighed):
-            status = LatencyStatus.APPLIED
-        else:
-            status = LatencyStatus.NOT_SIGNIFICANT
-        return Latency(status, found_s, sigma_s)
+        if abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(weighed):
+            return Latency(LatencyStatus.APPLIED, found_s, sigma_s)
+        return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s)
 
     def _approached(self, guess: float) -> _Found | None:
         """Run the filter with the latency among its states until the stamps stay; None where it breaks down."""
@@ -181,7 +187,7 @@ class _Search:
             moved, now = abs(latency - now.latency_s), replace(now.scaled(factor), latency_s=latency)
             if moved < NEAR_S and LARGE < factor < SMALL:
                 break
-        return _Found(now, result)
+        return _Found(now, float(np.sqrt(result.last_covariance[n, n])), result)
 
     def _weighed(self, found: _Found) -> _Weighed | None:
         """Weigh the evidence about the latency that the filter came to, until it and the noise stay, else None.

@@ -181,6 +181,16 @@ def test_given_latency_is_used_as_it_is_and_the_others_are_found() -> None:
     assert {r.latency.status for r in off.sources} == {"off"}
 
 
+def test_the_others_are_found_against_an_imu_whose_latency_is_given() -> None:
+    """The IMU comes 80 ms late and the positions 300 ms."""
+    measurements = measure(city_drive(7, 150.0), 7, {"imu": 0.08, "gnss": 0.3})
+    found = {r.source: r.latency for r in estimate_track(measurements, EstimatorConfig(latency={"imu": 0.08})).sources}
+    assert found["imu"] == Latency(LatencyStatus.GIVEN, 0.08)
+    assert found["gnss"].applied_s == pytest.approx(0.3, abs=2 * TOLERANCE_S)
+    assert found["speed"].status is LatencyStatus.NOT_SIGNIFICANT
+    assert found["speed"].found_s == pytest.approx(0.0, abs=3.0 * found["speed"].sigma_s)
+
+
 def test_correcting_the_latency_makes_the_track_better() -> None:
     drive = city_drive(6, DURATION_S)
     measurements = measure(drive, 6, {"gnss": 0.25, "speed": 0.1, "heading": 0.1})
