@@ -17,10 +17,10 @@ from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Output
 from cwcli.signals.leaves import numbers, whole_numbers
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
+from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import HIGHEST, MIN_DEPTH, GeometrySigmas, LaneGeometry
 from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
-from cwcli.vision.raw_images import Image
 
 SIDES = ("left", "right")
 PARABOLA = ("a", "b", "c")

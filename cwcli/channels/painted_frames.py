@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChannel, constant_strings
+from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame
 from cwcli.vision.overlay import encode_jpeg
-from cwcli.vision.raw_images import Image
 
 StartImages = Callable[[Callable[[DecodedFrame], object]], Iterator[DecodedFrame]]
 ByteArray = npt.NDArray[np.uint8]

@@ -3,7 +3,8 @@
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.track import SourceReport, Track, estimate_track, estimate_tracks
+from cwcli.estimation.result import SourceReport, Track
+from cwcli.estimation.track import estimate_track, estimate_tracks
 
 __all__ = [
     "EstimatorConfig",

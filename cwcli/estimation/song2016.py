@@ -18,8 +18,8 @@ from cwcli.estimation.latency import NO_LATENCY, given_latency
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass, unsmoothed_note
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
+from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.start import UNKNOWN_SIGMA, find_start, hold_before_start
-from cwcli.estimation.track import SourceReport, Track
 from cwcli.kernels import ekf
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray, Int64Array

@@ -6,99 +6,31 @@ import multiprocessing
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
-from cwcli.estimation.latency import NO_LATENCY, Latency, LatencyStatus
+from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass, unsmoothed_note
 from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, seconds
+from cwcli.estimation.result import SourceReport, Track
+from cwcli.estimation.song2016 import estimate_song2016
 from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.tune import TunedSeries, tune
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import mean_bounds
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 MIN_NIS_ROWS = 20
 LONG_LEAD_IN_S = 3.0  # without a position
 MOST_STARTS = 6
 STARTS_AGREE_M = 0.5
-
-
-@dataclass(frozen=True)
-class SourceReport:
-    """What became of one source's measurements of one kind.
-
-    Attributes:
-        source: Name of the source.
-        kind: What it measures; an IMU appears as ACCEL and as YAW_RATE.
-        n_read: Rows handed in.
-        n_used: Rows that changed the estimate.
-        n_gated: Rows that the chi-square gate rejected.
-        n_not_finite: Rows left out because a value or stamp was not finite.
-        n_interpolated: IMU rows left out because they were interpolated before the log was made.
-        n_held_back: Rows left out because they came in a burst, older than their stamps say.
-        n_resets: Times that the gate gave in after too many rejections in a row (for ACCEL and YAW_RATE: after two,
-            because an inertial sensor that stays off for longer shows a manoeuvre).
-        nis_mean: Mean normalised innovation squared over the used rows; expectation `nis_dof`.
-        nis_dof: Degrees of freedom of one row.
-        nis_bounds: 95 % chi-square bounds of the mean for as many independent rows as the autocorrelation of
-            the series leaves (`consistency.effective_count`).
-        nis_inside: True if the mean lies inside the bounds; None with fewer than 20 rows.
-        sigma: One-sigma measurement noise used (root mean variance over rows and axes).
-        noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
-            innovations) or "default".
-        latency: What was found or given, its sigma, and what was made of it.
-        bias: Additive bias at the middle of the log in the unit of the kind, NaN where none is modelled.
-        bias_sigma: One sigma of the bias.
-    """
-
-    source: str
-    kind: Kind
-    n_read: int = 0
-    n_used: int = 0
-    n_gated: int = 0
-    n_not_finite: int = 0
-    n_interpolated: int = 0
-    n_held_back: int = 0
-    n_resets: int = 0
-    nis_mean: float = float("nan")
-    nis_dof: int = 1
-    nis_bounds: tuple[float, float] = (float("nan"), float("nan"))
-    nis_inside: bool | None = None
-    sigma: float = float("nan")
-    noise_origin: str = "default"
-    latency: Latency = NO_LATENCY
-    bias: float = float("nan")
-    bias_sigma: float = float("nan")
-
-
-@dataclass(frozen=True)
-class Track:
-    """An estimated track.
-
-    Attributes:
-        stamp_ns: Shape (m,), int64: the output stamps asked for, on the reference source's clock (on the
-            position's where that one leads the reference: see `notes`).
-        state: Shape (m, 8), order `vehicle_state.STATE_NAMES`; the heading is unwrapped (continuous).
-        covariance: Shape (m, 8, 8), symmetric, positive semi-definite; grows where nothing is measured.
-        sources: One report per source and kind.
-        log_likelihood: Of the innovations of the forward pass.
-        notes: One-line remarks for the user (resets, what could not be observed).
-    """
-
-    stamp_ns: Int64Array
-    state: FloatArray
-    covariance: FloatArray
-    sources: tuple[SourceReport, ...] = ()
-    log_likelihood: float = float("nan")
-    notes: tuple[str, ...] = field(default=())
 
 
 def estimate_track(
@@ -121,8 +53,6 @@ def estimate_track(
         DataError: If no position is finite.
     """
     if config.model == "song2016":
-        from cwcli.estimation.song2016 import estimate_song2016
-
         return estimate_song2016(measurements, config, output_stamp_ns)
     if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
         raise DataError("no finite position among the measurements")

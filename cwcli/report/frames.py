@@ -15,9 +15,9 @@ from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.report.drive import Drive
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames
 from cwcli.vision.overlay import burn_in
-from cwcli.vision.raw_images import Image
 from cwcli.vision.video import VIDEO_FORMATS
 
 T = TypeVar("T")

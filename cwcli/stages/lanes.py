@@ -31,12 +31,12 @@ from cwcli.stages.inputs.frame_motion import Motion, read_motion
 from cwcli.stages.inputs.mounting import MountingChoice, check_mounting, mounting_source
 from cwcli.stages.summaries.lanes import lanes_section, lanes_table
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
+from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
-from cwcli.vision.raw_images import Image
 from cwcli.vision.rectify import Rectifier, rectified
 from cwcli.vision.video import VIDEO_FORMATS
 

@@ -26,10 +26,10 @@ from cwcli.signals.rows import Rows, rows_by_stamp
 from cwcli.stages.inputs.camera import CameraSource, camera_source
 from cwcli.stages.records import configuration_of, inputs_of, number, run_records
 from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.overlay import burn_in
 from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, PathLines, paint_path, path_lines
-from cwcli.vision.raw_images import Image
 
 LANES_STAGE = "lanes"
 LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}

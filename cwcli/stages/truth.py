@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.consistency import ErrorRow, error_rows, nees
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.track import Track
+from cwcli.estimation.result import Track
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap

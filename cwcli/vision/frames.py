@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
-from typing import Protocol
 
 import numpy as np
 
 from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS, MIN_STAMP_NS
+from cwcli.vision.encoded import FrameLike, Image
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
 from cwcli.vision.in_order import in_order
-from cwcli.vision.raw_images import Image, RawImageError, raw_colour, raw_grey
+from cwcli.vision.raw_images import RawImageError, raw_colour, raw_grey
 from cwcli.vision.video import NOT_DECODED, VIDEO_FORMATS, decode_video
 
 MIN_SIDE_PX = 32
@@ -32,29 +32,6 @@ MAX_NAME = 20
 MAX_BATCH = 4
 BATCH_BYTES = 400_000
 """Encoded. Small grey frames are handed to a thread several at a time: handing over costs as much as a search."""
-
-
-class FrameLike(Protocol):
-    """What decoding needs to know of a frame (`cwcli.logs.read.frames.Frame`)."""
-
-    @property
-    def log_time_ns(self) -> int: ...
-    @property
-    def stamp_ns(self) -> int | None: ...
-    @property
-    def format(self) -> str: ...
-    @property
-    def data(self) -> bytes | memoryview: ...
-    @property
-    def width(self) -> int: ...
-    @property
-    def height(self) -> int: ...
-    @property
-    def encoding(self) -> str: ...
-    @property
-    def step(self) -> int: ...
-    @property
-    def is_video(self) -> bool: ...
 
 
 @dataclass(frozen=True)

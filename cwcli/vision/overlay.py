@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
-from cwcli.vision.raw_images import Image
+from cwcli.vision.encoded import Image
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
 BoolArray = npt.NDArray[np.bool_]

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
-from cwcli.vision.raw_images import Image
+from cwcli.vision.encoded import Image
 
 BoolArray = npt.NDArray[np.bool_]
 

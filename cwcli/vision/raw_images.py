@@ -5,15 +5,9 @@ To add an encoding: one row in the table that fits it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from cwcli.vision.frames import FrameLike
-
-Image = npt.NDArray[np.uint8]
+from cwcli.vision.encoded import FrameLike, Image
 
 PACKED = {
     "mono8": (1, ""),

@@ -18,7 +18,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
-from cwcli.vision.raw_images import Image
+from cwcli.vision.encoded import Image
 
 NOWHERE_PX = -1000.0
 MAX_BELOW = 0.5

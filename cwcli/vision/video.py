@@ -17,8 +17,8 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from cwcli.errors import InputError
+from cwcli.vision.encoded import Image
 from cwcli.vision.matroska import BLOCK_STEP_MS, matroska_block, matroska_start
-from cwcli.vision.raw_images import Image
 from cwcli.vision.video_start import stream_head
 
 VIDEO_FORMATS = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}

@@ -9,8 +9,9 @@ import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import STEP_S, filter_vectors, trailing_slope
-from cwcli.estimation.track import Track, estimate_track
+from cwcli.estimation.track import estimate_track
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import FloatArray, Int64Array

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import STEP_S
-from cwcli.estimation.track import Track
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import rollout
 from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval, ordered, within

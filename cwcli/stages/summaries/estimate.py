@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli.estimation.latency import Latency
 from cwcli.estimation.measurements import QUANTITIES
-from cwcli.estimation.track import SourceReport, Track
+from cwcli.estimation.result import SourceReport, Track
 from cwcli.metrics.table import Table
 from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.canonical import TimedSignal

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cwcli.errors import InputError
-from cwcli.vision.raw_images import Image
+from cwcli.vision.encoded import Image
 from cwcli.vision.video import VIDEO_FORMATS, decode_video
 from cwcli.vision.video_start import stream_head
 from tests.unit.vision import video_clips
