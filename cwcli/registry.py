@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import importlib
 import os
-import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import lru_cache, wraps
 from operator import attrgetter
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from cwcli.errors import CwcliError, PluginError, UsageError
 
@@ -26,8 +24,7 @@ Check = Callable[..., Any]
 """The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
 
 
-@dataclass(frozen=True)
-class Plugin:
+class Plugin(NamedTuple):
     """An entry point of another package: `name = target`.
 
     Attributes:
@@ -140,7 +137,7 @@ class Registry(Mapping[str, T]):
     def _plugins(self) -> dict[str, Plugin]:
         out: dict[str, Plugin] = {}
         for found in _installed(tuple(sys.path)).get(self.group, ()):
-            plugin, name = replace(found, what=self.what), self._spell(found.name)
+            plugin, name = found._replace(what=self.what), self._spell(found.name)
             if name in self._builtin or name in self._taken:
                 raise plugin.error("has the name of one of cwcli's own")
             if name in out:
@@ -199,6 +196,7 @@ def guarded(function: Callable[..., Any], name: str, check: Check | None, plugin
 def _said(error: BaseException) -> str:
     """`ZeroDivisionError: division by zero (rule.py, line 7)`."""
     import traceback
+    from pathlib import Path
 
     ours = (__file__, importlib.__file__)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in ours]
@@ -223,7 +221,7 @@ def _installed(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
             if not name.endswith((".dist-info", ".egg-info")):
                 continue
             package, _, version = name.rpartition(".")[0].partition("-")
-            known = re.sub(r"[-_.]+", "-", package).lower()
+            known = package.replace("_", "-").replace(".", "-").lower()
             if known not in seen:
                 seen.add(known)
                 for group, plugin in _entry_points(f"{folder or '.'}/{name}/entry_points.txt", f"{package} {version}"):
