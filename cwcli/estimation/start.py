@@ -59,7 +59,6 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
 
 def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float, float]:
     """Return time, heading, its sigma, speed and its sigma of the earliest source that shows a heading."""
-    found = [(0.0, 0.0, UNKNOWN_HEADING_RAD, 0.0, UNKNOWN_SPEED_MPS)]
     candidates = []
     for s in series:
         if not len(s):
@@ -81,18 +80,24 @@ def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float
             if len(fast):
                 i = fast[0]
                 angle = float(np.arctan2(s.values[i, 1], s.values[i, 0]))
+                heading_sigma, speed_sigma = float(sigma[i] / speed[i]) + 0.02, float(sigma[i]) + 0.1
                 candidates.append(
-                    (float(time[i]), angle, float(sigma[i] / speed[i]) + 0.02, float(speed[i]), float(sigma[i]) + 0.1)
+                    _heading_of_course(series, float(time[i]), angle, heading_sigma, float(speed[i]), speed_sigma)
                 )
         elif s.kind is Kind.POSITION:
             displacement = _first_displacement(s)
             if displacement is not None:
-                candidates.append(displacement)
-    found = [min(candidates)] if candidates else found
-    when, heading, heading_sigma, speed_mps, speed_sigma = found[0]
+                candidates.append(_heading_of_course(series, *displacement))
+    return min(candidates, default=(0.0, 0.0, UNKNOWN_HEADING_RAD, 0.0, UNKNOWN_SPEED_MPS))
+
+
+def _heading_of_course(
+    series: Sequence[Series], when: float, course: float, course_sigma: float, speed_mps: float, speed_sigma: float
+) -> tuple[float, float, float, float, float]:
+    """Return what `_first_heading` does of a course, which points backward where the vehicle reverses."""
     if _sign_at(series, when) < 0:
-        return when, heading + np.pi, heading_sigma, -abs(speed_mps), speed_sigma
-    return when, heading, heading_sigma, speed_mps, speed_sigma
+        return when, course + np.pi, course_sigma, -abs(speed_mps), speed_sigma
+    return when, course, course_sigma, speed_mps, speed_sigma
 
 
 def _first_displacement(s: Series) -> tuple[float, float, float, float, float] | None:

@@ -153,3 +153,20 @@ def test_log_of_one_odometry_is_estimated_backward_too(
         noise = {row[1]: row[2:4] for row in sections["noise"].rows}
         assert noise["speed"] == ("0.05 m/s", "message")
         assert noise["heading"] == ("0.005 rad", "message")
+
+
+def test_log_that_begins_in_reverse_has_the_measured_heading_from_its_first_row(tmp_path: Path, drive: Drive) -> None:
+    rows = drive.time_s >= 36.0
+    time_s, x_m, y_m, yaw_rad, speed_mps, yaw_rate = (
+        values[rows]
+        for values in (drive.time_s, drive.x_m, drive.y_m, drive.yaw_rad, drive.speed_mps, drive.yaw_rate_radps)
+    )
+    backward = Drive(time_s - 36.0, x_m, y_m, yaw_rad, speed_mps, yaw_rate)
+    path = tmp_path / "backward.mcap"
+    write_log(path, backward, frame="map", child="base_link", in_map_axes=False, has_covariance=True)
+    with Log.open(path) as log:
+        result = estimate(log, EstimateConfig())
+    found_s = (column(result, "stamp_ns").astype(np.int64) - T0_NS) * 1e-9
+    heading_off = column(result, "heading_rad") - np.interp(found_s, backward.time_s, yaw_rad)
+    assert np.abs(np.angle(np.exp(1j * heading_off))).max() < 0.02
+    np.testing.assert_allclose(column(result, "speed_mps"), REVERSE_MPS, atol=0.1)
