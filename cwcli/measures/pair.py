@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.units import NS_PER_S
+from cwcli.signals.resample import resample
 
 if TYPE_CHECKING:
     from cwcli.measures.base import Measure
@@ -113,17 +113,9 @@ def interpolate(track: ActualTrack, at_ns: Int64Array, max_gap_s: float) -> Floa
 
     States that are not finite are no data.
     """
-    out = np.full((len(at_ns), 4), np.nan)
     finite = np.isfinite(track.state[:, :4]).all(axis=1)
-    stamp, values = track.stamp_ns[finite], track.state[finite, :4]
-    if len(stamp) < 2:
-        return out
+    values = track.state[finite, :4]
+    if len(values) < 2:
+        return np.full((len(at_ns), 4), np.nan)
     values[:, 3] = np.unwrap(values[:, 3])
-    after = np.clip(np.searchsorted(stamp, at_ns), 1, len(stamp) - 1)
-    gap_ns = stamp[after] - stamp[after - 1]
-    known = (at_ns >= stamp[0]) & (at_ns <= stamp[-1]) & (gap_ns <= max_gap_s * NS_PER_S)
-    known |= (at_ns == stamp[after]) | (at_ns == stamp[after - 1])  # on a point nothing is interpolated
-    share = ((at_ns - stamp[after - 1]) / gap_ns)[:, None]
-    found = values[after - 1] + share * (values[after] - values[after - 1])
-    out[known] = found[known]
-    return out
+    return resample(track.stamp_ns[finite], values, at_ns, max_gap_s=max_gap_s)

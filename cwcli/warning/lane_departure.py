@@ -32,6 +32,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.output import UNKNOWN_NS
+from cwcli.warning.probability import normal_cdf
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
 
@@ -230,7 +231,7 @@ def _side(
     within = t <= config.warn_s + 1e-9
     sigma = np.sqrt(np.maximum(paths.position_covariance_m2[:, :, 2], 1e-12))
     with np.errstate(invalid="ignore"):
-        chance = np.max(_normal_cdf(-gap[:, within] / sigma[:, within]), axis=1)
+        chance = np.max(normal_cdf(-gap[:, within] / sigma[:, within]), axis=1)
         near = gap[:, 0] <= earliest_line_m(rate)
         over = (gap[:, 0] <= 0.0) & (rate > -config.min_rate_mps)
         leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps)
@@ -262,14 +263,6 @@ def _first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
     crossing = np.where(at == 0, 0.0, crossing)
     crossing = np.where(over.any(axis=1), crossing, np.inf)
     return np.where(np.isfinite(gap[:, 0]), crossing, np.nan)
-
-
-def _normal_cdf(z: FloatArray) -> FloatArray:
-    """Standard normal distribution function (Abramowitz and Stegun 26.2.17, within 7.5e-8)."""
-    k = 1.0 / (1.0 + 0.2316419 * np.abs(z))
-    series = k * (0.319381530 + k * (-0.356563782 + k * (1.781477937 + k * (-1.821255978 + k * 1.330274429))))
-    tail = np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi) * series
-    return np.where(z > 0.0, 1.0 - tail, tail)
 
 
 def _rows(
