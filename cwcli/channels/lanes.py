@@ -117,7 +117,6 @@ class LaneRows:
     """Frames of a channel of lanes, n rows in log-time order; NaN, or 0, for what it does not tell.
 
     Attributes:
-        topic: Of the channel.
         log_time_ns, stamp_ns: Shape (n,).
         found: Shape (n, 2): left, right.
         drawn: Where the boundaries are drawn in the searched image.
@@ -128,7 +127,6 @@ class LaneRows:
         lenses: For what was rectified before the search.
     """
 
-    topic: str
     log_time_ns: Int64Array
     stamp_ns: Int64Array
     found: npt.NDArray[np.bool_]
@@ -185,7 +183,6 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
 
     found = of_sides(["found"])[..., 0] > 0.0
     return LaneRows(
-        topic=columns.topic,
         log_time_ns=columns.log_time_ns,
         stamp_ns=whole_numbers(columns, "stamp_ns", required="stamp_ns" in required)[0],
         found=found,

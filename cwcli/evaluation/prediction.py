@@ -18,7 +18,7 @@ from cwcli.metrics.table import Table
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.rows import rows_by_id, tracks_of
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import ERROR_HORIZONS_S, MAX_GAP_S, PredictConfig, prediction_table
 from cwcli.stages.records import json_entry, run_records
@@ -58,13 +58,12 @@ def add_prediction(headline: Headline, log: Log, ego: Ego, table: Table | None) 
 
 def _add_published(headline: Headline, who: str, published: PredictedPaths, states: VehicleStates) -> None:
     """The published paths against the vehicles' own later states."""
-    tracks = dict(rows_by_id(states.ids))
+    tracks = dict(tracks_of(states.ids, states.stamp_ns))
     found = []
     for vehicle, rows in rows_by_id(published.ids):
-        if vehicle not in tracks:
-            continue
-        own = rows_by_stamp(states.stamp_ns, tracks[vehicle])
-        found.append(_against(published, rows, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
+        if vehicle in tracks:
+            own = tracks[vehicle]
+            found.append(_against(published, rows, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
     if found:
         _add_horizons(headline, f"prediction.{who}.", found)
 

@@ -6,17 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.channels.vehicle_state import read_states
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
-from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.rows import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.records import Record, configuration_of, rule_of, run_records, warn_record, whole
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
@@ -116,18 +113,18 @@ def judge_warnings(log: Log, events: Sequence[WarningEvent], rules: Sequence[str
     if not len(host):
         return {}
     config = rule_of(record)
-    all_rows = np.arange(len(host))
-    own, host_size = _track(host, all_rows), outline_of(host.length_m, host.width_m)
+    host_size, host = outline_of(host.length_m, host.width_m), host.by_stamp()
+    own = ActualTrack(host.stamp_ns, host.state)
     hours = float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H
     pairs = {
         vehicle: Pair(
             own,
-            _track(others, rows),
+            ActualTrack(others.stamp_ns[rows], others.state[rows]),
             host_size,
             outline_of(others.length_m[rows], others.width_m[rows]),
             config.max_gap_s,
         )
-        for vehicle, rows in rows_by_id(others.ids)
+        for vehicle, rows in tracks_of(others.ids, others.stamp_ns)
     }
     conflicts = {vehicle: real_conflicts(pair, config) for vehicle, pair in pairs.items()}
     return {rule: _scores(_spans(events, rule), pairs, conflicts, config, hours) for rule in rules}
@@ -172,9 +169,3 @@ def _spans(events: Sequence[WarningEvent], rule: str) -> dict[str, list[tuple[in
         if event.rule == rule:
             found.setdefault(event.other_id, []).append((event.raised_ns, event.last_ns))
     return found
-
-
-def _track(states: VehicleStates, rows: npt.NDArray[np.intp]) -> ActualTrack:
-    """In stamp order, the first row of each stamp."""
-    ordered = rows_by_stamp(states.stamp_ns, rows)
-    return ActualTrack(states.stamp_ns[ordered], states.state[ordered])

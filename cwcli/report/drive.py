@@ -27,7 +27,7 @@ from cwcli.signals.canonical import (
 )
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.rows import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.measurements import ego_measurements
 from cwcli.stages.inputs.sources import read_sources
@@ -168,8 +168,7 @@ def _targets(columns: Columns, notes: list[str]) -> list[OtherTrack]:
 
 def _tracks(states: VehicleStates, kind: str) -> list[OtherTrack]:
     found = []
-    for vehicle, unordered in rows_by_id(states.ids):
-        rows = rows_by_stamp(states.stamp_ns, unordered)
+    for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
         size = outline_of(states.length_m[rows], states.width_m[rows])
         found.append(OtherTrack(vehicle, kind, ActualTrack(states.stamp_ns[rows], states.state[rows, :4]), size))
     return found

@@ -27,3 +27,9 @@ def rows_by_stamp(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
     chosen = np.arange(len(stamp_ns)) if rows is None else rows
     ordered = chosen[np.argsort(stamp_ns[chosen], kind="stable")]
     return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))] if len(ordered) else ordered
+
+
+def tracks_of(ids: Strings, stamp_ns: Int64Array) -> Iterator[tuple[str, Rows]]:
+    """Each id and the indices of its rows, in the order of their stamps, the first of each stamp."""
+    for name, rows in rows_by_id(ids):
+        yield name, rows_by_stamp(stamp_ns, rows)

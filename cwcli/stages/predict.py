@@ -24,7 +24,7 @@ from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.prediction.rollout import Discretisation, check_request
 from cwcli.signals.columns import OutputChannel
-from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.rows import tracks_of
 from cwcli.signals.vehicle_state import EGO_ID
 
 EXAMPLES = (
@@ -148,8 +148,7 @@ def _errors(states: VehicleStates, config: PredictConfig) -> list[dict[str, Any]
     """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
     horizons = error_horizons(config.horizon_s)
     records = []
-    for vehicle, unordered in rows_by_id(states.ids):
-        rows = rows_by_stamp(states.stamp_ns, unordered)
+    for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
         stamp_ns = states.stamp_ns[rows]
         compared = compare_models(
             list(MODELS),

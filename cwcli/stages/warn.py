@@ -24,7 +24,7 @@ from cwcli.prediction.models import MODELS
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.rows import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
 from cwcli.stages.summaries.warn import RuleOutcome, numbered, tables_of
@@ -178,20 +178,18 @@ def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_ons
     Args:
         with_onset: Add the paths of the onset hypothesis, which are never published: they are no prediction.
     """
-    path_rows = dict(rows_by_id(predicted.ids))
+    path_rows = dict(tracks_of(predicted.ids, predicted.stamp_ns))
     tracks = []
-    for vehicle, unordered in rows_by_id(states.ids):
+    for vehicle, all_rows in tracks_of(states.ids, states.stamp_ns):
         candidates = path_rows.get(vehicle)
         if candidates is None:
             continue
-        rows = rows_by_stamp(states.stamp_ns, unordered)
-        candidates = rows_by_stamp(predicted.stamp_ns, candidates)
         _, mine, theirs = np.intersect1d(
-            states.stamp_ns[rows], predicted.stamp_ns[candidates], assume_unique=True, return_indices=True
+            states.stamp_ns[all_rows], predicted.stamp_ns[candidates], assume_unique=True, return_indices=True
         )
         if not len(mine):
             continue
-        rows, candidates = rows[mine], candidates[theirs]
+        rows, candidates = all_rows[mine], candidates[theirs]
         length_m, width_m = outline_of(states.length_m[rows], states.width_m[rows])
         tracks.append(
             VehicleTrack(

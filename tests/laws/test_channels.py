@@ -37,7 +37,7 @@ from cwcli.channels.target import read_targets, write_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
 from cwcli.channels.warning import read_warnings, write_warnings
 from cwcli.control.encounter import POLICIES
-from cwcli.dynamics.samples import LateralTrack, Status, count_statuses
+from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_statuses
 from cwcli.errors import DataError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
@@ -269,7 +269,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
 
 def of_observed(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n)
-    status = rng.integers(0, len(Status), n).astype(np.int8)
+    status = rng.integers(0, len(FrameStatus), n).astype(np.int8)
     speed_mps, steer_rad, curvature_1pm, mass_kg, sigma_kg = (rng.normal(size=n) for _ in range(5))
     track = LateralTrack(
         stamp_ns,
