@@ -1,9 +1,9 @@
-"""Headline metrics of `estimate`: errors against the truth, consistency, residuals of the fixes."""
+"""How good `estimate` is: its result against the truth, and headline metrics."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,15 @@ from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.estimation.consistency import effective_count, nees
+from cwcli.evaluation.records import sources_of
+from cwcli.evaluation.subject import Ego, EgoTruth, Subject
+from cwcli.evaluation.truth import against_truth, truth_rows, truth_section, truth_xy
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.metrics.headline import Headline, metric_of
+from cwcli.metrics.table import with_rows
+from cwcli.pipeline.records import Record, json_entry, map_of, number, run_records
+from cwcli.pipeline.result import StageResult
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.codec import Role
@@ -24,9 +30,8 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.stages.estimate import EstimateConfig, Made
 from cwcli.stages.inputs.sources import Sources, read_sources
-from cwcli.stages.records import Record, json_entry, map_of, number, run_records, sources_of
-from cwcli.stages.truth import truth_xy
 
 MAX_GAP_S = 0.5
 MAX_FIX_GAP_S = 1.5
@@ -35,39 +40,27 @@ ELLIPSE_95 = -2.0 * float(np.log(0.05))
 """Chi-square quantile with two degrees of freedom."""
 
 
-@dataclass(frozen=True)
-class EgoTruth:
-    """The truth of the ego in the map frame: stamps (n,) and positions (n, 2)."""
-
-    stamp_ns: Int64Array
-    xy: FloatArray
-
-
-@dataclass(frozen=True)
-class Ego:
-    """What later metrics need of the ego.
-
-    Attributes:
-        states: Its states in stamp order, or None where the log has none.
-        truth: Its truth, or None.
-        notes: Why channels were not used, for the user.
-    """
-
-    states: VehicleStates | None = None
-    truth: EgoTruth | None = None
-    notes: tuple[str, ...] = ()
+def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
+    """The result with the errors of the ego's track, if the log has a truth of it."""
+    made: Made = result.made
+    errors = against_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
+    if errors is None:
+        return result.judged()
+    table = with_rows(result.tables["estimate"], truth_rows(errors))
+    return result.judged(sections=(truth_section(errors),), tables={"estimate": table}, notes=errors.notes)
 
 
-def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
-    """Add the metrics of the ego's states; nothing if the log has none."""
+def add_metrics(subject: Subject) -> None:
+    """Add the metrics of the ego's states, and the ego itself; nothing if the log has none."""
+    log, headline = subject.log, subject.headline
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
-        return Ego()
+        return
     record = run_records(log).get("estimate", {})
     states = read_states(log.columns(EGO_STATE.topic)).by_stamp()
     if not len(states):
-        return Ego()
+        return
     reports = json_entry(record, "sources", list)
-    read = _sources(log, record, truth)
+    read = _sources(log, record, subject.truth)
     sources = read.by_role
     local_map = map_of(record)
     fixes = _fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
@@ -79,7 +72,7 @@ def add_estimate(headline: Headline, log: Log, truth: str) -> Ego:
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
     headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
     _add_consistency(headline, reports)
-    return Ego(states, found, _truth_notes(read))
+    subject.ego = Ego(states, found, _truth_notes(read))
 
 
 def _truth_notes(read: Sources) -> tuple[str, ...]:

@@ -9,18 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cwcli.errors import UsageError
-from cwcli.evaluation.estimate import add_estimate
-from cwcli.evaluation.lanes import add_lanes
 from cwcli.evaluation.log_data import add_data
-from cwcli.evaluation.observer import add_observer
-from cwcli.evaluation.prediction import add_prediction
-from cwcli.evaluation.tracking import add_tracking
-from cwcli.evaluation.warnings import add_warnings
+from cwcli.evaluation.subject import AUTO, NO_TRUTH, Subject
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.headline import Headline
 from cwcli.metrics.table import Table
+from cwcli.stages import STAGES
 
-AUTO, NO_TRUTH = "auto", "none"
+FIRST = ("estimate", "predict", "warn", "track")
+"""The order in which the table has their rows; the other stages follow as they run."""
 
 
 def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | None = None) -> Table:
@@ -43,13 +39,12 @@ def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | N
     """
     if truth not in (AUTO, NO_TRUTH) and not truth.startswith("/"):
         raise UsageError(f"--truth {truth!r} is neither a topic nor auto nor none")
-    headline = Headline()
-    ego = add_estimate(headline, log, truth)
-    add_prediction(headline, log, ego, (tables or {}).get("prediction"))
-    add_warnings(headline, log)
-    add_tracking(headline, log, with_truth=truth != NO_TRUTH)
-    add_lanes(headline, log, with_truth=truth != NO_TRUTH)
-    add_observer(headline, log, with_truth=truth != NO_TRUTH)
-    add_data(headline, log)
-    notes = {"notes": "\n".join(ego.notes)} if ego.notes else {}
-    return headline.table(truth=truth, **notes)
+    subject = Subject(log, truth, tables or {})
+    evaluators = (STAGES[name].evaluator for name in dict.fromkeys((*FIRST, *STAGES)))
+    for evaluator in dict.fromkeys(evaluators):
+        add_metrics = getattr(evaluator, "add_metrics", None)
+        if add_metrics is not None:
+            add_metrics(subject)
+    add_data(subject.headline, log)
+    notes = {"notes": "\n".join(subject.ego.notes)} if subject.ego.notes else {}
+    return subject.headline.table(truth=truth, **notes)

@@ -9,6 +9,7 @@ import numpy as np
 from cwcli.channels.binding import is_truth_topic
 from cwcli.channels.lanes import SIDES, LaneRows, read_lanes
 from cwcli.channels.published import LANES
+from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
@@ -38,8 +39,9 @@ Image = tuple[float, float, float, float]
 """Width and height of the image that was searched, and of the camera's."""
 
 
-def add_lanes(headline: Headline, log: Log, *, with_truth: bool) -> None:
+def add_metrics(subject: Subject) -> None:
     """Add the metrics of the lanes channel; nothing if the log has none."""
+    headline, log = subject.headline, subject.log
     if all(channel.topic != LANES.topic for channel in log.channels):
         return
     lanes = read_lanes(log.columns(LANES.topic))
@@ -55,7 +57,7 @@ def add_lanes(headline: Headline, log: Log, *, with_truth: bool) -> None:
         headline.add("lanes.width_near_share", width.share_near * width.n, width.n)
         if math.isfinite(width.max_jump_m):
             headline.add("lanes.width_max_jump_m", width.max_jump_m, 1.0, n=width.n)
-    if with_truth:
+    if subject.with_truth:
         for channel in log.channels:
             if is_truth_topic(channel.topic):
                 _add_truth(headline, log, channel, lanes)

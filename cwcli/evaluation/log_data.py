@@ -7,8 +7,8 @@ from typing import Any
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
+from cwcli.pipeline.records import json_entry, number, run_records
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.records import json_entry, number, run_records
 
 
 def add_data(headline: Headline, log: Log) -> None:

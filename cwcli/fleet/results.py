@@ -142,7 +142,7 @@ def _of_log(source: str, name: str, truth: str) -> LogMetrics:
 
 def _input_sha256(log: Log) -> str:
     """Hash of the log before it was annotated, from the first record that tells it."""
-    from cwcli.stages.records import run_records
+    from cwcli.pipeline.records import run_records
 
     hashes = [record["input_sha256"] for record in run_records(log).values() if "input_sha256" in record]
     return hashes[0] if hashes else ""

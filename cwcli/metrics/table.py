@@ -71,6 +71,11 @@ class ColumnDoc:
 NO_DOC = ColumnDoc()
 
 
+MetricRow = tuple[str, str, str, str, float, str]
+"""Vehicle ("" for all), source ("" for none), quantity, metric, value and unit."""
+METRIC_COLUMNS = ("vehicle", "source", "quantity", "metric", "value", "unit")
+
+
 @dataclass(frozen=True)
 class Table:
     """Columns of equal length.
@@ -237,3 +242,20 @@ def _csv_array(values: NumericArray) -> pa.Array:
     import pyarrow as pa
 
     return pa.array(values, from_pandas=True)
+
+
+def metric_table(name: str, rows: Sequence[MetricRow]) -> Table:
+    """A row per metric, so that a gate can name it and two runs can be compared."""
+    columns = dict(zip(METRIC_COLUMNS, zip(*rows, strict=True), strict=True))
+    return Table(
+        name,
+        {
+            key: np.array(column, np.float64) if key == "value" else [str(cell) for cell in column]
+            for key, column in columns.items()
+        },
+    )
+
+
+def with_rows(table: Table, rows: Sequence[MetricRow]) -> Table:
+    """A table of metrics with more rows."""
+    return metric_table(table.name, [*(tuple(row.values()) for row in table.records()), *rows])

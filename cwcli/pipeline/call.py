@@ -49,8 +49,19 @@ class StageCall:
         Raises:
             CwcliError: As the stage does.
         """
-        result: StageResult = self.stage.function(log, with_selection(self.config, selection))
-        return result
+        return run_stage(self.stage, log, with_selection(self.config, selection))
+
+
+def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
+    """Run a stage, and let its evaluation say how good it is, where it has one.
+
+    The evaluation is a module of `cwcli.evaluation`. Its function `judge_result`, if there is one, takes the log, the
+    configuration and the result, and gives the result with further sections, tables and notes (`StageResult.judged`);
+    its function `add_metrics` adds headline metrics (`cwcli.evaluation.evaluate_log`).
+    """
+    result: StageResult = stage.function(log, config)
+    judge: Callable[[Log, Any, StageResult], StageResult] | None = getattr(stage.evaluator, "judge_result", None)
+    return result if judge is None else judge(log, config, result)
 
 
 def with_selection(config: Any, selection: Selection) -> Any:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import ChainMap
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cwcli.metrics.table import Table
@@ -96,6 +97,7 @@ class StageResult:
         tables: Metrics by name; the first is the stage's main table (what `--metrics` writes).
         summary: For people and `--json`.
         metadata: The record `cwcli.run.<stage>`: version, resolved configuration, input hash, counts.
+        made: What its evaluation needs beside the channels (`cwcli.evaluation`); nobody else sees it.
     """
 
     stage: str
@@ -103,6 +105,37 @@ class StageResult:
     tables: Mapping[str, Table]
     summary: Summary
     metadata: Mapping[str, str] = field(default_factory=dict)
+    made: Any = None
+
+    def judged(
+        self,
+        *,
+        sections: tuple[Section, ...] = (),
+        tables: Mapping[str, Table] | None = None,
+        notes: tuple[str, ...] = (),
+        at: int | None = None,
+        entries: Mapping[str, str] | None = None,
+    ) -> StageResult:
+        """The result with what its evaluation says of it.
+
+        Args:
+            sections, notes: Come after those of the stage; notes behind the first `at` of them.
+            tables: Come after, or replace those of the same name.
+            entries: Further ones of the record.
+        """
+        own = self.summary.notes
+        at = len(own) if at is None else at
+        return replace(
+            self,
+            tables={**self.tables, **(tables or {})},
+            summary=replace(
+                self.summary,
+                sections=(*self.summary.sections, *sections),
+                notes=(*own[:at], *(note for note in notes if note not in own), *own[at:]),
+            ),
+            metadata=ChainMap(dict(entries or {}), self.metadata),  # type: ignore[arg-type]
+            made=None,
+        )
 
 
 def _json_cell(cell: Cell) -> Cell:

@@ -15,8 +15,10 @@ from cwcli.channels.vehicle_state import KINEMATICS, VehicleStates, read_states
 from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.measurements import Measurements
+from cwcli.evaluation.records import rule_of, sources_of, warn_record
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
+from cwcli.pipeline.records import inputs_of, map_of, run_records
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -31,7 +33,6 @@ from cwcli.signals.rows import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.measurements import ego_measurements
 from cwcli.stages.inputs.sources import read_sources
-from cwcli.stages.records import inputs_of, map_of, rule_of, run_records, sources_of, warn_record
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.types import WarningConfig, outline_of
 

@@ -18,6 +18,7 @@ STAGES: dict[str, Stage] = {
             required=("ego_position",),
             used=("ego_velocity", "ego_speed", "ego_heading", "imu", "remote", "truth"),
             added={"ego_state": "ego_position", "remote_state": "remote"},
+            evaluation="cwcli.evaluation.estimate",
         ),
         Stage(
             "track",
@@ -25,6 +26,7 @@ STAGES: dict[str, Stage] = {
             required=("detections",),
             used=("ego_state", "target_truth"),
             added={"targets": "detections"},
+            evaluation="cwcli.evaluation.track",
         ),
         Stage(
             "lanes",
@@ -32,6 +34,7 @@ STAGES: dict[str, Stage] = {
             required=("camera",),
             used=("camera_info", "ego_state", "ego_speed", "imu"),
             added={"lanes": "camera"},
+            evaluation="cwcli.evaluation.lanes",
         ),
         Stage(
             "observe",
@@ -40,6 +43,7 @@ STAGES: dict[str, Stage] = {
             one_of=(("ego_speed", "ego_state", "ego_velocity"),),
             used=("imu", "ego_steer", "lateral_truth"),
             added={"observer": "lanes"},
+            evaluation="cwcli.evaluation.observe",
         ),
         Stage(
             "predict",
@@ -47,6 +51,7 @@ STAGES: dict[str, Stage] = {
             required=("ego_state",),
             used=("remote_state",),
             added={"ego_path": "ego_state", "remote_path": "remote_state"},
+            evaluation="cwcli.evaluation.predict",
         ),
         Stage(
             "predict-lane",
@@ -55,23 +60,27 @@ STAGES: dict[str, Stage] = {
             used=("ego_state", "camera", "truth", "lateral_truth"),
             added={"observer_path": "observer"},
             instead_of="predict",
+            evaluation="cwcli.evaluation.predict_lane",
         ),
         Stage(
             "warn",
             "Warn of collisions from the predicted paths.",
             required=("ego_state", "ego_path", "remote_state", "remote_path"),
+            evaluation="cwcli.evaluation.warn",
         ),
         Stage(
             "warn-targets",
             "Warn of collisions with tracked targets.",
             required=("ego_state", "ego_path", "targets"),
             instead_of="warn",
+            evaluation="cwcli.evaluation.warn",
         ),
         Stage(
             "warn-lane",
             "Warn of leaving the lane.",
             required=("observer_path", "lanes"),
             instead_of="warn",
+            evaluation="cwcli.evaluation.warn",
         ),
         Stage(
             "control",

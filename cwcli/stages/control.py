@@ -17,13 +17,13 @@ from cwcli.control.encounter import RecordedTrack, ReplaySpan, replay_warning
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.records import Record, configuration_of, map_of, run_records
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.columns import OutputChannel
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
-from cwcli.stages.records import Record, configuration_of, map_of, run_records
 from cwcli.stages.summaries.control import Replayed, control_table, published_steps, sections, series_table
 from cwcli.stages.warn import vehicle_tracks
 from cwcli.warning.evaluate import check_config as check_rule

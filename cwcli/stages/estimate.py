@@ -15,12 +15,13 @@ from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Measurements
+from cwcli.estimation.result import Track
 from cwcli.estimation.track import estimate_track, estimate_tracks
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal
+from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal, Signal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
@@ -37,7 +38,6 @@ from cwcli.stages.summaries.estimate import (
     source_record,
     summarise,
 )
-from cwcli.stages.truth import TruthErrors, against_truth
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
@@ -94,6 +94,23 @@ class EstimateConfig:
 
 
 @dataclass(frozen=True)
+class Made:
+    """What is compared with the truth.
+
+    Attributes:
+        truths: Signals of the ego's truth, () without one.
+        measurements: Of the ego, positions first.
+        ego: Its track.
+        local_map: The map's place on the earth, or None where it has none.
+    """
+
+    truths: tuple[Signal, ...]
+    measurements: Sequence[Measurements]
+    ego: Track
+    local_map: LocalMap | None
+
+
+@dataclass(frozen=True)
 class RemoteStates:
     """The remote vehicles' states as one channel, and a summary of each track.
 
@@ -130,18 +147,18 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     grid_ns = _output_grid(measurements, config.rate_hz)
     ego = estimate_track(measurements, config.estimator, grid_ns)
     remote = _remote_states(sources, local_map, config.estimator)
-    errors = against_truth(sources.by_role.get(Role.TRUTH, ()), measurements, ego, local_map, config.truth_origin)
     channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance), local_map)
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
-    summary = _summary(sources, apart, tracks, errors)
+    summary = _summary(sources, apart, tracks)
     return StageResult(
         stage="estimate",
         channels=(*channels, *([remote.channel] if remote else [])),
-        tables=estimate_tables(tracks, errors),
+        tables=estimate_tables(tracks),
         summary=summary,
         metadata=run_record(
             "estimate", log, config, summary, sources=source_record(tracks), **_origin_record(local_map)
         ),
+        made=Made(sources.by_role.get(Role.TRUTH, ()), measurements, ego, local_map),
     )
 
 
@@ -260,9 +277,7 @@ def merged(signals: list[RemoteSignal]) -> RemoteSignal:
     return RemoteSignal(source=source, station=Strings(codes[order], tuple(names)), **columns)
 
 
-def _summary(
-    sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary], errors: TruthErrors | None
-) -> Summary:
+def _summary(sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary]) -> Summary:
     signals = [s for found in sources.by_role.values() for s in found if not isinstance(s, CameraInfoSignal)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
@@ -271,9 +286,7 @@ def _summary(
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
     notes.extend(_remote_notes(tracks))
-    if errors is not None:
-        notes.extend(errors.notes)
-    return Summary("estimate", sections(tracks, errors), sources.counts(), tuple(dict.fromkeys(notes)))
+    return Summary("estimate", sections(tracks), sources.counts(), tuple(dict.fromkeys(notes)))
 
 
 def _remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:

@@ -20,14 +20,15 @@ from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.records import vehicle_entry
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.codec import Role
+from cwcli.signals.columns import Columns
 from cwcli.stages.inputs.lane_samples import lane_samples
 from cwcli.stages.inputs.lateral_sensors import Inputs, inputs_of
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
-from cwcli.stages.records import vehicle_entry
-from cwcli.stages.summaries.observe import observer_section, observer_table, truth_errors, truth_section
+from cwcli.stages.summaries.observe import observer_section, observer_table
 
 FIELDS: dict[str, tuple[str, ...]] = {LANES.role: PREVIEW_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
 EXAMPLES = (
@@ -92,6 +93,19 @@ class ObserveConfig:
         return self.vehicle
 
 
+@dataclass(frozen=True)
+class Made:
+    """What is compared with the truth.
+
+    Attributes:
+        track: The observed motion.
+        truth: Columns of the truth's channel, None without one.
+    """
+
+    track: LateralTrack
+    truth: Columns | None
+
+
 def observe(log: Log, config: ObserveConfig) -> StageResult:
     """Observe the ego's lateral speed and yaw rate from its lane.
 
@@ -146,22 +160,21 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
             hint="compare the two channels' times; their clocks may differ",
         )
     table = observer_table(track)
-    tables = {table.name: table}
-    sections = [observer_section(track, inputs)]
-    truth_topic = own.topic(Role.LATERAL_TRUTH)
-    if truth_topic is not None and len(sources.columns[truth_topic]):
-        errors = truth_errors(track, sources.columns[truth_topic])
-        tables[errors.name] = errors
-        sections.append(truth_section(errors, truth_topic))
     summary = Summary(
         title=f"observe ({config.observer.method})",
-        sections=tuple(sections),
+        sections=(observer_section(track, inputs),),
         inputs=(lanes.count, *inputs.counts),
         notes=_notes(own, inputs, track, vehicle, config),
     )
     record = run_record("observe", log, config, summary, **vehicle_entry(vehicle))
+    truth_topic = own.topic(Role.LATERAL_TRUTH)
     return StageResult(
-        "observe", (write_observed(Observed(lanes.log_time_ns, track, lanes.preview_m)),), tables, summary, record
+        "observe",
+        (write_observed(Observed(lanes.log_time_ns, track, lanes.preview_m)),),
+        {table.name: table},
+        summary,
+        record,
+        made=Made(track, None if truth_topic is None else sources.columns[truth_topic]),
     )
 
 

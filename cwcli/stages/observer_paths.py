@@ -10,11 +10,11 @@ from cwcli.channels.lateral_state import Observed, read_observed
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import vehicle_of
 from cwcli.prediction.lateral import LateralPathConfig, lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.stages.records import vehicle_of
 
 MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""

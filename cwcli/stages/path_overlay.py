@@ -19,12 +19,12 @@ from cwcli.channels.published import LANES, OBSERVER_PATH_LINES
 from cwcli.channels.render_topic import check_render_topic
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
 from cwcli.prediction.paths import Paths
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel
 from cwcli.signals.rows import Rows, rows_by_stamp
 from cwcli.stages.inputs.camera import CameraSource, camera_source
-from cwcli.stages.records import configuration_of, inputs_of, number, run_records
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame, decode_frames

@@ -6,29 +6,26 @@ the observed motion is added up from where the car was, and pointed, at its firs
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lateral_state import Observed, read_lateral_truth, read_observed
+from cwcli.channels.lateral_state import Observed, read_observed
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_STATE, OBSERVER, OBSERVER_PATH
 from cwcli.channels.vehicle_state import read_states
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.option import Option
-from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
+from cwcli.pipeline.records import vehicle_of
+from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.prediction.horizon import BASELINE, HorizonErrors, horizon_errors, horizon_table
-from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, map_paths
-from cwcli.prediction.paths import Paths
-from cwcli.signals.canonical import PoseSignal, Signal
+from cwcli.prediction.lateral import LateralPathConfig, dead_reckon, map_paths
+from cwcli.signals.canonical import Signal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel, constant_strings
 from cwcli.signals.resample import resample
@@ -36,19 +33,16 @@ from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
 from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
-from cwcli.stages.predict import MAX_GAP_S, error_horizons
-from cwcli.stages.records import vehicle_of
 
 EXAMPLES = (
     "cwcli predict-lane observed.mcap -o predicted.mcap --horizon 2",
     "cwcli predict-lane observed.mcap -o predicted.mcap --render /camera/drawn",
 )
 ODOM_FRAME = "odom"
+MAX_GAP_S = 0.5
 NO_STATE = "no state"
 NO_POSE = "no ego state near it"
 MIN_SLIP_SPEED_MPS = 1.0
-COURSE_SCHEMA = EGO_STATE.schema
-"""Its heading is the direction of motion, not that of the car's axis."""
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -133,6 +127,23 @@ class Poses:
     at_yaw_rad: FloatArray
 
 
+@dataclass(frozen=True)
+class Made:
+    """What is compared with what then happened.
+
+    Attributes:
+        body: The paths, in the car's own axes.
+        poses: Where they are placed.
+        truths: Signals of the ego's truth, () without one.
+        lateral: Columns of the truth of the lateral motion, None without one.
+    """
+
+    body: BodyPaths
+    poses: Poses
+    truths: tuple[Signal, ...]
+    lateral: Columns | None
+
+
 def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     """Predict the ego's path from its observed lateral motion.
 
@@ -171,15 +182,9 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     own_motion = _own_motion(observed)
     in_map = None if states is None or not len(states) else _ego_state_poses(states, observed)
     placed, count = _place(body, in_map or own_motion, has_state, topic)
-    lateral_topic = own.topic(Role.LATERAL_TRUTH)
-    lateral = None if lateral_topic is None else sources.columns[lateral_topic]
-    truth = _truth_poses(sources.by_role.get(Role.TRUTH, ()), log, lateral, observed)
-    reference = truth or in_map or own_motion
-    table = _errors(body, reference, config)
     overlay = _overlay(log, body, config)
     summary = Summary(
         title="predict-lane",
-        sections=(_section(table, config.horizon_s, reference.source),),
         inputs=(count,),
         notes=(
             *own.notes,
@@ -189,7 +194,10 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
         ),
     )
     record = run_record("predict-lane", log, config, summary)
-    return StageResult("predict-lane", (placed, *overlay.channels), {table.name: table}, summary, record)
+    lateral_topic = own.topic(Role.LATERAL_TRUTH)
+    lateral = None if lateral_topic is None else sources.columns[lateral_topic]
+    made = Made(body, in_map or own_motion, sources.by_role.get(Role.TRUTH, ()), lateral)
+    return StageResult("predict-lane", (placed, *overlay.channels), {}, summary, record, made=made)
 
 
 def _overlay(log: Log, body: BodyPaths, config: PredictLaneConfig) -> Overlay:
@@ -243,104 +251,11 @@ def _ego_state_poses(columns: Columns, observed: Observed) -> Poses:
     states = read_states(columns).by_stamp()
     stamp_ns, state = states.stamp_ns, states.state
     x_m, y_m, course_rad = resample(stamp_ns, state[:, [0, 1, 3]], observed.track.stamp_ns, max_gap_s=MAX_GAP_S).T
-    yaw_rad = course_rad - _slip(observed.track.state[:, 0], observed.track.speed_mps)
+    yaw_rad = course_rad - slip_rad(observed.track.state[:, 0], observed.track.speed_mps)
     return Poses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
 
 
-def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, observed: Observed) -> Poses | None:
-    """The true track in its own frame, and the true pose at each frame; None without a truth that tells the yaw."""
-    truth = next((each for each in truths if isinstance(each, PoseSignal)), None)
-    if truth is None or not np.isfinite(truth.yaw_rad).any():
-        return None
-    at_ns = observed.track.stamp_ns
-    xy_m = np.column_stack([truth.x_m, truth.y_m])
-    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_GAP_S)
-    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_GAP_S)
-    schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
-    if schema == COURSE_SCHEMA:
-        lateral_mps = observed.track.state[:, 0]
-        if lateral is not None and len(lateral):
-            true_ns, true_state = read_lateral_truth(lateral)
-            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_GAP_S)
-        yaw_rad = yaw_rad - _slip(lateral_mps, observed.track.speed_mps)
-    return Poses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
-
-
-def _slip(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def slip_rad(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """Angle from the car's axis to its direction of motion; 0 at walking pace."""
     moves = np.abs(speed_mps) >= MIN_SLIP_SPEED_MPS
     return np.where(moves, np.arctan2(lateral_mps, np.where(moves, speed_mps, 1.0)), 0.0)
-
-
-def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
-    """Each path model and constant velocity from the same starts, at the poses where the track has the car."""
-    track = body.observed.track
-    horizons = error_horizons(config.horizon_s)
-    made = {BASELINE: _straight_on(body)}
-    for model, name in MODEL_NAMES.items():
-        is_own = name == body.model
-        made[name] = (
-            body.paths
-            if is_own
-            else predict_body(
-                body.observed, body.vehicle, replace(config.path, model=model), calibrate=config.calibrate
-            ).paths
-        )
-    compared: dict[str, HorizonErrors] = {}
-    bands: list[FloatArray] = []
-    x_m, y_m = poses.at_xy_m.T
-    for name, paths in made.items():
-        placed = map_paths(paths, x_m, y_m, poses.at_yaw_rad)
-        compared[name] = horizon_errors(placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_GAP_S)
-        bands.append(_inside_band(compared[name], placed))
-    columns: dict[str, TableColumn] = {
-        "vehicle": [EGO_ID] * (len(made) * len(horizons)),
-        **horizon_table(compared),
-        "inside_band_90": np.concatenate(bands),
-        "against": [poses.source] * (len(made) * len(horizons)),
-    }
-    docs = {"inside_band_90": ColumnDoc(doc="share of the errors across the path within 1.645 of their sigma")}
-    return Table("observer_prediction", columns, docs)
-
-
-def _straight_on(body: BodyPaths) -> Paths:
-    """Constant velocity: v ahead, v_y to the left, no covariance."""
-    track, t = body.observed.track, body.paths.time_s
-    v, lateral = track.speed_mps[:, None], track.state[:, :1]
-    x_m, y_m = v * t, lateral * t
-    turned = np.broadcast_to(_slip(lateral, v), x_m.shape)
-    return Paths(t, x_m, y_m, turned, np.hypot(v, lateral) + 0.0 * t, np.full((*x_m.shape, 3), np.nan))
-
-
-def _inside_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
-    """Share of the outcomes inside the 90 % band across the path, at each horizon; NaN without a covariance."""
-    shares = []
-    for column, horizon_s in enumerate(errors.horizon_s):
-        at = int(np.argmin(np.abs(placed.time_s - horizon_s)))
-        cos, sin = np.cos(placed.heading_rad[:, at]), np.sin(placed.heading_rad[:, at])
-        xx, xy, yy = placed.position_covariance_m2[:, at].T
-        sigma = np.sqrt(np.maximum(sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy, 0.0))
-        known = errors.is_known[:, column] & np.isfinite(sigma)
-        inside = np.abs(errors.cross_m[known, column]) <= Z_90 * sigma[known]
-        shares.append(float(inside.mean()) if len(inside) else math.nan)
-    return np.array(shares)
-
-
-def _section(table: Table, horizon_s: float, source: str) -> Section:
-    """Errors at the horizon, a row a model."""
-    rows: list[tuple[Cell, ...]] = [
-        (
-            str(row["model"]),
-            row["n"],
-            row["mean_m"],
-            row["median_m"],
-            row["p95_m"],
-            row["change_percent"],
-            100.0 * row["inside_band_90"],
-        )
-        for row in table.records()
-        if abs(row["horizon_s"] - horizon_s) < 1e-9 and row["n"]
-    ]
-    title = f"Position error {horizon_s:g} s ahead, against {source}"
-    columns = ("model", "starts", "mean [m]", "median [m]", "p95 [m]", "vs cv [%]", "in 90 % band [%]")
-    return Section("prediction", title, columns, tuple(rows))

@@ -14,11 +14,13 @@ from cwcli.channels.target import write_targets
 from cwcli.channels.vehicle_state import read_states
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.records import map_of, run_records
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
+from cwcli.signals.canonical import DetectionSignal, Signal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
+from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.inputs.detections import (
     check_carriers,
     detections_of,
@@ -26,9 +28,7 @@ from cwcli.stages.inputs.detections import (
     sensor_models,
 )
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
-from cwcli.stages.records import map_of, run_records
 from cwcli.stages.summaries.track import detection_counts, sections, track_tables
-from cwcli.stages.track_truth import score_record, scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, EgoStates, SensorModel
 from cwcli.tracking.sensor_setting import SensorSetting, parse_sensors
@@ -79,6 +79,27 @@ class TrackConfig:
     ] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Made:
+    """What is compared with the truth.
+
+    Attributes:
+        result: The tracks.
+        truths: Signals of the targets' truth, () without one.
+        moments_ns: Stamps at which they are compared.
+        in_map: The tracks' frame is the map.
+        local_map: Where the map lies on the earth, if that is known.
+        n_notes: How many notes of the summary are about the sensors: those about the truth follow them.
+    """
+
+    result: TrackResult
+    truths: tuple[Signal, ...]
+    moments_ns: Int64Array
+    in_map: bool
+    local_map: LocalMap | None
+    n_notes: int
+
+
 def track(log: Log, config: TrackConfig) -> StageResult:
     """Track other road users from the detections of lidars and radars.
 
@@ -101,25 +122,19 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     detections = [detections_of(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
     result, how = _tracks(detections, models, config, ego)
     known_ns = _known(signals)
-    errors = None
-    truth = sources.by_role.get(Role.TARGET_TRUTH, ())
-    if truth and isinstance(truth[0], TargetTruthSignal):
-        moments_ns = known_ns[0] if how == "many" else np.unique(np.concatenate([d.stamp_ns for d in detections]))
-        local_map = map_of(run_records(log).get("estimate", {})) if ego is not None else None
-        errors, more = scores_of(truth[0], result, moments_ns, in_map=in_map, local_map=local_map)
-        notes.extend(more)
+    n_of_sensors = len(sources.notes) + len(notes)
     kinds = {d.source: d.kind for d in detections}
     notes.extend(_notes(result, signals, how, config))
     summary = Summary(
         title="track",
-        sections=sections(result, kinds, errors, in_map=in_map),
+        sections=sections(result, kinds, in_map=in_map),
         inputs=(*sources.counts(), *ego_count, *detection_counts(result.counts)),
         notes=(*sources.notes, *notes),
     )
     return StageResult(
         stage="track",
         channels=write_targets(result, in_map=in_map, known_ns=known_ns),
-        tables=track_tables(result, config.tracker.single, kinds, errors),
+        tables=track_tables(result, config.tracker.single, kinds),
         summary=summary,
         metadata=run_record(
             "track",
@@ -128,7 +143,14 @@ def track(log: Log, config: TrackConfig) -> StageResult:
             summary,
             targets=how,
             frame="map" if in_map else "base_link",
-            scores=score_record(result, errors),
+        ),
+        made=Made(
+            result=result,
+            truths=sources.by_role.get(Role.TARGET_TRUTH, ()),
+            moments_ns=known_ns[0] if how == "many" else np.unique(np.concatenate([d.stamp_ns for d in detections])),
+            in_map=in_map,
+            local_map=map_of(run_records(log).get("estimate", {})) if ego is not None else None,
+            n_notes=n_of_sensors,
         ),
     )
 

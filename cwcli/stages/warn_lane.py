@@ -14,12 +14,12 @@ from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.records import vehicle_of
 from cwcli.stages.summaries.warn import RuleOutcome
 from cwcli.stages.warn import warnings_result
 from cwcli.warning.lane_departure import (

@@ -177,7 +177,7 @@ def test_the_car_of_the_record_is_used_for_the_paths(cwcli: Run, tmp_path: Path,
     (tmp_path / "car.toml").write_text(text)
     assert cwcli("observe", lanes, "--vehicle", "car.toml", "-o", "observed.mcap").returncode == 0
     from cwcli.logs.read.reader import Log
-    from cwcli.stages.records import vehicle_of
+    from cwcli.pipeline.records import vehicle_of
 
     with Log.open(tmp_path / "observed.mcap") as log:
         car, _ = vehicle_of(log)

@@ -1,4 +1,4 @@
-"""What `estimate` tells: a line per source and vehicle, the errors against the truth, and the metrics table."""
+"""What `estimate` says: a line per source and vehicle, and the metrics table."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ import numpy as np
 from cwcli.estimation.latency import Latency
 from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.metrics.table import Table
+from cwcli.metrics.table import MetricRow, Table, metric_table
 from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.canonical import TimedSignal
 from cwcli.signals.clocks import find_gaps
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.truth import TruthErrors
 from cwcli.text import finite
 
 NIS_WORDS = {None: "", True: "in", False: "OUT"}
@@ -57,49 +56,21 @@ def summarise(track: Track) -> TrackSummary:
     )
 
 
-def sections(tracks: Mapping[str, TrackSummary], errors: TruthErrors | None) -> tuple[Section, ...]:
+def sections(tracks: Mapping[str, TrackSummary]) -> tuple[Section, ...]:
     """The stage's tables for the terminal."""
     ego = tracks[EGO_ID]
-    found = [_sources_section(ego), _noise_section(ego), _vehicles_section(tracks)]
-    if errors is not None:
-        found.append(_errors_section(errors))
-    return tuple(found)
+    return _sources_section(ego), _noise_section(ego), _vehicles_section(tracks)
 
 
-def estimate_tables(tracks: Mapping[str, TrackSummary], errors: TruthErrors | None) -> dict[str, Table]:
-    """One table: a row per metric, so that a gate can name it and two runs can be compared.
-
-    Columns: vehicle, source (topic, or "" for the track as a whole), quantity, metric, value, unit.
-    """
-    rows: list[tuple[str, str, str, str, float, str]] = []
+def estimate_tables(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:
+    """One table; its source is a topic, or "" for the track as a whole."""
+    rows: list[MetricRow] = []
     for vehicle, track in tracks.items():
         for report in track.sources:
             rows.extend(_report_rows(vehicle, report))
         rows.append((vehicle, "", "state", "count", float(track.n_states), ""))
         rows.append((vehicle, "", "position", "median_sigma", track.median_sigma_m, "m"))
-    if errors is not None:
-        for error in errors.rows:
-            for metric, value, unit in (
-                ("measured_error_sigma", error.measured_sigma, error.unit),
-                ("measured_error_bias", error.measured_bias, error.unit),
-                ("estimated_error_sigma", error.estimated_sigma, error.unit),
-                ("estimated_error_bias", error.estimated_bias, error.unit),
-                ("error_change", error.change_percent, "%"),
-                ("error_count", float(error.n), ""),
-            ):
-                rows.append((EGO_ID, errors.topic, error.name, metric, value, unit))
-        rows.append((EGO_ID, errors.topic, "position", "nees_mean", errors.position_nees_mean, ""))
-    names = ("vehicle", "source", "quantity", "metric", "value", "unit")
-    columns = list(zip(*rows, strict=True))
-    return {
-        "estimate": Table(
-            "estimate",
-            {
-                name: np.array(column, np.float64) if name == "value" else [str(cell) for cell in column]
-                for name, column in zip(names, columns, strict=True)
-            },
-        )
-    }
+    return {"estimate": metric_table("estimate", rows)}
 
 
 def source_record(tracks: Mapping[str, TrackSummary]) -> str:
@@ -200,17 +171,7 @@ def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
     return Section("vehicles", "Estimated tracks", columns, tuple(rows))
 
 
-def _errors_section(errors: TruthErrors) -> Section:
-    rows: list[tuple[Cell, ...]] = [
-        (row.name, row.unit, row.n, row.measured_sigma, row.estimated_sigma, row.change_percent, row.estimated_bias)
-        for row in errors.rows
-    ]
-    columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
-    title = f"1-sigma errors against {errors.topic} (position NEES {errors.position_nees_mean:.2f}, expected 2)"
-    return Section("errors", title, columns, tuple(rows))
-
-
-def _report_rows(vehicle: str, report: SourceReport) -> list[tuple[str, str, str, str, float, str]]:
+def _report_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
     unit = QUANTITIES[report.kind].unit
     values = (
         ("read_count", float(report.n_read), ""),

@@ -1,4 +1,4 @@
-"""What `track` tells: a line per sensor and target, the errors against the truth, and the metrics table."""
+"""What `track` says: a line per sensor and target, and the metrics table."""
 
 from __future__ import annotations
 
@@ -7,18 +7,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cwcli.metrics.table import Table
+from cwcli.metrics.table import MetricRow, Table, metric_table
 from cwcli.pipeline.result import Cell, InputCount, Section
-from cwcli.stages.track_truth import TruthScores
 from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.detections import Counts, DetectionKind
-from cwcli.tracking.gospa import TargetErrors, TrackingScores
 from cwcli.tracking.single import Consistency
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 
 ASSOCIATION = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
-COMPONENTS = (("x", "m"), ("y", "m"), ("vx", "m/s"), ("vy", "m/s"))
 VALUES: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
     DetectionKind.POSITION: (("position", "m"),),
     DetectionKind.RADAR: (("range", "m"), ("azimuth", "rad"), ("range rate", "m/s")),
@@ -26,8 +23,6 @@ VALUES: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
 MAX_TARGETS_SHOWN = 20
 NIS_WORDS = {True: "in", False: "OUT"}
 S_PER_NS = 1e-9
-
-Row = tuple[str, str, str, str, float, str]
 
 
 def detection_counts(counts: Mapping[str, Counts]) -> tuple[InputCount, ...]:
@@ -40,26 +35,15 @@ def detection_counts(counts: Mapping[str, Counts]) -> tuple[InputCount, ...]:
     return tuple(found)
 
 
-def sections(
-    result: TrackResult, kinds: Mapping[str, DetectionKind], errors: TruthScores | None, *, in_map: bool
-) -> tuple[Section, ...]:
+def sections(result: TrackResult, kinds: Mapping[str, DetectionKind], *, in_map: bool) -> tuple[Section, ...]:
     """The stage's tables for the terminal."""
     found = [_sensors_section(result), _noise_section(result, kinds), _targets_section(result, in_map)]
-    if errors is not None:
-        found.append(_errors_section(errors))
-        if len(errors.scores.targets) > 1 or len(result.tracks) > 1:
-            found.append(_gospa_section(errors))
     return tuple(item for item in found if item.rows)
 
 
-def track_tables(
-    result: TrackResult, single: FilterConfig, kinds: Mapping[str, DetectionKind], errors: TruthScores | None
-) -> dict[str, Table]:
-    """One table: a row per metric, in the form of `cwcli estimate`'s.
-
-    Columns: vehicle (target id, "" for all), source (topic), quantity, metric, value, unit.
-    """
-    rows: list[Row] = []
+def track_tables(result: TrackResult, single: FilterConfig, kinds: Mapping[str, DetectionKind]) -> dict[str, Table]:
+    """One table; its vehicle is the id of a target, or "" for all, its source a sensor."""
+    rows: list[MetricRow] = []
     for source, count in result.counts.items():
         rows.extend(_sensor_rows(source, count, result, kinds[source]))
     tuned = single if result.tuned is None else result.tuned.config
@@ -71,24 +55,12 @@ def track_tables(
         rows.append((str(track.id), "", "state", "count", float(len(track)), ""))
         rows.append((str(track.id), "", "state", "seen_count", float((track.source >= 0).sum()), ""))
         rows.append((str(track.id), "", "position", "median_sigma", _median_sigma(track), "m"))
-    if errors is not None:
-        rows.extend(_score_rows(errors))
-    columns = list(zip(*rows, strict=True))
-    headings = ("vehicle", "source", "quantity", "metric", "value", "unit")
-    return {
-        "track": Table(
-            "track",
-            {
-                name: np.array(column, np.float64) if name == "value" else [str(cell) for cell in column]
-                for name, column in zip(headings, columns, strict=True)
-            },
-        )
-    }
+    return {"track": metric_table("track", rows)}
 
 
-def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: DetectionKind) -> list[Row]:
+def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: DetectionKind) -> list[MetricRow]:
     quantity = "position" if kind == DetectionKind.POSITION else "radar"
-    rows: list[Row] = [("", source, quantity, "read_count", float(count.read), "")]
+    rows: list[MetricRow] = [("", source, quantity, "read_count", float(count.read), "")]
     rows.append(("", source, quantity, "used_count", float(count.used), ""))
     for reason, n in (*count.rejected.items(), *count.repaired.items()):
         rows.append(("", source, reason, "count", float(n), ""))
@@ -113,35 +85,6 @@ def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: Detectio
     if source in result.clutter_density:
         rows.append(("", source, quantity, "clutter_density", result.clutter_density[source], ""))
     return rows
-
-
-def _score_rows(errors: TruthScores) -> list[Row]:
-    rows: list[Row] = []
-    topic, names, scores = errors.topic, errors.names, errors.scores
-    for target in scores.targets:
-        name = names[target.id]
-        for (quantity, unit), value in zip(COMPONENTS, target.rmse, strict=True):
-            rows.append((name, topic, quantity, "rmse", value, unit))
-        rows.append((name, topic, "position", "rmse", target.position_rmse_m, "m"))
-        rows.append((name, topic, "velocity", "rmse", target.velocity_rmse_mps, "m/s"))
-        rows.append((name, topic, "truth", "count", float(target.n), ""))
-        rows.append((name, topic, "truth", "tracked_count", float(target.n_tracked), ""))
-        rows.append((name, topic, "id", "switch_count", float(target.id_switches), ""))
-    for metric, value, unit in _gospa_parts(scores):
-        rows.append(("", topic, "gospa", metric, value, unit))
-    rows.append(("", topic, "id", "switch_count", float(scores.id_switches), ""))
-    return rows
-
-
-def _gospa_parts(scores: TrackingScores) -> tuple[tuple[str, float, str], ...]:
-    return (
-        ("mean", float(scores.distance.mean()), "m"),
-        ("localisation_mean", float(scores.localisation.mean()), "m^2"),
-        ("missed_mean", float(scores.missed.mean()), "m^2"),
-        ("false_mean", float(scores.false.mean()), "m^2"),
-        ("missed_targets_mean", float(scores.n_missed.mean()), ""),
-        ("false_tracks_mean", float(scores.n_false.mean()), ""),
-    )
 
 
 def _sensors_section(result: TrackResult) -> Section:
@@ -198,28 +141,6 @@ def _targets_section(result: TrackResult, in_map: bool) -> Section:
     shown = "" if len(longest) == len(result.tracks) else f" (the {len(longest)} longest of {len(result.tracks)})"
     columns = ("target", "from [s]", "for [s]", "states", "seen [%]", "max speed [m/s]", "median sigma [m]")
     return Section("targets", f"Targets in the {'map' if in_map else 'frame of the car'}{shown}", columns, tuple(rows))
-
-
-def _errors_section(errors: TruthScores) -> Section:
-    rows: list[tuple[Cell, ...]] = [
-        (errors.names[one.id], one.n, _share(one), *(float(value) for value in one.rmse), one.id_switches)
-        for one in errors.scores.targets[:MAX_TARGETS_SHOWN]
-    ]
-    columns = ("true target", "moments", "tracked [%]", "x [m]", "y [m]", "vx [m/s]", "vy [m/s]", "id switches")
-    return Section("errors", f"RMSE against {errors.topic}", columns, tuple(rows))
-
-
-def _share(target: TargetErrors) -> float:
-    return 100.0 * target.n_tracked / target.n if target.n else math.nan
-
-
-def _gospa_section(errors: TruthScores) -> Section:
-    parts = _gospa_parts(errors.scores)
-    rows: list[tuple[Cell, ...]] = [(name.replace("_", " "), unit, value) for name, value, unit in parts]
-    rows.append(("id switches", "", errors.scores.id_switches))
-    return Section(
-        "gospa", f"GOSPA against {errors.topic} (p = 2, cut-off 5 m)", ("part", "unit", "value"), tuple(rows)
-    )
 
 
 def _noise(config: FilterConfig) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cwcli.stages.track_truth import TruthScores, score_record
 
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE
@@ -25,7 +26,6 @@ from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict import PredictConfig, predict
-from cwcli.stages.track_truth import TruthScores, score_record
 from cwcli.stages.warn import WarnConfig, warn
 from cwcli.tracking.gospa import TargetMoments, score
 from cwcli.tracking.tracker import TrackResult

@@ -19,11 +19,11 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
+from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.stages.observe import ObserveConfig, observe
-from cwcli.stages.records import vehicle_of
 from tests.unit.stages.lateral_logs import (
     IMU,
     LANES,

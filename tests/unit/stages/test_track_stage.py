@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cwcli.stages.track_truth import scores_of
 
 from cwcli.channels.target import read_targets, write_targets
 from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.pipeline.records import map_of
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Columns, Strings, constant_strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.inputs.detections import SensorSetting, check_carriers, detections_of, sensor_models
-from cwcli.stages.records import map_of
 from cwcli.stages.track import TrackConfig, _tracks
-from cwcli.stages.track_truth import scores_of
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.tracker import track_many, track_one

@@ -9,15 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.metrics.table import MetricRow
+from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.build_motion import MAP_FRAMES
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.text import finite
-from cwcli.tracking.gospa import TargetMoments, TrackingScores, score
+from cwcli.tracking.gospa import TargetErrors, TargetMoments, TrackingScores, score
 from cwcli.tracking.tracker import TrackResult
 
 CUTOFF_M = 5.0
+COMPONENTS = (("x", "m"), ("y", "m"), ("vx", "m/s"), ("vy", "m/s"))
+MAX_TARGETS_SHOWN = 20
 
 
 @dataclass(frozen=True)
@@ -111,3 +115,63 @@ def score_record(result: TrackResult, errors: TruthScores | None) -> str:
             "switches": scores.id_switches,
         }
     return json.dumps(entry)
+
+
+def score_rows(errors: TruthScores) -> list[MetricRow]:
+    """The scores as rows of the stage's table."""
+    rows: list[MetricRow] = []
+    topic, names, scores = errors.topic, errors.names, errors.scores
+    for target in scores.targets:
+        name = names[target.id]
+        for (quantity, unit), value in zip(COMPONENTS, target.rmse, strict=True):
+            rows.append((name, topic, quantity, "rmse", value, unit))
+        rows.append((name, topic, "position", "rmse", target.position_rmse_m, "m"))
+        rows.append((name, topic, "velocity", "rmse", target.velocity_rmse_mps, "m/s"))
+        rows.append((name, topic, "truth", "count", float(target.n), ""))
+        rows.append((name, topic, "truth", "tracked_count", float(target.n_tracked), ""))
+        rows.append((name, topic, "id", "switch_count", float(target.id_switches), ""))
+    for metric, value, unit in _gospa_parts(scores):
+        rows.append(("", topic, "gospa", metric, value, unit))
+    rows.append(("", topic, "id", "switch_count", float(scores.id_switches), ""))
+    return rows
+
+
+def _gospa_parts(scores: TrackingScores) -> tuple[tuple[str, float, str], ...]:
+    return (
+        ("mean", float(scores.distance.mean()), "m"),
+        ("localisation_mean", float(scores.localisation.mean()), "m^2"),
+        ("missed_mean", float(scores.missed.mean()), "m^2"),
+        ("false_mean", float(scores.false.mean()), "m^2"),
+        ("missed_targets_mean", float(scores.n_missed.mean()), ""),
+        ("false_tracks_mean", float(scores.n_false.mean()), ""),
+    )
+
+
+def score_sections(errors: TruthScores, n_tracks: int) -> tuple[Section, ...]:
+    """The scores for the summary: GOSPA where there is more than one target or track."""
+    found = [_errors_section(errors)]
+    if len(errors.scores.targets) > 1 or n_tracks > 1:
+        found.append(_gospa_section(errors))
+    return tuple(section for section in found if section.rows)
+
+
+def _errors_section(errors: TruthScores) -> Section:
+    rows: list[tuple[Cell, ...]] = [
+        (errors.names[one.id], one.n, _share(one), *(float(value) for value in one.rmse), one.id_switches)
+        for one in errors.scores.targets[:MAX_TARGETS_SHOWN]
+    ]
+    columns = ("true target", "moments", "tracked [%]", "x [m]", "y [m]", "vx [m/s]", "vy [m/s]", "id switches")
+    return Section("errors", f"RMSE against {errors.topic}", columns, tuple(rows))
+
+
+def _share(target: TargetErrors) -> float:
+    return 100.0 * target.n_tracked / target.n if target.n else math.nan
+
+
+def _gospa_section(errors: TruthScores) -> Section:
+    parts = _gospa_parts(errors.scores)
+    rows: list[tuple[Cell, ...]] = [(name.replace("_", " "), unit, value) for name, value, unit in parts]
+    rows.append(("id switches", "", errors.scores.id_switches))
+    return Section(
+        "gospa", f"GOSPA against {errors.topic} (p = 2, cut-off 5 m)", ("part", "unit", "value"), tuple(rows)
+    )

@@ -7,23 +7,18 @@ there.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, fields
-from typing import Any, get_args
+from dataclasses import asdict
+from typing import Any
 
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.errors import DataError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.inputs.sources import SourceConfig
-from cwcli.warning.types import Use, WarningConfig
 
 PREFIX = "cwcli.run."
 VEHICLE = "vehicle"
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
-OLD_THRESHOLDS = {"ttc": ("<", "conflict_ttc_s"), "drac": (">", "conflict_drac_mps2")}
-"""Where earlier versions recorded the threshold of a conflict by these measures."""
 
 Record = Mapping[str, str]
 
@@ -60,7 +55,7 @@ def configuration_of(record: Record) -> dict[str, Any]:
 
 
 def inputs_of(record: Record) -> list[dict[str, Any]]:
-    """What became of the stage's input messages: `stages.result.InputCount` as JSON."""
+    """What became of the stage's input messages: `pipeline.result.InputCount` as JSON."""
     return [entry for entry in json_entry(record, "counts", list) if isinstance(entry, dict)]
 
 
@@ -70,46 +65,6 @@ def map_of(record: Record) -> LocalMap | None:
         return LocalMap(*(float(record[name]) for name in ORIGIN_NAMES))
     except (KeyError, ValueError):
         return None
-
-
-def sources_of(record: Record) -> SourceConfig:
-    """Which channels `estimate` read, and how."""
-    given = configuration_of(record).get("sources")
-    given = given if isinstance(given, dict) else {}
-    topics, station = given.get("topics"), given.get("ego_station")
-    return SourceConfig(
-        topics={str(role): str(topic) for role, topic in topics.items()} if isinstance(topics, dict) else {},
-        clock="log" if given.get("clock") == "log" else "stamp",
-        ego_station=station if isinstance(station, str) else None,
-        start_ns=whole(given.get("start_ns")),
-        end_ns=whole(given.get("end_ns")),
-    )
-
-
-def warn_record(records: Mapping[str, Record]) -> tuple[Record, bool]:
-    """The record of the warnings of collisions, and whether they are of tracked targets."""
-    of_targets = "warn" not in records and "warn-targets" in records
-    record = records.get("warn-targets" if of_targets else "warn", {})
-    return record, of_targets or configuration_of(record).get("source") == "targets"  # so in older logs
-
-
-def rule_of(record: Record) -> WarningConfig:
-    """The thresholds of `warn`."""
-    given = configuration_of(record).get("rule")
-    given = given if isinstance(given, dict) else {}
-    fitting: dict[str, Any] = {}
-    for entry in fields(WarningConfig):
-        value = given.get(entry.name)
-        if isinstance(entry.default, str):
-            is_fit = isinstance(value, str) and (entry.name != "use" or value in get_args(Use))
-        else:
-            is_fit = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
-        if is_fit:
-            fitting[entry.name] = value
-    sign, key = OLD_THRESHOLDS.get(fitting.get("conflict", ""), ("", ""))
-    if math.isfinite(number(given, key)):
-        fitting["conflict"] += f" {sign} {number(given, key)!r}"
-    return WarningConfig(**fitting)
 
 
 def vehicle_entry(vehicle: Vehicle) -> dict[str, str]:

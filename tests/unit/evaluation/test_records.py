@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from cwcli.evaluation.records import rule_of, sources_of
+from cwcli.pipeline.records import configuration_of, inputs_of, map_of
 from cwcli.stages.inputs.sources import SourceConfig
-from cwcli.stages.records import configuration_of, inputs_of, map_of, rule_of, sources_of
 from cwcli.warning.types import WarningConfig
 
 ORIGIN = {"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0", "map_origin_altitude_m": "500.0"}

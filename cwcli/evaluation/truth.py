@@ -10,10 +10,13 @@ import numpy as np
 from cwcli.estimation.consistency import ErrorRow, error_rows, nees
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
+from cwcli.metrics.table import MetricRow
+from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
+from cwcli.signals.vehicle_state import EGO_ID
 
 MAX_GAP_S = 0.5
 MIN_ROWS = 20
@@ -36,6 +39,35 @@ class TruthErrors:
     position_nees_mean: float
     n: int
     notes: tuple[str, ...]
+
+
+def truth_section(errors: TruthErrors) -> Section:
+    """The errors for the summary."""
+    rows: list[tuple[Cell, ...]] = [
+        (row.name, row.unit, row.n, row.measured_sigma, row.estimated_sigma, row.change_percent, row.estimated_bias)
+        for row in errors.rows
+    ]
+    columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
+    title = f"1-sigma errors against {errors.topic} (position NEES {errors.position_nees_mean:.2f}, expected 2)"
+    return Section("errors", title, columns, tuple(rows))
+
+
+def truth_rows(errors: TruthErrors) -> list[MetricRow]:
+    """The errors as rows of the stage's table."""
+    values = [
+        (error.name, metric, value, unit)
+        for error in errors.rows
+        for metric, value, unit in (
+            ("measured_error_sigma", error.measured_sigma, error.unit),
+            ("measured_error_bias", error.measured_bias, error.unit),
+            ("estimated_error_sigma", error.estimated_sigma, error.unit),
+            ("estimated_error_bias", error.estimated_bias, error.unit),
+            ("error_change", error.change_percent, "%"),
+            ("error_count", float(error.n), ""),
+        )
+    ]
+    values.append(("position", "nees_mean", errors.position_nees_mean, ""))
+    return [(EGO_ID, errors.topic, *each) for each in values]
 
 
 def against_truth(

@@ -10,12 +10,14 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import read_states
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
+from cwcli.evaluation.records import rule_of, warn_record
+from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
+from cwcli.pipeline.records import Record, configuration_of, run_records, whole
 from cwcli.signals.rows import tracks_of
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.records import Record, configuration_of, rule_of, run_records, warn_record, whole
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.types import WarningConfig, outline_of
@@ -46,11 +48,12 @@ class WarningScores:
     host_hours: float
 
 
-def add_warnings(headline: Headline, log: Log) -> None:
+def add_metrics(subject: Subject) -> None:
     """Add the metrics of the warnings; nothing if the log has no such channel.
 
     The metrics without a rule in their name are of the first collision rule; of several rules each has its own too.
     """
+    headline, log = subject.headline, subject.log
     if all(channel.topic != WARNINGS.topic for channel in log.channels):
         return
     records = run_records(log)

@@ -1,0 +1,114 @@
+"""How good `observe` is: the lateral motion against a truth channel, in its result and as headline metrics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cwcli.channels.binding import bind
+from cwcli.channels.lateral_state import STATE_NAMES, read_lateral_truth, read_observed
+from cwcli.channels.published import OBSERVER
+from cwcli.dynamics.samples import FrameStatus, LateralTrack
+from cwcli.evaluation.subject import Subject
+from cwcli.logs.read.reader import Log
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.pipeline.result import Section, StageResult
+from cwcli.signals.codec import Role
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.resample import resample
+from cwcli.stages.observe import Made, ObserveConfig
+
+MAX_GAP_S = 0.5
+SETTLED_S = 2.0
+"""Errors count from here on after each start of the observer."""
+Z_90 = 1.6448536269514722
+METRICS_OF: dict[str, tuple[str, float]] = {
+    "lateral_speed_mps": ("observer.lateral_speed_rmse_mps", 1.0),
+    "yaw_rate_radps": ("observer.yaw_rate_rmse_degps", math.degrees(1.0)),
+    "lateral_deviation_m": ("observer.lateral_deviation_rmse_m", 1.0),
+    "heading_deviation_rad": ("observer.heading_deviation_rmse_deg", math.degrees(1.0)),
+}
+"""State -> metric, and its unit's size in that of the metric."""
+
+
+def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
+    """The result with its errors, if the log has a truth of the lateral motion."""
+    made: Made = result.made
+    if made.truth is None or not len(made.truth):
+        return result.judged()
+    errors = truth_errors(made.track, made.truth)
+    return result.judged(sections=(truth_section(errors, made.truth.topic),), tables={errors.name: errors})
+
+
+def add_metrics(subject: Subject) -> None:
+    """Add the errors of the observer; nothing if the log has no observer, or no truth of the lateral motion."""
+    log, headline = subject.log, subject.headline
+    bound = bind(log.channels, {}, required=(), optional=(OBSERVER.role, Role.LATERAL_TRUTH), where=log.name)
+    observer, truth = bound.topic(OBSERVER.role), bound.topic(Role.LATERAL_TRUTH)
+    if observer is None or truth is None or not subject.with_truth:
+        return
+    columns = log.load({observer: None, truth: None})
+    if not len(columns[observer]) or not len(columns[truth]):
+        return
+    for row in truth_errors(read_observed(columns[observer]).track, columns[truth]).records():
+        name, scale = METRICS_OF.get(row["state"], ("", 1.0))
+        if name and row["n"]:
+            headline.add(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])
+
+
+def truth_errors(track: LateralTrack, truth: Columns) -> Table:
+    """Observed minus true of each state, over the frames that are settled; one row a state."""
+    true_ns, true_state = read_lateral_truth(truth)
+    settled = _is_settled(track)
+    rows: list[tuple[str, int, float, float, float, float, float]] = []
+    for k, name in enumerate(STATE_NAMES):
+        true = resample(true_ns, true_state[:, k], track.stamp_ns, max_gap_s=MAX_GAP_S)
+        error = track.state[:, k] - true
+        known = np.isfinite(error) & settled
+        rows.append((name, *_scores(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))))
+    names, n, rms, bias, p95, largest, inside = zip(*rows, strict=True)
+    columns: dict[str, TableColumn] = {
+        "state": list(names),
+        "n": np.array(n, dtype=np.int64),
+        "rms": np.array(rms),
+        "bias": np.array(bias),
+        "p95": np.array(p95),
+        "max": np.array(largest),
+        "inside_90": np.array(inside),
+    }
+    docs = {
+        "n": ColumnDoc(doc=f"frames with a state and a truth, from {SETTLED_S:g} s after each start of the observer"),
+        "rms": ColumnDoc(doc="of observed minus true, in the unit of the state; likewise bias, p95, max"),
+        "inside_90": ColumnDoc(doc="share of the errors within 1.645 of the observer's sigmas"),
+    }
+    return Table("observer_errors", columns, docs)
+
+
+def truth_section(errors: Table, topic: str) -> Section:
+    """The errors against a truth channel."""
+    rows = tuple(
+        (str(row["state"]), row["n"], row["rms"], row["bias"], row["p95"], row["max"], 100.0 * row["inside_90"])
+        for row in errors.records()
+    )
+    columns = ("state", "frames", "rms", "bias", "p95", "max", "in 90 % band [%]")
+    return Section("observer_errors", f"Errors against {topic}", columns, rows)
+
+
+def _is_settled(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Where the observer began at least `SETTLED_S` before, shape (n,)."""
+    began = np.where(track.status == FrameStatus.STARTED, track.stamp_ns, np.iinfo(np.int64).min)
+    began = np.maximum.accumulate(began) if len(began) else began
+    has_begun = began > np.iinfo(np.int64).min
+    age_ns = np.where(has_begun, track.stamp_ns - np.where(has_begun, began, 0), -1)
+    return np.asarray(age_ns >= SETTLED_S * 1e9, dtype=np.bool_)
+
+
+def _scores(error: FloatArray, sigma: FloatArray) -> tuple[int, float, float, float, float, float]:
+    if not len(error):
+        nan = float("nan")
+        return 0, nan, nan, nan, nan, nan
+    size = np.abs(error)
+    inside = float(np.mean(size <= Z_90 * sigma)) if np.isfinite(sigma).all() else float("nan")
+    rms = float(np.sqrt(np.mean(error**2)))
+    return len(error), rms, float(error.mean()), float(np.percentile(size, 95)), float(size.max()), inside

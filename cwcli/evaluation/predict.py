@@ -1,0 +1,227 @@
+"""How good `predict` is: every motion model, and the published paths, against what then happened."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.channels.predicted_path import PredictedPaths, read_paths
+from cwcli.channels.published import EGO_PATH, REMOTE_PATH, REMOTE_STATE
+from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.evaluation.subject import Subject
+from cwcli.logs.read.reader import Log
+from cwcli.metrics.headline import Headline, metric_of
+from cwcli.metrics.table import Table, TableColumn
+from cwcli.pipeline.records import json_entry, run_records
+from cwcli.pipeline.result import Cell, Section, StageResult
+from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
+from cwcli.prediction.models import MODELS
+from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
+from cwcli.prediction.rollout import Discretisation
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.stages.predict import PredictConfig
+
+ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
+MAX_GAP_S = 0.5
+MAX_TRUTH_GAP_S = 1.0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Which paths are compared: horizon and step (s), and how they are integrated."""
+
+    horizon_s: float
+    step_s: float
+    discretisation: Discretisation
+
+
+def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageResult:
+    """The result with the errors of every motion model, each vehicle against its own later track."""
+    asked = Asked(config.horizon_s, config.step_s, config.discretisation)
+    records = [record for states in result.made for record in model_errors(states, asked)]
+    return result.judged(sections=(_section(records, config.horizon_s),), tables={"prediction": _table(records)})
+
+
+def add_metrics(subject: Subject) -> None:
+    """Add the metrics of the published paths; nothing if the log has none."""
+    headline, log, ego = subject.headline, subject.log, subject.ego
+    topics = {channel.topic for channel in log.channels}
+    if EGO_PATH.topic not in topics or ego.states is None:
+        return
+    states = {"ego": ego.states}
+    paths = {"ego": read_paths(log.columns(EGO_PATH.topic))}
+    if REMOTE_STATE.topic in topics and REMOTE_PATH.topic in topics:
+        columns = log.load({REMOTE_STATE.topic: None, REMOTE_PATH.topic: None})
+        states["remote"], paths["remote"] = (
+            read_states(columns[REMOTE_STATE.topic]),
+            read_paths(columns[REMOTE_PATH.topic]),
+        )
+    for who, published in paths.items():
+        _add_published(headline, who, published, states[who])
+        if who == "ego" and ego.truth is not None:
+            errors = _against(published, np.arange(len(published)), ego.truth.stamp_ns, ego.truth.xy, MAX_TRUTH_GAP_S)
+            _add_horizons(headline, "prediction.ego.truth_", [errors])
+    table = subject.tables.get("prediction")
+    if table is None:
+        asked = _asked(log)
+        table = _table([record for each in states.values() for record in model_errors(each, asked)])
+    _add_models(headline, table)
+
+
+def _add_published(headline: Headline, who: str, published: PredictedPaths, states: VehicleStates) -> None:
+    """The published paths against the vehicles' own later states."""
+    tracks = dict(rows_by_id(states.ids))
+    found = []
+    for vehicle, rows in rows_by_id(published.ids):
+        if vehicle not in tracks:
+            continue
+        own = rows_by_stamp(states.stamp_ns, tracks[vehicle])
+        found.append(_against(published, rows, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
+    if found:
+        _add_horizons(headline, f"prediction.{who}.", found)
+
+
+def _against(
+    published: PredictedPaths, rows: npt.NDArray[np.intp], stamp_ns: Int64Array,
+    xy: FloatArray, max_gap_s: float,
+) -> HorizonErrors:  # fmt: skip
+    """Errors at every step of the paths up to the last horizon."""
+    times_s = published.paths.time_s
+    steps = times_s[(times_s > 0.0) & (times_s <= ERROR_HORIZONS_S[-1] + 1e-9)]
+    paths = published.paths.take(rows)
+    return horizon_errors(paths, published.stamp_ns[rows], stamp_ns, xy, steps.tolist(), max_gap_s)
+
+
+def _add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) -> None:
+    """Rows at each horizon that is a step of the paths; starts whose outcome is known count."""
+    step_s = found[0].horizon_s
+    distance = np.concatenate([each.distance_m for each in found])
+    is_known = np.concatenate([each.is_known for each in found])
+    squared = np.concatenate([each.mahalanobis2 for each in found])
+    for horizon_s in ERROR_HORIZONS_S:
+        at = np.flatnonzero(np.abs(step_s - horizon_s) < 1e-6)
+        if not len(at):
+            continue
+        k = int(at[0])
+        headline.errors(f"{prefix}fde_{horizon_s:.1f}s_m", distance[is_known[:, k], k])
+        whole = is_known[:, : k + 1].all(axis=1)
+        if metric_of(f"{prefix}ade_{horizon_s:.1f}s_m") is not None:
+            headline.errors(f"{prefix}ade_{horizon_s:.1f}s_m", distance[whole, : k + 1].mean(axis=1))
+        judged = squared[is_known[:, k], k]
+        headline.share(f"{prefix}inside_90_{horizon_s:.1f}s_share", judged[np.isfinite(judged)] <= ELLIPSE_90)
+
+
+def _asked(log: Log) -> Asked:
+    """What matters of the stage's configuration for the models' errors; the defaults where it does not fit."""
+    used: Mapping[str, object] = json_entry(run_records(log).get("predict", {}), "configuration", dict)
+    default = PredictConfig()
+    horizon_s, step_s = (
+        float(value) if isinstance(value, int | float) else usual
+        for value, usual in ((used.get("horizon_s"), default.horizon_s), (used.get("step_s"), default.step_s))
+    )
+    return Asked(horizon_s, step_s, "paper" if used.get("discretisation") == "paper" else "exact")
+
+
+def _add_models(headline: Headline, table: Table) -> None:
+    """Every motion model at the horizons, the remote vehicles together."""
+    sums: dict[tuple[str, str, str], list[float]] = {}
+    for row in table.records():
+        horizon = f"{row['horizon_s']:.1f}"
+        if not row["n"] or abs(float(horizon) - row["horizon_s"]) > 1e-6 or row["model"] not in MODELS:
+            continue
+        who = "ego" if row["vehicle"] == EGO_ID else "remote"
+        own = sums.setdefault((who, row["model"], horizon), [0.0, 0.0, 0.0])
+        n = float(row["n"])
+        own[0] += n
+        own[1] += n * row["mean_m"]
+        own[2] += n * row["inside_90"]  # NaN where a model has no covariance
+    for (who, model, horizon), (n, distance, inside) in sums.items():
+        if float(horizon) not in ERROR_HORIZONS_S:
+            continue
+        headline.add(f"prediction.{who}.{model}.fde_{horizon}s_m", distance, n)
+        headline.add(f"prediction.{who}.{model}.inside_90_{horizon}s_share", inside, n)
+
+
+def error_horizons(horizon_s: float) -> list[float]:
+    """Where errors are told: every half second up to the horizon, and the horizon itself."""
+    horizons = [h for h in ERROR_HORIZONS_S if h <= horizon_s + 1e-9]
+    if not horizons or abs(horizons[-1] - horizon_s) > 1e-9:
+        horizons.append(horizon_s)
+    return horizons
+
+
+def model_errors(states: VehicleStates, asked: Asked) -> list[dict[str, Any]]:
+    """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
+    horizons = error_horizons(asked.horizon_s)
+    records = []
+    for vehicle, unordered in rows_by_id(states.ids):
+        rows = rows_by_stamp(states.stamp_ns, unordered)
+        stamp_ns = states.stamp_ns[rows]
+        compared = compare_models(
+            list(MODELS),
+            states.state[rows],
+            states.covariance[rows],
+            stamp_ns,
+            stamp_ns,
+            states.state[rows, :2],
+            horizons_s=horizons,
+            step_s=asked.step_s,
+            max_gap_s=MAX_GAP_S,
+            discretisation=asked.discretisation,
+        )
+        columns = horizon_table(compared)
+        for i in range(len(columns["model"])):
+            record: dict[str, Any] = {name: values[i] for name, values in columns.items()}
+            records.append({"vehicle": vehicle, **record})
+    return records
+
+
+def _table(records: list[dict[str, Any]]) -> Table:
+    names = list(records[0]) if records else ["vehicle", "model", "horizon_s", "n"]
+    columns: dict[str, TableColumn] = {}
+    for name in names:
+        values = [record[name] for record in records]
+        columns[name] = values if name in {"vehicle", "model"} else np.array(values)
+    return Table("prediction", columns)
+
+
+def _section(records: list[dict[str, Any]], horizon_s: float) -> Section:
+    """Errors at the horizon: each model, for the ego and for all remote vehicles together."""
+    rows: list[tuple[Cell, ...]] = []
+    for group, is_member in (("ego", True), ("remote", False)):
+        chosen = [
+            r for r in records if (r["vehicle"] == EGO_ID) == is_member and abs(r["horizon_s"] - horizon_s) < 1e-9
+        ]
+        baseline = _pooled([r for r in chosen if r["model"] == BASELINE], "mean_m")
+        for model in dict.fromkeys(r["model"] for r in chosen):
+            own = [r for r in chosen if r["model"] == model and r["n"] > 0]
+            if not own:
+                continue
+            mean = _pooled(own, "mean_m")
+            rows.append(
+                (
+                    group,
+                    model,
+                    sum(int(r["n"]) for r in own),
+                    mean,
+                    max(float(r["p95_m"]) for r in own),
+                    100.0 * (mean / baseline - 1.0) if baseline > 0.0 else math.nan,
+                    100.0 * _pooled(own, "inside_90"),
+                )
+            )
+    title = f"Position error {horizon_s:g} s ahead, against the vehicle's own track"
+    columns = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
+    return Section("prediction", title, columns, tuple(rows))
+
+
+def _pooled(records: list[dict[str, Any]], name: str) -> float:
+    """Mean of a per-vehicle mean, weighted by the number of starts; NaN without any."""
+    n = sum(int(r["n"]) for r in records)
+    return sum(float(r[name]) * int(r["n"]) for r in records if r["n"]) / n if n else math.nan

@@ -1,0 +1,129 @@
+"""How good `predict-lane` is: its paths, and those of the other models, against what then happened."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.channels.lateral_state import Observed, read_lateral_truth
+from cwcli.channels.published import EGO_STATE
+from cwcli.evaluation.predict import MAX_GAP_S, error_horizons
+from cwcli.logs.read.reader import Log
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.pipeline.result import Cell, Section, StageResult
+from cwcli.prediction.horizon import BASELINE, HorizonErrors, horizon_errors, horizon_table
+from cwcli.prediction.lateral import Z_90, map_paths
+from cwcli.prediction.paths import Paths
+from cwcli.signals.canonical import PoseSignal, Signal
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.resample import resample
+from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
+from cwcli.stages.predict_lane import Made, Poses, PredictLaneConfig, slip_rad
+
+COURSE_SCHEMA = EGO_STATE.schema
+"""Its heading is the direction of motion, not that of the car's axis."""
+
+
+def judge_result(log: Log, config: PredictLaneConfig, result: StageResult) -> StageResult:
+    """The result with the errors of every path model: against the truth, else the track in which it is placed."""
+    made: Made = result.made
+    reference = _truth_poses(made.truths, log, made.lateral, made.body.observed) or made.poses
+    table = _errors(made.body, reference, config)
+    section = _section(table, config.horizon_s, reference.source)
+    return result.judged(sections=(section,), tables={table.name: table})
+
+
+def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, observed: Observed) -> Poses | None:
+    """The true track in its own frame, and the true pose at each frame; None without a truth that tells the yaw."""
+    truth = next((each for each in truths if isinstance(each, PoseSignal)), None)
+    if truth is None or not np.isfinite(truth.yaw_rad).any():
+        return None
+    at_ns = observed.track.stamp_ns
+    xy_m = np.column_stack([truth.x_m, truth.y_m])
+    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_GAP_S)
+    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_GAP_S)
+    schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
+    if schema == COURSE_SCHEMA:
+        lateral_mps = observed.track.state[:, 0]
+        if lateral is not None and len(lateral):
+            true_ns, true_state = read_lateral_truth(lateral)
+            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_GAP_S)
+        yaw_rad = yaw_rad - slip_rad(lateral_mps, observed.track.speed_mps)
+    return Poses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
+
+
+def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
+    """Each path model and constant velocity from the same starts, at the poses where the track has the car."""
+    track = body.observed.track
+    horizons = error_horizons(config.horizon_s)
+    made = {BASELINE: _straight_on(body)}
+    for model, name in MODEL_NAMES.items():
+        is_own = name == body.model
+        made[name] = (
+            body.paths
+            if is_own
+            else predict_body(
+                body.observed, body.vehicle, replace(config.path, model=model), calibrate=config.calibrate
+            ).paths
+        )
+    compared: dict[str, HorizonErrors] = {}
+    bands: list[FloatArray] = []
+    x_m, y_m = poses.at_xy_m.T
+    for name, paths in made.items():
+        placed = map_paths(paths, x_m, y_m, poses.at_yaw_rad)
+        compared[name] = horizon_errors(placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_GAP_S)
+        bands.append(_inside_band(compared[name], placed))
+    columns: dict[str, TableColumn] = {
+        "vehicle": [EGO_ID] * (len(made) * len(horizons)),
+        **horizon_table(compared),
+        "inside_band_90": np.concatenate(bands),
+        "against": [poses.source] * (len(made) * len(horizons)),
+    }
+    docs = {"inside_band_90": ColumnDoc(doc="share of the errors across the path within 1.645 of their sigma")}
+    return Table("observer_prediction", columns, docs)
+
+
+def _straight_on(body: BodyPaths) -> Paths:
+    """Constant velocity: v ahead, v_y to the left, no covariance."""
+    track, t = body.observed.track, body.paths.time_s
+    v, lateral = track.speed_mps[:, None], track.state[:, :1]
+    x_m, y_m = v * t, lateral * t
+    turned = np.broadcast_to(slip_rad(lateral, v), x_m.shape)
+    return Paths(t, x_m, y_m, turned, np.hypot(v, lateral) + 0.0 * t, np.full((*x_m.shape, 3), np.nan))
+
+
+def _inside_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
+    """Share of the outcomes inside the 90 % band across the path, at each horizon; NaN without a covariance."""
+    shares = []
+    for column, horizon_s in enumerate(errors.horizon_s):
+        at = int(np.argmin(np.abs(placed.time_s - horizon_s)))
+        cos, sin = np.cos(placed.heading_rad[:, at]), np.sin(placed.heading_rad[:, at])
+        xx, xy, yy = placed.position_covariance_m2[:, at].T
+        sigma = np.sqrt(np.maximum(sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy, 0.0))
+        known = errors.is_known[:, column] & np.isfinite(sigma)
+        inside = np.abs(errors.cross_m[known, column]) <= Z_90 * sigma[known]
+        shares.append(float(inside.mean()) if len(inside) else math.nan)
+    return np.array(shares)
+
+
+def _section(table: Table, horizon_s: float, source: str) -> Section:
+    """Errors at the horizon, a row a model."""
+    rows: list[tuple[Cell, ...]] = [
+        (
+            str(row["model"]),
+            row["n"],
+            row["mean_m"],
+            row["median_m"],
+            row["p95_m"],
+            row["change_percent"],
+            100.0 * row["inside_band_90"],
+        )
+        for row in table.records()
+        if abs(row["horizon_s"] - horizon_s) < 1e-9 and row["n"]
+    ]
+    title = f"Position error {horizon_s:g} s ahead, against {source}"
+    columns = ("model", "starts", "mean [m]", "median [m]", "p95 [m]", "vs cv [%]", "in 90 % band [%]")
+    return Section("prediction", title, columns, tuple(rows))

@@ -1,0 +1,61 @@
+"""A log whose headline metrics are asked for: what the evaluation of every stage is given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.logs.read.reader import Log
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.table import Table
+from cwcli.signals.columns import FloatArray, Int64Array
+
+AUTO, NO_TRUTH = "auto", "none"
+
+
+@dataclass(frozen=True)
+class EgoTruth:
+    """The truth of the ego in the map frame: stamps (n,) and positions (n, 2)."""
+
+    stamp_ns: Int64Array
+    xy: FloatArray
+
+
+@dataclass(frozen=True)
+class Ego:
+    """What later metrics need of the ego.
+
+    Attributes:
+        states: Its states in stamp order, or None where the log has none.
+        truth: Its truth, or None.
+        notes: Why channels were not used, for the user.
+    """
+
+    states: VehicleStates | None = None
+    truth: EgoTruth | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class Subject:
+    """A log and its metrics.
+
+    Attributes:
+        log: An annotated log.
+        truth: `auto`, `none`, or the topic of the ego's truth.
+        tables: Tables by name of the stages that have just made the channels.
+        headline: Gets the rows.
+        ego: From the evaluation of `estimate`, which comes first.
+    """
+
+    log: Log
+    truth: str = AUTO
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    headline: Headline = field(default_factory=Headline)
+    ego: Ego = Ego()
+
+    @property
+    def with_truth(self) -> bool:
+        """Whether truth channels are used."""
+        return self.truth != NO_TRUTH
