@@ -11,10 +11,12 @@ import pytest
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import run_stage
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig, estimate
-from cwcli.stages.predict import PredictConfig, predict
+from cwcli.stages.predict import PredictConfig
 
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
 BASELINE = "cv"
@@ -39,7 +41,7 @@ def records(request: pytest.FixtureRequest) -> list[Row]:
         pytest.skip("the development logs in ../shared/logs are not here")
     with Log.open(path) as log:
         states = estimate(log, EstimateConfig(estimator=EstimatorConfig(causal=True)))
-        result = predict(log.with_channels(states.channels), PredictConfig())
+        result = run_stage(STAGES["predict"], log.with_channels(states.channels), PredictConfig())
     return [row for row in result.tables["prediction"].records() if row["horizon_s"] == HORIZON_S]
 
 

@@ -24,10 +24,12 @@ import numpy as np
 
 from cwcli.estimation import EstimatorConfig
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import run_stage
 from cwcli.simulate.sensor_log import write_log
 from cwcli.simulation.drive import simulate
 from cwcli.simulation.scenario import load_scenario
-from cwcli.stages.estimate import EstimateConfig, estimate
+from cwcli.stages import STAGES
+from cwcli.stages.estimate import EstimateConfig
 
 SCENARIOS = ("straight", "curve", "rear-end", "city")
 QUANTITIES = {"gnss": "position", "speed": "speed", "gnss_heading": "heading", "imu": "position"}
@@ -67,7 +69,7 @@ def one_run(scenario: str, seed: int, overrides: tuple[str, ...] = ()) -> Run:
 def _estimated(path: Path, config: EstimatorConfig) -> tuple[float, dict[str, float]]:
     """The position's error (1 sigma, metres) and the latencies that were applied (milliseconds)."""
     with Log.open(path) as log:
-        result = estimate(log, EstimateConfig(estimator=config))
+        result = run_stage(STAGES["estimate"], log, EstimateConfig(estimator=config))
     errors = next(section for section in result.summary.sections if section.key == "errors")
     row = next(dict(zip(errors.columns, row, strict=True)) for row in errors.rows if row[0] == "position")
     sources = json.loads(result.metadata["sources"])

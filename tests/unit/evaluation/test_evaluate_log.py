@@ -6,27 +6,28 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from cwcli.stages.track_truth import TruthScores, score_record
 
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
+from cwcli.evaluation.target_truth import TruthScores, score_record
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import METRICS
 from cwcli.metrics.pooling import rows_of
 from cwcli.metrics.table import Table
+from cwcli.pipeline.call import run_stage
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings, constant_strings
-from cwcli.stages.estimate import EstimateConfig, estimate
-from cwcli.stages.observe import ObserveConfig, observe
-from cwcli.stages.predict import PredictConfig, predict
-from cwcli.stages.warn import WarnConfig, warn
+from cwcli.stages import STAGES
+from cwcli.stages.estimate import EstimateConfig
+from cwcli.stages.observe import ObserveConfig
+from cwcli.stages.predict import PredictConfig
+from cwcli.stages.warn import WarnConfig
 from cwcli.tracking.gospa import TargetMoments, score
 from cwcli.tracking.tracker import TrackResult
 from cwcli.warning.types import WarningConfig
@@ -133,14 +134,11 @@ def test_predictions_that_are_a_metre_per_second_too_fast(tmp_path: Path) -> Non
     assert rows["prediction.ego.cv.inside_90_2.5s_share"].value == 1.0
 
 
-STAGES: tuple[Any, ...] = (estimate, predict, warn)
-
-
 def annotated(name: str, warning: WarnConfig = WarnConfig()) -> tuple[Log, dict[str, Table]]:  # noqa: B008 - frozen
     log = Log.open(ROOT / "sample_logs" / f"{name}.mcap")
     tables: dict[str, Table] = {}
-    for stage, config in zip(STAGES, (EstimateConfig(), PredictConfig(), warning), strict=True):
-        result = stage(log, config)
+    for stage, config in (("estimate", EstimateConfig()), ("predict", PredictConfig()), ("warn", warning)):
+        result = run_stage(STAGES[stage], log, config)
         tables |= result.tables
         log = log.with_channels(result.channels, {f"cwcli.run.{result.stage}": result.metadata})
     return log, tables
@@ -229,7 +227,7 @@ def test_several_rules_are_judged_by_themselves() -> None:
 
 def test_lateral_motion_agrees_with_the_stages_own_table(tmp_path: Path) -> None:
     log = Log.open(write_lane_log(tmp_path / "lane.mcap", drive()))
-    result = observe(log, ObserveConfig())
+    result = run_stage(STAGES["observe"], log, ObserveConfig())
     found = values(log.with_channels(result.channels, {"cwcli.run.observe": result.metadata}))
     own = {row["state"]: row["rms"] for row in result.tables["observer_errors"].records()}
     assert found["observer.lateral_speed_rmse_mps"] == pytest.approx(own["lateral_speed_mps"])

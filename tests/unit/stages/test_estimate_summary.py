@@ -28,7 +28,7 @@ def tracks() -> dict[str, TrackSummary]:
 
 
 def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSummary]) -> None:
-    table = next(section for section in sections(tracks, None) if section.key == "sources")
+    table = next(section for section in sections(tracks) if section.key == "sources")
     rows = {str(row[0]): dict(zip(table.columns, row, strict=True)) for row in table.rows}
     for source, (latency, text, _) in CASES.items():
         assert rows[source]["latency [ms]"] == text
@@ -37,7 +37,7 @@ def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSu
 
 
 def test_table_of_metrics_holds_what_was_applied_beside_what_was_found(tracks: dict[str, TrackSummary]) -> None:
-    table = estimate_tables(tracks, None)["estimate"].columns
+    table = estimate_tables(tracks)["estimate"].columns
     cells = zip(table["source"], table["metric"], table["value"], strict=True)
     values = {(str(source), str(metric)): float(value) for source, metric, value in cells}
     for source, (latency, _, applied_s) in CASES.items():

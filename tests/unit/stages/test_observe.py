@@ -19,11 +19,13 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
+from cwcli.pipeline.call import run_stage
 from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
-from cwcli.stages.observe import ObserveConfig, observe
+from cwcli.stages import STAGES
+from cwcli.stages.observe import ObserveConfig
 from tests.unit.stages.lateral_logs import (
     IMU,
     LANES,
@@ -48,7 +50,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(path: Path, config: ObserveConfig = ALL, *more: OutputChannel) -> StageResult:
     with Log.open(path) as log:
-        return observe(log.with_channels(more) if more else log, config)
+        return run_stage(STAGES["observe"], log.with_channels(more) if more else log, config)
 
 
 def errors(result: StageResult) -> dict[str, dict[str, float]]:
@@ -91,7 +93,7 @@ def test_errors_against_the_truth_are_within_the_bounds(
 def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Path) -> None:
     target = tmp_path / "observed.mcap"
     with Log.open(whole) as log:
-        result = observe(log, ALL)
+        result = run_stage(STAGES["observe"], log, ALL)
         annotate(log, result.channels, {"cwcli.run.observe": result.metadata}, target)
     with target.open("rb") as file:
         found = [

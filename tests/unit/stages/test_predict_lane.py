@@ -11,9 +11,11 @@ from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import run_stage
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
+from cwcli.stages import STAGES
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.observer_paths import body_paths
 from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
@@ -40,7 +42,7 @@ def run(
 ) -> tuple[StageResult, PredictedPaths, Columns]:
     with Log.open(path) as log:
         whole = observed(log.with_channels(more) if more else log)
-        result = predict_lane(whole, config)
+        result = run_stage(STAGES["predict-lane"], whole, config)
         columns = whole.with_channels(result.channels).columns(TOPIC)
     return result, read_paths(columns), columns
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cwcli.stages.track_truth import scores_of
 
 from cwcli.channels.target import read_targets, write_targets
 from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.evaluation.target_truth import scores_of
 from cwcli.pipeline.records import map_of
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Columns, Strings, constant_strings
