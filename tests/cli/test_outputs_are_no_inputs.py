@@ -23,6 +23,7 @@ from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
 from cwcli.metrics.table import Table
 from cwcli.pipeline.result import Summary
 from cwcli.reproduction.findings import Curve, Plot
+from cwcli.stages import STAGES
 
 ROOT = Path(__file__).parents[2]
 FORBIDDEN = "the input itself"
@@ -31,7 +32,10 @@ ARGUMENTS = {
     "estimate": ["LOG"],
     "track": ["LOG"],
     "predict": ["LOG"],
+    "predict-lane": ["LOG"],
     "warn": ["LOG"],
+    "warn-targets": ["LOG"],
+    "warn-lane": ["LOG"],
     "control": ["LOG"],
     "lanes": ["LOG"],
     "observe": ["LOG", "--vehicle", "CAR"],
@@ -44,7 +48,7 @@ ARGUMENTS = {
     "layout": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
-READING = {"config", "file", "vehicle", "observe_vehicle"}
+READING = {"config", "file", "vehicle", "observe__vehicle"}
 """Parameters with a file that is read."""
 FOLDERS = {"metrics_dir", "directory", "plots"}
 """Each has tests of its own below."""
@@ -58,7 +62,6 @@ def file_parameters() -> Iterator[tuple[str, str, str]]:
                 yield command, str(parameter.name), max(parameter.opts, key=len)
 
 
-STAGES = ("estimate", "track", "predict", "warn", "control", "lanes", "observe")
 WRITING = [
     (command, option)
     for command, name, option in file_parameters()

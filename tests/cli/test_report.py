@@ -236,9 +236,13 @@ def with_camera(source: Path, target: Path) -> None:
         for side, foot in (("left", 10.0), ("right", 54.0)):
             for name, value in (("a", 0.0), ("b", 0.0), ("c", foot)):
                 lanes[f"{side}.{name}"] = np.full(100, value)
+            for name in ("far_px", "near", "bend_px2"):  # as of a method without a horizon of its own
+                lanes[f"{side}.{name}"] = np.full(100, np.nan)
             lanes[f"{side}.found"] = np.arange(100) != 47 if side == "left" else np.ones(100, bool)
         for name in ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm"):
             lanes[name] = np.zeros(100)
+        for name in ("horizon_px", "top_px"):
+            lanes[name] = np.full(100, np.nan)
         channels = [
             OutputChannel("/camera/image", "foxglove.CompressedImage", times, images),
             OutputChannel("/cwcli/lanes", "cwcli.v1.Lanes", times, lanes),
