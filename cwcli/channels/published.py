@@ -7,13 +7,12 @@ Importing this takes no numpy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 POLICY = "<policy>"
 
 
-@dataclass(frozen=True)
-class Channel:
+class Channel(NamedTuple):
     """A channel.
 
     Attributes:
@@ -32,7 +31,7 @@ class Channel:
 
     def of(self, policy: str) -> Channel:
         """The channel of one policy."""
-        return replace(self, topic=self.topic.replace(POLICY, policy))
+        return self._replace(topic=self.topic.replace(POLICY, policy))
 
 
 OWN_PREFIX = "/cwcli/"

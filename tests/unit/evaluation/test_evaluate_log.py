@@ -54,7 +54,7 @@ def straight(*, x0_m: float = 0.0, y_m: float = 0.0, speed_mps: float = 10.0) ->
 
 def states(topic: str, state: FloatArray, vehicle: str = "ego", *, variance: float = 0.25) -> OutputChannel:
     known = VehicleStates.of_ego(stamps(), state, np.tile(np.eye(8) * variance, (N, 1, 1)))
-    return write_states(replace(EGO_STATE, topic=topic), replace(known, ids=constant_strings(vehicle, N)), None)
+    return write_states(EGO_STATE._replace(topic=topic), replace(known, ids=constant_strings(vehicle, N)), None)
 
 
 def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "ego") -> OutputChannel:
@@ -64,7 +64,7 @@ def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "eg
     covariance = np.tile([1.0, 0.0, 1.0], (N, 51, 1))
     whole = Paths(time_s, x_m, np.repeat(state[:, 1:2], 51, 1), 0.0 * x_m, np.full_like(x_m, speed_mps), covariance)
     predicted = PredictedPaths(constant_strings(vehicle, N), stamps(), stamps(), "cv", whole)
-    return write_paths(replace(EGO_PATH, topic=topic), predicted)
+    return write_paths(EGO_PATH._replace(topic=topic), predicted)
 
 
 def test_errors_against_the_truth(tmp_path: Path) -> None:
