@@ -15,7 +15,7 @@ MIN_TURNING_RADPS = 0.01
 
 
 def against_note(name: str) -> str:
-    """What the user is told."""
+    """The note for the user."""
     return f"the {name} turns the other way than the lane: not used; check its sign or mounting"
 
 

@@ -55,7 +55,7 @@ class EstimatorConfig:
             source (or "source:kind", e.g. "/gps/vel:velocity") to seconds fixes those and finds the others.
             Positive means late: true time = stamp - latency.
         gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 = off.
-        reset_after: Consecutive rejections of one source after which its next measurement is believed.
+        reset_after: Consecutive rejections of one source after which its next measurement is used.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
         song2016_step_s: Sampling time of the six-state filter (dT of eq. 2).
     """

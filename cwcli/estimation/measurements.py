@@ -43,8 +43,8 @@ class Quantity:
     Attributes:
         width: Values in a row.
         unit: Of each; "" where they differ.
-        default_sigma: One sigma where the message says nothing and the log is too short to tell.
-        floor_sigma: Sigma below which noise found from the log is not believed (resolution of the usual messages).
+        default_sigma: One sigma where the message says nothing and the log is too short to show it.
+        floor_sigma: Least sigma of noise that is found from the log (resolution of the usual messages).
     """
 
     width: int

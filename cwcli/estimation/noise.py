@@ -21,9 +21,9 @@ BISECTIONS = 16
 MAX_NIS = 9.0
 MAX_UPDATES = 8_000  # of the window that is looked at, with an IMU
 MAX_UPDATES_SLOW = 1_500  # without one: a remote vehicle's messages, and there are many vehicles
-ENOUGH_ROWS = 300  # in the window: then the whole log tells nothing new of the noise
+ENOUGH_ROWS = 300  # in the window: then the whole log shows nothing new of the noise
 SCALE_STEP = np.log(2.0)
-LIVELINESS: dict[str, tuple[float, float]] = {
+MANOEUVRE_SIGMAS: dict[str, tuple[float, float]] = {
     "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
     "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
 }
@@ -59,7 +59,7 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
 def settle_noise(
     series: Sequence[Series], parameters: ModelParameters, walk: FloatArray, prior: FloatArray
 ) -> tuple[list[Series], ModelParameters]:
-    """Find the noise of the series that do not state it, and how lively the driving is.
+    """Find the noise of the series that do not state it, and how strongly the car manoeuvres.
 
     Works on a window of the log. Each round matches the innovations and moves the jerk's and the yaw acceleration's
     sigma towards the largest likelihood, by a parabola over half, once and twice the present value.
@@ -92,10 +92,10 @@ def settle_noise(
             window[i] = replace(s.scaled(factor), noise_origin=origin)
         trials = _Trials(window, walk, prior, orders)
         base = trials.likelihood(parameters)
-        for name, limits in LIVELINESS.items():
-            parameters, base = _livelier(trials, parameters, name, limits, base, begin)
+        for name, limits in MANOEUVRE_SIGMAS.items():
+            parameters, base = _refit_sigma(trials, parameters, name, limits, base, begin)
     settled = [replace(s.scaled(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
-    # The window tells of the motion; the noise of the slow sources needs the whole log.
+    # The window shows the motion; the noise of the slow sources needs the whole log.
     whole = any(
         len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_ROWS))
         for s, w in zip(series, window, strict=True)
@@ -133,7 +133,7 @@ class _Trials:
         return self._input.by_series(self._run(parameters))
 
 
-def _livelier(
+def _refit_sigma(
     trials: _Trials,
     parameters: ModelParameters,
     name: str,
@@ -177,10 +177,10 @@ def _window(series: Sequence[Series]) -> list[Series]:
     begin = min(float(s.time_s[0]) for s in series if len(s))
     end = max(float(s.time_s[-1]) for s in series if len(s))
     span = (end - begin) * most / total
-    # A slow source needs enough rows in it to tell its noise.
+    # A slow source needs enough rows in it to show its noise.
     slowest = max((float(np.median(np.diff(s.time_s))) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
     span = min(max(span, 2.0 * MIN_ROWS_FOR_NOISE * slowest), end - begin)
-    left = _liveliest(series, begin, end, span)
+    left = _busiest_window(series, begin, end, span)
     cut = []
     for s in series:
         time = s.time_s - s.latency_s
@@ -188,7 +188,7 @@ def _window(series: Sequence[Series]) -> list[Series]:
     return cut
 
 
-def _liveliest(series: Sequence[Series], begin: float, end: float, span: float) -> float:
+def _busiest_window(series: Sequence[Series], begin: float, end: float, span: float) -> float:
     """Return where a window of `span` seconds covers the longest way, by the positions."""
     position = next((s for s in series if s.kind is Kind.POSITION and len(s) > 2), None)
     if position is None:

@@ -39,7 +39,7 @@ class Series:
         latency_s: Subtracted from time_s.
         bias_state, latency_state: Index of the parameter state, or -1.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
-        floor: Sigma below which noise found from the log is not believed.
+        floor: Least sigma of noise that is found from the log.
     """
 
     source: str
@@ -130,7 +130,7 @@ def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, r
         series: The measurements of each source.
         start_s: Seconds; what was measured before (latency taken off) is left out.
         output_s: Shape (m,), increasing, seconds: when a state is wanted.
-        reset_after: Rejections in a row after which a source is believed again.
+        reset_after: Rejections in a row after which a source is used again.
     """
     in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
     series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]

@@ -1,4 +1,4 @@
-"""What the log itself tells before the last pass: latencies, noise, and how lively the driving is."""
+"""What the log itself shows before the last pass: latencies, noise, and how strongly the car manoeuvres."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class TunedSeries:
 
 
 def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters: ModelParameters) -> TunedSeries:
-    """Find latencies, noise and liveliness, and lay out the parameter states.
+    """Find latencies, noise and manoeuvre intensity, and lay out the parameter states.
 
     Args:
         prepared: All series; at least one POSITION with a row.

@@ -1,4 +1,4 @@
-"""SAE J2735 Basic Safety Messages, in four dresses.
+"""SAE J2735 Basic Safety Messages, in four formats.
 
 - raw integers, JSON with the standard's names (`BasicSafetyMessage`, also inside an ODE record or a MessageFrame);
 - raw integers, `j2735_v2x_msgs/BSM`;

@@ -42,7 +42,7 @@ def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> Fl
     Args:
         ledger: Counts them, row by row.
         values: Shape (n,), in the unit of `limit`.
-        limit: Largest size that is believed.
+        limit: Largest size that is accepted.
         name: Of the quantity, for the reason.
     """
     with np.errstate(invalid="ignore"):

@@ -1,4 +1,4 @@
-"""What the sensors of a car in a lane tell: boundaries on the ground, the preview point, speed and yaw rate."""
+"""What the sensors of a car in a lane report: boundaries on the ground, the preview point, speed and yaw rate."""
 
 from __future__ import annotations
 

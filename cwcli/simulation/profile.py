@@ -52,7 +52,7 @@ class TurnPiece:
 
 @dataclass(frozen=True)
 class Profile:
-    """The motion that a vehicle is told to make.
+    """The motion that a scenario asks of a vehicle.
 
     Attributes:
         speed: In time order; the last piece holds a constant speed or acceleration to `end_s`.

@@ -58,7 +58,7 @@ class ScenarioVehicle:
     Attributes:
         name: Key in the file; `host` is the ego.
         station_id: Eight hexadecimal digits, its id in V2X messages and in the truth.
-        profile, motion: What it is told to do, and the integral of it.
+        profile, motion: What the scenario asks of it, and the integral of it.
         length_m, width_m: Outline.
         has_v2x: Whether it sends.
     """

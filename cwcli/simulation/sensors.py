@@ -1,6 +1,6 @@
 """The host's sensors: what each one reports of the truth, and when.
 
-Each message stamped t reports the truth at t - latency_s (a lag that the stamp doesn't tell) with noise and bias, and
+Each message stamped t reports the truth at t - latency_s (a lag that the stamp doesn't show) with noise and bias, and
 is logged at t + delay_s + jitter. Noise is white and Gaussian.
 """
 

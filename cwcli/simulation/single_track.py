@@ -31,7 +31,7 @@ class PaperRun:
         steer_rad: Held.
         start_kmh, end_kmh: Speed; it stays at the end's once that is reached.
         accel_mps2: Between them.
-        duration_s: Of the run; the paper's text does not tell.
+        duration_s: Of the run; the paper's text does not say.
         curvature_1pm: Mean curvature of the road.
         step_s: Of the simulation.
         frame_s: Of the observer.

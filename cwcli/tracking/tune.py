@@ -1,6 +1,6 @@
 """Process and measurement noise from the detections alone, by maximum likelihood.
 
-The likelihood of the innovations tells how well the filter's covariance fits what came in; no truth is seen. The
+The likelihood of the innovations measures how well the filter's covariance fits what came in; no truth is seen. The
 search is Nelder and Mead's (Computer J. 7, 1965), in logarithms, so that every parameter stays positive.
 """
 
@@ -109,7 +109,7 @@ def _enough(targets: Sequence[Rows]) -> list[Rows]:
 def tune(targets: Sequence[Rows], config: FilterConfig) -> TunedFilter:
     """Find the process noise of `config` and the sigma factors of each source that make the rows most likely.
 
-    The rows are not gated: what is an outlier can't be told before the noise is known.
+    The rows are not gated: what is an outlier is not known before the noise is known.
 
     Args:
         targets: The rows of each target, in the order of time. They share `sources`.

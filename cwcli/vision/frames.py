@@ -28,7 +28,7 @@ MAX_SIDES_RATIO = 10
 REDUCTIONS = (8, 4, 2)
 MAX_THREADS = 4
 MAX_NAME = 20
-"""Letters of a format that are told."""
+"""Letters of a format that a message shows."""
 MAX_BATCH = 4
 BATCH_BYTES = 400_000
 """Encoded. Small grey frames are handed to a thread several at a time: handing over costs as much as a search."""

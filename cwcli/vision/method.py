@@ -30,7 +30,7 @@ class LaneFrame:
         camera: The camera in the pixels of `grey`.
         stamp_ns: Time of the frame.
         number: 0, 1, 2, ... over the frames that could be decoded; seeds of random searches derive from it.
-        speed_mps, yaw_rate_radps: The ego's motion at that time, NaN where the log does not tell.
+        speed_mps, yaw_rate_radps: The ego's motion at that time, NaN where the log does not hold it.
         prepared: What the method's `prepare` made of `grey`; None if it was not called.
     """
 

@@ -111,7 +111,7 @@ def _decode_until_stuck(
     """Decode until the messages end, or until the decoder makes nothing of those it has: then a new one goes on."""
     import cv2
 
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damaged pictures are counted, not told of one by one
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damaged pictures are counted, not reported one by one
     source: Any = feed
     capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, N_THREADS])
     try:

@@ -66,7 +66,7 @@ class LaneDepartureConfig:
         hold_off_s: A condition that has been false this long is over.
         min_speed_mps: No warning is raised below this speed; a raised one ends `speed_hysteresis_mps` below it.
         rate_over_s: The rate of departure is taken over this piece of the path.
-        max_width_m, min_width_m: Boundaries that are nearer or farther from each other than this are not believed.
+        max_width_m, min_width_m: Boundaries that are nearer or farther from each other than this are rejected.
     """
 
     warn_s: Annotated[
@@ -182,7 +182,7 @@ def evaluate_lane_departure(
         raise UsageError(
             f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead", where=RULE
         )
-    lines = _believed(boundaries, config)
+    lines = _plausible(boundaries, config)
     sides = [
         _side(stamp_ns, paths, line, sign, boundaries.camera_forward_m, speed_mps, config, width_m, front_axle_m)
         for line, sign in zip(lines, (1.0, -1.0), strict=True)
@@ -197,7 +197,7 @@ def evaluate_lane_departure(
     )
 
 
-def _believed(boundaries: Boundaries, config: LaneDepartureConfig) -> tuple[FloatArray, FloatArray]:
+def _plausible(boundaries: Boundaries, config: LaneDepartureConfig) -> tuple[FloatArray, FloatArray]:
     """Both sides; NaN in frames whose boundaries cross or are too far from each other."""
     with np.errstate(invalid="ignore"):
         width = boundaries.left[:, 0] - boundaries.right[:, 0]

@@ -65,7 +65,7 @@ class VehicleTrack:
 
     @property
     def outline_m(self) -> tuple[float, float]:
-        """Length and width, the defaults where they are not told."""
+        """Length and width, the defaults where they are not reported."""
         return _or(self.length_m, DEFAULT_LENGTH_M), _or(self.width_m, DEFAULT_WIDTH_M)
 
 

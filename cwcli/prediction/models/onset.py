@@ -1,7 +1,7 @@
 """A manoeuvre that has begun goes on: the hypothesis to warn by, not the likeliest path.
 
 A driver who has just begun to brake hard or to turn in mostly means it, but on average over all driving neither
-lasts: a predictor that believed it always would be worse than constant velocity. So this model is not a predictor of
+lasts: a predictor that always used it would be worse than constant velocity. So this model is not a predictor of
 the mean. It says where the car will be if jerk and yaw acceleration go on as they are until the car's limits: full
 braking (or full throttle, which is weaker but rarely matters) and the lateral acceleration of a brisk turn. The
 covariance along its path takes the moments at which the limits are reached as given.
