@@ -9,7 +9,8 @@ from __future__ import annotations
 import struct
 import threading
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from cwcli.input import InputFile
@@ -82,44 +83,19 @@ def chunk_payload(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> memory
         ChunkError: The chunk is not there, can't be decompressed, has another size than declared, or fails its CRC.
     """
     _check_header(file, chunk)
-    end = chunk.chunk_start + chunk.chunk_length
-    read = _SCRATCH.read if chunk.compression else _whole
-    stored = read(file, end - chunk.compressed_size, end)
+    if chunk.compression:
+        end = chunk.chunk_start + chunk.chunk_length
+        stored = _SCRATCH.read(file, end - chunk.compressed_size, end)
+    else:
+        stored = stored_records(file, chunk)
     if chunk.uncompressed_size > MAX_CHUNK_BYTES:
         raise ChunkError(f"a chunk declares {chunk.uncompressed_size} bytes")
     payload = _decompressor(chunk.compression)(stored, chunk.uncompressed_size)
     if len(payload) != chunk.uncompressed_size:
         raise ChunkError(f"a chunk holds {len(payload)} bytes instead of the declared {chunk.uncompressed_size}")
     if verify:
-        at = chunk.chunk_start + CRC_AT
-        (crc,) = _U32.unpack(file[at : at + _U32.size])
-        if crc and crc != zlib.crc32(payload):
-            raise ChunkError("a chunk's CRC does not fit", is_crc=True)
+        _check_crc(file, chunk, payload)
     return payload
-
-
-def partial_payload(file: InputFile, chunk: ChunkIndex) -> memoryview:
-    """What comes out of a chunk that is cut off, up to the first error; its CRC can't be checked.
-
-    Raises:
-        ChunkError: Its compression is unknown.
-    """
-    end = chunk.chunk_start + chunk.chunk_length
-    stored = file[end - chunk.compressed_size : end]
-    if chunk.compression == "":
-        return stored
-    _decompressor(chunk.compression)
-    start, errors = _streams()[chunk.compression]
-    stream = start()
-    found = bytearray()
-    for at in range(0, len(stored), BLOCK_BYTES):
-        try:
-            found += stream.decompress(stored[at : at + BLOCK_BYTES])
-        except errors:
-            break
-        if len(found) > MAX_CHUNK_BYTES:
-            break
-    return memoryview(found)
 
 
 def _check_header(file: InputFile, chunk: ChunkIndex) -> None:
@@ -138,8 +114,64 @@ def _check_header(file: InputFile, chunk: ChunkIndex) -> None:
         raise ChunkError("a chunk's header and its index differ")
 
 
-def _whole(file: InputFile, start: int, stop: int) -> memoryview:
-    return file[start:stop]
+def partial_payload(file: InputFile, chunk: ChunkIndex) -> memoryview:
+    """What comes out of a chunk that is cut off, up to the first error.
+
+    Raises:
+        ChunkError: Its compression is unknown, or it is whole and fails its CRC.
+    """
+    payload = stored = stored_records(file, chunk)
+    if chunk.compression:
+        _decompressor(chunk.compression)
+        start, errors = _streams()[chunk.compression]
+        stream = start()
+        found = bytearray()
+        for at in range(0, len(stored), BLOCK_BYTES):
+            try:
+                found += stream.decompress(stored[at : at + BLOCK_BYTES])
+            except errors:
+                break
+            if len(found) > MAX_CHUNK_BYTES:
+                break
+        payload = memoryview(found)
+    if len(payload) == chunk.uncompressed_size:
+        _check_crc(file, chunk, payload)
+    return payload
+
+
+def _check_crc(file: InputFile, chunk: ChunkIndex, payload: memoryview) -> None:
+    at = chunk.chunk_start + CRC_AT
+    (crc,) = _U32.unpack(file[at : at + _U32.size])
+    if crc and crc != zlib.crc32(payload):
+        raise ChunkError("a chunk's CRC does not fit", is_crc=True)
+
+
+def whole_records(payload: memoryview) -> memoryview:
+    """The records of a chunk before the first one that is damaged or cut off."""
+    whole = 0
+    with suppress(RecordError):
+        for _, _, end in chunk_records(payload):
+            whole = end
+    return payload[:whole]
+
+
+def chunk_records(payload: memoryview) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end (within the chunk) of each record, prefix included.
+
+    Raises:
+        RecordError: A record reaches beyond the chunk.
+    """
+    at = 0
+    while at < len(payload):
+        opcode, _, end = read_prefix(payload, at, len(payload))
+        yield opcode, at, end
+        at = end
+
+
+def stored_records(file: InputFile, chunk: ChunkIndex) -> memoryview:
+    """The records of a chunk as they are stored, compressed or not."""
+    end = chunk.chunk_start + chunk.chunk_length
+    return file[end - chunk.compressed_size : end]
 
 
 def _decompressor(compression: str) -> Callable[[memoryview, int], memoryview]:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from cwcli.errors import InputError
+
 RECOVER_HINT = "--recover reads what is intact"
+
+
+def damaged(name: str, at: int, why: object) -> InputError:
+    """The error that a file is damaged at an offset."""
+    return InputError(f"damaged at byte {at}: {why}", where=name, hint=RECOVER_HINT)
 
 
 @dataclass

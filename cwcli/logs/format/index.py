@@ -1,45 +1,65 @@
-"""What a file holds and where, before any message is decoded."""
+"""What a file holds and where, before any message is decoded: from its summary, or from a walk over its records."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
 
 from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
 
+class Span(NamedTuple):
+    """A part of the data section outside chunks: messages that a walk found, or what no index of a summary covers."""
+
+    start: int
+    end: int
+
+
+class LooseRecord(NamedTuple):
+    """A schema or channel outside chunks, or a record of a kind that the format leaves to its users (`id` -1)."""
+
+    start: int
+    length: int
+    opcode: int
+    id: int
+
+
+Item = ChunkIndex | Span | AttachmentIndex | MetadataIndex | LooseRecord
+Kind = TypeVar("Kind")
+
+
 @dataclass
-class Structure:
+class Index:
     """What a file holds.
 
     Attributes:
         profile, library: From the header.
+        header_length: Bytes of magic and header; 0 where it is damaged.
         schemas, channels: By id.
-        chunks: In file order. No `index_offsets` means that the chunk must be opened to know its channels; an offset of
-            0 means that the channel is in the chunk, but not in an index.
-        loose: Start and end of the parts of the data section outside chunks that may hold messages.
-        attachments, metadata: In file order.
-        statistics: As the summary or the scan counted; None until something counts.
+        items: The data section in file order. `LooseRecord`s are there after a walk only.
+        statistics: As the summary or the walk counted; None until something counts.
         data_end: Where the data section ends: its end record, which holds a CRC of everything before; None if there is
             none.
-        partial_chunk: Start of the last chunk when it is cut, else None.
-        is_scanned: The file was read record by record.
+        has_end: There is an end record, or a footer.
+        cut_chunks: Starts of chunks that are cut off, or whose record has a wrong length.
     """
 
     profile: str = ""
     library: str = ""
+    header_length: int = 0
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
-    chunks: list[ChunkIndex] = field(default_factory=list)
-    loose: list[tuple[int, int]] = field(default_factory=list)
-    attachments: list[AttachmentIndex] = field(default_factory=list)
-    metadata: list[MetadataIndex] = field(default_factory=list)
+    items: list[Item] = field(default_factory=list)
     statistics: Statistics | None = None
     data_end: int | None = None
-    partial_chunk: int | None = None
-    is_scanned: bool = False
+    has_end: bool = False
+    cut_chunks: set[int] = field(default_factory=set)
 
-    def lacks_definitions(self) -> bool:
-        """Whether a channel or schema is used that is not known yet."""
-        return any(not chunk.index_offsets.keys() <= self.channels.keys() for chunk in self.chunks) or any(
-            channel.schema_id and channel.schema_id not in self.schemas for channel in self.channels.values()
-        )
+    def items_of(self, kind: type[Kind]) -> list[Kind]:
+        """The items of a kind, in file order."""
+        return [item for item in self.items if isinstance(item, kind)]
+
+    def lacks_schema(self, channel_id: int) -> bool:
+        """Whether a channel is unknown, or its schema."""
+        channel = self.channels.get(channel_id)
+        return channel is None or (channel.schema_id != 0 and channel.schema_id not in self.schemas)

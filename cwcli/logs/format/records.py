@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Collection, Mapping
 from typing import NamedTuple, Protocol
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -88,7 +89,12 @@ class Chunk(NamedTuple):
 
 
 class ChunkIndex(NamedTuple):
-    """Attributes: as in the format; `index_offsets` is channel id -> offset of its message index record."""
+    """A chunk and the message indexes behind it.
+
+    Attributes: as in the format, and
+        index_offsets: Channel id -> offset of its message index record.
+        counts: Channel id -> messages; None as long as nobody has counted.
+    """
 
     start_ns: int
     end_ns: int
@@ -99,6 +105,17 @@ class ChunkIndex(NamedTuple):
     compression: str
     compressed_size: int
     uncompressed_size: int
+    counts: Mapping[int, int] | None = None
+
+    @property
+    def channel_ids(self) -> Collection[int]:
+        """The channels of its messages; none where it must be opened to know them."""
+        return self.index_offsets if self.counts is None else self.counts
+
+    @property
+    def end(self) -> int:
+        """Where its message indexes end."""
+        return self.chunk_start + self.chunk_length + self.index_length
 
 
 class AttachmentIndex(NamedTuple):

@@ -46,13 +46,14 @@ def next_record(data: Data, at: int, channels: Container[int]) -> int:
         for k in range(PREFIX.size - LENGTH_HIGH_BYTES, PREFIX.size):
             believable &= octets[k : k + stop - at] == 0
         for candidate in (np.flatnonzero(believable) + at).tolist():
-            if _leads_on(data, candidate, channels):
+            if is_record(data, candidate, channels):
                 return int(candidate)
         at = stop
     return len(data)
 
 
-def _leads_on(data: Data, at: int, channels: Container[int]) -> bool:
+def is_record(data: Data, at: int, channels: Container[int]) -> bool:
+    """Whether a believable record begins at an offset; arguments as for `next_record`."""
     for _ in range(N_STEPS):
         try:
             opcode, start, end = read_prefix(data, at, len(data))

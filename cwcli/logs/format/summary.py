@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import zlib
+from operator import itemgetter
 
-from cwcli.logs.format.index import Structure
+from cwcli.logs.format.index import Index, Span
 from cwcli.logs.format.records import (
     ATTACHMENT_INDEX,
     CHANNEL,
@@ -18,8 +19,11 @@ from cwcli.logs.format.records import (
     SCHEMA,
     STATISTICS,
     SUMMARY_OFFSET,
+    AttachmentIndex,
+    ChunkIndex,
     Data,
     Footer,
+    MetadataIndex,
     RecordError,
     read_attachment_index,
     read_channel,
@@ -46,8 +50,8 @@ def find_footer(data: Data) -> tuple[Footer, int] | None:
         return None
 
 
-def read_summary(data: Data, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> Structure | None:
-    """The file's structure from its summary.
+def read_summary(data: Data, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> Index | None:
+    """What the file holds, from its summary.
 
     Args:
         data: The file.
@@ -69,75 +73,75 @@ def read_summary(data: Data, footer: Footer, footer_at: int, data_start: int, *,
     summary = data[start : footer_at + FOOTER_BYTES - 4]
     if verify and footer.summary_crc and footer.summary_crc != zlib.crc32(summary):
         raise RecordError("the summary's CRC does not fit")
-    structure = Structure()
+    index = Index(has_end=True)
     at = 0
     while at < footer_at - start:
         opcode, begin, end = read_prefix(summary, at, footer_at - start)
-        _take(structure, opcode, summary, begin, end)
+        _take(index, opcode, summary, begin, end)
         at = end
     data_end = start - DATA_END_BYTES
     if data_end < data_start or data[data_end : data_end + 1] != bytes([DATA_END]):
         data_end = start  # a longer end record: the walk will come upon it
     else:
-        structure.data_end = data_end
-    structure.chunks.sort(key=lambda chunk: chunk.chunk_start)
-    structure.loose = _gaps(structure, data_start, data_end)
-    return structure
+        index.data_end = data_end
+    _fill_gaps(index, data_start, data_end)
+    return index
 
 
-def _take(structure: Structure, opcode: int, data: Data, start: int, end: int) -> None:
+def _take(index: Index, opcode: int, data: Data, start: int, end: int) -> None:
     """Note one record of the summary."""
     if opcode == SCHEMA:
         schema = read_schema(data, start, end)
-        structure.schemas[schema.id] = schema
+        index.schemas[schema.id] = schema
     elif opcode == CHANNEL:
         channel = read_channel(data, start, end)
-        structure.channels[channel.id] = channel
+        index.channels[channel.id] = channel
     elif opcode == CHUNK_INDEX:
-        structure.chunks.append(read_chunk_index(data, start, end))
+        index.items.append(read_chunk_index(data, start, end))
     elif opcode == STATISTICS:
-        structure.statistics = read_statistics(data, start, end)
+        index.statistics = read_statistics(data, start, end)
     elif opcode == ATTACHMENT_INDEX:
-        structure.attachments.append(read_attachment_index(data, start, end))
+        index.items.append(read_attachment_index(data, start, end))
     elif opcode == METADATA_INDEX:
-        structure.metadata.append(read_metadata_index(data, start, end))
+        index.items.append(read_metadata_index(data, start, end))
     elif opcode < SUMMARY_OFFSET or opcode == DATA_END:
         raise RecordError("the summary holds a record of the data section")
 
 
-def is_complete(structure: Structure) -> bool:
+def is_complete(index: Index) -> bool:
     """Whether the summary repeats all that reading needs."""
-    counted = structure.statistics
-    if counted is None or structure.lacks_definitions():
-        return False
+    counted = index.statistics
+    used = {channel_id for chunk in index.items_of(ChunkIndex) for channel_id in chunk.index_offsets}
     return (
-        counted.n_chunks == len(structure.chunks)
-        and counted.n_channels == len(structure.channels)
-        and counted.n_attachments == len(structure.attachments)
-        and counted.n_metadata == len(structure.metadata)
+        counted is not None
+        and not any(map(index.lacks_schema, {*used, *index.channels}))
+        and counted.n_channels == len(index.channels)
+        and counted.n_chunks == len(index.items_of(ChunkIndex))
+        and counted.n_attachments == len(index.items_of(AttachmentIndex))
+        and counted.n_metadata == len(index.items_of(MetadataIndex))
     )
 
 
-def _gaps(structure: Structure, start: int, end: int) -> list[tuple[int, int]]:
-    """The parts of the data section that no index covers.
+def _fill_gaps(index: Index, start: int, end: int) -> None:
+    """Put the items in file order, and between them the parts of the data section that no index covers.
 
     Raises:
         RecordError: Indexed records overlap, or lie outside the data section.
     """
-    covered = [
-        *((chunk.chunk_start, chunk.chunk_length + chunk.index_length) for chunk in structure.chunks),
-        *((each.offset, each.length) for each in structure.attachments),
-        *((each.offset, each.length) for each in structure.metadata),
-    ]
-    covered.sort()
-    gaps = []
+    places: list[tuple[int, int, ChunkIndex | AttachmentIndex | MetadataIndex]] = []
+    for each in index.items:
+        if isinstance(each, ChunkIndex):
+            places.append((each.chunk_start, each.end, each))
+        elif isinstance(each, AttachmentIndex | MetadataIndex):
+            places.append((each.offset, each.offset + each.length, each))
+    index.items = []
     at = start
-    for offset, length in covered:
-        if offset < at or length > end - offset:
+    for first, last, item in sorted(places, key=itemgetter(0, 1)):
+        if first < at or last > end:
             raise RecordError("the summary's indexes overlap, or point outside the file")
-        if offset > at:
-            gaps.append((at, offset))
-        at = offset + length
+        if first > at:
+            index.items.append(Span(at, first))
+        index.items.append(item)
+        at = last
     if at < end:
-        gaps.append((at, end))
-    return gaps
+        index.items.append(Span(at, end))

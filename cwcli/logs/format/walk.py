@@ -1,4 +1,4 @@
-"""The data section record by record: for files without a usable summary, and for what is left of damaged ones."""
+"""The data section record by record: for files without a usable summary, for damaged ones, and for a copy."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import struct
 
 from cwcli.input import InputFile
 from cwcli.logs.format.chunks import DECOMPRESSORS, ChunkError, chunk_payload, partial_payload
-from cwcli.logs.format.faults import Faults
-from cwcli.logs.format.index import Structure
+from cwcli.logs.format.faults import Faults, damaged
+from cwcli.logs.format.index import Index, LooseRecord, Span
 from cwcli.logs.format.records import (
     ATTACHMENT,
     CHANNEL,
@@ -21,6 +21,7 @@ from cwcli.logs.format.records import (
     METADATA,
     PREFIX,
     SCHEMA,
+    AttachmentIndex,
     ChunkIndex,
     Data,
     MetadataIndex,
@@ -39,224 +40,234 @@ from cwcli.logs.format.records import (
 _MESSAGE = struct.Struct("<HIQ")
 
 
-class DamageError(Exception):
-    """The file is damaged at an offset."""
-
-    def __init__(self, what: str, at: int) -> None:
-        super().__init__(what)
-        self.at = at
-
-
-def scan(data: InputFile, data_start: int, faults: Faults, *, recover: bool) -> Structure:
-    """Walk the data section, and open the chunks whose channels are not known otherwise.
+def walk(
+    file: InputFile, start: int, faults: Faults, known: Index | None, *, recover: bool, define_all: bool = False
+) -> Index:
+    """Note every record of the data section, and open the chunks whose channels are not known otherwise.
 
     Args:
-        data: The file.
-        data_start: Where the data section begins.
+        file: The log.
+        start: Where the data section begins.
         faults: Counts what is lost.
+        known: The summary, as far as there is one: its schemas and channels are believed.
         recover: Go on behind damage.
+        define_all: Find all schemas and channels, also those without messages, in damaged chunks and in such of a
+            foreign compression, too.
 
     Raises:
-        DamageError: The file is damaged and `recover` is off.
+        InputError: The file is damaged and `recover` is off.
     """
-    return _Scan(data, faults, recover).run(data_start)
+    return _Walk(file, faults, known or Index(), recover=recover).run(start, define_all=define_all)
 
 
-class _Scan:
-    def __init__(self, data: InputFile, faults: Faults, recover: bool) -> None:
-        self._data = data
+class _Walk:
+    def __init__(self, file: InputFile, faults: Faults, known: Index, *, recover: bool) -> None:
+        self._file = file
         self._faults = faults
         self._recover = recover
-        self._structure = Structure(is_scanned=True)
+        self._index = Index(schemas=dict(known.schemas), channels=dict(known.channels))
+        self._n_channels = known.statistics.n_channels if known.statistics else None
         self._counts: dict[int, int] = {}
         self._first_ns: int | None = None
         self._last_ns = 0
 
-    def run(self, data_start: int) -> Structure:
-        data, structure = self._data, self._structure
-        at = data_start
-        while at < len(data):
+    def run(self, at: int, *, define_all: bool) -> Index:
+        file, index = self._file, self._index
+        while at < len(file):
             try:
-                opcode, start, end = read_prefix(data, at, len(data))
+                opcode, start, end = read_prefix(file, at, len(file))
                 if opcode in (DATA_END, FOOTER):
-                    structure.data_end = at if opcode == DATA_END else None
+                    index.data_end = at if opcode == DATA_END else None
+                    index.has_end = True
                     break
-                at = self._take(opcode, start, end)
+                at = self._take(opcode, at, start, end)
             except RecordError as error:
-                at = self._behind_damage(at, str(error))
-        self._define()
-        structure.statistics = Statistics(
+                at = self._behind_damage(at, error)
+        self._define(define_all=define_all)
+        index.statistics = Statistics(
             sum(self._counts.values()),
-            len(structure.schemas),
-            len(structure.channels),
-            len(structure.attachments),
-            len(structure.metadata),
-            len(structure.chunks),
+            len(index.schemas),
+            len(index.channels),
+            len(index.items_of(AttachmentIndex)),
+            len(index.items_of(MetadataIndex)),
+            len(index.items_of(ChunkIndex)),
             self._first_ns or 0,
             self._last_ns,
             self._counts,
         )
-        return structure
+        return index
 
-    def _take(self, opcode: int, start: int, end: int) -> int:
+    def _take(self, opcode: int, at: int, start: int, end: int) -> int:
         """Note one record, with the indexes behind a chunk; returns where the next one begins."""
-        structure, data = self._structure, self._data
+        items, file = self._index.items, self._file
         if opcode == MESSAGE:
-            self._count_message(start, end)
-            head = start - PREFIX.size
-            if structure.loose and structure.loose[-1][1] == head:
-                head = structure.loose.pop()[0]
-            structure.loose.append((head, end))
+            self._count_message(file, start, end)
+            before = items[-1] if items else None
+            if isinstance(before, Span) and before.end == at:
+                items[-1] = Span(before.start, end)
+            else:
+                items.append(Span(at, end))
         elif opcode == CHUNK:
-            return self._take_chunk(start, end)
-        elif opcode == SCHEMA:
-            schema = read_schema(data, start, end)
-            structure.schemas.setdefault(schema.id, schema)
-        elif opcode == CHANNEL:
-            channel = read_channel(data, start, end)
-            structure.channels.setdefault(channel.id, channel)
+            return self._take_chunk(at, start, end)
+        elif opcode in (SCHEMA, CHANNEL):
+            items.append(LooseRecord(at, end - at, opcode, self._note_definition(opcode, file, start, end)))
         elif opcode == ATTACHMENT:
-            structure.attachments.append(read_attachment(data, start, end))
+            items.append(read_attachment(file, start, end))
         elif opcode == METADATA:
-            head = start - PREFIX.size
-            structure.metadata.append(MetadataIndex(head, end - head, read_metadata(data, start, end)[0]))
+            items.append(MetadataIndex(at, end - at, read_metadata(file, start, end)[0]))
+        elif opcode != MESSAGE_INDEX:  # without its chunk it serves nobody
+            items.append(LooseRecord(at, end - at, opcode, -1))
         return end
 
-    def _take_chunk(self, start: int, end: int) -> int:
-        data = self._data
-        chunk = read_chunk(data, start, end)
+    def _take_chunk(self, at: int, start: int, end: int) -> int:
+        file = self._file
+        chunk = read_chunk(file, start, end)
         if chunk.data_start + chunk.data_length != end:
             raise RecordError("a chunk's sizes disagree")
         offsets: dict[int, int] = {}
-        at = end
-        while at < len(data):
+        counts: dict[int, int] = {}
+        cursor = end
+        while cursor < len(file):
             try:
-                opcode, index_start, index_end = read_prefix(data, at, len(data))
+                opcode, index_start, index_end = read_prefix(file, cursor, len(file))
                 if opcode != MESSAGE_INDEX:
                     break
-                channel_id, first, last = read_message_index(data, index_start, index_end)
+                channel_id, first, last = read_message_index(file, index_start, index_end)
             except RecordError:
                 break  # the walk comes upon it again
-            n = (last - first) // INDEX_ENTRY_BYTES
-            if n:
-                offsets[channel_id] = at
-                self._counts[channel_id] = self._counts.get(channel_id, 0) + n
-            at = index_end
-        if offsets:
-            self._count_span(chunk.start_ns, chunk.end_ns)
-        self._structure.chunks.append(
-            ChunkIndex(
-                chunk.start_ns,
-                chunk.end_ns,
-                chunk.start,
-                chunk.length,
-                offsets,
-                at - end,
-                chunk.compression,
-                chunk.data_length,
-                chunk.uncompressed_size,
-            )
-        )
-        return at
-
-    def _behind_damage(self, at: int, why: str) -> int:
-        """Count what is lost; returns where reading goes on."""
-        if not self._recover:
-            raise DamageError(why, at)
-        if self._take_partial_chunk(at):
-            return len(self._data)
-        from cwcli.logs.format.resync import next_record
-
-        following = next_record(self._data, at + 1, self._structure.channels)
-        self._faults.bytes_lost += following - at
-        return following
-
-    def _take_partial_chunk(self, at: int) -> bool:
-        """Whether a chunk begins here whose end is cut off with the file's."""
-        data = self._data
-        if at + PREFIX.size > len(data):
-            return False
-        start = at + PREFIX.size
-        opcode, length = PREFIX.unpack(data[at:start])
-        if opcode != CHUNK or length <= len(data) - start:
-            return False
-        try:
-            chunk = read_chunk_head(data, start, len(data))
-        except RecordError:
-            return False
-        if chunk.compression not in DECOMPRESSORS or chunk.data_start - start + chunk.data_length != length:
-            return False
-        self._structure.chunks.append(
+            offsets[channel_id] = cursor
+            counts[channel_id] = (last - first) // INDEX_ENTRY_BYTES
+            cursor = index_end
+        self._index.items.append(
             ChunkIndex(
                 chunk.start_ns,
                 chunk.end_ns,
                 at,
-                chunk.length,
-                {},
-                0,
+                end - at,
+                offsets,
+                cursor - end,
                 chunk.compression,
-                len(data) - chunk.data_start,
-                min(chunk.uncompressed_size, 1 << 62),
+                chunk.data_length,
+                chunk.uncompressed_size,
+                counts if any(counts.values()) else None,
             )
         )
-        self._structure.partial_chunk = at
-        return True
+        return cursor
 
-    def _define(self) -> None:
-        """Open the chunks that have no index, or whose channels are unknown."""
-        structure = self._structure
-        for k, chunk in enumerate(structure.chunks):
-            is_indexed = bool(chunk.index_offsets)
-            known = is_indexed and chunk.index_offsets.keys() <= structure.channels.keys()
-            if known and all(
-                structure.channels[each].schema_id in (0, *structure.schemas) for each in chunk.index_offsets
-            ):
-                continue
-            found = self._opened(chunk)
-            if not is_indexed and found:
-                structure.chunks[k] = chunk._replace(index_offsets=dict.fromkeys(found, 0))
+    def _behind_damage(self, at: int, error: RecordError) -> int:
+        """Count what is lost; returns where the walk goes on."""
+        if not self._recover:
+            raise damaged(self._file.name, at, error) from error
+        following = self._take_cut_chunk(at)
+        if following is None:
+            from cwcli.logs.format.resync import is_record, next_record
 
-    def _opened(self, chunk: ChunkIndex) -> set[int]:
-        """Read a chunk's definitions; returns the channels of its messages, which are counted where no index does."""
-        data = self._data
-        is_partial = chunk.chunk_start == self._structure.partial_chunk
+            following = self._end_of_record(at)
+            if following is None or not is_record(self._file, following, self._index.channels):
+                following = next_record(self._file, at + 1, self._index.channels)
+            self._faults.bytes_lost += following - at
+        return following
+
+    def _end_of_record(self, at: int) -> int | None:
         try:
-            payload = partial_payload(data, chunk) if is_partial else chunk_payload(data, chunk, verify=True)
+            return read_prefix(self._file, at, len(self._file))[2]
+        except RecordError:
+            return None
+
+    def _take_cut_chunk(self, at: int) -> int | None:
+        """Note a chunk that the file's end cuts off, or whose record and header disagree on its length.
+
+        Returns:
+            Where it ends; None if it is none.
+        """
+        from cwcli.logs.format.resync import is_record
+
+        file, size = self._file, len(self._file)
+        start = at + PREFIX.size
+        if start > size:
+            return None
+        opcode, length = PREFIX.unpack(file[at:start])
+        try:
+            chunk = read_chunk_head(file, start, size)
+        except RecordError:
+            return None
+        if opcode != CHUNK or chunk.compression not in DECOMPRESSORS:
+            return None
+        by_record, by_header = start + length, chunk.data_start + chunk.data_length
+        if by_record == by_header:
+            end: int | None = min(by_header, size)
+        else:
+            ends = [each for each in (by_record, by_header) if chunk.data_start <= each < size]
+            end = next((each for each in ends if is_record(file, each, self._index.channels)), None)
+        if end is not None:
+            stored, declared = end - chunk.data_start, min(chunk.uncompressed_size, 1 << 62)
+            self._index.items.append(
+                ChunkIndex(chunk.start_ns, chunk.end_ns, at, end - at, {}, 0, chunk.compression, stored, declared)
+            )
+            self._index.cut_chunks.add(at)
+        return end
+
+    def _define(self, *, define_all: bool) -> None:
+        """Count the indexed messages, and open the chunks that have no index, or whose channels are unknown."""
+        index = self._index
+        for k, item in enumerate(index.items):
+            if not isinstance(item, ChunkIndex):
+                continue
+            if item.counts is not None:
+                for channel_id, n in item.counts.items():
+                    self._counts[channel_id] = self._counts.get(channel_id, 0) + n
+                self._count_span(item.start_ns, item.end_ns)
+            if item.counts is None or any(map(index.lacks_schema, item.counts)):
+                index.items[k] = self._opened(item, must_open=define_all)
+        used = {*self._counts, *index.channels}
+        if define_all and (self._n_channels != len(index.channels) or any(map(index.lacks_schema, used))):
+            for chunk in index.items_of(ChunkIndex):
+                self._opened(chunk, must_open=True)
+
+    def _opened(self, chunk: ChunkIndex, *, must_open: bool) -> ChunkIndex:
+        """Take over a chunk's definitions; returns it with its messages, which are counted where no index does."""
+        try:
+            if chunk.chunk_start in self._index.cut_chunks:
+                payload = partial_payload(self._file, chunk)
+            else:
+                payload = chunk_payload(self._file, chunk, verify=True)
         except ChunkError as error:
-            if self._recover or error.is_foreign:
-                return set()  # it is counted when it is read
-            raise DamageError(str(error), chunk.chunk_start) from error
-        found: set[int] = set()
+            if self._recover or (error.is_foreign and not must_open):
+                return chunk  # it is counted when it is read
+            raise damaged(self._file.name, chunk.chunk_start, error) from error
+        counts: dict[int, int] = {}
         at = 0
         while at < len(payload):
             try:
                 opcode, start, end = read_prefix(payload, at, len(payload))
-                if opcode == SCHEMA:
-                    schema = read_schema(payload, start, end)
-                    self._structure.schemas.setdefault(schema.id, schema)
-                elif opcode == CHANNEL:
-                    channel = read_channel(payload, start, end)
-                    self._structure.channels.setdefault(channel.id, channel)
-                elif opcode == MESSAGE:
-                    found.add(self._message(payload, start, end, is_counted=not chunk.index_offsets))
+                if opcode in (SCHEMA, CHANNEL):
+                    self._note_definition(opcode, payload, start, end)
+                elif opcode == MESSAGE and chunk.counts is None:
+                    channel_id = self._count_message(payload, start, end)
+                    counts[channel_id] = counts.get(channel_id, 0) + 1
             except RecordError as error:
                 if self._recover:
                     break
-                raise DamageError(f"inside a chunk: {error}", chunk.chunk_start) from error
+                raise damaged(self._file.name, chunk.chunk_start, f"inside a chunk: {error}") from error
             at = end
-        return found
+        return chunk._replace(counts=counts or chunk.counts)
 
-    def _count_message(self, start: int, end: int) -> None:
-        self._message(self._data, start, end, is_counted=True)
+    def _note_definition(self, opcode: int, data: Data, start: int, end: int) -> int:
+        """Take over a schema or a channel, unless one with its id is known; returns the id."""
+        if opcode == SCHEMA:
+            schema = read_schema(data, start, end)
+            return self._index.schemas.setdefault(schema.id, schema).id
+        channel = read_channel(data, start, end)
+        return self._index.channels.setdefault(channel.id, channel).id
 
-    def _message(self, data: Data, start: int, end: int, *, is_counted: bool) -> int:
+    def _count_message(self, data: Data, start: int, end: int) -> int:
+        """Count a message; returns its channel id."""
         if end - start < MESSAGE_HEADER_BYTES:
             raise RecordError("a message is shorter than its header")
         channel_id: int
         channel_id, _, log_time_ns = _MESSAGE.unpack(data[start : start + _MESSAGE.size])
-        if is_counted:
-            self._counts[channel_id] = self._counts.get(channel_id, 0) + 1
-            self._count_span(log_time_ns, log_time_ns)
+        self._counts[channel_id] = self._counts.get(channel_id, 0) + 1
+        self._count_span(log_time_ns, log_time_ns)
         return channel_id
 
     def _count_span(self, start_ns: int, end_ns: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from cwcli.logs.format.index import Structure
+from cwcli.logs.format.index import Index
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,12 @@ class ChannelInfo:
     schema_data: bytes = field(default=b"", repr=False)
 
 
-def channels_of(structure: Structure) -> tuple[ChannelInfo, ...]:
+def channels_of(index: Index) -> tuple[ChannelInfo, ...]:
     """The channels of a file, by id."""
-    counted = structure.statistics.channel_counts if structure.statistics else None
+    counted = index.statistics.channel_counts if index.statistics else None
     found = []
-    for channel in sorted(structure.channels.values()):
-        schema = structure.schemas.get(channel.schema_id)
+    for channel in sorted(index.channels.values()):
+        schema = index.schemas.get(channel.schema_id)
         found.append(
             ChannelInfo(
                 id=channel.id,

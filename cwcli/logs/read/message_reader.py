@@ -18,7 +18,7 @@ from cwcli.kernels.message_scan import DAMAGED, FULL, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
 from cwcli.logs.format.chunks import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
 from cwcli.logs.format.faults import RECOVER_HINT, Faults
-from cwcli.logs.format.index import Structure
+from cwcli.logs.format.index import Index, Span
 from cwcli.logs.format.records import (
     MESSAGE,
     MESSAGE_HEADER_BYTES,
@@ -78,7 +78,7 @@ class MessageReader:
 
     Args:
         file: The log.
-        structure: What it holds.
+        index: What it holds.
         faults: Counts what is lost.
         name: For messages.
         recover: Leave damaged parts out and count them.
@@ -86,10 +86,12 @@ class MessageReader:
     """
 
     def __init__(
-        self, file: InputFile, structure: Structure, faults: Faults, name: str, *, recover: bool, verify: bool
+        self, file: InputFile, index: Index, faults: Faults, name: str, *, recover: bool, verify: bool
     ) -> None:
         self._file = file
-        self._structure = structure
+        self._index = index
+        self._chunks = index.items_of(ChunkIndex)
+        self._spans = index.items_of(Span)
         self._faults = faults
         self._name = name
         self._recover = recover
@@ -105,7 +107,7 @@ class MessageReader:
             InputError: A chunk that may hold them is damaged, and `recover` is off.
         """
         chunks = [each for each in self.chunks(channel_ids) if each.end_ns >= start_ns and each.start_ns < end_ns]
-        loose = deque(self._structure.loose)
+        loose = deque(self._spans)
         for chunk, payload in self._payloads(chunks):
             while loose and loose[0][0] < chunk.chunk_start:
                 yield from self.loose_batches(channel_ids, [loose.popleft()])
@@ -118,14 +120,14 @@ class MessageReader:
         wanted = frozenset(channel_ids)
         return [
             chunk
-            for chunk in self._structure.chunks
-            if chunk.uncompressed_size and (not chunk.index_offsets or not wanted.isdisjoint(chunk.index_offsets))
+            for chunk in self._chunks
+            if chunk.uncompressed_size and (not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids))
         ]
 
     def max_messages(self) -> int:
         """More messages than this can't be in the file."""
-        chunked = sum(min(chunk.uncompressed_size, MAX_CHUNK_BYTES) for chunk in self._structure.chunks)
-        return (chunked + sum(end - start for start, end in self._structure.loose)) // MIN_MESSAGE_BYTES
+        chunked = sum(min(chunk.uncompressed_size, MAX_CHUNK_BYTES) for chunk in self._chunks)
+        return (chunked + sum(end - start for start, end in self._spans)) // MIN_MESSAGE_BYTES
 
     def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
         """The batches of one part of the file after the other: no later one holds an earlier message.
@@ -144,7 +146,7 @@ class MessageReader:
     def _loose_in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
         parts = [
             (int(batch.log_time_ns.min()), *place)
-            for span in self._structure.loose
+            for span in self._spans
             for place, batch in self._loose_parts(channel_ids, span)
         ]
         for first_ns, start, end in sorted(parts):
@@ -153,11 +155,11 @@ class MessageReader:
     def chunk_batches(self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]) -> Iterator[Batch]:
         """The messages in an opened chunk."""
         octets = np.frombuffer(payload, np.uint8)
-        is_partial = chunk.chunk_start == self._structure.partial_chunk
+        is_partial = chunk.chunk_start in self._index.cut_chunks
         at = 0
         noted: list[Batch] = []
         while at < len(octets):
-            batch, at, status = _scan(octets, at, len(octets), channel_ids)
+            batch, at, status = scan_records(octets, at, len(octets), channel_ids)
             noted.append(batch)
             if status == DAMAGED:
                 if not is_partial:
@@ -181,7 +183,7 @@ class MessageReader:
         size = LOOSE_BYTES
         while at < end:
             octets = np.frombuffer(self._file[at : min(at + size, end)], np.uint8)
-            batch, n_bytes, status = _scan(octets, 0, len(octets), channel_ids)
+            batch, n_bytes, status = scan_records(octets, 0, len(octets), channel_ids)
             size = LOOSE_BYTES
             if len(batch):
                 self._check_data_crc()
@@ -202,7 +204,7 @@ class MessageReader:
 
     def _check_data_crc(self) -> None:
         """Check the CRC over the data section, once: it is all that protects messages outside chunks."""
-        end = self._structure.data_end
+        end = self._index.data_end
         if not self._verify or end is None or end in self._counted:
             return
         self._counted.add(end)
@@ -247,7 +249,7 @@ class MessageReader:
             pool.shutdown(wait=True, cancel_futures=True)
 
     def _payload(self, chunk: ChunkIndex) -> memoryview:
-        if chunk.chunk_start == self._structure.partial_chunk:
+        if chunk.chunk_start in self._index.cut_chunks:
             self._count(chunk.chunk_start, "chunks_partial")
             return partial_payload(self._file, chunk)
         verify = self._verify and chunk.chunk_start not in self._verified  # the stages of a run read it several times
@@ -281,28 +283,15 @@ class MessageReader:
 
     def _indexed_messages(self, chunk: ChunkIndex) -> int:
         """How many messages a chunk's indexes list."""
-        return sum(len(entries) for each in chunk.index_offsets if (entries := self._index(chunk, each)) is not None)
-
-    def _index(self, chunk: ChunkIndex, channel_id: int) -> npt.NDArray[np.uint64] | None:
-        """A message index as (log time, offset) pairs, or None if it is not what and where it should be."""
-        at = chunk.index_offsets[channel_id]
-        end = chunk.chunk_start + chunk.chunk_length + chunk.index_length
-        if not 0 < at < end:
-            return None
-        try:
-            opcode, start, stop = read_prefix(self._file, at, end)
-            if opcode != MESSAGE_INDEX:
-                return None
-            found, first, last = read_message_index(self._file, start, stop)
-        except RecordError:
-            return None
-        if found != channel_id:
-            return None
-        return np.frombuffer(self._file[first:last], "<u8").reshape(-1, 2)
+        return sum(
+            len(entries)
+            for each in chunk.index_offsets
+            if (entries := message_index(self._file, chunk, each)) is not None
+        )
 
     def _index_fits(self, chunk: ChunkIndex, batches: Sequence[Batch], channel_ids: Collection[int]) -> bool:
         """Whether a chunk's message indexes list what is in it."""
-        if not chunk.index_offsets or not any(chunk.index_offsets.values()):
+        if not chunk.index_offsets:
             return True
         ids = np.concatenate([batch.channel_id for batch in batches] or [np.zeros(0, np.uint16)])
         times = np.concatenate([batch.log_time_ns for batch in batches] or [np.zeros(0, np.int64)])
@@ -313,7 +302,7 @@ class MessageReader:
                 if is_own.any():
                     return False
                 continue
-            listed = self._index(chunk, channel_id)
+            listed = message_index(self._file, chunk, channel_id)
             if listed is None or len(listed) != int(is_own.sum()):
                 return False
             order = np.argsort(listed[:, 1], kind="stable")
@@ -324,7 +313,19 @@ class MessageReader:
         return True
 
 
-def _scan(octets: ByteArray, at: int, end: int, channel_ids: Collection[int]) -> tuple[Batch, int, int]:
+def message_index(file: InputFile, chunk: ChunkIndex, channel_id: int) -> npt.NDArray[np.uint64] | None:
+    """Shape (n, 2): a channel's message index, (log time, offset); None if it is not what and where it should be."""
+    try:
+        opcode, start, stop = read_prefix(file, chunk.index_offsets[channel_id], chunk.end)
+        found, first, last = read_message_index(file, start, stop)
+    except RecordError:
+        return None
+    if opcode != MESSAGE_INDEX or found != channel_id:
+        return None
+    return np.frombuffer(file[first:last], "<u8").reshape(-1, 2)
+
+
+def scan_records(octets: ByteArray, at: int, end: int, channel_ids: Collection[int]) -> tuple[Batch, int, int]:
     """Up to a batch's worth of messages, where the walk stopped, and why."""
     is_wanted = np.zeros(1 << 16, np.uint8)
     is_wanted[list(channel_ids)] = 1

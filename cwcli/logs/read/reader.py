@@ -26,12 +26,14 @@ from typing import TYPE_CHECKING, Self
 from cwcli.errors import InputError, MissingSignalError
 from cwcli.input import InputFile
 from cwcli.logs.format.faults import Faults
-from cwcli.logs.format.index import Structure
-from cwcli.logs.format.opening import open_structure
+from cwcli.logs.format.index import Index
+from cwcli.logs.format.open_index import open_index
 from cwcli.logs.format.records import (
     MESSAGE_HEADER_BYTES,
     PREFIX,
     AttachmentIndex,
+    ChunkIndex,
+    MetadataIndex,
     RecordError,
     read_metadata,
     read_prefix,
@@ -74,7 +76,7 @@ class Log:
     def __init__(
         self,
         file: InputFile,
-        structure: Structure,
+        index: Index,
         faults: Faults,
         *,
         recover: bool,
@@ -83,7 +85,7 @@ class Log:
         added_metadata: Mapping[str, Mapping[str, str]] | None = None,
         owner: Log | None = None,
     ) -> None:
-        self._structure = structure
+        self._index = index
         self._verify = verify
         self._owner = owner
         self._reader: MessageReader | None = None if owner is None else owner._message_reader()
@@ -94,19 +96,20 @@ class Log:
         self.added_metadata: Mapping[str, Mapping[str, str]] = added_metadata or {}
         self.file = file
         self.name = file.name
-        self.profile = structure.profile
-        self.library = structure.library
-        counted = structure.statistics
+        self.profile = index.profile
+        self.library = index.library
+        counted = index.statistics
         self.start_ns = counted.start_ns if counted else 0
         self.end_ns = counted.end_ns if counted else 0
         self.n_messages = counted.n_messages if counted else 0
-        self.n_chunks = len(structure.chunks)
-        used = dict.fromkeys(chunk.compression for chunk in structure.chunks)
+        chunks = index.items_of(ChunkIndex)
+        self.n_chunks = len(chunks)
+        used = dict.fromkeys(chunk.compression for chunk in chunks)
         self.compressions: tuple[str, ...] = tuple(name for name in used if name)
-        self.attachments: tuple[AttachmentIndex, ...] = tuple(structure.attachments)
+        self.attachments: tuple[AttachmentIndex, ...] = tuple(index.items_of(AttachmentIndex))
         added = self._memory_channels()
         hidden = {channel.topic for channel in added}
-        self._in_file = channels_of(structure)
+        self._in_file = channels_of(index)
         self.channels: tuple[ChannelInfo, ...] = (
             *(channel for channel in self._in_file if channel.topic not in hidden),
             *added,
@@ -136,8 +139,8 @@ class Log:
         file = source if isinstance(source, InputFile) else open_source(source)
         try:
             faults = Faults()
-            structure = open_structure(file, file.name, faults, recover=recover, verify=verify)
-            return cls(file, structure, faults, recover=recover, verify=verify)
+            index = open_index(file, faults, recover=recover, verify=verify)
+            return cls(file, index, faults, recover=recover, verify=verify)
         except BaseException as error:
             file.__exit__(type(error), error, None)
             raise
@@ -150,7 +153,7 @@ class Log:
             InputError: One is damaged, and `recover` is off.
         """
         found: list[tuple[str, Mapping[str, str]]] = []
-        for index in self._structure.metadata:
+        for index in self._index.items_of(MetadataIndex):
             try:
                 _, start, end = read_prefix(self.file, index.offset, index.offset + index.length)
                 found.append(read_metadata(self.file, start, end))
@@ -249,7 +252,7 @@ class Log:
         by_topic = {channel.topic: channel for channel in (*self.added_channels, *channels)}
         return Log(
             self.file,
-            self._structure,
+            self._index,
             self.faults,
             recover=self.recover,
             verify=self._verify,
@@ -284,7 +287,7 @@ class Log:
             from cwcli.logs.read.message_reader import MessageReader
 
             self._reader = MessageReader(
-                self.file, self._structure, self.faults, self.name, recover=self.recover, verify=self._verify
+                self.file, self._index, self.faults, self.name, recover=self.recover, verify=self._verify
             )
         return self._reader
 

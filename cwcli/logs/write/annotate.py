@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cwcli.errors import OutputError
-from cwcli.logs.format.layout import Layout, read_layout
+from cwcli.logs.format.faults import Faults
+from cwcli.logs.format.open_index import index_every_record
+from cwcli.logs.format.records import MetadataIndex
 from cwcli.logs.write.channel_ids import NewChannel, assign_ids
 from cwcli.logs.write.feeds import column_feed
 from cwcli.logs.write.message_merge import MessageMerge
@@ -90,28 +92,30 @@ def annotate(
     """
     channels, metadata = _with_memory(source, channels, metadata, replace)
     topics = {channel.topic for channel in channels}
-    layout = read_layout(source.file, source.name, recover=source.recover)
-    replaced = {each.id: each for each in layout.channels.values() if each.topic in topics}
+    faults = Faults()
+    index = index_every_record(source.file, faults, recover=source.recover)
+    replaced = {each.id: each for each in index.channels.values() if each.topic in topics}
     _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
-    _refuse(sorted(layout.metadata_names() & set(metadata)), "metadata record", source.name, replace)
-    new = assign_ids(layout, channels, replaced)
+    old_records = {each.name for each in index.items_of(MetadataIndex)}
+    _refuse(sorted(old_records & set(metadata)), "metadata record", source.name, replace)
+    new = assign_ids(index, channels, replaced)
     profile = kept_profile(
-        layout.profile,
-        [*(each for each in layout.channels.values() if each.id not in replaced), *(each.channel for each in new)],
-        layout.schemas | {each.schema.id: each.schema for each in new},
+        index.profile,
+        [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
+        index.schemas | {each.schema.id: each.schema for each in new},
     )
     merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
-    copy = SourceCopy(
-        layout,
-        source.file,
-        replaced_ids=frozenset(replaced),
-        replaced_metadata=frozenset(metadata),
-        written_schema_ids=frozenset(each.schema.id for each in new),
-        profile=profile,
-        name=source.name,
-    )
+    copy = SourceCopy(source.file, index, faults, recover=source.recover)
     with open_output(target, force=force, inputs=(source.file,), durable=durable, together=together) as output:
-        n_added = _write(RecordWriter(output), layout, copy, new, merge, metadata)
+        writer = RecordWriter(output)
+        copy.begin(
+            writer,
+            profile,
+            replaced_ids=frozenset(replaced),
+            replaced_metadata=frozenset(metadata),
+            written_schema_ids=frozenset(each.schema.id for each in new),
+        )
+        n_added = _write(writer, copy, new, merge, metadata)
         n_bytes = output.position
     return AnnotateReport(
         target=str(target),
@@ -121,28 +125,26 @@ def annotate(
         n_chunks_copied=copy.n_chunks,
         n_chunks_added=n_added,
         replaced_topics=tuple(sorted({each.topic for each in replaced.values()})),
-        n_chunks_lost=layout.n_chunks_lost,
-        n_bytes_lost=layout.n_bytes_lost,
-        left_profile=layout.profile if profile != layout.profile else "",
+        n_chunks_lost=faults.chunks_lost,
+        n_bytes_lost=faults.bytes_lost,
+        left_profile=index.profile if profile != index.profile else "",
     )
 
 
 def _write(
     writer: RecordWriter,
-    layout: Layout,
     copy: SourceCopy,
     new: Sequence[NewChannel],
     merge: MessageMerge,
     metadata: Mapping[str, Mapping[str, str]],
 ) -> int:
-    """The whole file; returns the number of new chunks."""
+    """All but the beginning; returns the number of new chunks."""
     n_added = 0
-    copy.begin(writer)
     for schema in {each.schema.id: each.schema for each in new}.values():
         writer.schema(schema)
     for each in new:
         writer.channel(each.channel)
-    for item in layout.items:
+    for item in copy.items:
         last_ns = copy.item(writer, item)
         if last_ns is not None:
             for payload in merge.take_until(last_ns, min_bytes=MIN_NEW_CHUNK_BYTES):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from mcap.records import Channel, Schema
+from cwcli.logs.format.records import Channel, Schema
 
 ROS_ENCODINGS = {"ros1": ("ros1", ("ros1msg",)), "ros2": ("cdr", ("ros2msg", "ros2idl"))}
 """Profile -> the messages' encoding, and those of their schemas."""

@@ -1,35 +1,30 @@
 """The records of an MCAP file, written one behind the other, with the summary that belongs to them.
 
-Format: https://mcap.dev/spec. Small records are serialised by the official library.
+Format: https://mcap.dev/spec
 """
 
 from __future__ import annotations
 
-import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
+from cwcli.logs.format import record_bytes
+from cwcli.logs.format.records import (
+    ATTACHMENT_INDEX,
+    CHANNEL,
+    CHUNK_INDEX,
+    MAGIC,
+    METADATA_INDEX,
+    SCHEMA,
+    STATISTICS,
     AttachmentIndex,
     Channel,
     ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
-
-from cwcli.logs.format.records import MAGIC
 from cwcli.logs.write.message_merge import ChunkPayload
 from cwcli.output_stream import Output
 
@@ -37,25 +32,6 @@ if TYPE_CHECKING:
     import zstandard
 
 ZSTD_LEVEL = 1
-
-
-@dataclass(frozen=True)
-class CopiedChunk:
-    """A chunk record with the message indexes behind it, to be copied as it is.
-
-    Attributes:
-        start: Offset of the chunk record in the source.
-        length: Bytes of the chunk record and the index records.
-        index: As in the source's summary; its offsets count from the source's beginning.
-        message_counts: Channel id -> messages.
-        reindex: Its header or its indexes are wrong; only its records can be used.
-    """
-
-    start: int
-    length: int
-    index: ChunkIndex
-    message_counts: Mapping[int, int]
-    reindex: bool = False
 
 
 class RecordWriter:
@@ -79,24 +55,20 @@ class RecordWriter:
 
     def header(self, profile: str, library: str) -> None:
         """Magic bytes and header; the first thing in the file."""
-        self._output.write(MAGIC + record_bytes(Header(profile, library)))
-
-    def copy_header(self, source: int, length: int) -> None:
-        """Magic bytes and header of another file: its first `length` bytes."""
-        self._output.copy(source, 0, length)
+        self._output.write(MAGIC + record_bytes.header(profile, library))
 
     def schema(self, schema: Schema, *, listed_only: bool = False) -> None:
         """A schema, in the data section and the summary; with `listed_only` in the summary alone."""
         self._schemas[schema.id] = schema
         if not listed_only:
-            self._output.write(record_bytes(schema))
+            self._output.write(record_bytes.schema(schema))
 
     def channel(self, channel: Channel, *, listed_only: bool = False) -> None:
         """A channel, as `schema`."""
         self._channels[channel.id] = channel
         self._counts.setdefault(channel.id, 0)
         if not listed_only:
-            self._output.write(record_bytes(channel))
+            self._output.write(record_bytes.channel(channel))
 
     def chunk(self, payload: ChunkPayload) -> None:
         """New messages: a compressed chunk, and a message index for each of its channels."""
@@ -104,141 +76,105 @@ class RecordWriter:
             import zstandard
 
             self._compressor = zstandard.ZstdCompressor(ZSTD_LEVEL)
-        compressed = self._compressor.compress(payload.data.data)
-        self.raw_chunk(payload, "zstd", compressed)
+        self.raw_chunk(payload, "zstd", self._compressor.compress(payload.data.data))
 
     def raw_chunk(self, payload: ChunkPayload, compression: str, stored: bytes | memoryview) -> None:
         """As `chunk`, with the payload's bytes as they are to be stored."""
-        start = self._output.position
-        size = len(payload.data)
-        fields = struct.pack("<QQQI", payload.start_ns, payload.end_ns, size, zlib.crc32(payload.data.data))
-        name = compression.encode()
-        fields += struct.pack("<I", len(name)) + name + struct.pack("<Q", len(stored))
-        self._output.write(struct.pack("<BQ", Opcode.CHUNK, len(fields) + len(stored)) + fields)
+        start, size = self._output.position, len(payload.data)
+        crc = zlib.crc32(payload.data.data)
+        self._output.write(
+            record_bytes.chunk_head(payload.start_ns, payload.end_ns, size, crc, compression, len(stored))
+        )
         self._output.write(stored)
-        chunk_length = self._output.position - start
-        index_offsets: dict[int, int] = {}
+        end = self._output.position
+        offsets: dict[int, int] = {}
         for channel_id, entries in payload.entries.items():
-            index_offsets[channel_id] = self._output.position
-            data = entries.tobytes()
-            self._output.write(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(data), channel_id, len(data)) + data)
-        index = ChunkIndex(
-            chunk_length=chunk_length,
-            chunk_start_offset=start,
-            compression=compression,
-            compressed_size=len(stored),
-            message_end_time=payload.end_ns,
-            message_index_length=self._output.position - start - chunk_length,
-            message_index_offsets=index_offsets,
-            message_start_time=payload.start_ns,
-            uncompressed_size=size,
+            offsets[channel_id] = self._output.position
+            self._output.write(record_bytes.message_index(channel_id, entries.tobytes()))
+        counts = {channel_id: len(entries) for channel_id, entries in payload.entries.items()}
+        span, index_length = (payload.start_ns, payload.end_ns), self._output.position - end
+        self._list_chunk(
+            ChunkIndex(*span, start, end - start, offsets, index_length, compression, len(stored), size, counts)
         )
-        self._list_chunk(index, {channel_id: len(entries) for channel_id, entries in payload.entries.items()})
 
-    def copy_chunk(self, source: int, chunk: CopiedChunk) -> None:
-        """A chunk with its message indexes, byte for byte."""
-        shift = self._output.position - chunk.start
-        self._output.copy(source, chunk.start, chunk.length)
-        offsets = {channel_id: offset + shift for channel_id, offset in chunk.index.message_index_offsets.items()}
-        index = replace(
-            chunk.index, chunk_start_offset=chunk.index.chunk_start_offset + shift, message_index_offsets=offsets
-        )
-        self._list_chunk(index, chunk.message_counts)
+    def copy_chunk(self, source: int, chunk: ChunkIndex) -> None:
+        """A chunk of another file with its message indexes, byte for byte; its messages must be counted."""
+        shift = self._output.position - chunk.chunk_start
+        offsets = {channel_id: offset + shift for channel_id, offset in chunk.index_offsets.items()}
+        self._output.copy(source, chunk.chunk_start, chunk.chunk_length + chunk.index_length)
+        self._list_chunk(chunk._replace(chunk_start=chunk.chunk_start + shift, index_offsets=offsets))
 
-    def attachment(self, attachment: Attachment) -> None:
+    def attachment(self, log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> None:
         """A new attachment."""
-        data = record_bytes(attachment)
-        self._attachments.append(_attachment_index(attachment, self._output.position, len(data)))
-        self._output.write(data)
+        record = record_bytes.attachment(log_time_ns, create_time_ns, name, media_type, data)
+        place = self._output.position, len(record)
+        self._attachments.append(AttachmentIndex(*place, log_time_ns, create_time_ns, len(data), name, media_type))
+        self._output.write(record)
 
     def copy_attachment(self, source: int, index: AttachmentIndex) -> None:
         """An attachment record byte for byte; `index` tells where it is in the source."""
-        self._attachments.append(replace(index, offset=self._output.position))
+        self._attachments.append(index._replace(offset=self._output.position))
         self._output.copy(source, index.offset, index.length)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A new metadata record."""
-        data = record_bytes(Metadata(name, dict(values)))
+        data = record_bytes.metadata(name, values)
         self._metadata.append(MetadataIndex(self._output.position, len(data), name))
         self._output.write(data)
 
     def copy_metadata(self, source: int, index: MetadataIndex) -> None:
         """A metadata record byte for byte; `index` tells where it is in the source."""
-        self._metadata.append(replace(index, offset=self._output.position))
+        self._metadata.append(index._replace(offset=self._output.position))
         self._output.copy(source, index.offset, index.length)
 
     def record(self, data: bytes | memoryview) -> None:
         """A record that the summary does not list, as it stands."""
         self._output.write(data)
 
-    def copy_record(self, source: int, start: int, length: int) -> None:
-        """As `record`, from another file."""
+    def copy(self, source: int, start: int, length: int) -> None:
+        """Bytes of another file that the summary does not list."""
         self._output.copy(source, start, length)
 
     def finish(self) -> None:
         """The end of the data section, the summary with its offsets, and the footer with the summary's CRC."""
-        self._output.write(record_bytes(DataEnd(0)))
-        summary_start = self._output.position
-        summary = bytearray()
-        offsets = bytearray()
-        groups: list[tuple[Opcode, list[McapRecord]]] = [
-            (Opcode.SCHEMA, list(self._schemas.values())),
-            (Opcode.CHANNEL, list(self._channels.values())),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, list(self._chunks)),
-            (Opcode.ATTACHMENT_INDEX, list(self._attachments)),
-            (Opcode.METADATA_INDEX, list(self._metadata)),
-        ]
-        for opcode, records in groups:
-            group_start = len(summary)
-            for record in records:
-                summary += record_bytes(record)
-            if records:
-                length = len(summary) - group_start
-                offsets += record_bytes(SummaryOffset(opcode, summary_start + group_start, length))
-        offsets_start = summary_start + len(summary)
-        footer = record_bytes(Footer(summary_start, offsets_start, 0))[:-4]
-        checked = bytes(summary + offsets) + footer
-        self._output.write(checked + struct.pack("<I", zlib.crc32(checked)) + MAGIC)
+        self._output.write(record_bytes.data_end())
+        start = self._output.position
+        summary, offsets = bytearray(), bytearray()
+        groups = {
+            SCHEMA: [record_bytes.schema(each) for each in self._schemas.values()],
+            CHANNEL: [record_bytes.channel(each) for each in self._channels.values()],
+            STATISTICS: [record_bytes.statistics(self._statistics())],
+            CHUNK_INDEX: [record_bytes.chunk_index(each) for each in self._chunks],
+            ATTACHMENT_INDEX: [record_bytes.attachment_index(each) for each in self._attachments],
+            METADATA_INDEX: [record_bytes.metadata_index(each) for each in self._metadata],
+        }
+        for opcode, records in groups.items():
+            group = b"".join(records)
+            if group:
+                offsets += record_bytes.summary_offset(opcode, start + len(summary), len(group))
+                summary += group
+        offsets_start = start + len(summary)
+        summary += offsets
+        self._output.write(summary + record_bytes.footer(start, offsets_start, summary) + MAGIC)
 
     def _statistics(self) -> Statistics:
         return Statistics(
-            attachment_count=len(self._attachments),
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
-            message_count=sum(self._counts.values()),
-            message_end_time=self._last_ns,
-            message_start_time=self._first_ns or 0,
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
+            n_messages=sum(self._counts.values()),
+            n_schemas=len(self._schemas),
+            n_channels=len(self._channels),
+            n_attachments=len(self._attachments),
+            n_metadata=len(self._metadata),
+            n_chunks=len(self._chunks),
+            start_ns=self._first_ns or 0,
+            end_ns=self._last_ns,
+            channel_counts=self._counts,
         )
 
-    def _list_chunk(self, index: ChunkIndex, message_counts: Mapping[int, int]) -> None:
-        self._chunks.append(index)
-        for channel_id, count in message_counts.items():
+    def _list_chunk(self, chunk: ChunkIndex) -> None:
+        self._chunks.append(chunk)
+        counts = chunk.counts or {}
+        for channel_id, count in counts.items():
             self._counts[channel_id] = self._counts.get(channel_id, 0) + count
-        if any(message_counts.values()):
-            start, end = index.message_start_time, index.message_end_time
-            self._first_ns = start if self._first_ns is None else min(self._first_ns, start)
-            self._last_ns = max(self._last_ns, end)
-
-
-def record_bytes(record: McapRecord) -> bytes:
-    """A record as it stands in a file."""
-    builder = RecordBuilder()
-    record.write(builder)
-    data: bytes = builder.end()  # type: ignore[no-untyped-call]
-    return data
-
-
-def _attachment_index(attachment: Attachment, offset: int, length: int) -> AttachmentIndex:
-    return AttachmentIndex(
-        offset=offset,
-        length=length,
-        log_time=attachment.log_time,
-        create_time=attachment.create_time,
-        data_size=len(attachment.data),
-        name=attachment.name,
-        media_type=attachment.media_type,
-    )
+        if any(counts.values()):
+            self._first_ns = chunk.start_ns if self._first_ns is None else min(self._first_ns, chunk.start_ns)
+            self._last_ns = max(self._last_ns, chunk.end_ns)

@@ -2,70 +2,163 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterator
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
-from mcap.records import AttachmentIndex, MetadataIndex
 
-from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.logs.format.chunk_records import chunk_records, index_entries, open_chunk, stored_bytes, without_channels
-from cwcli.logs.format.chunks import ChunkError
-from cwcli.logs.format.faults import RECOVER_HINT
-from cwcli.logs.format.layout import Item, Layout, LooseMessages, LooseRecord, SalvagedRecords, damage_at
-from cwcli.logs.format.records import CHANNEL, SCHEMA, RecordError
-from cwcli.logs.write.message_merge import ChunkPayload
-from cwcli.logs.write.record_writer import CopiedChunk, RecordWriter
+from cwcli.kernels.message_scan import DAMAGED
+from cwcli.logs.format.chunks import (
+    ChunkError,
+    chunk_payload,
+    chunk_records,
+    partial_payload,
+    stored_records,
+    whole_records,
+)
+from cwcli.logs.format.faults import Faults, damaged
+from cwcli.logs.format.index import Index, Item, LooseRecord, Span
+from cwcli.logs.format.records import (
+    CHANNEL,
+    MESSAGE,
+    PREFIX,
+    SCHEMA,
+    AttachmentIndex,
+    ChunkIndex,
+    RecordError,
+    crc32,
+    read_prefix,
+)
+from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, message_index, scan_records
+from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
+from cwcli.logs.write.record_writer import RecordWriter
 
 MAX_TIME_NS = (1 << 63) - 1
+MAX_LOOSE_BYTES = 1 << 20
+"""Of messages outside chunks that get a chunk of their own."""
+EVERY_CHANNEL = range(1 << 16)
+
+Entries = dict[int, npt.NDArray[np.void]]
+"""Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY`."""
 
 
 class SourceCopy:
     """Copies the records of a source, all but those of replaced channels and metadata records.
 
     Args:
-        layout: What the source holds.
         source: The open file.
-        replaced_ids: Channels to leave out.
-        replaced_metadata: Names of metadata records to leave out.
-        written_schema_ids: Schemas that stand at the beginning already.
-        profile: That of the copy.
-        name: For messages.
+        index: Every record of it.
+        faults: Counts what is lost.
+        recover: Every chunk is opened and every CRC checked; what is damaged is left out, and what is wrong in a
+            chunk's header or its indexes is written anew.
 
     Attributes:
+        items: What will be copied, in file order.
         n_messages, n_chunks: Copied so far.
+
+    Raises:
+        InputError: A chunk is damaged and `recover` is off.
     """
 
-    def __init__(
-        self,
-        layout: Layout,
-        source: InputFile,
-        replaced_ids: frozenset[int],
-        replaced_metadata: frozenset[str],
-        written_schema_ids: frozenset[int],
-        profile: str,
-        name: str,
-    ) -> None:
-        self._layout = layout
+    def __init__(self, source: InputFile, index: Index, faults: Faults, *, recover: bool) -> None:
         self._source = source
-        self._replaced_ids = replaced_ids
-        self._replaced_metadata = replaced_metadata
-        self._written_schema_ids = written_schema_ids
-        self._profile = profile
-        self._name = name
+        self._index = index
+        self._faults = faults
+        self._recover = recover
+        self._reindexed: set[int] = set()
+        self._replaced_ids: frozenset[int] = frozenset()
+        self._replaced_metadata: frozenset[str] = frozenset()
+        self._written_schema_ids: frozenset[int] = frozenset()
+        self.items: list[Item] = [kept for item in index.items for kept in self._checked(item)]
         self.n_messages = 0
         self.n_chunks = 0
 
-    def begin(self, writer: RecordWriter) -> None:
-        """The header, and the definitions that the summary is to list; written too where their chunk may be lost."""
-        layout = self._layout
-        if layout.header_length and layout.profile == self._profile:
-            writer.copy_header(self._source.descriptor, layout.header_length)
+    def _checked(self, item: Item) -> Iterator[Item]:
+        """The item, if it is intact: a chunk with what it really holds, messages outside chunks in pieces."""
+        if isinstance(item, ChunkIndex):
+            if item.chunk_start in self._index.cut_chunks:
+                self._faults.bytes_lost += item.chunk_length
+                yield item
+            elif self._recover or not item.index_offsets:
+                try:
+                    yield self._inspected(item)
+                except (ChunkError, RecordError) as error:
+                    if not self._recover:
+                        raise damaged(self._source.name, item.chunk_start, error) from error
+                    self._faults.chunks_lost += 1
+                    self._faults.bytes_lost += item.end - item.chunk_start
+            else:
+                yield item
+        elif isinstance(item, Span):
+            yield from self._pieces(item)
+        elif isinstance(item, AttachmentIndex) and self._recover and not self._is_intact(item):
+            self._faults.bytes_lost += item.length
         else:
-            writer.header(self._profile, layout.library)
-        kept = [each for each in layout.channels.values() if each.id not in self._replaced_ids]
-        orphans = {layout.channels[each].schema_id for each in self._replaced_ids} - {each.schema_id for each in kept}
-        listed_only = not layout.n_bytes_lost
-        for schema in layout.schemas.values():
+            yield item
+
+    def _inspected(self, chunk: ChunkIndex) -> ChunkIndex:
+        """The chunk with what it really holds, to be indexed anew where its header or its indexes say otherwise."""
+        entries = index_entries(chunk_payload(self._source, chunk, verify=True))
+        times = np.concatenate([np.zeros(0, "<u8"), *(each["log_time"] for each in entries.values())])
+        fits = not len(times) or (int(times.min()), int(times.max())) == (chunk.start_ns, chunk.end_ns)
+        if chunk.index_offsets:
+            fits &= entries.keys() == chunk.index_offsets.keys()
+            fits = fits and all(self._index_fits(chunk, channel_id, rows) for channel_id, rows in entries.items())
+        if not fits:
+            self._reindexed.add(chunk.chunk_start)
+        return chunk._replace(counts={channel_id: len(rows) for channel_id, rows in entries.items()})
+
+    def _index_fits(self, chunk: ChunkIndex, channel_id: int, entries: npt.NDArray[np.void]) -> bool:
+        """Whether a message index record holds these entries, in any order."""
+        listed = message_index(self._source, chunk, channel_id)
+        return listed is not None and np.array_equal(np.sort(listed.view(INDEX_ENTRY)[:, 0], order="offset"), entries)
+
+    def _pieces(self, span: Span) -> Iterator[Span]:
+        bounds = [span.start]
+        at = span.start
+        while at < span.end:
+            if at - bounds[-1] >= MAX_LOOSE_BYTES:
+                bounds.append(at)
+            _, _, at = read_prefix(self._source, at, span.end)
+        return (Span(*bounds) for bounds in pairwise([*bounds, span.end]))
+
+    def _is_intact(self, item: AttachmentIndex) -> bool:
+        end = item.offset + item.length
+        (crc,) = struct.unpack("<I", self._source[end - 4 : end])
+        return not crc or crc == crc32(self._source, item.offset + PREFIX.size, end - 4)
+
+    def begin(
+        self,
+        writer: RecordWriter,
+        profile: str,
+        *,
+        replaced_ids: frozenset[int],
+        replaced_metadata: frozenset[str],
+        written_schema_ids: frozenset[int],
+    ) -> None:
+        """The header, and the definitions that the summary is to list; written too where their chunk may be lost.
+
+        Args:
+            writer: Of the copy.
+            profile: That of the copy.
+            replaced_ids: Channels to leave out.
+            replaced_metadata: Names of metadata records to leave out.
+            written_schema_ids: Schemas that will stand at the beginning.
+        """
+        self._replaced_ids, self._replaced_metadata = replaced_ids, replaced_metadata
+        self._written_schema_ids = written_schema_ids
+        index = self._index
+        if index.header_length and index.profile == profile:
+            writer.copy(self._source.descriptor, 0, index.header_length)
+        else:
+            writer.header(profile, index.library)
+        kept = [each for each in index.channels.values() if each.id not in replaced_ids]
+        orphans = {index.channels[each].schema_id for each in replaced_ids} - {each.schema_id for each in kept}
+        listed_only = not self._faults.bytes_lost
+        for schema in index.schemas.values():
             if schema.id not in orphans:
                 writer.schema(schema, listed_only=listed_only)
         for channel in kept:
@@ -77,79 +170,112 @@ class SourceCopy:
 
     def item(self, writer: RecordWriter, item: Item) -> int | None:
         """Copy one item; returns the last log time in it, or None if it holds no message."""
-        if isinstance(item, CopiedChunk):
+        descriptor = self._source.descriptor
+        if isinstance(item, ChunkIndex):
             return self._chunk(writer, item)
-        if isinstance(item, LooseMessages):
-            records = self._source[item.start : item.start + item.length]
-            return self._unchunked(writer, records, item.entries, compressed=False)
-        if isinstance(item, SalvagedRecords):
-            return self._unchunked(writer, item.records, item.entries, compressed=True)
+        if isinstance(item, Span):
+            return self._messages(writer, self._source[item.start : item.end], compress=False)
         if isinstance(item, LooseRecord):
-            if item.channel_id not in self._replaced_ids and item.schema_id not in self._written_schema_ids:
-                writer.copy_record(self._source.descriptor, item.start, item.length)
+            left_out = {CHANNEL: self._replaced_ids, SCHEMA: self._written_schema_ids}.get(item.opcode, ())
+            if item.id not in left_out:
+                writer.copy(descriptor, item.start, item.length)
         elif isinstance(item, AttachmentIndex):
-            writer.copy_attachment(self._source.descriptor, item)
-        elif isinstance(item, MetadataIndex) and item.name not in self._replaced_metadata:
-            writer.copy_metadata(self._source.descriptor, item)
+            writer.copy_attachment(descriptor, item)
+        elif item.name not in self._replaced_metadata:
+            writer.copy_metadata(descriptor, item)
         return None
 
-    def _chunk(self, writer: RecordWriter, chunk: CopiedChunk) -> int | None:
-        filtered = not self._replaced_ids.isdisjoint(chunk.message_counts)
-        if filtered or chunk.reindex:
-            return self._rebuilt_chunk(writer, chunk, filtered)
+    def _chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
+        if chunk.chunk_start in self._index.cut_chunks:
+            return self._messages(writer, whole_records(partial_payload(self._source, chunk)), compress=True)
+        counts = chunk.counts or {}
+        is_filtered = not self._replaced_ids.isdisjoint(counts)
+        if is_filtered or chunk.chunk_start in self._reindexed:
+            return self._rebuilt_chunk(writer, chunk, is_filtered=is_filtered)
         writer.copy_chunk(self._source.descriptor, chunk)
         self.n_chunks += 1
-        self.n_messages += sum(chunk.message_counts.values())
-        return min(chunk.index.message_end_time, MAX_TIME_NS) if any(chunk.message_counts.values()) else None
+        self.n_messages += sum(counts.values())
+        return min(chunk.end_ns, MAX_TIME_NS) if any(counts.values()) else None
 
-    def _rebuilt_chunk(self, writer: RecordWriter, chunk: CopiedChunk, filtered: bool) -> int | None:
+    def _rebuilt_chunk(self, writer: RecordWriter, chunk: ChunkIndex, *, is_filtered: bool) -> int | None:
         try:
-            records = open_chunk(self._source, chunk.index)
-            if filtered:
+            records = chunk_payload(self._source, chunk, verify=True)
+            if is_filtered:
                 records = without_channels(records, self._replaced_ids)
             entries = index_entries(records)
         except (ChunkError, RecordError) as error:
-            raise InputError(damage_at(chunk.start, error), where=self._name, hint=RECOVER_HINT) from error
+            raise damaged(self._source.name, chunk.chunk_start, error) from error
         if not entries:
             for opcode, start, end in chunk_records(records):
                 if opcode in (SCHEMA, CHANNEL):
                     writer.record(records[start:end])
             return None
-        payload = _payload(records, entries)
-        if filtered:
-            writer.chunk(payload)
-        else:
-            writer.raw_chunk(payload, chunk.index.compression, stored_bytes(self._source, chunk.index))
-        return self._count(payload)
+        stored = None if is_filtered else stored_records(self._source, chunk)
+        return self._new_chunk(writer, records, entries, chunk.compression, stored)
 
-    def _unchunked(
-        self,
-        writer: RecordWriter,
-        records: memoryview,
-        entries: dict[int, npt.NDArray[np.void]],
-        *,
-        compressed: bool,
-    ) -> int | None:
+    def _messages(self, writer: RecordWriter, records: memoryview, *, compress: bool) -> int | None:
         """Put records that have no chunk of their own into one."""
+        entries = index_entries(records)
         if not self._replaced_ids.isdisjoint(entries):
             records = without_channels(records, self._replaced_ids)
             entries = index_entries(records)
         if not entries:
             return None
-        payload = _payload(records, entries)
-        if compressed:
+        return self._new_chunk(writer, records, entries, "", None if compress else records)
+
+    def _new_chunk(
+        self, writer: RecordWriter, records: memoryview, entries: Entries, compression: str, stored: memoryview | None
+    ) -> int:
+        """Write a chunk with its indexes, `stored` where that is known; returns the last log time in it."""
+        times = np.concatenate([each["log_time"] for each in entries.values()])
+        payload = ChunkPayload(np.frombuffer(records, np.uint8), int(times.min()), int(times.max()), entries)
+        if stored is None:
             writer.chunk(payload)
         else:
-            writer.raw_chunk(payload, "", records)
-        return self._count(payload)
-
-    def _count(self, payload: ChunkPayload) -> int:
+            writer.raw_chunk(payload, compression, stored)
         self.n_chunks += 1
-        self.n_messages += sum(map(len, payload.entries.values()))
+        self.n_messages += len(times)
         return min(payload.end_ns, MAX_TIME_NS)
 
 
-def _payload(records: memoryview, entries: dict[int, npt.NDArray[np.void]]) -> ChunkPayload:
-    start_ns = min(int(each["log_time"].min()) for each in entries.values())
-    end_ns = max(int(each["log_time"].max()) for each in entries.values())
-    return ChunkPayload(np.frombuffer(records, np.uint8), start_ns, end_ns, entries)
+def index_entries(records: memoryview) -> Entries:
+    """Where the messages among some records are; channels in the order in which they come.
+
+    Raises:
+        RecordError: A record reaches beyond the given bytes, or a message is shorter than its header.
+    """
+    octets = np.frombuffer(records, np.uint8)
+    parts: list[npt.NDArray[np.void]] = []
+    ids: list[npt.NDArray[np.uint16]] = []
+    at = 0
+    while at < len(octets):
+        batch, at, status = scan_records(octets, at, len(octets), EVERY_CHANNEL)
+        if status == DAMAGED:
+            raise RecordError(f"a record at {at} is damaged")
+        part = np.empty(len(batch), INDEX_ENTRY)
+        part["log_time"] = batch.log_time_ns.view(np.uint64)
+        part["offset"] = batch.payloads.starts - MIN_MESSAGE_BYTES
+        parts.append(part)
+        ids.append(batch.channel_id)
+    if not parts:
+        return {}
+    entries, channel_ids = np.concatenate(parts), np.concatenate(ids)
+    found, first = np.unique(channel_ids, return_index=True)
+    return {channel_id: entries[channel_ids == channel_id] for channel_id in found[np.argsort(first)].tolist()}
+
+
+def without_channels(records: memoryview, channel_ids: frozenset[int]) -> memoryview:
+    """The records without the messages and the definitions of some channels.
+
+    Raises:
+        RecordError: A record reaches beyond the given bytes, or is too short for a channel id.
+    """
+    kept = bytearray()
+    for opcode, start, end in chunk_records(records):
+        if opcode in (MESSAGE, CHANNEL):
+            if end - start < PREFIX.size + 2:
+                raise RecordError("a record ends before its fields do")
+            if int.from_bytes(records[start + PREFIX.size : start + PREFIX.size + 2], "little") in channel_ids:
+                continue
+        kept += records[start:end]
+    return memoryview(kept)

@@ -9,9 +9,9 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-from mcap.records import Attachment, Channel, Schema
 
 import cwcli
+from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.write.byte_rows import ByteRows, join_rows
 from cwcli.logs.write.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING, column_feed, row_feed
 from cwcli.logs.write.message_merge import Feed, MessageMerge
@@ -49,7 +49,7 @@ class LogWriter:
         self._channels: list[Channel] = []
         self._feeds: list[Feed] = []
         self._counts: dict[int, int] = {}
-        self._attachments: list[Attachment] = []
+        self._attachments: list[tuple[int, int, str, str, bytes]] = []
         self._metadata: list[tuple[str, Mapping[str, str]]] = []
         self._open = ExitStack()
         self._output = self._open.enter_context(open_output(target, force=force))
@@ -70,7 +70,7 @@ class LogWriter:
         for schema in self._schemas:
             if (schema.name, schema.encoding, schema.data) == (name, encoding, data):
                 return schema.id
-        self._schemas.append(Schema(id=len(self._schemas) + 1, name=name, encoding=encoding, data=data))
+        self._schemas.append(Schema(len(self._schemas) + 1, name, encoding, data))
         return len(self._schemas)
 
     def add_channel(
@@ -78,15 +78,7 @@ class LogWriter:
     ) -> int:
         """Id of a new channel; schema id 0 means that it has no schema."""
         channel_id = len(self._channels) + 1
-        self._channels.append(
-            Channel(
-                id=channel_id,
-                topic=topic,
-                message_encoding=message_encoding,
-                metadata=dict(metadata or {}),
-                schema_id=schema_id,
-            )
-        )
+        self._channels.append(Channel(channel_id, schema_id, topic, message_encoding, dict(metadata or {})))
         return channel_id
 
     def write_columns(self, channel: OutputChannel) -> int:
@@ -130,9 +122,7 @@ class LogWriter:
         self, name: str, media_type: str, data: bytes, *, log_time_ns: int = 0, create_time_ns: int = 0
     ) -> None:
         """A file inside the log."""
-        self._attachments.append(
-            Attachment(create_time=create_time_ns, log_time=log_time_ns, name=name, media_type=media_type, data=data)
-        )
+        self._attachments.append((log_time_ns, create_time_ns, name, media_type, data))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A named set of texts."""
@@ -154,7 +144,7 @@ class LogWriter:
             for payload in MessageMerge(self._feeds).take_until(None):
                 writer.chunk(payload)
             for attachment in self._attachments:
-                writer.attachment(attachment)
+                writer.attachment(*attachment)
             for name, values in self._metadata:
                 writer.metadata(name, values)
             writer.finish()

@@ -1,0 +1,125 @@
+"""From the bytes of a file to the index of what it holds: by its summary, or record by record."""
+
+from __future__ import annotations
+
+from cwcli.errors import InputError
+from cwcli.input import InputFile
+from cwcli.logs.format.faults import RECOVER_HINT, Faults
+from cwcli.logs.format.index import Index
+from cwcli.logs.format.records import HEADER, MAGIC, RecordError, read_header, read_prefix
+from cwcli.logs.format.summary import find_footer, is_complete, read_summary
+from cwcli.logs.format.walk import walk
+
+
+def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) -> Index:
+    """What a file holds, as reading needs it.
+
+    Args:
+        file: The log.
+        faults: Counts what is wrong with it.
+        recover: Count damage instead of raising.
+        verify: Check the summary's CRC.
+
+    Raises:
+        InputError: It is not an MCAP file, or damaged; with `recover`, if there is nothing to be had.
+    """
+    start, head = _read_head(file, faults, recover=recover)
+    index = summary = _read_summary(file, start, faults, recover=recover, verify=verify)
+    if index is None or not is_complete(index):
+        index = walk(file, start, faults, summary, recover=recover)
+        _check_count(file.name, index, summary, faults, recover=recover)
+    n_messages = index.statistics.n_messages if index.statistics else 0
+    if recover and not index.channels and (n_messages or faults.counts()):
+        raise InputError("nothing in it can be read", where=file.name)
+    index.profile, index.library, index.header_length = head
+    return index
+
+
+def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Index:
+    """What a file holds, as a copy needs it: every record of the data section, and all schemas and channels.
+
+    A damaged summary harms nobody: nothing of it is copied.
+
+    Args:
+        file: The log.
+        faults: Counts what is lost.
+        recover: Leave damaged records out, instead of raising.
+
+    Raises:
+        InputError: It is not an MCAP file, or its data section is damaged and `recover` is off.
+    """
+    start, head = _read_head(file, faults, recover=recover)
+    summary = _read_summary(file, start, Faults(), recover=True, verify=True)
+    index = walk(file, start, faults, summary, recover=recover, define_all=True)
+    if not index.has_end and not recover:
+        raise _cut_short(file)
+    index.profile, index.library, index.header_length = head
+    return index
+
+
+def _read_head(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:
+    """Where the data section begins; profile, library and the length of magic and header (0 where it is damaged)."""
+    at = len(MAGIC)
+    if file[:at] != MAGIC:
+        raise InputError("it is not an MCAP file", where=file.name, hint=_hint_for(bytes(file[:16])))
+    try:
+        opcode, start, end = read_prefix(file, at, len(file))
+        if opcode != HEADER:
+            raise RecordError("the first record is not a header")
+        return end, (*read_header(file, start, end), end)
+    except RecordError as error:
+        if not recover:
+            what = f"the header is damaged: {error} (at byte {at})"
+            raise InputError(what, where=file.name, hint=RECOVER_HINT) from error
+    from cwcli.logs.format.resync import next_record
+
+    following = next_record(file, at + 1, range(1 << 16))
+    faults.bytes_lost += following - at
+    return following, ("", "", 0)
+
+
+def _read_summary(file: InputFile, data_start: int, faults: Faults, *, recover: bool, verify: bool) -> Index | None:
+    """The summary, None where there is none that can be used.
+
+    Raises:
+        InputError: The file is cut short, or the summary damaged, and `recover` is off.
+    """
+    found = find_footer(file)
+    if found is None:
+        if not recover:
+            raise _cut_short(file)
+        faults.truncated = True
+        return None
+    try:
+        return read_summary(file, *found, data_start, verify=verify)
+    except RecordError as error:
+        if not recover:
+            what = f"{error} (summary at byte {found[0].summary_start})"
+            raise InputError(what, where=file.name, hint=RECOVER_HINT) from error
+        faults.summary_damaged = True
+        return None
+
+
+def _check_count(name: str, index: Index, summary: Index | None, faults: Faults, *, recover: bool) -> None:
+    """Compare the messages that were found with those that an incomplete summary tells of."""
+    if summary is not None and summary.statistics is not None and index.statistics is not None:
+        n_missing = summary.statistics.n_messages - index.statistics.n_messages
+        if n_missing > 0 and not recover:
+            raise InputError(f"{n_missing} messages of its summary are not in it", where=name, hint=RECOVER_HINT)
+        faults.messages_lost += max(n_missing, 0)
+
+
+def _cut_short(file: InputFile) -> InputError:
+    what = f"the file is cut short: it ends at byte {len(file)} without a footer"
+    return InputError(what, where=file.name, hint=RECOVER_HINT)
+
+
+def _hint_for(head: bytes) -> str:
+    """What a file that is not MCAP may be."""
+    if head.startswith(b"#ROSBAG"):
+        return "it is a ROS 1 bag; `mcap convert` makes an MCAP file of it"
+    if head.startswith(b"SQLite format 3"):
+        return "it is a ROS 2 database; `ros2 bag convert` or `mcap convert` makes an MCAP file of it"
+    if head.startswith((b"\x28\xb5\x2f\xfd", b"\x1f\x8b")):
+        return "it is compressed as a whole; decompress it first, or pipe it in (`zstdcat FILE | cwcli ... -`)"
+    return ""
