@@ -14,6 +14,7 @@ from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import KINEMATICS, VehicleStates, read_states
 from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
+from cwcli.estimation.from_signals import ego_measurements
 from cwcli.estimation.measurements import Measurements
 from cwcli.evaluation.records import rule_of, sources_of, warn_record
 from cwcli.logs.read.reader import Log
@@ -31,7 +32,6 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.rows import tracks_of
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.measurements import ego_measurements
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.types import WarningConfig, outline_of

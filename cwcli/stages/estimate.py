@@ -14,6 +14,7 @@ from cwcli.channels.published import REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.from_signals import EgoSignal, ego_measurements, near_positions, remote_measurements
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.track import estimate_track, estimate_tracks
@@ -28,7 +29,6 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.rows import rows_by_id
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES
-from cwcli.stages.inputs.measurements import EgoSignal, ego_measurements, near_positions, remote_measurements
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
 from cwcli.stages.summaries.estimate import (
     TrackSummary,

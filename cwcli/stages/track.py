@@ -21,16 +21,15 @@ from cwcli.signals.canonical import DetectionSignal, Signal
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.inputs.detections import (
-    check_carriers,
-    detections_of,
-    ego_states,
-    sensor_models,
-)
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.summaries.track import detection_counts, sections, track_tables
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import Detections, EgoStates, SensorModel
+from cwcli.tracking.from_signals import (
+    check_carriers,
+    detections_of,
+    sensor_models,
+)
 from cwcli.tracking.sensor_setting import SensorSetting, parse_sensors
 from cwcli.tracking.tracker import TrackResult, track_many, track_one
 
@@ -164,7 +163,9 @@ def _ego(log: Log, config: SourceConfig) -> tuple[EgoStates | None, tuple[InputC
     states = read_states(log.columns(topic))
     if not len(states):
         return None, ()
-    return ego_states(states), (InputCount(topic, EGO_STATE.role, len(states), len(states)),)
+    count = InputCount(topic, EGO_STATE.role, len(states), len(states))
+    states = states.by_stamp()
+    return EgoStates.of(states.stamp_ns, states.state), (count,)
 
 
 def _tracks(

@@ -17,6 +17,7 @@ import numpy as np
 
 from cwcli.kernels.track import RowKind
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE, X, Y
 
 Axes = Literal["body", "paper"]
 AXES_YAW_RAD: dict[str, float] = {"body": 0.0, "paper": -math.pi / 2}
@@ -124,6 +125,12 @@ class EgoStates:
     speed_mps: FloatArray
     yaw_rate_radps: FloatArray
     max_gap_s: float = 0.5
+
+    @classmethod
+    def of(cls, stamp_ns: Int64Array, state: FloatArray) -> EgoStates:
+        """From states (m, 8) in the order of `STATE_NAMES`; a yaw rate that is not known is taken as zero."""
+        yaw_rate_radps = np.where(np.isfinite(state[:, YAW_RATE]), state[:, YAW_RATE], 0.0)
+        return cls(stamp_ns, state[:, X], state[:, Y], state[:, HEADING], state[:, SPEED], yaw_rate_radps)
 
 
 @dataclass

@@ -12,10 +12,10 @@ from cwcli.pipeline.records import map_of
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Columns, Strings, constant_strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.inputs.detections import SensorSetting, check_carriers, detections_of, sensor_models
 from cwcli.stages.track import TrackConfig, _tracks
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
+from cwcli.tracking.from_signals import SensorSetting, check_carriers, detections_of, sensor_models
 from cwcli.tracking.tracker import track_many, track_one
 
 T0_NS = 1_700_000_000_000_000_000

@@ -1,4 +1,4 @@
-"""Signals and the user's settings as what the tracker takes: detections, sensor models, the car's states."""
+"""Signals and the user's settings as what the tracker takes: detections and sensor models."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.build_motion import MAP_FRAMES
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Strings
 from cwcli.signals.elements import taken
-from cwcli.signals.rows import rows_by_stamp
 from cwcli.tracking.convert import polar_from_cartesian
-from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
+from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.sensor_setting import SensorSetting
 
 
@@ -99,20 +97,6 @@ def _usual_frame(frame: Strings) -> str:
         return ""
     names, counts = np.unique([frame.values[code] for code in named.tolist()], return_counts=True)
     return str(names[np.argmax(counts)])
-
-
-def ego_states(states: VehicleStates) -> EgoStates:
-    """The car's states by stamp, the first of each stamp."""
-    rows = rows_by_stamp(states.stamp_ns)
-    state = states.state[rows]
-    return EgoStates(
-        stamp_ns=states.stamp_ns[rows],
-        x_m=state[:, 0],
-        y_m=state[:, 1],
-        heading_rad=state[:, 3],
-        speed_mps=state[:, 2],
-        yaw_rate_radps=np.where(np.isfinite(state[:, 5]), state[:, 5], 0.0),
-    )
 
 
 def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: str) -> bool:

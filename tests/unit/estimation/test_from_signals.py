@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.estimation.from_signals import near_positions
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.measurements import near_positions
 
 T0_NS = 1_700_000_000 * NS_PER_S
 
