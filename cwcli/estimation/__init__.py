@@ -3,6 +3,7 @@
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.track import estimate_track, estimate_tracks
 
@@ -12,6 +13,9 @@ __all__ = [
     "Latency",
     "LatencyStatus",
     "Measurements",
+    "Parameter",
+    "ParameterStatus",
+    "SlowError",
     "SourceReport",
     "Track",
     "estimate_track",

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
+from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, Parameter, SlowError
 from cwcli.signals.columns import FloatArray, Int64Array
 
 
@@ -35,6 +36,12 @@ class SourceReport:
         latency: What was found or given, its sigma, and what was made of it.
         bias: Additive bias at the middle of the log in the unit of the kind, NaN where none is modelled.
         bias_sigma: One sigma of the bias.
+        scale: SPEED: what the source reads for a true 1; a wheel that is taken for larger than it is reads above 1.
+        lever_arm_m: SPEED: by how much the estimated point (the IMU) is higher than the point whose speed is measured:
+            the source reads scale * (v - lever arm * pitch rate), the pitch rate positive nose down.
+        slow_error: POSITION: the coloured part of the noise, m, of each axis. ACCEL: gravity through the road's grade,
+            m/s^2 (divided by 9.80665 m/s^2 it is radians).
+        follows_pitch_rate: ACCEL: gravity through what the pitch gyroscope turns was taken out first.
     """
 
     source: str
@@ -55,6 +62,10 @@ class SourceReport:
     latency: Latency = NO_LATENCY
     bias: float = float("nan")
     bias_sigma: float = float("nan")
+    scale: Parameter = NO_PARAMETER
+    lever_arm_m: Parameter = NO_PARAMETER
+    slow_error: SlowError = NO_SLOW_ERROR
+    follows_pitch_rate: bool = False
 
 
 @dataclass(frozen=True)
