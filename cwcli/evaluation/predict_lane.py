@@ -16,12 +16,12 @@ from cwcli.pipeline.result import Cell, Section, StageResult
 from cwcli.prediction.horizon import BASELINE, HorizonErrors, horizon_errors, horizon_table
 from cwcli.prediction.lateral import Z_90, map_paths
 from cwcli.prediction.paths import Paths
+from cwcli.prediction.poses import Poses, slip_rad
 from cwcli.signals.canonical import PoseSignal, Signal
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
-from cwcli.stages.predict_lane import Made, Poses, PredictLaneConfig, slip_rad
+from cwcli.stages.predict_lane import MODEL_NAMES, BodyPaths, Made, PredictLaneConfig
 
 COURSE_SCHEMA = EGO_STATE.schema
 """Its heading is the direction of motion, not that of the car's axis."""
@@ -62,13 +62,9 @@ def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
     made = {BASELINE: _straight_on(body)}
     for model, name in MODEL_NAMES.items():
         is_own = name == body.model
-        made[name] = (
-            body.paths
-            if is_own
-            else predict_body(
-                body.observed, body.vehicle, replace(config.path, model=model), calibrate=config.calibrate
-            ).paths
-        )
+        own = replace(config.path, model=model)
+        other = body if is_own else BodyPaths.of(body.observed, body.vehicle, own, calibrate=config.calibrate)
+        made[name] = other.paths
     compared: dict[str, HorizonErrors] = {}
     bands: list[FloatArray] = []
     x_m, y_m = poses.at_xy_m.T

@@ -6,43 +6,48 @@ the observed motion is added up from where the car was, and pointed, at its firs
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind
+from cwcli.channels.lanes import read_lanes
 from cwcli.channels.lateral_state import Observed, read_observed
+from cwcli.channels.path_image import PathFrames, Viewpoint, write_path_frames, write_path_lines
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
-from cwcli.channels.published import EGO_STATE, OBSERVER, OBSERVER_PATH
+from cwcli.channels.published import EGO_STATE, LANES, OBSERVER, OBSERVER_PATH
+from cwcli.channels.render_topic import check_render_topic
 from cwcli.channels.vehicle_state import read_states
+from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.prediction.lateral import LateralPathConfig, dead_reckon, map_paths
+from cwcli.prediction.lateral import LateralPathConfig, lateral_paths, map_paths
+from cwcli.prediction.lateral_calibrate import calibrate_paths
+from cwcli.prediction.paths import Paths
+from cwcli.prediction.poses import Poses, poses_of_states, reckoned_poses
 from cwcli.signals.canonical import Signal
 from cwcli.signals.codec import Role
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, OutputChannel, constant_strings
-from cwcli.signals.resample import resample
-from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
+from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, constant_strings
+from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.stages.inputs.camera import camera_of_lanes
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
-from cwcli.stages.observer_paths import MODEL_NAMES, BodyPaths, predict_body
-from cwcli.stages.path_overlay import Overlay, has_lanes, path_overlay
+from cwcli.vision.frames import DecodedFrame, decode_frames
 
 EXAMPLES = (
     "cwcli predict-lane observed.mcap -o predicted.mcap --horizon 2",
     "cwcli predict-lane observed.mcap -o predicted.mcap --render /camera/drawn",
 )
-ODOM_FRAME = "odom"
-MAX_GAP_S = 0.5
+MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
+"""Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
 NO_STATE = "no state"
 NO_POSE = "no ego state near it"
-MIN_SLIP_SPEED_MPS = 1.0
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -52,7 +57,7 @@ class PredictLaneConfig:
     """Settings of the stage.
 
     Attributes:
-        model: A name of `observer_paths.MODEL_NAMES`.
+        model: A name of `MODEL_NAMES`.
         horizon_s, step_s: Of the published paths.
         calibrate: Scale the uncertainty by the record itself.
         render: Topic for the camera's frames with the path burnt in, or None.
@@ -109,22 +114,38 @@ class PredictLaneConfig:
 
 
 @dataclass(frozen=True)
-class Poses:
-    """Where the car was and where its axis pointed.
+class BodyPaths:
+    """The path from each observed frame, in the body frame of that frame.
 
     Attributes:
-        source: What tells it, for people.
-        frame_id: Its frame.
-        stamp_ns, xy_m: Shape (m,) and (m, 2): the track.
-        at_xy_m, at_yaw_rad: Shape (n, 2) and (n,): at the observed frames; NaN where not known.
+        observed: n frames, in the order of their stamps; `observed.track` holds speed, state and status.
+        paths: n paths of the centre of gravity: x forward, y left, from (0, 0, 0); NaN where there is no state.
+            `position_covariance_m2` is that of the way since the frame, so it is zero at the start.
+        vehicle: The car that was observed.
+        model: Name of the path model, as in `cwcli.v1.PredictedPath`.
     """
 
-    source: str
-    frame_id: str
-    stamp_ns: Int64Array
-    xy_m: FloatArray
-    at_xy_m: FloatArray
-    at_yaw_rad: FloatArray
+    observed: Observed
+    paths: Paths
+    vehicle: Vehicle
+    model: str
+
+    @classmethod
+    def of(cls, observed: Observed, vehicle: Vehicle, config: LateralPathConfig, *, calibrate: bool) -> BodyPaths:
+        """Predict from each frame; the preview distance is that of the channel.
+
+        Args:
+            observed: The channel.
+            vehicle: The car.
+            config: Model, horizon and step.
+            calibrate: Scale the uncertainty across the path by how far this record's car went from its paths; looks
+                at the whole record.
+        """
+        config = replace(config, preview_m=observed.preview_m)
+        paths = lateral_paths(observed.track, vehicle, config)
+        if calibrate:
+            paths = calibrate_paths(paths, observed.track)
+        return cls(observed, paths, vehicle, MODEL_NAMES[config.model])
 
 
 @dataclass(frozen=True)
@@ -176,44 +197,104 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
     vehicle, notes = vehicle_of(log)
-    body = predict_body(observed, vehicle, config.path, calibrate=config.calibrate)
+    body = BodyPaths.of(observed, vehicle, config.path, calibrate=config.calibrate)
     state_topic = own.topic(EGO_STATE.role)
-    states = None if state_topic is None else sources.columns[state_topic]
-    own_motion = _own_motion(observed)
-    in_map = None if states is None or not len(states) else _ego_state_poses(states, observed)
-    placed, count = _place(body, in_map or own_motion, has_state, topic)
-    overlay = _overlay(log, body, config)
+    columns = None if state_topic is None else sources.columns[state_topic]
+    in_map = None
+    if columns is not None and len(columns):
+        states = read_states(columns).by_stamp()
+        in_map = poses_of_states(states.stamp_ns, states.state, observed.track)
+    poses = in_map or reckoned_poses(observed.track)
+    placed, count = _place(body, poses, has_state, topic)
+    drawn: tuple[StreamedChannel, ...] = ()
+    notes_of_drawing: tuple[str, ...] = ()
+    if config.render is not None or has_lanes(log):
+        drawn, notes_of_drawing = path_overlay(
+            log,
+            body.paths,
+            stamp_ns=observed.track.stamp_ns,
+            log_time_ns=observed.log_time_ns,
+            width_m=vehicle.width_m,
+            camera_forward_m=vehicle.camera_forward_m,
+            render=config.render,
+            topics=config.topics,
+        )
     summary = Summary(
         title="predict-lane",
         inputs=(count,),
         notes=(
             *own.notes,
             *notes,
-            *overlay.notes,
+            *notes_of_drawing,
             *(() if in_map else ("no ego state in the log: paths are in a frame of their own, `odom`",)),
         ),
     )
     record = run_record("predict-lane", log, config, summary)
     lateral_topic = own.topic(Role.LATERAL_TRUTH)
     lateral = None if lateral_topic is None else sources.columns[lateral_topic]
-    made = Made(body, in_map or own_motion, sources.by_role.get(Role.TRUTH, ()), lateral)
-    return StageResult("predict-lane", (placed, *overlay.channels), {}, summary, record, made=made)
+    made = Made(body, poses, sources.by_role.get(Role.TRUTH, ()), lateral)
+    return StageResult("predict-lane", (placed, *drawn), {}, summary, record, made=made)
 
 
-def _overlay(log: Log, body: BodyPaths, config: PredictLaneConfig) -> Overlay:
-    """The paths on the camera's image; nothing for a log without the lanes' channel, unless it is asked for."""
-    if config.render is None and not has_lanes(log):
-        return Overlay(())
-    return path_overlay(
-        log,
-        body.paths,
-        stamp_ns=body.stamp_ns,
-        log_time_ns=body.observed.log_time_ns,
-        width_m=body.vehicle.width_m,
-        camera_forward_m=body.vehicle.camera_forward_m,
-        render=config.render,
-        topics=config.topics,
-    )
+def has_lanes(log: Log) -> bool:
+    """Whether the log holds the channel of `cwcli lanes`."""
+    return LANES.topic in {channel.topic for channel in log.channels}
+
+
+def path_overlay(
+    log: Log,
+    paths: Paths,
+    *,
+    stamp_ns: Int64Array,
+    log_time_ns: Int64Array,
+    width_m: float,
+    camera_forward_m: float = 0.0,
+    render: str | None = None,
+    topics: Mapping[str, str] | None = None,
+) -> tuple[tuple[StreamedChannel, ...], tuple[str, ...]]:
+    """Draw each path into the frame with its stamp.
+
+    The camera is that of `cwcli lanes`, whose record in the log tells the mounting; pitch and yaw are those of each
+    frame.
+
+    Args:
+        log: With the channel and the record of `cwcli lanes`.
+        paths: n paths in the body frame of their start, from the centre of gravity.
+        stamp_ns, log_time_ns: Shape (n,): of the frames that the paths start from. Paths without a frame are left out.
+        width_m: Of the car.
+        camera_forward_m: Of the camera ahead of the centre of gravity.
+        render: Topic for the frames with boundaries and path burnt in, or None.
+        topics: Role -> topic, the user's choices.
+
+    Returns:
+        The annotations, and the rendered frames if they were asked for; and notes for the user.
+
+    Raises:
+        MissingSignalError: The log has no lanes, or no camera where `render` needs one.
+        UsageError: `render` is no topic for frames.
+    """
+    if not has_lanes(log):
+        raise MissingSignalError(
+            f"no channel {LANES.topic} (needed to draw paths on the image)",
+            where=log.name,
+            hint="run `cwcli lanes` first",
+        )
+    camera_topic, source = camera_of_lanes(log, topics or {}, is_needed=render is not None)
+    check_render_topic(log, render, camera_topic)
+    seen_from = Viewpoint(source.camera, width_m, camera_forward_m)
+    frames = PathFrames.of(paths, stamp_ns, log_time_ns, read_lanes(log.columns(LANES.topic)), seen_from)
+    left_out = len(stamp_ns) - len(frames)
+    note = f"{left_out} of {len(stamp_ns)} paths are not drawn: no frame of a known size has their stamp"
+    channels = [write_path_lines(frames)]
+    if render is not None:
+
+        def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
+            where = f"{log.name}: {camera_topic}"
+            return decode_frames(log.frames(camera_topic), size_of=None, prepare=prepare, where=where)
+
+        frame_id = next((frame.frame_id for frame in log.frames(camera_topic)), "")
+        channels.append(write_path_frames(frames, render, frame_id=frame_id, images=in_colour))
+    return tuple(channels), (note,) if left_out else ()
 
 
 def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> tuple[OutputChannel, InputCount]:
@@ -224,7 +305,7 @@ def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> t
     left_out = {NO_STATE: int(np.count_nonzero(~has_state)), NO_POSE: int(np.count_nonzero(has_state & ~has_pose))}
     predicted = PredictedPaths(
         constant_strings(EGO_ID, len(rows)),
-        body.stamp_ns[rows],
+        body.observed.track.stamp_ns[rows],
         body.observed.log_time_ns[rows],
         body.model,
         map_paths(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
@@ -232,30 +313,3 @@ def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> t
     channel = write_paths(OBSERVER_PATH, predicted, frame_id=poses.frame_id)
     set_aside = {reason: n for reason, n in left_out.items() if n}
     return channel, InputCount(topic, OBSERVER.role, len(has_state), len(rows), set_aside=set_aside)
-
-
-def _own_motion(observed: Observed) -> Poses:
-    """The observed motion added up; it has no pose where there is no state."""
-    x_m, y_m, yaw_rad = dead_reckon(observed.track)
-    has_state = np.isfinite(observed.track.state[:, 0])
-    first = int(np.argmax(has_state))
-    dx, dy = x_m - x_m[first], y_m - y_m[first]
-    cos, sin = np.cos(yaw_rad[first]), np.sin(yaw_rad[first])
-    xy_m = np.where(has_state[:, None], np.column_stack([cos * dx + sin * dy, -sin * dx + cos * dy]), np.nan)
-    stamp_ns = observed.track.stamp_ns
-    return Poses("the observed motion", ODOM_FRAME, stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
-
-
-def _ego_state_poses(columns: Columns, observed: Observed) -> Poses:
-    """The estimated track, and the pose at each frame; its heading is where the car goes, not where its axis points."""
-    states = read_states(columns).by_stamp()
-    stamp_ns, state = states.stamp_ns, states.state
-    x_m, y_m, course_rad = resample(stamp_ns, state[:, [0, 1, 3]], observed.track.stamp_ns, max_gap_s=MAX_GAP_S).T
-    yaw_rad = course_rad - slip_rad(observed.track.state[:, 0], observed.track.speed_mps)
-    return Poses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
-
-
-def slip_rad(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
-    """Angle from the car's axis to its direction of motion; 0 at walking pace."""
-    moves = np.abs(speed_mps) >= MIN_SLIP_SPEED_MPS
-    return np.where(moves, np.arctan2(lateral_mps, np.where(moves, speed_mps, 1.0)), 0.0)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
+from cwcli.channels.binding import bind
+from cwcli.channels.published import LANES
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.codec import Role
@@ -17,6 +20,7 @@ from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, calibrated_camer
 from cwcli.vision.rectify import needs_rectifying
 
 UNKNOWN_MODEL = "calibration with an unknown distortion model"
+RECORDED = ("mounting", "topics")
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,40 @@ def camera_source(
     elif field_of_view_rad is not None:
         notes.append(f"--camera-fov is not used: {info.source} holds the calibration")
     return CameraSource(info, mounting, fov_rad, is_rectified, counts, tuple(notes))
+
+
+def camera_of_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
+    """The camera in whose frames `cwcli lanes` found the lanes, and its topic.
+
+    Its record says how it was run; where the log does not tell, its defaults are taken.
+
+    Args:
+        log: With the channel of the lanes.
+        topics: Role -> topic, the user's choices; they count before the record's.
+        is_needed: The frames themselves are.
+
+    Raises:
+        MissingSignalError: They are needed, and the log holds none.
+    """
+    record = run_records(log).get(LANES.stage, {})
+    configuration = configuration_of(record)
+    given, recorded = (found if isinstance(found, dict) else {} for found in map(configuration.get, RECORDED))
+    chosen = {**{str(role): str(topic) for role, topic in recorded.items()}, **topics}
+    mounting = {entry.name: number(given, entry.name) for entry in fields(Mounting)}
+    angle_rad = number(configuration, "field_of_view_rad")
+    cameras = (str(entry.get("topic")) for entry in inputs_of(record) if entry.get("role") == Role.CAMERA.value)
+    topic = next(cameras, "")
+    if Role.CAMERA.value in chosen or topic not in {channel.topic for channel in log.channels}:
+        required, optional = ((Role.CAMERA,), ()) if is_needed else ((), (Role.CAMERA,))
+        bound = bind(log.channels, chosen, required=required, optional=optional, where=log.name, command="predict")
+        topic = bound.topic(Role.CAMERA) or topic
+    return topic, camera_source(
+        log,
+        topic,
+        chosen,
+        Mounting(**{name: value for name, value in mounting.items() if math.isfinite(value)}),
+        angle_rad if 0.0 < angle_rad < math.pi else None,
+    )
 
 
 def _unused(count: InputCount) -> InputCount:

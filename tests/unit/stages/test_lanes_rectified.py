@@ -26,7 +26,7 @@ from cwcli.report.frames import thumbnails
 from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.stages.path_overlay import path_overlay
+from cwcli.stages.predict_lane import path_overlay
 from cwcli.vision.method import Method
 from cwcli.vision.methods import METHODS
 from cwcli.vision.overlay import LEFT_RGB
@@ -198,8 +198,10 @@ def test_painted_frames_and_thumbnails_have_their_lines_on_the_markings(bent: Se
     time_s = np.linspace(0.0, 2.0, 21)
     zero = np.zeros((N_FRAMES, 21))
     paths = Paths(time_s, zero + 10.0 * time_s, zero, zero, zero + 10.0, np.zeros((N_FRAMES, 21, 3)))
-    overlay = path_overlay(bent.log, paths, stamp_ns=times, log_time_ns=times, width_m=1.6, render="/camera/painted")
-    data = overlay.channels[1].rows(3, 4)["data"]
+    channels, _ = path_overlay(
+        bent.log, paths, stamp_ns=times, log_time_ns=times, width_m=1.6, render="/camera/painted"
+    )
+    data = channels[1].rows(3, 4)["data"]
     painted = cv2.imdecode(np.asarray(data.values, np.uint8), cv2.IMREAD_COLOR)
     drive = read_drive(bent.log)
     pictures, _ = thumbnails(bent.log, drive, [int(times[3])])

@@ -20,8 +20,7 @@ from cwcli.simulate.road_log import plan, road_config, write_road
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.observe import ObserveConfig, observe
-from cwcli.stages.path_overlay import path_overlay
-from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
+from cwcli.stages.predict_lane import PredictLaneConfig, path_overlay, predict_lane
 from cwcli.vision.camera import Mounting
 from cwcli.vision.path_overlay import PATH_RGB
 
@@ -71,9 +70,9 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     n = len(stamp_ns)
     paths = straight(n)
     paths.y_m[4] = np.nan
-    overlay = path_overlay(log, paths, stamp_ns=stamp_ns, log_time_ns=log_time_ns, width_m=1.6, render=RENDERED)
-    assert overlay.notes == ()
-    annotate(log, overlay.channels, {}, tmp_path / "out.mcap")
+    channels, notes = path_overlay(log, paths, stamp_ns=stamp_ns, log_time_ns=log_time_ns, width_m=1.6, render=RENDERED)
+    assert notes == ()
+    annotate(log, channels, {}, tmp_path / "out.mcap")
     messages = decoded(tmp_path / "out.mcap")
     drawn = messages[OBSERVER_PATH_LINES.topic]
     assert [time for time, _ in drawn] == log_time_ns.tolist()
@@ -114,9 +113,9 @@ def test_paths_without_a_frame_are_left_out_and_counted(log: Log) -> None:
     stamp_ns, log_time_ns = stamps(log)
     moved = stamp_ns.copy()
     moved[-2:] += 1
-    overlay = path_overlay(log, straight(len(moved)), stamp_ns=moved, log_time_ns=log_time_ns, width_m=1.6)
-    assert len(overlay.channels[0]) == len(moved) - 2
-    assert "2 of" in overlay.notes[0]
+    channels, notes = path_overlay(log, straight(len(moved)), stamp_ns=moved, log_time_ns=log_time_ns, width_m=1.6)
+    assert len(channels[0]) == len(moved) - 2
+    assert "2 of" in notes[0]
 
 
 def test_missing_lanes_and_the_cameras_own_topic_are_refused(log: Log) -> None:

@@ -17,7 +17,6 @@ from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.stages import STAGES
 from cwcli.stages.observe import ObserveConfig, observe
-from cwcli.stages.observer_paths import body_paths
 from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
 from cwcli.stages.warn_lane import body_of
 from tests.unit.stages.lateral_logs import EGO_TRUTH, START_NS, TRUTH, drive, ego_state_channel, write_lane_log
@@ -142,16 +141,3 @@ def test_no_state_at_all_is_an_error(tmp_path: Path) -> None:
 def test_a_model_of_the_states_does_not_start_from_the_observer() -> None:
     with pytest.raises(UsageError, match="does not start from the observer"):
         PredictLaneConfig(model="ctrv")  # type: ignore[arg-type]
-
-
-def test_body_paths_for_an_overlay(lanes: Path) -> None:
-    with Log.open(lanes) as log:
-        made = body_paths(observed(log))
-    row = made.row(int(made.stamp_ns[50]))
-    assert row == 50
-    assert made.row(int(made.stamp_ns[50]) + 1) is None
-    assert (made.paths.x_m[:, 0] == 0.0).all() and (made.paths.heading_rad[:, 0] == 0.0).all()
-    points, covariance = made.before_camera(50)
-    np.testing.assert_array_equal(points[:, 0], made.paths.x_m[50])  # the example's camera is at the centre of gravity
-    assert (np.linalg.eigvalsh(covariance) >= -1e-12).all()
-    assert covariance[-1, 1, 1] > covariance[10, 1, 1] > 0.0

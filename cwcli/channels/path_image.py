@@ -1,0 +1,155 @@
+"""Predicted paths on the camera's image: annotations for viewers, and frames with the paths burnt in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.channels.image_lines import LINE_LOOP, LINE_STRIP, Shape, line_thickness_px, write_image_lines
+from cwcli.channels.lanes import LaneRows
+from cwcli.channels.painted_frames import StartImages, painted_channel
+from cwcli.channels.published import OBSERVER_PATH_LINES
+from cwcli.prediction.paths import Paths
+from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel
+from cwcli.signals.rows import Rows, rows_by_stamp
+from cwcli.vision.camera import Camera
+from cwcli.vision.encoded import Image
+from cwcli.vision.overlay import burn_in
+from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, PathLines, paint_path, path_lines
+
+LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
+NO_COLOUR = (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """The car and its camera.
+
+    Attributes:
+        camera: Width and height of an image, px -> its camera.
+        width_m: Of the car.
+        forward_m: Of the camera ahead of the centre of gravity.
+    """
+
+    camera: Callable[[int, int], Camera]
+    width_m: float
+    forward_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class PathFrames:
+    """Paths that have a frame each, n rows in the order of time, and the lanes of the frames.
+
+    Attributes:
+        stamp_ns, log_time_ns: Shape (n,).
+        paths: In the body frame of their start, from the centre of gravity.
+        viewpoint: From where the frames were seen.
+        lanes: Of all frames; `lane_rows` of them, shape (n,), are those of the paths.
+    """
+
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    paths: Paths
+    viewpoint: Viewpoint
+    lanes: LaneRows
+    lane_rows: Rows
+
+    @classmethod
+    def of(
+        cls, paths: Paths, stamp_ns: Int64Array, log_time_ns: Int64Array, lanes: LaneRows, viewpoint: Viewpoint
+    ) -> PathFrames:
+        """The paths whose stamp a frame of a known size has; a stamp counts once.
+
+        Args:
+            paths: m paths.
+            stamp_ns, log_time_ns: Shape (m,): of their starts.
+        """
+        frames = rows_by_stamp(lanes.stamp_ns)
+        frames = frames[(lanes.image_size[frames] > 0).all(axis=1) & (lanes.search_size[frames] > 0).all(axis=1)]
+        starts = np.sort(rows_by_stamp(stamp_ns))
+        _, mine, theirs = np.intersect1d(stamp_ns[starts], lanes.stamp_ns[frames], return_indices=True)
+        order = np.argsort(mine)
+        rows, lane_rows = starts[mine[order]], frames[theirs[order]]
+        return cls(stamp_ns[rows], log_time_ns[rows], paths.take(rows), viewpoint, lanes, lane_rows)
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    def image_size(self, row: int) -> tuple[int, int]:
+        """Width and height of a frame."""
+        width_px, height_px = self.lanes.image_size[self.lane_rows[row]].tolist()
+        return width_px, height_px
+
+    def camera(self, row: int) -> Camera:
+        """The camera of a frame, with the pitch and yaw that it had then."""
+        at = self.lane_rows[row]
+        return self.viewpoint.camera(*self.image_size(row)).turned(
+            pitch_rad=float(self.lanes.camera_pitch_rad[at]), yaw_rad=float(self.lanes.camera_yaw_rad[at])
+        )
+
+    def lines(self, row: int) -> PathLines:
+        """The path of a frame in its pixels; nothing where there is no path."""
+        paths, seen = self.paths, self.viewpoint
+        if not np.isfinite(paths.x_m[row]).all():
+            return NOTHING
+        path = BodyPath(
+            paths.x_m[row], paths.y_m[row], paths.heading_rad[row], np.nan_to_num(paths.position_covariance_m2[row])
+        )
+        return path_lines(path, self.camera(row), width_m=seen.width_m, camera_forward_m=seen.forward_m)
+
+    def boundaries(self, row: int) -> list[FloatArray]:
+        """The lane boundaries, left and right, in the frame's pixels."""
+        return self.lanes.lines(int(self.lane_rows[row]), self.image_size(row))
+
+
+def write_path_lines(frames: PathFrames) -> StreamedChannel:
+    """The paths as lines and areas in the pixels of the camera's image."""
+    return write_image_lines(
+        OBSERVER_PATH_LINES,
+        stamp_ns=frames.stamp_ns,
+        log_time_ns=frames.log_time_ns,
+        shapes=lambda start, stop: [_shapes(frames, row) for row in range(start, stop)],
+    )
+
+
+def write_path_frames(frames: PathFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
+    """The camera's frames with lanes and path burnt in, made while they are written.
+
+    Args:
+        frames: The paths and their frames.
+        topic: Where to publish.
+        frame_id: Of the camera.
+        images: Starts the camera's frames anew, in colour; calls what it is given with each of them, in its thread.
+    """
+    row_of = {stamp: row for row, stamp in enumerate(frames.stamp_ns.tolist())}
+
+    def paint(row: int, image: Image) -> Image:
+        return paint_path(burn_in(image, frames.boundaries(row)), frames.lines(row))
+
+    return painted_channel(
+        topic,
+        stamp_ns=frames.stamp_ns,
+        log_time_ns=frames.log_time_ns,
+        frame_id=frame_id,
+        images=images,
+        row_of=lambda decoded: row_of.get(decoded.stamp_ns, -1),
+        paint=paint,
+    )
+
+
+def _shapes(frames: PathFrames, row: int) -> list[Shape]:
+    """What is drawn on a frame: the 90 % band, the car's width, the middle."""
+    lines = frames.lines(row)
+    thin = line_thickness_px(frames.image_size(row)[0])
+    band = lines.band()
+    shapes: list[Shape] = []
+    if len(band) > 2:
+        shapes.append(Shape(LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, FILL_ALPHA), 1.0))
+    for name, alpha in LINE_ALPHA.items():
+        points = lines.line(name)
+        if len(points) > 1:
+            thickness = thin if name == "centre" else thin / 2
+            shapes.append(Shape(LINE_STRIP, points, (*PATH_RGB, alpha), NO_COLOUR, thickness))
+    return shapes

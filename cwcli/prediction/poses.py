@@ -1,0 +1,65 @@
+"""Where a car was and where its axis pointed: what paths in its own axes are placed at, and compared with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.dynamics.samples import LateralTrack
+from cwcli.prediction.lateral import dead_reckon
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.resample import resample
+from cwcli.signals.vehicle_state import HEADING, MAP_FRAME, X, Y
+
+ODOM_FRAME = "odom"
+MAX_GAP_S = 0.5
+MIN_SLIP_SPEED_MPS = 1.0
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Where the car was and where its axis pointed.
+
+    Attributes:
+        source: What tells it, for people.
+        frame_id: Its frame.
+        stamp_ns, xy_m: Shape (m,) and (m, 2): the track.
+        at_xy_m, at_yaw_rad: Shape (n, 2) and (n,): at the observed frames; NaN where not known.
+    """
+
+    source: str
+    frame_id: str
+    stamp_ns: Int64Array
+    xy_m: FloatArray
+    at_xy_m: FloatArray
+    at_yaw_rad: FloatArray
+
+
+def reckoned_poses(track: LateralTrack) -> Poses:
+    """The observed motion added up, from where the car was, and pointed, at its first state; none without a state."""
+    x_m, y_m, yaw_rad = dead_reckon(track)
+    has_state = np.isfinite(track.state[:, 0])
+    first = int(np.argmax(has_state))
+    dx, dy = x_m - x_m[first], y_m - y_m[first]
+    cos, sin = np.cos(yaw_rad[first]), np.sin(yaw_rad[first])
+    xy_m = np.where(has_state[:, None], np.column_stack([cos * dx + sin * dy, -sin * dx + cos * dy]), np.nan)
+    return Poses("the observed motion", ODOM_FRAME, track.stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
+
+
+def poses_of_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> Poses:
+    """The estimated track, and the pose at each frame; its heading is where the car goes, not where its axis points.
+
+    Args:
+        stamp_ns, state: The ego's states (m,) and (m, 8), in the order of their stamps.
+        track: The observed motion, n frames.
+    """
+    x_m, y_m, course_rad = resample(stamp_ns, state[:, [X, Y, HEADING]], track.stamp_ns, max_gap_s=MAX_GAP_S).T
+    yaw_rad = course_rad - slip_rad(track.state[:, 0], track.speed_mps)
+    return Poses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
+
+
+def slip_rad(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    """Angle from the car's axis to its direction of motion; 0 at walking pace."""
+    moves = np.abs(speed_mps) >= MIN_SLIP_SPEED_MPS
+    return np.where(moves, np.arctan2(lateral_mps, np.where(moves, speed_mps, 1.0)), 0.0)
