@@ -119,6 +119,27 @@ class Table:
         return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
 
 
+def table_of(
+    name: str,
+    kinds: Mapping[str, type],
+    records: Sequence[Mapping[str, Any]],
+    docs: Mapping[str, ColumnDoc] | None = None,
+) -> Table:
+    """Records as a table; one without records keeps its columns.
+
+    Args:
+        name: Of the table.
+        kinds: Column name -> `int`, `float`, `bool` or `str`.
+        records: One a row.
+        docs: As in `Table`.
+    """
+    columns: dict[str, TableColumn] = {}
+    for key, kind in kinds.items():
+        values = [record[key] for record in records]
+        columns[key] = values if kind is str else np.array(values, dtype=kind)
+    return Table(name, columns, docs or {})
+
+
 def unit_of(column_name: str) -> str:
     """The unit that the last word of a column's name stands for, or "".
 

@@ -14,6 +14,7 @@ from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
 from cwcli.control.encounter import RecordedTrack, ReplaySpan, replay_warning
+from cwcli.control.replayed import Replayed, control_table, series_table
 from cwcli.errors import DataError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
@@ -24,7 +25,7 @@ from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.columns import OutputChannel
 from cwcli.stages.predict import MAX_MESSAGE_AGE_S
-from cwcli.stages.summaries.control import Replayed, control_table, published_steps, sections, series_table
+from cwcli.stages.summaries.control import published_steps, sections
 from cwcli.stages.warn import vehicle_tracks
 from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import evaluate
@@ -203,14 +204,14 @@ def _replays(
         encounter = replay_warning(
             RecordedTrack(host.stamp_ns, host.state), RecordedTrack(other.stamp_ns, other.state), warning_ns, span
         )
-        one = Replayed(len(replayed) + 1, warning_ns, other, host.outline_m, encounter)
+        one = Replayed(len(replayed) + 1, warning_ns, other.id, host.outline_m, other.outline_m, encounter)
         replayed.append(one)
         busy_until_ns = one.stamp_ns(float(encounter.outcome.time_s[-1]))
     notes = []
     if n_covered:
         notes.append(f"left out, because raised during the replay of an earlier warning: {n_covered}")
     notes += [
-        f"event {one.event_id}: vehicle {one.other.id} is behind the host and does not react to its braking"
+        f"event {one.event_id}: vehicle {one.other_id} is behind the host and does not react to its braking"
         for one in replayed
         if one.encounter.is_behind
     ]

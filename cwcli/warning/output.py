@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.measures import MEASURES
-from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.metrics.table import ColumnDoc, Table, table_of
 from cwcli.signals.columns import Int64Array, Strings, constant_strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import FALSE, LATE, MISSED, TRUE, UNDECIDED
@@ -106,7 +106,7 @@ def events_table(
                 }
             )
     rows.sort(key=lambda row: int(row["event_id"]))
-    return _table("events", _EVENT_TYPES, rows, docs=_EVENT_DOCS)
+    return table_of("events", _EVENT_TYPES, rows, docs=_EVENT_DOCS)
 
 
 def conflicts_table(pairs: Sequence[ScoredPair], ids: dict[tuple[int, int], int], *, host_id: str) -> Table:
@@ -130,7 +130,7 @@ def conflicts_table(pairs: Sequence[ScoredPair], ids: dict[tuple[int, int], int]
                 }
             )
     rows.sort(key=lambda row: (int(row["onset_stamp_ns"]), str(row["other_id"])))
-    return _table("conflicts", _CONFLICT_TYPES, rows)
+    return table_of("conflicts", _CONFLICT_TYPES, rows)
 
 
 def pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
@@ -155,7 +155,7 @@ def pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
         )
     measures = MEASURES.values()
     docs = {measure.extreme_column: ColumnDoc(doc=measure.note) for measure in measures if measure.note}
-    return _table("pairs", _PAIR_TYPES | {measure.extreme_column: float for measure in measures}, rows, docs=docs)
+    return table_of("pairs", _PAIR_TYPES | {measure.extreme_column: float for measure in measures}, rows, docs=docs)
 
 
 def series_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
@@ -226,7 +226,7 @@ def scores_table(pairs: Sequence[ScoredPair], *, rule: str, hours: float) -> Tab
         "lead_time_min_s": min(leads, default=float("nan")),
         "host_hours": hours,
     }
-    return _table("scores", {name: type(value) for name, value in row.items()}, [row])
+    return table_of("scores", {name: type(value) for name, value in row.items()}, [row])
 
 
 _EVENT_TYPES: dict[str, type] = {
@@ -285,13 +285,3 @@ _EVENT_DOCS = {
     "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
     "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
 }
-
-
-def _table(name: str, types: dict[str, type], rows: list[dict[str, Any]], docs: Any = None) -> Table:
-    """Rows as columns; a table without rows keeps its columns."""
-    dtypes: dict[type, Any] = {int: np.int64, float: np.float64}
-    columns: dict[str, Any] = {}
-    for key, kind in types.items():
-        values = [row[key] for row in rows]
-        columns[key] = values if kind is str else np.array(values, dtype=dtypes[kind])
-    return Table(name, columns, docs or {})

@@ -1,0 +1,230 @@
+"""Replayed warnings: the host's states under each policy, and tables of what would have come of each warning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli.control.controller import speed_difference
+from cwcli.control.encounter import POLICIES, ReplayedWarning
+from cwcli.measures.outlines import outline_distance
+from cwcli.metrics.table import ColumnDoc, Table, table_of
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+
+UNKNOWN_NS = -1
+PUBLISH_STEP_S = 0.05
+SINGULAR = 1e-9
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """One warning and what would have come of it.
+
+    Attributes:
+        event_id: Its number, from 1.
+        warning_ns: When it was raised.
+        other_id: The vehicle of which the host was warned.
+        host_size_m, other_size_m: Length and width of the two.
+        encounter: The replay.
+    """
+
+    event_id: int
+    warning_ns: int
+    other_id: str
+    host_size_m: tuple[float, float]
+    other_size_m: tuple[float, float]
+    encounter: ReplayedWarning
+
+    def stamp_ns(self, time_s: float) -> int:
+        """A time of the replay as a stamp, -1 for NaN."""
+        return UNKNOWN_NS if math.isnan(time_s) else self.warning_ns + round(time_s * NS_PER_S)
+
+    @property
+    def stamps_ns(self) -> Int64Array:
+        """Stamps of the replay's steps, shape (k,)."""
+        return self.warning_ns + np.round(self.encounter.outcome.time_s * NS_PER_S).astype(np.int64)
+
+    @property
+    def published_rows(self) -> Int64Array:
+        """The steps that are published: one in `PUBLISH_STEP_S`, the warning's among them."""
+        time_s = self.encounter.outcome.time_s
+        steps = np.round(time_s / (time_s[1] - time_s[0])).astype(np.int64)
+        return np.flatnonzero(steps % round(PUBLISH_STEP_S / (time_s[1] - time_s[0])) == 0)
+
+    @property
+    def extrapolated_s(self) -> float:
+        """How long the replay goes on beyond what is recorded of both vehicles."""
+        return max(float(self.encounter.outcome.time_s[-1]) - self.encounter.recorded_until_s, 0.0)
+
+    def states(self, policy: int) -> FloatArray:
+        """The host's states under a policy, shape (k, 8); jerk and yaw acceleration by differences."""
+        outcome = self.encounter.outcome
+        time_s = outcome.time_s
+        accel, heading = outcome.accel_mps2[policy], outcome.heading_rad[policy]
+        yaw_rate = np.gradient(heading, time_s)
+        columns = (
+            outcome.x_m[policy],
+            outcome.y_m[policy],
+            outcome.speed_mps[policy],
+            heading,
+            accel,
+            yaw_rate,
+            np.gradient(accel, time_s),
+            np.full(len(time_s), np.nan),
+        )
+        return np.column_stack(columns)
+
+    def gap_m(self, policy: int) -> FloatArray:
+        """Between the outlines, negative where they overlap, shape (k,)."""
+        outcome, other = self.encounter.outcome, self.encounter.other
+        return outline_distance(
+            other.x_m - outcome.x_m[policy],
+            other.y_m - outcome.y_m[policy],
+            outcome.heading_rad[policy],
+            other.heading_rad,
+            self.host_size_m,
+            self.other_size_m,
+        )
+
+    def series(self, policy: int, rows: Int64Array) -> dict[str, Any]:
+        """Columns of the time series for the given steps."""
+        outcome, other = self.encounter.outcome, self.encounter.other
+        turned = outcome.heading_rad[policy] - other.heading_rad
+        return {
+            "since_warning_s": outcome.time_s[rows],
+            "distance_m": outcome.distance_m[policy, rows],
+            "gap_m": self.gap_m(policy)[rows],
+            "host_speed_mps": outcome.speed_mps[policy, rows],
+            "other_speed_mps": other.speed_mps[rows],
+            "speed_difference_mps": speed_difference(outcome.speed_mps[policy], other.speed_mps, turned)[rows],
+            "accel_mps2": outcome.accel_mps2[policy, rows],
+            "throttle": outcome.throttle[policy, rows],
+            "brake_pressure_mpa": outcome.pressure_mpa[policy, rows],
+            "is_extrapolated": outcome.time_s[rows] > self.encounter.recorded_until_s + SINGULAR,
+        }
+
+
+def control_table(replayed: Sequence[Replayed], predictor: str, rule: str) -> Table:
+    """One row per warning and policy."""
+    records = [record_of(one, policy, predictor, rule) for one in replayed for policy in range(len(POLICIES))]
+    return table_of("control", _KINDS, records, docs=_DOCS)
+
+
+def record_of(one: Replayed, policy: int, predictor: str, rule: str) -> dict[str, Any]:
+    """A row of the table."""
+    encounter = one.encounter
+    outcome = encounter.outcome
+    at_warning = int(encounter.after.argmax())
+    return {
+        "event_id": one.event_id,
+        "other_id": one.other_id,
+        "policy": POLICIES[policy],
+        "predictor": predictor,
+        "rule": rule,
+        "warning_stamp_ns": one.warning_ns,
+        "warning_distance_m": float(outcome.distance_m[policy, at_warning]),
+        "warning_speed_mps": float(outcome.speed_mps[policy, at_warning]),
+        "is_behind": encounter.is_behind,
+        "collided": bool(encounter.collided[policy]),
+        "collision_stamp_ns": one.stamp_ns(float(encounter.collision_time_s[policy])),
+        "impact_speed_mps": float(encounter.impact_speed_mps[policy]),
+        "min_distance_m": float(encounter.min_distance_m[policy]),
+        "min_distance_stamp_ns": one.stamp_ns(float(encounter.min_distance_time_s[policy])),
+        "min_gap_m": float(one.gap_m(policy)[encounter.after].min()),
+        "peak_deceleration_mps2": float(encounter.peak_deceleration_mps2[policy]),
+        "peak_jerk_mps3": float(encounter.peak_jerk_mps3[policy]),
+        "stopped_stamp_ns": one.stamp_ns(float(encounter.stopped_time_s[policy])),
+        "end_stamp_ns": one.stamp_ns(float(outcome.time_s[-1])),
+        "end_speed_mps": float(outcome.speed_mps[policy, -1]),
+        "end_distance_m": float(outcome.distance_m[policy, -1]),
+        "extrapolated_s": one.extrapolated_s,
+    }
+
+
+def series_table(replayed: Sequence[Replayed]) -> Table:
+    """One row per warning, policy and `PUBLISH_STEP_S`."""
+    parts: list[dict[str, Any]] = []
+    for one in replayed:
+        rows = one.published_rows
+        for policy, name in enumerate(POLICIES):
+            n = len(rows)
+            labels: dict[str, Any] = {
+                "event_id": np.full(n, one.event_id),
+                "other_id": np.full(n, one.other_id, dtype=object),
+                "policy": np.full(n, name, dtype=object),
+                "stamp_ns": one.stamps_ns[rows],
+            }
+            parts.append(labels | one.series(policy, rows))
+    columns: dict[str, Any] = {}
+    for name, kind in _SERIES_KINDS.items():
+        joined = np.concatenate([part[name] for part in parts]) if parts else np.zeros(0)
+        columns[name] = [str(value) for value in joined] if kind is str else joined.astype(kind)
+    return Table("control_series", columns, docs=_SERIES_DOCS)
+
+
+_KINDS: dict[str, type] = {
+    "event_id": int,
+    "other_id": str,
+    "policy": str,
+    "predictor": str,
+    "rule": str,
+    "warning_stamp_ns": int,
+    "warning_distance_m": float,
+    "warning_speed_mps": float,
+    "is_behind": bool,
+    "collided": bool,
+    "collision_stamp_ns": int,
+    "impact_speed_mps": float,
+    "min_distance_m": float,
+    "min_distance_stamp_ns": int,
+    "min_gap_m": float,
+    "peak_deceleration_mps2": float,
+    "peak_jerk_mps3": float,
+    "stopped_stamp_ns": int,
+    "end_stamp_ns": int,
+    "end_speed_mps": float,
+    "end_distance_m": float,
+    "extrapolated_s": float,
+}
+_DOCS = {
+    "event_id": ColumnDoc(doc="number of the warning in this replay, from 1"),
+    "is_behind": ColumnDoc(doc="the other vehicle is behind the host at the warning; it does not react"),
+    "collided": ColumnDoc(doc="the reference points came nearer than 2.5 m (song2016)"),
+    "collision_stamp_ns": ColumnDoc(doc="-1: no collision"),
+    "impact_speed_mps": ColumnDoc(doc="relative speed at the collision; NaN: none"),
+    "min_distance_m": ColumnDoc(doc="of the reference points, from the warning on"),
+    "min_gap_m": ColumnDoc(doc="of the outlines, from the warning on; negative: overlap"),
+    "peak_deceleration_mps2": ColumnDoc(doc="from the warning on; no-action: of the estimated states"),
+    "peak_jerk_mps3": ColumnDoc(doc="magnitude, from the warning on; no-action: of the estimated states"),
+    "stopped_stamp_ns": ColumnDoc(doc="-1: does not stop"),
+    "extrapolated_s": ColumnDoc(doc="how long the replay goes on beyond the last recorded state"),
+}
+_SERIES_KINDS: dict[str, type] = {
+    "event_id": int,
+    "other_id": str,
+    "policy": str,
+    "stamp_ns": int,
+    "since_warning_s": float,
+    "distance_m": float,
+    "gap_m": float,
+    "host_speed_mps": float,
+    "other_speed_mps": float,
+    "speed_difference_mps": float,
+    "accel_mps2": float,
+    "throttle": float,
+    "brake_pressure_mpa": float,
+    "is_extrapolated": bool,
+}
+_SERIES_DOCS = {
+    "distance_m": ColumnDoc(doc="of the reference points"),
+    "gap_m": ColumnDoc(doc="of the outlines; negative: overlap"),
+    "speed_difference_mps": ColumnDoc(doc="song2016 eq. 11"),
+    "throttle": ColumnDoc(doc="commanded opening, 0 to 1"),
+    "brake_pressure_mpa": ColumnDoc(unit="MPa", doc="built-up pressure"),
+    "is_extrapolated": ColumnDoc(doc="one of the two motions is carried on, not recorded"),
+}
