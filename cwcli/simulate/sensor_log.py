@@ -85,7 +85,10 @@ def scenario_record(drive: SimulatedDrive) -> dict[str, str]:
         **{key: getattr(scenario, key) for key in TOP_KEYS},
         "seed": drive.seed,
         "origin": dict(scenario.origin),
-        "sensors": {name: dict(settings) for name, settings in scenario.sensors.items()},
+        "sensors": {
+            name: {key: value for key, value in settings.items() if value is not None}
+            for name, settings in scenario.sensors.items()
+        },
         "v2x": None if scenario.v2x is None else dict(scenario.v2x),
     }
     return {

@@ -60,7 +60,16 @@ def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
     end_s = scenario.duration_s
     host = scenario.vehicles[HOST]
     sensors = {
-        name: measure(name, host.motion, settings, start_ns=scenario.start_ns, end_s=end_s, seed=chosen, vehicle=HOST)
+        name: measure(
+            name,
+            host.motion,
+            settings,
+            start_ns=scenario.start_ns,
+            end_s=end_s,
+            seed=chosen,
+            vehicle=HOST,
+            attitude=host.attitude,
+        )
         for name, settings in scenario.sensors.items()
     }
     received = {}

@@ -18,6 +18,7 @@ import numpy as np
 
 from cwcli.errors import UsageError
 from cwcli.input import read_file
+from cwcli.simulation.attitude import Attitude
 from cwcli.simulation.catalogue import scenario_names, scenario_text
 from cwcli.simulation.profile import Profile, read_profile
 from cwcli.simulation.spec import (
@@ -59,6 +60,7 @@ class ScenarioVehicle:
         name: Key in the file; `host` is the ego.
         station_id: Eight hexadecimal digits, its id in V2X messages and in the truth.
         profile, motion: What the scenario asks of it, and the integral of it.
+        attitude: How it is tilted on its way.
         length_m, width_m: Outline.
         has_v2x: Whether it sends.
     """
@@ -67,6 +69,7 @@ class ScenarioVehicle:
     station_id: str
     profile: Profile
     motion: TrueMotion
+    attitude: Attitude
     length_m: float
     width_m: float
     has_v2x: bool
@@ -259,7 +262,10 @@ def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Scen
     station_id = values["station_id"] or f"{zlib.crc32(name.encode()):08x}"
     if not _STATION_ID.fullmatch(station_id):
         raise bad_value(source, f"{path}.station_id", f"is {station_id!r}", "eight lower-case hexadecimal digits")
-    return ScenarioVehicle(name, station_id, profile, motion, values["length_m"], values["width_m"], values["v2x"])
+    attitude = Attitude(values["slope_deg"], values["bounce_deg"], values["squat_degpmps2"], name)
+    return ScenarioVehicle(
+        name, station_id, profile, motion, attitude, values["length_m"], values["width_m"], values["v2x"]
+    )
 
 
 def _start_ns(value: Any, source: str) -> int:

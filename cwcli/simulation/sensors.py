@@ -1,7 +1,7 @@
 """The host's sensors: what each one reports of the truth, and when.
 
 Each message stamped t reports the truth at t - latency_s (a lag that the stamp doesn't show) with noise and bias, and
-is logged at t + delay_s + jitter. Noise is white and Gaussian.
+is logged at t + delay_s + jitter. Noise is white and Gaussian, but for the slow error of a GNSS.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
+from cwcli.simulation.attitude import LEVEL, Attitude
 from cwcli.simulation.streams import schedule, stream
 from cwcli.simulation.truth import TrueMotion
 
@@ -39,47 +40,71 @@ class SensorData:
     n_lost: int
 
 
-Model = Callable[[FloatArray, Mapping[str, Any]], tuple[FloatArray, FloatArray]]
+SLOW_S = 20.0
+"""Time constant of a slow error of which only the sigma is given: that of multipath on a drive."""
+
+Model = Callable[[FloatArray, FloatArray, Mapping[str, Any]], tuple[FloatArray, FloatArray]]
+"""(true states (n, 8), tilt (n, 3) as of `Attitude.at`, settings) -> noise-free values (n, k), noise sigma (k,)."""
 
 
-def gnss(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def gnss(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """East, north, up, metres in the map frame. Shapes (n, 3) and (3,)."""
     bias = np.array([settings["bias_east_m"], settings["bias_north_m"], 0.0])
     position = np.column_stack([state[:, 0], state[:, 1], np.zeros(len(state))])
     return position + bias, np.full(3, settings["sigma_m"])
 
 
-def gnss_heading(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def gnss_heading(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """Heading, radians counter-clockwise from east, not wrapped. Shapes (n, 1) and (1,)."""
     return state[:, 3:4] + np.radians(settings["bias_deg"]), np.radians([settings["sigma_deg"]])
 
 
-def speed(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
-    """Speed along the heading, m/s. Shapes (n, 1) and (1,)."""
-    return state[:, 2:3] + settings["bias_mps"], np.array([settings["sigma_mps"]])
+def speed(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+    """Speed along the heading, m/s. Shapes (n, 1) and (1,).
+
+    Wheels that a lever arm l below the host's point turn with are slower than it by l times the pitch rate.
+    """
+    value = state[:, 2:3]
+    if settings["lever_arm_m"] is not None:
+        value = value - settings["lever_arm_m"] * tilt[:, 2:3]
+    if settings["scale"] is not None:
+        value = value * settings["scale"]
+    return value + settings["bias_mps"], np.array([settings["sigma_mps"]])
 
 
-def imu(state: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """Specific force (forward, left, up, m/s^2; g on up at rest) and angular rate (rad/s). Shapes (n, 6) and (6,).
 
     A mount that is pitched nose down by p about the left axis reads f cos p - u sin p forward and f sin p + u cos p up,
-    where f and u are the level forces, and the yaw rate on its forward and up axes alike.
+    where f and u are the level forces, and the yaw rate on its forward and up axes alike. The car's own pitch adds to
+    the mount's, and its roll shows on the left axis.
     """
-    pitch = np.radians(settings["mount_pitch_deg"])
+    mount = np.radians(settings["mount_pitch_deg"])
+    pitch = mount + tilt[:, 0]
     forward, yaw_rate = state[:, 4], state[:, 5]
-    left = state[:, 2] * yaw_rate
+    left = state[:, 2] * yaw_rate + STANDARD_GRAVITY_MPS2 * tilt[:, 1]
     values = np.column_stack(
         [
             forward * np.cos(pitch) - STANDARD_GRAVITY_MPS2 * np.sin(pitch) + settings["accel_bias_mps2"],
             left,
             forward * np.sin(pitch) + STANDARD_GRAVITY_MPS2 * np.cos(pitch),
-            -yaw_rate * np.sin(pitch),
-            np.zeros(len(state)),
-            yaw_rate * np.cos(pitch) + np.radians(settings["yaw_rate_bias_dps"]),
+            -yaw_rate * np.sin(mount),
+            tilt[:, 2] + np.radians(settings["pitch_rate_bias_dps"] or 0.0),
+            yaw_rate * np.cos(mount) + np.radians(settings["yaw_rate_bias_dps"]),
         ]
     )
     sigma_gyro = float(np.radians(settings["yaw_rate_sigma_dps"]))
     return values, np.array([settings["accel_sigma_mps2"]] * 3 + [sigma_gyro] * 3)
+
+
+def gauss_markov(time_s: FloatArray, decay_s: float, rng: np.random.Generator) -> FloatArray:
+    """Two Gauss-Markov processes of unit sigma, autocorrelation exp(-t / decay_s), at times (n,): shape (n, 2)."""
+    keep = np.exp(-np.diff(time_s) / decay_s)
+    drawn = rng.standard_normal((len(time_s), 2))
+    drawn[1:] *= np.sqrt(1.0 - keep**2)[:, None]
+    for k in range(1, len(drawn)):
+        drawn[k] += keep[k - 1] * drawn[k - 1]
+    return drawn
 
 
 SENSORS: Mapping[str, Model] = {"gnss": gnss, "gnss_heading": gnss_heading, "speed": speed, "imu": imu}
@@ -94,6 +119,7 @@ def measure(
     end_s: float,
     seed: int,
     vehicle: str,
+    attitude: Attitude = LEVEL,
 ) -> SensorData:
     """Run one sensor over the drive.
 
@@ -104,10 +130,16 @@ def measure(
         start_ns: Time of the run's start.
         end_s: Length of the run.
         seed, vehicle: Name the random streams.
+        attitude: How the vehicle is tilted.
     """
     plan = schedule(settings, end_s=end_s, seed=seed, names=(vehicle, sensor))
-    exact, sigma = SENSORS[sensor](motion.at(plan.time_s - settings["latency_s"]), settings)
+    true_s = plan.time_s - settings["latency_s"]
+    state = motion.at(true_s)
+    exact, sigma = SENSORS[sensor](state, attitude.at(true_s, state), settings)
     values = exact + sigma * stream(seed, vehicle, sensor, "noise").standard_normal(exact.shape)
+    if settings.get("slow_sigma_m"):
+        rng = stream(seed, vehicle, sensor, "slow")
+        values[:, :2] += settings["slow_sigma_m"] * gauss_markov(plan.time_s, settings["slow_time_s"] or SLOW_S, rng)
     order = np.argsort(plan.arrival_ns, kind="stable")
     order = order[plan.is_heard[order]]
     return SensorData(

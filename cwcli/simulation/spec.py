@@ -143,6 +143,9 @@ VEHICLE_KEYS: Keys = {
     "length_m": NumberKey(4.5, 0.5, 30, "m", "Length."),
     "width_m": NumberKey(1.8, 0.3, 5, "m", "Width."),
     "turning_radius_m": NumberKey(5, 1, 50, "m", "Tightest radius that the vehicle can drive."),
+    "slope_deg": NumberKey(0, 0, 10, "deg", "Slope of the road that it drives on, in any direction, 1 sigma."),
+    "bounce_deg": NumberKey(0, 0, 5, "deg", "Its body's pitching on the springs (1 to 2 Hz), 1 sigma."),
+    "squat_degpmps2": NumberKey(0, 0, 2, "deg/(m/s^2)", "Its body's pitch per acceleration, nose up."),
     "v2x": Flag(True, "Whether it sends V2X messages (the host's own are not in its log)."),
     "station_id": Text("", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."),
 }
@@ -196,6 +199,8 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         "sigma_m": NumberKey(0.6, 0, 100, "m", "Noise of east, north and up, each, 1 sigma."),
         "bias_east_m": NumberKey(0, -100, 100, "m", "Constant error, east."),
         "bias_north_m": NumberKey(0, -100, 100, "m", "Constant error, north."),
+        "slow_sigma_m": NumberKey(None, 0, 100, "m", "Slow error of east and north, each, 1 sigma (Gauss-Markov)."),
+        "slow_time_s": NumberKey(None, 0.1, 3600, "s", "Its time constant; 20 s if only its sigma is given."),
     },
     "gnss_heading": {
         **_SENSOR_KEYS,
@@ -206,6 +211,8 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         **_SENSOR_KEYS,
         "sigma_mps": NumberKey(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
         "bias_mps": NumberKey(0, -20, 20, "m/s", "Constant error."),
+        "scale": NumberKey(None, 0.5, 2, "", "What it reads for a true 1; 1 if not given."),
+        "lever_arm_m": NumberKey(None, -5, 5, "m", "Height of the host's point over the wheels that it reads; 0."),
     },
     "imu": {
         **_SENSOR_KEYS,
@@ -214,6 +221,7 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         "yaw_rate_sigma_dps": NumberKey(0.1, 0, 50, "deg/s", "Noise of each axis, 1 sigma."),
         "yaw_rate_bias_dps": NumberKey(0, -20, 20, "deg/s", "Constant error of the up axis."),
         "mount_pitch_deg": NumberKey(0, -30, 30, "deg", "Mounting error: positive = nose down."),
+        "pitch_rate_bias_dps": NumberKey(None, -20, 20, "deg/s", "Constant error of the left axis; 0 if not given."),
     },
 }
 

@@ -201,3 +201,56 @@ def test_link_loss_latency_jitter_and_order() -> None:
 def test_vehicle_without_v2x_and_scenario_without_link_send_nothing() -> None:
     assert drive("rear-end", "lead.v2x=false").v2x == {}
     assert drive("straight", "vehicles.other.speed_mps=5", "vehicles.other.y_m=50").v2x == {}
+
+
+HILLY = ("host.slope_deg=3", "host.bounce_deg=0.3", "host.squat_degpmps2=0.4")
+
+
+def test_pitch_rate_is_the_pitch_s_slope_but_for_turning_on_a_slope() -> None:
+    """d pitch / dt = pitch rate - yaw rate * roll: a car that turns on a slope pitches without a pitch rate."""
+    made = load_scenario("city", HILLY)
+    time_s = np.arange(0.0, 200.0, 1e-3)
+    state = made.vehicles["host"].motion.at(time_s)
+    pitch, roll, rate = made.vehicles["host"].attitude.at(time_s, state).T
+    smooth = np.abs(np.gradient(state[:, 6])) < 0.05  # not where the jerk steps
+    smooth[[0, -1]] = False
+    difference = np.gradient(pitch, time_s) - (rate - state[:, 5] * roll)
+    np.testing.assert_allclose(difference[smooth], 0.0, atol=1e-4)
+
+
+def test_slope_has_the_sigma_that_is_asked_for() -> None:
+    attitude = load_scenario("city", ("host.slope_deg=3",)).vehicles["host"].attitude
+    rng = np.random.default_rng(0)
+    state = np.zeros((20_000, 8))
+    state[:, :2], state[:, 3] = rng.uniform(-2e4, 2e4, (20_000, 2)), rng.uniform(-np.pi, np.pi, 20_000)
+    tilt = attitude.at(np.zeros(len(state)), state)
+    np.testing.assert_allclose(np.degrees(tilt[:, :2].std(axis=0)), 3.0, rtol=0.05)
+
+
+def test_gravity_through_pitch_shows_on_the_forward_axis_and_the_lever_arm_on_the_wheels() -> None:
+    made = drive("city", *NO_NOISE, *HILLY, "sensors.speed.lever_arm_m=1.2", "sensors.speed.scale=0.99")
+    host = made.scenario.vehicles["host"]
+
+    def true(sensor: str) -> tuple[np.ndarray, np.ndarray]:
+        time_s = (made.sensors[sensor].stamp_ns - made.scenario.start_ns) / NS
+        state = host.motion.at(time_s)
+        return state, host.attitude.at(time_s, state)
+
+    state, tilt = true("imu")
+    imu = made.sensors["imu"].values
+    np.testing.assert_allclose(imu[:, 0], state[:, 4] * np.cos(tilt[:, 0]) - G * np.sin(tilt[:, 0]), atol=1e-9)
+    np.testing.assert_allclose(imu[:, 4], tilt[:, 2], atol=1e-12)
+    state, tilt = true("speed")
+    expected = 0.99 * (state[:, 2] - 1.2 * tilt[:, 2])
+    np.testing.assert_allclose(made.sensors["speed"].values[:, 0], expected, atol=1e-12)
+
+
+def test_slow_error_of_the_fixes_has_its_sigma_and_time_constant() -> None:
+    """Sigma 2 m and, at a lag of 1 s, the time constant, an autocorrelation of exp(-1)."""
+    slow = ("sensors.gnss.sigma_m=0", "sensors.gnss.slow_sigma_m=2", "sensors.gnss.slow_time_s=1")
+    made = drive("city", *slow)
+    data = made.sensors["gnss"]
+    error = (data.values[:, :2] - truth_at(made, data.stamp_ns)[:, :2]).T
+    assert error.std() == pytest.approx(2.0, rel=0.1)
+    lagged = np.mean([np.corrcoef(axis[:-10], axis[10:])[0, 1] for axis in error])
+    assert lagged == pytest.approx(np.exp(-1.0), abs=0.1)
