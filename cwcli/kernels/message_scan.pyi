@@ -5,18 +5,19 @@ DONE: int
 DAMAGED: int
 FULL: int
 
+class Messages:
+    n: int
+    channel_id: npt.NDArray[np.uint16]
+    sequence: npt.NDArray[np.uint32]
+    log_time_ns: npt.NDArray[np.int64]
+    publish_time_ns: npt.NDArray[np.int64]
+    payload_start: npt.NDArray[np.int64]
+    payload_end: npt.NDArray[np.int64]
+    def __init__(self, capacity: int) -> None: ...
+
 def scan_messages(
-    data: npt.NDArray[np.uint8],
-    start: int,
-    end: int,
-    is_wanted: npt.NDArray[np.uint8],
-    channel_id: npt.NDArray[np.uint16],
-    sequence: npt.NDArray[np.uint32],
-    log_time_ns: npt.NDArray[np.int64],
-    publish_time_ns: npt.NDArray[np.int64],
-    payload_start: npt.NDArray[np.int64],
-    payload_end: npt.NDArray[np.int64],
-) -> tuple[int, int, int]: ...
+    data: npt.NDArray[np.uint8], start: int, end: int, is_wanted: npt.NDArray[np.uint8], found: Messages
+) -> tuple[int, int]: ...
 def intern_spans(
     data: npt.NDArray[np.uint8],
     spans: npt.NDArray[np.int64],

@@ -3,6 +3,8 @@
 
 from libc.string cimport memcmp, memcpy
 
+import numpy as np
+
 cdef enum:
     OPCODE_MESSAGE = 5
     PREFIX_BYTES = 9
@@ -19,17 +21,27 @@ cdef inline unsigned long long u64(const unsigned char* at) noexcept nogil:
     return value
 
 
+cdef class Messages:
+    """Room for messages, and those that were noted.
+
+    Attributes:
+        n: How many were noted.
+        channel_id, sequence, log_time_ns, publish_time_ns, payload_start, payload_end: Shape (capacity,); the first n
+            count.
+    """
+
+    cdef readonly Py_ssize_t n
+    cdef readonly object channel_id, sequence, log_time_ns, publish_time_ns, payload_start, payload_end
+
+    def __init__(self, Py_ssize_t capacity):
+        self.n = 0
+        self.channel_id, self.sequence = np.empty(capacity, np.uint16), np.empty(capacity, np.uint32)
+        self.log_time_ns, self.publish_time_ns = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+        self.payload_start, self.payload_end = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+
+
 def scan_messages(
-    const unsigned char[::1] data,
-    Py_ssize_t start,
-    Py_ssize_t end,
-    const unsigned char[::1] is_wanted,
-    unsigned short[::1] channel_id,
-    unsigned int[::1] sequence,
-    long long[::1] log_time_ns,
-    long long[::1] publish_time_ns,
-    long long[::1] payload_start,
-    long long[::1] payload_end,
+    const unsigned char[::1] data, Py_ssize_t start, Py_ssize_t end, const unsigned char[::1] is_wanted, Messages found
 ):
     """Note the messages of wanted channels among the records in data[start:end].
 
@@ -37,11 +49,15 @@ def scan_messages(
         data: Records, one behind the other.
         start, end: Where to walk.
         is_wanted: Shape (65536,), by channel id.
-        channel_id, sequence, log_time_ns, publish_time_ns, payload_start, payload_end: Written, shape (capacity,).
+        found: Written from its beginning.
 
     Returns:
-        Number of messages noted, where the walk stopped, and DONE, DAMAGED (a record does not fit) or FULL.
+        Where the walk stopped, and DONE, DAMAGED (a record does not fit) or FULL.
     """
+    cdef unsigned short[::1] channel_id = found.channel_id
+    cdef unsigned int[::1] sequence = found.sequence
+    cdef long long[::1] log_time_ns = found.log_time_ns, publish_time_ns = found.publish_time_ns
+    cdef long long[::1] payload_start = found.payload_start, payload_end = found.payload_end
     cdef Py_ssize_t at = start, content, n = 0, capacity = channel_id.shape[0]
     cdef unsigned long long length
     cdef const unsigned char* p = &data[0] if data.shape[0] else NULL
@@ -74,7 +90,8 @@ def scan_messages(
                     payload_end[n] = content + <Py_ssize_t>length
                     n += 1
             at = content + <Py_ssize_t>length
-    return n, at, status
+    found.n = n
+    return at, status
 
 
 def intern_spans(

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import cdr as kernel
-from cwcli.logs.codecs.base import Outcome
 from cwcli.logs.codecs.cdr_program import MAX_ALIGN_V2, Leaf, Program, compile_program
+from cwcli.logs.codecs.decoder import Outcome
 from cwcli.logs.codecs.ros2msg import parse_definitions
 from cwcli.logs.codecs.slots import (
     BoolArray,

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import json_walk as kernel
-from cwcli.logs.codecs.base import Outcome
+from cwcli.logs.codecs.decoder import Outcome
 from cwcli.logs.codecs.json_columns import ARRAY, STRING, Elements, JsonSlot, Room, scalar
 from cwcli.logs.codecs.json_tree import Key, KeyTree, Tables
 from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity

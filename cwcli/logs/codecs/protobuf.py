@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.kernels import protobuf as kernel
-from cwcli.logs.codecs.base import Outcome
+from cwcli.logs.codecs.decoder import Outcome
 from cwcli.logs.codecs.protobuf_tables import Leaf, compile_tables, is_repeated
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.codecs.slots import (

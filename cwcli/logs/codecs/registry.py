@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from typing import Protocol
 
-from cwcli.logs.codecs.base import Decoder
+from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.ros2msg import SchemaError
 
 

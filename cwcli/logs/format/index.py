@@ -42,6 +42,7 @@ class Index:
             none.
         has_end: There is an end record, or a footer.
         cut_chunks: Starts of chunks that are cut off, or whose record has a wrong length.
+        is_listed: A whole summary lists it.
     """
 
     profile: str = ""
@@ -54,6 +55,7 @@ class Index:
     data_end: int | None = None
     has_end: bool = False
     cut_chunks: set[int] = field(default_factory=set)
+    is_listed: bool = False
 
     def items_of(self, kind: type[Kind]) -> list[Kind]:
         """The items of a kind, in file order."""

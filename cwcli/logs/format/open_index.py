@@ -53,6 +53,7 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Ind
     index = walk(file, start, faults, summary, recover=recover, define_all=True)
     if not index.has_end and not recover:
         raise _cut_short(file)
+    index.is_listed = summary is not None and is_complete(summary)
     index.profile, index.library, index.header_length = head
     return index
 

@@ -13,7 +13,7 @@ from cwcli.logs.codecs.protobuf import ProtobufDecoder
 from cwcli.logs.codecs.protobuf_tables import KINDS, is_repeated
 from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen
 from cwcli.logs.read.channels import ChannelInfo
-from cwcli.logs.write.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING
+from cwcli.logs.write.new_messages import MESSAGE_ENCODING, SCHEMA_ENCODING
 from cwcli.logs.write.protobuf_encoder import encode_columns
 from cwcli.logs.write.schemas import message_schema
 from cwcli.signals.columns import Columns, Field, OutputChannel, OutputField, Ragged, Strings, column_rows

@@ -12,7 +12,7 @@ MAX_ROWS = 20_000
 """Of the file, all topics together: of a longer log each stage decodes its own, and nothing of it stays in memory."""
 
 
-class Kept:
+class ColumnCache:
     """What is known of a log's topics; nobody changes columns that were handed out."""
 
     def __init__(self) -> None:

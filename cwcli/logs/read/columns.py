@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cwcli.errors import DataError, InputError
-from cwcli.logs.codecs.base import Decoder
+from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.registry import make_decoder
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.codecs.slots import Payloads

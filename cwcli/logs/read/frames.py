@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cwcli.errors import InputError
-from cwcli.logs.codecs.base import Decoder
+from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.ros2msg import short_name
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.read.columns import decoder_for, single_schema

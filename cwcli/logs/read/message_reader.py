@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.kernels.message_scan import DAMAGED, FULL, scan_messages
+from cwcli.kernels.message_scan import DAMAGED, FULL, Messages, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
 from cwcli.logs.format.chunks import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
 from cwcli.logs.format.faults import RECOVER_HINT, Faults
@@ -155,11 +155,12 @@ class MessageReader:
     def chunk_batches(self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]) -> Iterator[Batch]:
         """The messages in an opened chunk."""
         octets = np.frombuffer(payload, np.uint8)
+        is_wanted = wanted_ids(channel_ids)
         is_partial = chunk.chunk_start in self._index.cut_chunks
         at = 0
         noted: list[Batch] = []
         while at < len(octets):
-            batch, at, status = scan_records(octets, at, len(octets), channel_ids)
+            batch, at, status = scan_records(octets, at, len(octets), is_wanted)
             noted.append(batch)
             if status == DAMAGED:
                 if not is_partial:
@@ -180,10 +181,11 @@ class MessageReader:
     ) -> Iterator[tuple[tuple[int, int], Batch]]:
         """Start and end of one part after the other that holds messages, and these."""
         at, end = span
+        is_wanted = wanted_ids(channel_ids)
         size = LOOSE_BYTES
         while at < end:
             octets = np.frombuffer(self._file[at : min(at + size, end)], np.uint8)
-            batch, n_bytes, status = scan_records(octets, 0, len(octets), channel_ids)
+            batch, n_bytes, status = scan_records(octets, 0, len(octets), is_wanted)
             size = LOOSE_BYTES
             if len(batch):
                 self._check_data_crc()
@@ -325,19 +327,20 @@ def message_index(file: InputFile, chunk: ChunkIndex, channel_id: int) -> npt.ND
     return np.frombuffer(file[first:last], "<u8").reshape(-1, 2)
 
 
-def scan_records(octets: ByteArray, at: int, end: int, channel_ids: Collection[int]) -> tuple[Batch, int, int]:
-    """Up to a batch's worth of messages, where the walk stopped, and why."""
-    is_wanted = np.zeros(1 << 16, np.uint8)
-    is_wanted[list(channel_ids)] = 1
-    capacity = min((end - at) // MIN_MESSAGE_BYTES + 1, MAX_BATCH_MESSAGES)
-    channel_id, sequence = np.empty(capacity, np.uint16), np.empty(capacity, np.uint32)
-    log_time_ns, publish_time_ns, starts, ends = (np.empty(capacity, np.int64) for _ in range(4))
-    n, stop, status = scan_messages(
-        octets, at, end, is_wanted, channel_id, sequence, log_time_ns, publish_time_ns, starts, ends
-    )
+def scan_records(octets: ByteArray, at: int, end: int, is_wanted: ByteArray) -> tuple[Batch, int, int]:
+    """Up to a batch's worth of messages of wanted channels (`wanted_ids`), where the walk stopped, and why."""
+    found = Messages(min((end - at) // MIN_MESSAGE_BYTES + 1, MAX_BATCH_MESSAGES))
+    stop, status = scan_messages(octets, at, end, is_wanted, found)
+    n = found.n
     if status == FULL and not n:
         raise AssertionError("a batch has room for a message")
-    batch = Batch(
-        Payloads(octets, starts[:n], ends[:n]), channel_id[:n], sequence[:n], log_time_ns[:n], publish_time_ns[:n]
-    )
+    payloads = Payloads(octets, found.payload_start[:n], found.payload_end[:n])
+    batch = Batch(payloads, found.channel_id[:n], found.sequence[:n], found.log_time_ns[:n], found.publish_time_ns[:n])
     return batch, stop, status
+
+
+def wanted_ids(channel_ids: Collection[int]) -> ByteArray:
+    """Shape (65536,): 1 for these channels."""
+    is_wanted = np.zeros(1 << 16, np.uint8)
+    is_wanted[list(channel_ids)] = 1
+    return is_wanted

@@ -39,7 +39,7 @@ from cwcli.logs.format.records import (
     read_prefix,
 )
 from cwcli.logs.read.channels import ChannelInfo, channels_of
-from cwcli.logs.read.column_cache import Kept
+from cwcli.logs.read.column_cache import ColumnCache
 from cwcli.logs.read.source import open_source
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Log:
         self._verify = verify
         self._owner = owner
         self._reader: MessageReader | None = None if owner is None else owner._message_reader()
-        self._kept: Kept = Kept() if owner is None else owner._kept
+        self._kept: ColumnCache = ColumnCache() if owner is None else owner._kept
         self.recover = recover
         self.faults = faults
         self.added_channels = added_channels

@@ -17,8 +17,8 @@ from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import index_every_record
 from cwcli.logs.format.records import MetadataIndex
 from cwcli.logs.write.channel_ids import NewChannel, assign_ids
-from cwcli.logs.write.feeds import column_feed
 from cwcli.logs.write.message_merge import MessageMerge
+from cwcli.logs.write.new_messages import column_feed
 from cwcli.logs.write.profile import kept_profile
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import SourceCopy

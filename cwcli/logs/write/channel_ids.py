@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cwcli.errors import OutputError
 from cwcli.logs.format.index import Index
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.write.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING
+from cwcli.logs.write.new_messages import MESSAGE_ENCODING, SCHEMA_ENCODING
 from cwcli.logs.write.schemas import message_schema
 from cwcli.signals.columns import OutputChannel
 

@@ -39,7 +39,7 @@ from cwcli.logs.write.record_writer import RecordWriter
 MAX_TIME_NS = (1 << 63) - 1
 MAX_LOOSE_BYTES = 1 << 20
 """Of messages outside chunks that get a chunk of their own."""
-EVERY_CHANNEL = range(1 << 16)
+EVERY_CHANNEL = np.ones(1 << 16, np.uint8)
 
 Entries = dict[int, npt.NDArray[np.void]]
 """Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY`."""
@@ -48,12 +48,15 @@ Entries = dict[int, npt.NDArray[np.void]]
 class SourceCopy:
     """Copies the records of a source, all but those of replaced channels and metadata records.
 
+    A chunk of a file that no summary lists, and every chunk with `recover`, is opened and its CRC checked, and what is
+    wrong in its header or its indexes is written anew. Other chunks are copied as they are, with their CRC: whoever
+    reads a message of them checks it.
+
     Args:
         source: The open file.
         index: Every record of it.
         faults: Counts what is lost.
-        recover: Every chunk is opened and every CRC checked; what is damaged is left out, and what is wrong in a
-            chunk's header or its indexes is written anew.
+        recover: What is damaged is left out.
 
     Attributes:
         items: What will be copied, in file order.
@@ -82,7 +85,7 @@ class SourceCopy:
             if item.chunk_start in self._index.cut_chunks:
                 self._faults.bytes_lost += item.chunk_length
                 yield item
-            elif self._recover or not item.index_offsets:
+            elif self._recover or not item.index_offsets or not self._index.is_listed:
                 try:
                     yield self._inspected(item)
                 except (ChunkError, RecordError) as error:

@@ -13,8 +13,8 @@ import numpy as np
 import cwcli
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.write.byte_rows import ByteRows, join_rows
-from cwcli.logs.write.feeds import MESSAGE_ENCODING, SCHEMA_ENCODING, column_feed, row_feed
 from cwcli.logs.write.message_merge import Feed, MessageMerge
+from cwcli.logs.write.new_messages import MESSAGE_ENCODING, SCHEMA_ENCODING, column_feed, row_feed
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.schemas import message_schema
 from cwcli.output import open_output

@@ -8,18 +8,26 @@ import sys
 import tracemalloc
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 from cwcli.errors import InputError
+from cwcli.logs.format.chunks import CRC_AT
 from cwcli.logs.write.annotate import annotate
 from tests.unit.logs_write.builders import SourceStub, read_content, state_channel, write_log
 
 STATE = "/cwcli/ego/state"
+UNLISTED: dict[str, dict[str, Any]] = {
+    "no chunk index": {"index_types": IndexType.MESSAGE | IndexType.ATTACHMENT | IndexType.METADATA},
+    "no statistics": {"use_statistics": False},
+    "no channels in the summary": {"repeat_channels": False, "repeat_schemas": False},
+}
+"""Message indexes stand behind the chunks, and the summary leaves something out."""
 Rows = Mapping[str, list[tuple[str, int, int, int, bytes]]]
 
 
@@ -155,6 +163,19 @@ def test_a_chunk_that_holds_more_than_it_declares_is_not_unpacked(tmp_path: Path
     tracemalloc.stop()
     assert report.n_chunks_lost == 1
     assert peak_bytes < 8 << 20
+
+
+@pytest.mark.parametrize("options", UNLISTED.values(), ids=UNLISTED)
+def test_damaged_chunk_of_a_log_without_an_index_is_not_copied(tmp_path: Path, options: dict[str, Any]) -> None:
+    """Nobody has read the chunk: the copy must not be the first to pass it over."""
+    bad = chunk_indexes(write_log(tmp_path / "listed.mcap"))[3]
+    whole = write_log(tmp_path / "whole.mcap", **options)
+    assert annotate(SourceStub(whole), [], {}, tmp_path / "copy.mcap").n_messages_copied == 440
+    source = write_log(tmp_path / "in.mcap", **options)
+    flip(source, bad.chunk_start_offset + CRC_AT)
+    with pytest.raises(InputError, match=f"damaged at byte {bad.chunk_start_offset}: a chunk's CRC does not fit"):
+        annotate(SourceStub(source), [], {}, tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
 
 
 def test_damaged_message_index_is_written_anew(tmp_path: Path) -> None:
