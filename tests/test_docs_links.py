@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.recipes.house import GUIDE, recipes
+
 ROOT = Path(__file__).parents[1]
-PAGES = sorted({ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "sample_logs/README.md", *ROOT.glob("docs/**/*.md")})
+PAGES = sorted({*ROOT.glob("*.md"), ROOT / "sample_logs/README.md", *ROOT.glob("docs/**/*.md")})
 SOURCES = sorted(
     path for folder in ("cwcli", "tests") for path in (ROOT / folder).rglob("*.py*") if path.suffix != ".pyc"
 )
@@ -19,8 +21,11 @@ INDENTED = re.compile(r"^ {4}(.+)$", re.MULTILINE)
 CHECKOUT_PATH = re.compile(r"(?:cwcli|docs|papers|tests|schemas|sample_logs|\.ci)/[\w./*-]*\w(?![\w*{])")
 MODULE = re.compile(r"python3? -m ((?:cwcli|tests)[\w.]*)")
 PAGE_NAME = re.compile(r"docs/[\w/.-]+\.md")
-WRITTEN = {"cwcli/camera", "cwcli-demo"}
-"""Topics and folders of a run that look like paths."""
+WRITTEN = {
+    *("cwcli/camera", "cwcli-demo"),
+    *(step.path for recipe in recipes(GUIDE.read_text(encoding="utf-8")).values() for step in recipe.steps),
+}
+"""Topics and folders of a run that look like paths, and the files that the recipes make."""
 
 
 def links(page: Path) -> Iterator[str]:

@@ -1,0 +1,85 @@
+"""The recipes of the registries: what is added shows up wherever its kind does, works on a log, and obeys the laws."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from cwcli.logs.read.reader import Log
+from tests.recipes.conftest import Built
+from tests.recipes.house import SAMPLES
+from tests.unit.vision import lane_logs
+
+INTERSECTION = SAMPLES / "intersection.mcap"
+
+
+def spaced(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_a_measure_is_a_column_a_conflict_and_a_section_of_the_docs(built: Built, tmp_path: Path) -> None:
+    house = built("A measure")
+    house.run("run", INTERSECTION, "-o", "out.mcap", "--metrics-dir", "m", "--warn-conflict", "closing > 10")
+    (pair,) = pq.read_table(house.folder / "m" / "pairs.parquet").to_pylist()
+    assert 10.0 < pair["max_closing_mps"] < 19.0  # the cars drive 9 and 10 m/s
+    assert pq.read_table(house.folder / "m" / "conflicts.parquet").num_rows == 1
+    (house.folder / "p.toml").write_text('[warn]\nconflict = "closing > 10"\n')
+    assert 'conflict = "closing > 10"' in house.run("config", "p.toml")
+    house.run("report", "out.mcap", "-o", "out.html")
+    assert "the closing speed of the centres was above 10 m/s" in (house.folder / "out.html").read_text()
+    assert "## `closing`: closing speed of the centres" in house.write_docs()
+    house.obeys("test_measures.py", "closing")
+
+
+def test_a_rule_warns_and_stands_in_help_and_docs(built: Built) -> None:
+    house = built("A collision rule")
+    house.run("run", INTERSECTION, "-o", "out.mcap", "--warn-rule", "nearest")
+    with Log.open(house.folder / "out.mcap") as log:
+        assert log.columns("/cwcli/warnings").fields["rule"].values == ("nearest",)
+    line = "nearest: paths whose centres pass nearer than --distance."
+    assert line in spaced(house.run("warn", "--help"))
+    assert line in spaced(house.run("run", "--help"))
+    assert 'rule = "nearest"' in house.run("config", CWCLI_WARN_RULE="nearest")
+    assert "| `nearest` | paths whose centres pass nearer than --distance | 0.2 s |" in house.write_docs()
+    house.obeys("test_rules.py", "nearest")
+
+
+def test_a_motion_model_predicts_is_compared_and_stands_in_help_and_docs(built: Built) -> None:
+    house = built("A motion model")
+    arguments = ("--stage", "estimate,predict", "--predict-model", "cv-cya", "--json")
+    told = json.loads(house.run("run", INTERSECTION, "-o", "out.mcap", *arguments))
+    assert "cv-cya" in json.dumps(told["stages"]["predict"]["sections"])
+    with Log.open(house.folder / "out.mcap") as log:
+        columns = log.columns("/cwcli/ego/path")
+        assert columns.fields["model"].values == ("cv-cya",)
+        speed_mps = np.asarray(columns.fields["speed_mps"])
+    assert np.ptp(speed_mps, axis=1).max() == 0.0
+    assert "cv-cya: constant speed, constant yaw acceleration." in spaced(house.run("predict", "--help"))
+    assert 'model = "cv-cya"' in house.run("config", CWCLI_PREDICT_MODEL="cv-cya")
+    assert "| `cv-cya` | constant speed, constant yaw acceleration |  |  | yes | yes |" in house.write_docs()
+    house.obeys("test_motion_models.py", "cv-cya")
+
+
+def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) -> None:
+    house = built("A lane method")
+    frames = lane_logs.write_log(house.folder / "frames.mcap", lane_logs.road_frames(3))
+    house.run("run", frames, "-o", "out.mcap", "--lanes-method", "narrow")
+    with Log.open(house.folder / "out.mcap") as log:
+        found = log.columns("/cwcli/lanes").fields
+    assert np.all(found["left.found"]) and np.all(found["right.found"])
+    assert "narrow: as cwcli, on frames of at most 320 columns." in spaced(house.run("lanes", "--help"))
+    assert 'method = "narrow"' in house.run("config", CWCLI_LANES_METHOD="narrow")
+    assert "| `narrow` | as cwcli, on frames of at most 320 columns |" in house.write_docs()
+    house.obeys("test_lane_methods.py", "narrow")
+
+
+def test_a_command_runs_and_stands_in_help_and_docs(built: Built) -> None:
+    house = built("A command")
+    with Log.open(INTERSECTION) as log:
+        assert house.run("topics", INTERSECTION).split() == [channel.topic for channel in log.channels]
+    assert "topics Print the topics of a log." in spaced(house.run("--help"))
+    assert "cwcli topics drive.mcap" in house.run("topics", "--help")
+    assert "## cwcli topics\n" in house.write_docs()
