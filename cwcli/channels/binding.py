@@ -24,28 +24,11 @@ from cwcli.signals.inputs import input_for, inputs_of, normalise
 
 TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
 ROLE_TEXT: dict[str, str] = {
-    Role.EGO_POSITION: "the ego position",
-    Role.EGO_VELOCITY: "the ego velocity over ground",
-    Role.EGO_SPEED: "the ego speed",
-    Role.EGO_HEADING: "the ego heading",
-    Role.IMU: "the inertial measurements",
-    Role.EGO_STEER: "the ego steering angle",
-    Role.REMOTE: "the remote vehicles",
-    Role.CAMERA: "the camera",
-    Role.CAMERA_INFO: "the camera's calibration",
-    Role.TRUTH: "the truth",
-    Role.DETECTIONS: "detections of other road users",
-    Role.TARGET_TRUTH: "the targets' truth",
-    Role.LATERAL_TRUTH: "the truth of the lateral motion",
+    **{role: role.words for role in Role},
     **{role: channel.what for role, channel in OF_ROLE.items()},
 }
 ROLE_HINT: dict[str, str] = {
-    Role.EGO_POSITION: "a position is a NavSatFix, a LocationFix, an Odometry, or the ego's own V2X messages "
-    "(--ego-station ID)",
-    Role.EGO_SPEED: "a speed is a TwistStamped, a VelocityReport or the twist of an Odometry",
-    Role.REMOTE: "remote vehicles are read from BSM and CAM messages",
-    Role.DETECTIONS: "detections are a RadarScan, RadarTracks, a Detection3DArray, a SceneUpdate with cubes, or JSON "
-    "(docs/detections.md)",
+    **{role: role.hint for role in Role},
     **{role: f"run `cwcli {channel.stage} LOG -o annotated.mcap` first" for role, channel in OF_ROLE.items()},
 }
 FROM_CAMERA = (LANES, OBSERVER, OBSERVER_PATH)

@@ -4,14 +4,31 @@ Frames: `map` is local east-north-up; `body` is x forward, y left, z up (REP-103
 counter-clockwise from east.
 A value that the message does not carry is NaN. Variances that the message does not carry are NaN.
 Rows are sorted by `stamp_ns` and finite in their key fields once `signals.clocks` and the builders have run.
+Here stand the signals that several builders or stages share; that of one builder may stand beside it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
+
+
+class Signal(Protocol):
+    """What every signal is: from messages of one topic."""
+
+    @property
+    def source(self) -> str: ...
+
+
+class TimedSignal(Signal, Protocol):
+    """A signal with a time in each row, shape (n,)."""
+
+    @property
+    def stamp_ns(self) -> Int64Array: ...
+    @property
+    def log_time_ns(self) -> Int64Array: ...
 
 
 @dataclass(frozen=True)
@@ -285,18 +302,3 @@ class CameraInfoSignal:
     intrinsic: FloatArray
     rectification: FloatArray
     projection: FloatArray
-
-
-TimedSignal = (
-    PositionSignal
-    | PoseSignal
-    | VelocitySignal
-    | SpeedSignal
-    | HeadingSignal
-    | ImuSignal
-    | SteerSignal
-    | RemoteSignal
-    | DetectionSignal
-    | TargetTruthSignal
-)
-Signal = TimedSignal | CameraInfoSignal

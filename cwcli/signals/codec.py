@@ -15,24 +15,66 @@ if TYPE_CHECKING:  # binding channels to roles takes no numpy
 
 
 class Role(StrEnum):
-    """What an input channel is for. The value is the name in `--topic NAME=/topic`.
+    """What an input channel is for: its name in `--topic NAME=/topic`, and what else is said of it.
 
     The roles of the channels that cwcli itself publishes stand with them (`cwcli.channels.published`).
+
+    Attributes:
+        words: What such a channel holds, as messages say it.
+        signals: Where the signals are that can fill it: `module:Class` of this package. A twist's `frame_id` decides
+            between speed and velocity. None: a stage reads the channel itself.
+        hint: What can fill it, for who has nothing that does; or "".
     """
 
-    EGO_POSITION = "ego_position"
-    EGO_VELOCITY = "ego_velocity"
-    EGO_SPEED = "ego_speed"
-    EGO_HEADING = "ego_heading"
-    IMU = "imu"
-    EGO_STEER = "ego_steer"
-    REMOTE = "remote"
-    CAMERA = "camera"
-    CAMERA_INFO = "camera_info"
-    TRUTH = "truth"
-    DETECTIONS = "detections"
-    TARGET_TRUTH = "target_truth"
-    LATERAL_TRUTH = "lateral_truth"
+    words: str
+    signals: tuple[str, ...]
+    hint: str
+
+    def __new__(cls, name: str, words: str, signals: tuple[str, ...] = (), hint: str = "") -> Role:
+        """A role from its line."""
+        role = str.__new__(cls, name)
+        role._value_ = name
+        role.words, role.signals, role.hint = words, signals, hint
+        return role
+
+    EGO_POSITION = (
+        "ego_position",
+        "the ego position",
+        ("canonical:PositionSignal", "canonical:PoseSignal"),
+        "a position is a NavSatFix, a LocationFix, an Odometry, or the ego's own V2X messages (--ego-station ID)",
+    )
+    EGO_VELOCITY = (
+        "ego_velocity",
+        "the ego velocity over ground",
+        ("canonical:VelocitySignal", "canonical:SpeedSignal"),
+    )
+    EGO_SPEED = (
+        "ego_speed",
+        "the ego speed",
+        ("canonical:SpeedSignal", "canonical:VelocitySignal"),
+        "a speed is a TwistStamped, a VelocityReport or the twist of an Odometry",
+    )
+    EGO_HEADING = "ego_heading", "the ego heading", ("canonical:HeadingSignal",)
+    IMU = "imu", "the inertial measurements", ("canonical:ImuSignal",)
+    EGO_STEER = "ego_steer", "the ego steering angle", ("canonical:SteerSignal",)
+    REMOTE = (
+        "remote",
+        "the remote vehicles",
+        ("canonical:RemoteSignal",),
+        "remote vehicles are read from BSM and CAM messages",
+    )
+    CAMERA = "camera", "the camera"
+    CAMERA_INFO = "camera_info", "the camera's calibration", ("canonical:CameraInfoSignal",)
+    TRUTH = "truth", "the truth", ("canonical:PositionSignal", "canonical:PoseSignal")
+    DETECTIONS = (
+        "detections",
+        "detections of other road users",
+        ("canonical:DetectionSignal",),
+        "detections are a RadarScan, RadarTracks, a Detection3DArray, a SceneUpdate with cubes, or JSON "
+        "(docs/detections.md)",
+    )
+    TARGET_TRUTH = "target_truth", "the targets' truth", ("canonical:TargetTruthSignal",)
+    LATERAL_TRUTH = "lateral_truth", "the truth of the lateral motion"
 
 
 @dataclass(frozen=True)

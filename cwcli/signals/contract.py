@@ -6,38 +6,16 @@ from dataclasses import fields
 
 import numpy as np
 
-from cwcli.signals.canonical import (
-    CameraInfoSignal,
-    DetectionSignal,
-    HeadingSignal,
-    ImuSignal,
-    PoseSignal,
-    PositionSignal,
-    RemoteSignal,
-    Signal,
-    SpeedSignal,
-    SteerSignal,
-    TargetTruthSignal,
-    VelocitySignal,
-)
+from cwcli.registry import named
+from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal, Signal
 from cwcli.signals.codec import Reading, Role
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.quality import Quality
 
 KINDS: dict[Role, tuple[type[Signal], ...]] = {
-    Role.EGO_POSITION: (PositionSignal, PoseSignal),
-    Role.EGO_VELOCITY: (VelocitySignal, SpeedSignal),
-    Role.EGO_SPEED: (SpeedSignal, VelocitySignal),
-    Role.EGO_HEADING: (HeadingSignal,),
-    Role.IMU: (ImuSignal,),
-    Role.EGO_STEER: (SteerSignal,),
-    Role.REMOTE: (RemoteSignal,),
-    Role.CAMERA_INFO: (CameraInfoSignal,),
-    Role.TRUTH: (PositionSignal, PoseSignal),
-    Role.DETECTIONS: (DetectionSignal,),
-    Role.TARGET_TRUTH: (TargetTruthSignal,),
+    role: tuple(named(f"cwcli.signals.{place}") for place in role.signals) for role in Role if role.signals
 }
-"""Role -> the signals that can fill it; a twist's `frame_id` decides between speed and velocity."""
+"""Role -> the signals that can fill it."""
 
 
 def check_built(built: object, columns: Columns, reading: Reading) -> tuple[Signal, Quality]:

@@ -24,7 +24,7 @@ LINKED = (".so", ".pyc", ".mcap", ".png")
 """Big files that no recipe writes to are linked to, the others copied."""
 LEFT_OUT = shutil.ignore_patterns("*.c", "*.pyx", "*.pxd")
 _SECTION = re.compile(r"^### (?P<title>[^\n:]+): (?P<n>\d+) files\n(?P<text>.*?)(?=^##|\Z)", re.MULTILINE | re.DOTALL)
-_STEP = re.compile(r"^\d\. `(?P<path>[^`]+)`[^`]*?\n\n```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+_STEP = re.compile(r"^\d\. `(?P<path>[^`]+)`[^\n]*\n\n```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 class Step(NamedTuple):
