@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from cwcli.kernels import ekf
 from cwcli.signals.columns import FloatArray
@@ -32,6 +35,7 @@ class ModelParameters:
         reverse_mps: Faster reversing means that the heading is wrong by half a turn.
         accel_bias_walk: Random walk of the forward accelerometer's bias, m/s^2 per square root of a second.
         yaw_rate_bias_walk: Random walk of the gyroscope's bias, rad/s per square root of a second.
+        time_constant_s: Of the parameter states that fade to zero (Gauss-Markov), by their index; the others walk.
     """
 
     accel_decay_s: float = 10.0
@@ -47,9 +51,13 @@ class ModelParameters:
     reverse_mps: float = 4.0
     accel_bias_walk: float = 0.005
     yaw_rate_bias_walk: float = 1e-5
+    time_constant_s: Mapping[int, float] = field(default_factory=dict)
 
     def motion(self, walk: FloatArray) -> ekf.ProcessModel:
-        """Return the kernel's model; walk (n,): random walk variance per second of the parameter states."""
+        """Return the kernel's model; walk (n,): white noise behind the parameter states, variance per second."""
+        time_constant_s = np.zeros(len(walk))
+        for i, value in self.time_constant_s.items():
+            time_constant_s[i] = value
         jerk_rate, yaw_accel_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
         return ekf.ProcessModel.damped(
             {
@@ -66,4 +74,5 @@ class ModelParameters:
                 "reverse_speed": self.reverse_mps,
             },
             walk,
+            time_constant_s,
         )

@@ -22,8 +22,30 @@ MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first
 MAX_PIECES = 600  # of one gap: a longer one counts as a minute, or the covariance of a pause of hours would overflow
 RATE_PATIENCE = 2  # a spike of an inertial sensor lasts a sample or two; what lasts longer is a manoeuvre, and is used
 PATIENCE_S = 3.0
+MAX_PITCH_GAP_S = 0.2
 BEFORE_START = -1
 IntArray = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class PitchRate:
+    """The turn rate about the body's left axis.
+
+    Attributes:
+        time_s: Shape (n,), since the common epoch, sorted; corrected for the IMU's latency.
+        value_radps: Shape (n,): nose down positive.
+    """
+
+    time_s: FloatArray
+    value_radps: FloatArray
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Shape (m,): the rate at some times; where an IMU is silent for long it is taken as zero."""
+        value = np.interp(time_s, self.time_s, self.value_radps)
+        after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)
+        is_known = self.time_s[after] - self.time_s[after - 1] < MAX_PITCH_GAP_S
+        is_known &= (time_s >= self.time_s[0] - MAX_PITCH_GAP_S) & (time_s <= self.time_s[-1] + MAX_PITCH_GAP_S)
+        return np.asarray(np.where(is_known, value, 0.0))
 
 
 @dataclass(frozen=True)
@@ -38,6 +60,9 @@ class Series:
         noise_origin: "message", "log" or "default".
         latency_s: Subtracted from time_s.
         bias_state, latency_state: Index of the parameter state, or -1.
+        slow_state: Of its slow error (Gauss-Markov), or -1; a POSITION's are two, this one and the next.
+        scale_state, lever_state: Of a SPEED's scale (minus 1) and lever arm, or -1.
+        pitch_rate: What turns with the body while a SPEED's lever arm is not zero, or None.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
         floor: Least sigma of noise that is found from the log.
     """
@@ -51,6 +76,10 @@ class Series:
     latency_s: float = 0.0
     bias_state: int = -1
     latency_state: int = -1
+    slow_state: int = -1
+    scale_state: int = -1
+    lever_state: int = -1
+    pitch_rate: PitchRate | None = None
     gate_nis: float = 0.0
     floor: float = 0.0
 
@@ -234,12 +263,13 @@ def pass_input(
         orders[start_s] = order_of
     in_time, order = order_of.in_time, order_of.order
     series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
-    values = np.concatenate([s.values for s in series])[order] if len(order) else np.zeros((0, 2))
+    values = np.concatenate([_values(s) for s in series])[order] if len(order) else np.zeros((0, 2))
     noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
     sources = ekf.SourceTable(
         sensor=np.array([s.kind for s in series], np.int32),
-        bias_state=np.array([s.bias_state for s in series], np.int32),
-        latency_state=np.array([s.latency_state for s in series], np.int32),
+        parameters=np.array(
+            [(s.bias_state, s.slow_state, s.scale_state, s.lever_state, s.latency_state) for s in series], np.int32
+        ).reshape(-1, 5),
         gate_nis=np.array([s.gate_nis for s in series], np.float64),
         patience=order_of.patience,
     )
@@ -252,6 +282,13 @@ def pass_input(
         noise=noise,
     )
     return PassInput(events, sources, len(output_s), in_time, order)
+
+
+def _values(s: Series) -> FloatArray:
+    """Shape (n, 2): the values; beside a speed with a lever arm the pitch rate when it was measured."""
+    if s.pitch_rate is None or s.lever_state < 0:
+        return s.values
+    return np.column_stack([s.values[:, 0], s.pitch_rate.at(s.time_s - s.latency_s)])
 
 
 def unsmoothed_note(is_unsmoothed: npt.NDArray[np.bool_]) -> list[str]:

@@ -203,10 +203,12 @@ def filter_vectors(
         values=values[step, kind],
         noise=noise[kind],
     )
-    none = np.full(len(VECTOR_KINDS), -1, np.int32)
     sensor = np.array(VECTOR_KINDS, np.int32)
     sources = ekf.SourceTable(
-        sensor=sensor, bias_state=none, latency_state=none, gate_nis=np.zeros(len(sensor)), patience=-none
+        sensor=sensor,
+        parameters=np.full((len(sensor), 5), -1, np.int32),
+        gate_nis=np.zeros(len(sensor)),
+        patience=np.ones(len(sensor), np.int32),
     )
     motion = ekf.ProcessModel.song2016(process_noise(step_s) if q is None else q)
     result = ekf.run(events, sources, motion, np.array(z[0], dtype=np.float64), np.diag(variance), n, smooth=smooth)

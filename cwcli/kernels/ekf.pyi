@@ -41,12 +41,16 @@ class ProcessModel:
     """What the state does between measurements: a motion model with its numbers."""
 
     @staticmethod
-    def damped(numbers: DampedMotion, walk_noise: _F) -> ProcessModel:
+    def damped(numbers: DampedMotion, walk_noise: _F, time_constant_s: _F) -> ProcessModel:
         """Eight states and parameters, see `cwcli.estimation.model.ModelParameters`.
 
         Args:
             numbers: As the struct says.
-            walk_noise: (n,): random walk variance per second of the parameter states (first eight unused).
+            walk_noise: (n,): white noise behind the parameter states, variance per second (first eight unused).
+            time_constant_s: (n,): of parameters that fade to zero (Gauss-Markov); 0: it walks (first eight unused).
+
+        Raises:
+            ValueError: More than 24 states.
         """
 
     @staticmethod
@@ -61,22 +65,25 @@ class Events:
         first: (T + 1,): the updates of step k are first[k]..first[k + 1] - 1.
         out_row: (T,): row of the output that step k fills, or -1.
         source: (U,): index into the arrays of `SourceTable`.
-        values, noise: (U, 2), scalars in the first column, and (U, 3): r00, r01, r11.
+        values: (U, 2), scalars in the first column; beside a speed the pitch rate at its time, rad/s.
+        noise: (U, 3): r00, r01, r11.
     """
 
     def __init__(self, *, time_s: _F, first: _I, out_row: _I, source: _I, values: _F, noise: _F) -> None: ...
 
 class SourceTable:
-    """What the filter has to know of each of S sources, (S,) each.
+    """What the filter has to know of each of S sources, (S,) each if nothing else is said.
 
     Args:
         sensor: A `Sensor`.
-        bias_state, latency_state: Index of the parameter state; -1 = none.
+        parameters: (S, 5): indices of the states of its bias, slow error (a position's are two), scale, lever arm and
+            latency; -1 = none. A bias is for rates, a slow error for all but speeds and velocities, scale and lever arm
+            for speeds alone.
         gate_nis: Limit of the squared normalised innovation; <= 0 switches the gate off.
         patience: After so many gated updates in a row the next one is used.
     """
 
-    def __init__(self, *, sensor: _I, bias_state: _I, latency_state: _I, gate_nis: _F, patience: _I) -> None: ...
+    def __init__(self, *, sensor: _I, parameters: _I, gate_nis: _F, patience: _I) -> None: ...
 
 class Pass:
     """What a pass found.

@@ -2,7 +2,7 @@
 """Extended Kalman filter and smoother of one vehicle, over a whole log at once.
 
 State (first 8 of n): x, y, v, heading, a, yaw rate, jerk, yaw acceleration; behind them any number of slowly varying
-parameters (sensor biases, latencies) up to n = 16. The model SONG2016 has the first six (eq. 2, 6).
+parameters (sensor biases, latencies, ...) up to n = 24: random walks, or Gauss-Markov processes that fade. The model SONG2016 has the first six (eq. 2, 6).
 
 Measurements are applied one scalar at a time; a correlated pair is decorrelated first, which equals the joint update.
 The smoother is the modified Bryson-Frazier form (Bierman, 1973): it carries the adjoint lambda and its covariance
@@ -33,7 +33,7 @@ from cwcli.kernels.ekf_motion cimport (
     times_ft,
     turn_round,
 )
-from cwcli.kernels.ekf_sensors cimport count_slots, expect, inflate
+from cwcli.kernels.ekf_sensors cimport Parameters, count_slots, expect, inflate
 
 # The gate widens with the time since a source was last used: the model's errors grow over an outage in ways that
 # its covariance does not know of, and the first position after a tunnel must not be taken for an outlier.
@@ -48,7 +48,9 @@ cdef class ProcessModel:
     cdef Model model
 
     @staticmethod
-    def damped(DampedMotion numbers, const double[::1] walk_noise):
+    def damped(DampedMotion numbers, const double[::1] walk_noise, const double[::1] time_constant_s):
+        if walk_noise.shape[0] > NMAX:
+            raise ValueError(f"{walk_noise.shape[0]} states, more than {NMAX}")
         cdef ProcessModel motion = ProcessModel()
         cdef int i
         motion.model.kind = MotionModel.DAMPED
@@ -56,6 +58,10 @@ cdef class ProcessModel:
         motion.model.damped = numbers
         for i in range(N_MOTION, motion.model.n):
             motion.model.walk_noise[i] = walk_noise[i]
+            if time_constant_s[i] > 0.0:
+                motion.model.fading[motion.model.n_fading] = i
+                motion.model.fade_rate[motion.model.n_fading] = 1.0 / time_constant_s[i]
+                motion.model.n_fading += 1
         return motion
 
     @staticmethod
@@ -80,11 +86,12 @@ cdef class Events:
 
 
 cdef class SourceTable:
-    cdef const int[::1] sensor, bias_state, latency_state, patience
+    cdef const int[::1] sensor, patience
+    cdef const int[:, ::1] parameters
     cdef const double[::1] gate_nis
 
-    def __init__(self, *, sensor, bias_state, latency_state, gate_nis, patience):
-        self.sensor, self.bias_state, self.latency_state = sensor, bias_state, latency_state
+    def __init__(self, *, sensor, parameters, gate_nis, patience):
+        self.sensor, self.parameters = sensor, parameters
         self.gate_nis, self.patience = gate_nis, patience
 
 
@@ -126,8 +133,9 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
     cdef const double[::1] time_s = events.time_s, gate_nis = sources.gate_nis
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const double[:, ::1] values = events.values, noise = events.noise
-    cdef const int[::1] sensor = sources.sensor, bias_state = sources.bias_state
-    cdef const int[::1] latency_state = sources.latency_state, patience = sources.patience
+    cdef const int[::1] sensor = sources.sensor, patience = sources.patience
+    cdef const int[:, ::1] parameters = sources.parameters
+    cdef const Parameters* own
     cdef double[::1] state = result.last_state, yaw_decay = result.yaw_decay
     cdef double[:, ::1] covariance = result.last_covariance, nis = result.nis, out_x = result.state
     cdef double[:, :, ::1] out_p = result.covariance
@@ -169,8 +177,9 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                             p[j * NMAX + i] = p[i * NMAX + j]
             for u in range(first[k], first[k + 1]):
                 s = source[u]
-                width = expect(x, sensor[s], bias_state[s], latency_state[s], h, hx, idx)
-                m = count_slots(sensor[s], bias_state[s], latency_state[s])
+                own = <const Parameters*>&parameters[s, 0]
+                width = expect(x, sensor[s], own, values[u, 1], h, hx, idx)
+                m = count_slots(sensor[s], own)
                 for axis in range(width):
                     nu[axis] = values[u, axis] - h[axis]
                 if sensor[s] == Sensor.HEADING:
@@ -294,7 +303,9 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
     """Smooth what `forward` kept: state and covariance at the output rows become the smoothed ones."""
     cdef const double[::1] time_s = events.time_s, yaw_decay = result.yaw_decay
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
-    cdef const int[::1] sensor = sources.sensor, bias_state = sources.bias_state, latency_state = sources.latency_state
+    cdef const int[::1] sensor = sources.sensor
+    cdef const int[:, ::1] parameters = sources.parameters
+    cdef const Parameters* own
     cdef const signed char[::1] status = result.status, flip = result.flip
     cdef const double[:, ::1] x_post = result.x_post, gain = result.gain
     cdef const double[:, ::1] partials = result.partials, innovation = result.innovation
@@ -350,8 +361,9 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
                     continue
                 s = source[u]
                 # Only the indices are wanted here; the values were stored.
-                width = expect(&x_post[k, 0], sensor[s], bias_state[s], latency_state[s], h, hx, idx)
-                m = count_slots(sensor[s], bias_state[s], latency_state[s])
+                own = <const Parameters*>&parameters[s, 0]
+                width = expect(&x_post[k, 0], sensor[s], own, 0.0, h, hx, idx)
+                m = count_slots(sensor[s], own)
                 for axis in range(width - 1, -1, -1):
                     kg = &gain[2 * u + axis, 0]
                     hv = &partials[2 * u + axis, 0]

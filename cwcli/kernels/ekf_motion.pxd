@@ -1,13 +1,13 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the vehicle-state kernel: the motion model, its Jacobian and its noise."""
 
-from libc.math cimport M_PI, cos, sin
+from libc.math cimport M_PI, cos, exp, expm1, sin
 
 from cwcli.kernels.ekf cimport MotionModel
 
 cdef enum:
-    NMAX = 16  # states at most
-    NH = 5     # states that one measurement depends on at most
+    NMAX = 24  # states at most
+    NH = 7     # states that one measurement depends on at most
 
 # From N_MOTION on stand the slowly varying parameters. SONG2016 has the first six.
 cdef enum:
@@ -39,7 +39,10 @@ cdef struct Model:
     int kind                   # MotionModel
     int n                      # states
     DampedMotion damped
-    double walk_noise[NMAX]    # DAMPED: random walks of the parameters, per second
+    double walk_noise[NMAX]    # DAMPED: white noise behind each parameter, variance per second
+    int n_fading               # DAMPED: parameters that fade to zero (Gauss-Markov); the others walk
+    int fading[NMAX]           # their states
+    double fade_rate[NMAX]     # 1/s, of each of `fading`
     double step_noise[36]      # SONG2016: Q of a step
 
 
@@ -66,6 +69,9 @@ cdef struct Step:
     double f_wal
     double f_alw
     double f_alal
+    int n_fading
+    int fading[NMAX]
+    double keep[NMAX]          # what is left of each of `fading` after dt
 
 
 cdef inline void companion(double dt, double rate1, double rate2, double* out) noexcept nogil:
@@ -130,8 +136,14 @@ cdef inline void linearise(const double* x, double dt, double yaw_decay, const M
         f.xj = 0.0
         f.pw = 0.0
         f.pal = 0.0
+        f.n_fading = 0
         return
+    cdef int i
     if cached[0] != dt:
+        f.n_fading = model.n_fading
+        for i in range(model.n_fading):
+            f.fading[i] = model.fading[i]
+            f.keep[i] = exp(-model.fade_rate[i] * dt)
         companion(dt, model.damped.accel_rate, model.damped.jerk_rate, cached + 1)
         cached[0] = dt
         cached[13] = -1.0
@@ -164,6 +176,7 @@ cdef inline void linearise(const double* x, double dt, double yaw_decay, const M
 
 cdef inline void propagate(double* x, const Step* f) noexcept nogil:
     cdef double a, w
+    cdef int i
     x[X] += f.ds * f.c
     x[Y] += f.ds * f.s
     if f.kind == MotionModel.SONG2016:
@@ -178,11 +191,13 @@ cdef inline void propagate(double* x, const Step* f) noexcept nogil:
     x[JERK] = f.f_ja * a + f.f_jj * x[JERK]
     x[YAW_RATE] = f.f_ww * w + f.f_wal * x[YAW_ACCEL]
     x[YAW_ACCEL] = f.f_alw * w + f.f_alal * x[YAW_ACCEL]
+    for i in range(f.n_fading):
+        x[f.fading[i]] *= f.keep[i]
 
 
 cdef inline void times_f(double* p, const Step* f, int n, int row, int col) noexcept nogil:
     """p <- F p along the axis with stride `row`; `col` is the stride of the other axis."""
-    cdef int i
+    cdef int i, k
     cdef double v, h, a, w, j, al, ds, w_h
     cdef double* q
     for i in range(n):
@@ -210,11 +225,13 @@ cdef inline void times_f(double* p, const Step* f, int n, int row, int col) noex
             q[JERK * row] = f.f_ja * a + f.f_jj * j
             q[YAW_RATE * row] = f.f_ww * w + f.f_wal * al
             q[YAW_ACCEL * row] = f.f_alw * w + f.f_alal * al
+            for k in range(f.n_fading):
+                q[f.fading[k] * row] *= f.keep[k]
 
 
 cdef inline void times_ft(double* p, const Step* f, int n, int row, int col, int count) noexcept nogil:
     """p <- F' p along the axis with stride `row`, for `count` vectors `col` apart."""
-    cdef int i
+    cdef int i, k
     cdef double x, y, v, h, a, w, j, al, ds, w_h
     cdef double* q
     for i in range(count):
@@ -239,6 +256,8 @@ cdef inline void times_ft(double* p, const Step* f, int n, int row, int col, int
             q[JERK * row] = f.xj * ds + f.f_vj * v + f.f_aj * a + f.f_jj * j
             q[YAW_RATE * row] = f.pw * w_h + f.f_pw * h + f.f_ww * w + f.f_alw * al
             q[YAW_ACCEL * row] = f.pal * w_h + f.f_pal * h + f.f_wal * w + f.f_alal * al
+            for k in range(f.n_fading):
+                q[f.fading[k] * row] *= f.keep[k]
 
 
 cdef inline void add_sym(double* p, int i, int j, double v) noexcept nogil:
@@ -282,6 +301,10 @@ cdef inline void add_noise(double* p, const double* x, double dt, const Model* m
     add_sym(p, Y, Y, q)
     for i in range(N_MOTION, model.n):
         p[i * NMAX + i] += model.walk_noise[i] * dt
+    for j in range(model.n_fading):                       # what fading takes off again: q (1 - exp(-2 dt/T)) T/2 in all
+        i = model.fading[j]
+        q = 2.0 * model.fade_rate[j]
+        p[i * NMAX + i] += model.walk_noise[i] * (-expm1(-q * dt) / q - dt)
 
 
 cdef inline bint is_reversed(const double* x, const double* p, const Model* model) noexcept nogil:

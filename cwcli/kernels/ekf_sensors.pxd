@@ -9,30 +9,45 @@ from cwcli.kernels.ekf_motion cimport (
 )
 
 
-cdef inline int count_slots(int sensor, int bias, int lag) noexcept nogil:
+cdef struct Parameters:
+    # The states of a source's parameters, -1 = none. The rows of `SourceTable.parameters` have this order.
+    int bias
+    int slow       # slow error; of a position's y the next state
+    int scale      # minus 1
+    int lever      # lever arm, m
+    int latency
+
+
+cdef inline int count_slots(int sensor, const Parameters* own) noexcept nogil:
     """Number of Jacobian entries that `expect` fills per axis."""
-    if sensor == Sensor.POSITION or sensor == Sensor.VELOCITY:
-        return NH if lag >= 0 else 2
-    if lag >= 0:
-        return 4
-    return 2 if bias >= 0 else 1
+    if sensor == Sensor.POSITION:
+        return NH if own.latency >= 0 else (4 if own.slow >= 0 else 2)
+    if own.latency >= 0:
+        return 5
+    if sensor == Sensor.VELOCITY:
+        return 2
+    if own.slow >= 0 or own.lever >= 0:
+        return 3
+    return 2 if own.bias >= 0 or own.scale >= 0 else 1
 
 
-cdef inline int expect(const double* x, int sensor, int bias, int lag, double* h, double* hx, int* idx) noexcept nogil:
+cdef inline int expect(const double* x, int sensor, const Parameters* own, double pitch_rate, double* h, double* hx,
+                       int* idx) noexcept nogil:
     """Expected measurement h (1 or 2), its Jacobian hx (2 x NH) at the state indices idx. Returns the width.
 
     A latency state tau is the part of the latency that the stamps do not correct yet: z = h(x(t - tau)) to first order.
-    `count_slots` says how many slots are in use; the others are not touched.
+    A speed is (1 + scale) (v - lever pitch_rate): of a point that is the lever arm lower than the estimated one, while
+    the body turns nose down. `count_slots` says how many slots are in use; the others are not touched.
     """
-    cdef double c, s, u, th, tau = 0.0
+    cdef double c, s, u, th, k = 1.0, tau = 0.0
     cdef int i
-    cdef int m = count_slots(sensor, bias, lag)
+    cdef int m = count_slots(sensor, own)
     for i in range(m):
         hx[i] = 0.0
         hx[NH + i] = 0.0
         idx[i] = 0
-    if lag >= 0:
-        tau = x[lag]
+    if own.latency >= 0:
+        tau = x[own.latency]
     if sensor == Sensor.POSITION:
         idx[0] = X
         idx[1] = Y
@@ -40,21 +55,28 @@ cdef inline int expect(const double* x, int sensor, int bias, int lag, double* h
         hx[NH + 1] = 1.0
         h[0] = x[X]
         h[1] = x[Y]
-        if lag >= 0:
+        if own.slow >= 0:
+            idx[2] = own.slow
+            idx[3] = own.slow + 1
+            hx[2] = 1.0
+            hx[NH + 3] = 1.0
+            h[0] += x[own.slow]
+            h[1] += x[own.slow + 1]
+        if own.latency >= 0:
             c = cos(x[HEADING])
             s = sin(x[HEADING])
             u = x[SPEED]
-            idx[2] = SPEED
-            idx[3] = HEADING
-            idx[4] = lag
+            idx[4] = SPEED
+            idx[5] = HEADING
+            idx[6] = own.latency
             h[0] -= tau * u * c
             h[1] -= tau * u * s
-            hx[2] = -tau * c
-            hx[NH + 2] = -tau * s
-            hx[3] = tau * u * s
-            hx[NH + 3] = -tau * u * c
-            hx[4] = -u * c
-            hx[NH + 4] = -u * s
+            hx[4] = -tau * c
+            hx[NH + 4] = -tau * s
+            hx[5] = tau * u * s
+            hx[NH + 5] = -tau * u * c
+            hx[6] = -u * c
+            hx[NH + 6] = -u * s
         return 2
     if sensor == Sensor.VELOCITY:                         # over ground
         u = x[SPEED] - tau * x[ACCEL]
@@ -69,10 +91,10 @@ cdef inline int expect(const double* x, int sensor, int bias, int lag, double* h
         hx[NH] = s
         hx[1] = -u * s
         hx[NH + 1] = u * c
-        if lag >= 0:
+        if own.latency >= 0:
             idx[2] = ACCEL
             idx[3] = YAW_RATE
-            idx[4] = lag
+            idx[4] = own.latency
             hx[2] = -tau * c
             hx[NH + 2] = -tau * s
             hx[3] = tau * u * s
@@ -94,19 +116,32 @@ cdef inline int expect(const double* x, int sensor, int bias, int lag, double* h
     else:
         i = YAW_RATE
         r = YAW_ACCEL
+    u = x[i] - tau * x[r]
+    if own.lever >= 0:
+        u -= x[own.lever] * pitch_rate
+    if own.scale >= 0:
+        k += x[own.scale]
+        idx[1] = own.scale
+        hx[1] = u
     idx[0] = i
-    hx[0] = 1.0
-    h[0] = x[i]
-    if bias >= 0:
-        idx[1] = bias
+    hx[0] = k
+    h[0] = k * u
+    if own.bias >= 0:                                     # of a rate, which has no scale
+        idx[1] = own.bias
         hx[1] = 1.0
-        h[0] += x[bias]
-    if lag >= 0:
-        idx[2] = r
-        idx[3] = lag
-        hx[2] = -tau
-        hx[3] = -x[r]
-        h[0] -= tau * x[r]
+        h[0] += x[own.bias]
+    if own.lever >= 0:
+        idx[2] = own.lever
+        hx[2] = -k * pitch_rate
+    if own.slow >= 0:                                     # of anything but a speed
+        idx[2] = own.slow
+        hx[2] = 1.0
+        h[0] += x[own.slow]
+    if own.latency >= 0:
+        idx[3] = r
+        idx[4] = own.latency
+        hx[3] = -k * tau
+        hx[4] = -k * x[r]
     return 1
 
 

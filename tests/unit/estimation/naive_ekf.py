@@ -37,6 +37,8 @@ def transition(x: F, dt: float, p: ModelParameters, speed_squared: float) -> F:
     out[1] += distance * np.sin(mean_heading)
     out[[2, 4, 6]] = linear @ x[[2, 4, 6]]
     out[[3, 5, 7]] = turning @ x[[3, 5, 7]]
+    for i, time_constant_s in p.time_constant_s.items():
+        out[i] *= np.exp(-dt / time_constant_s)
     return out
 
 
@@ -61,21 +63,28 @@ def process_noise(x: F, variance_v: float, dt: float, p: ModelParameters, walk: 
     q[1, 1] += p.side_slip_m**2 * moving * dt
     q[3, 3] += p.course_rad**2 * moving * dt
     for i in range(8, n):
-        q[i, i] += walk[i] * dt
+        t = p.time_constant_s.get(i)
+        q[i, i] += walk[i] * dt if t is None else walk[i] * t / 2 * (1 - np.exp(-2 * dt / t))
     return q
 
 
-def expected(x: F, s: Series) -> F:
-    """h(x), shape (width,)."""
+def expected(x: F, s: Series, row: int) -> F:
+    """h(x) of a row, shape (width,)."""
     tau = x[s.latency_state] if s.latency_state >= 0 else 0.0
     if s.kind is Kind.POSITION:
-        return np.array([x[0] - tau * x[2] * np.cos(x[3]), x[1] - tau * x[2] * np.sin(x[3])])
+        slow = x[s.slow_state : s.slow_state + 2] if s.slow_state >= 0 else 0.0
+        return np.array([x[0] - tau * x[2] * np.cos(x[3]), x[1] - tau * x[2] * np.sin(x[3])]) + slow
     if s.kind is Kind.VELOCITY:
         speed, heading = x[2] - tau * x[4], x[3] - tau * x[5]
         return np.array([speed * np.cos(heading), speed * np.sin(heading)])
     state, rate = {Kind.SPEED: (2, 4), Kind.HEADING: (3, 5), Kind.ACCEL: (4, 6), Kind.YAW_RATE: (5, 7)}[s.kind]
-    bias = x[s.bias_state] if s.bias_state >= 0 else 0.0
-    return np.array([x[state] + bias - tau * x[rate]])
+    bias = (x[s.bias_state] if s.bias_state >= 0 else 0.0) + (x[s.slow_state] if s.slow_state >= 0 else 0.0)
+    lever = 0.0
+    if s.pitch_rate is not None and s.lever_state >= 0:
+        when = s.time_s[row] - s.latency_s
+        lever = x[s.lever_state] * np.interp(when, s.pitch_rate.time_s, s.pitch_rate.value_radps)
+    scale = 1.0 + (x[s.scale_state] if s.scale_state >= 0 else 0.0)
+    return np.array([scale * (x[state] - lever - tau * x[rate]) + bias])
 
 
 def jacobian(function, x: F, step: float = 1e-6) -> F:  # type: ignore[no-untyped-def]
@@ -131,9 +140,9 @@ def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, out
             outputs[i] = len(steps) - 1
             continue
         s = series[k]
-        h = jacobian(lambda v, s=s: expected(v, s), x)
+        h = jacobian(lambda v, s=s, i=i: expected(v, s, i), x)
         r = np.array([[s.noise[i, 0], s.noise[i, 1]], [s.noise[i, 1], s.noise[i, 2]]])[: s.width, : s.width]
-        nu = s.values[i, : s.width] - expected(x, s)
+        nu = s.values[i, : s.width] - expected(x, s, i)
         if s.kind is Kind.HEADING:
             nu = np.angle(np.exp(1j * nu))
         big_s = h @ cov @ h.T + r

@@ -10,7 +10,7 @@ from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, rts_smoother
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import Series, Start, run_pass
+from cwcli.estimation.passes import PitchRate, Series, Start, run_pass
 from cwcli.estimation.song2016 import filter_vectors, process_noise
 from tests.unit.estimation import naive_ekf
 
@@ -25,7 +25,7 @@ def series_of(kind: Kind, time: np.ndarray, values: np.ndarray, noise: tuple[flo
 
 
 def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
-    """A bend with every kind of measurement, biases, a latency state and a gap; 12 states."""
+    """A bend with every kind of measurement, parameters of every kind and a gap; 18 states."""
     rng = np.random.default_rng(seed)
     t = np.sort(rng.uniform(0.0, 4.0, 25))
     t = t[(t < 2.0) | (t > 2.7)]
@@ -34,18 +34,32 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
     xy = np.stack([8 * t, 3 * t], axis=1) + rng.normal(0, 0.5, (n, 2))
     uv = np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1) + rng.normal(0, 0.2, (n, 2))
     series = [
-        series_of(Kind.POSITION, t, xy, (0.3, 0.1, 0.4), latency_s=0.05, latency_state=10),
+        series_of(Kind.POSITION, t, xy, (0.3, 0.1, 0.4), latency_s=0.05, latency_state=10, slow_state=12),
         series_of(Kind.VELOCITY, t + 0.013, uv, (0.05, -0.01, 0.04), latency_state=11),
-        series_of(Kind.SPEED, t + 0.02, (speed + rng.normal(0, 0.3, n))[:, None], (0.09, 0, 0)),
+        series_of(
+            Kind.SPEED,
+            t + 0.02,
+            (speed + rng.normal(0, 0.3, n))[:, None],
+            (0.09, 0, 0),
+            latency_s=0.01,
+            latency_state=17,
+            scale_state=15,
+            lever_state=16,
+            pitch_rate=PitchRate(np.linspace(-0.1, 5, 100), rng.normal(0, 0.5, 100)),
+        ),
         series_of(Kind.HEADING, t, (heading + 2 * np.pi)[:, None], (0.001, 0, 0)),
-        series_of(Kind.ACCEL, t + 0.031, (1.2 + rng.normal(0, 0.1, n))[:, None], (0.01, 0, 0), bias_state=8),
+        series_of(
+            Kind.ACCEL, t + 0.031, (1.2 + rng.normal(0, 0.1, n))[:, None], (0.01, 0, 0), bias_state=8, slow_state=14
+        ),
         series_of(Kind.YAW_RATE, t + 0.031, (0.21 + rng.normal(0, 0.01, n))[:, None], (1e-4, 0, 0), bias_state=9),
     ]
-    state = np.zeros(12)
+    state = np.zeros(18)
     state[2:4] = 7.5, 0.35
-    sigma = np.array([1, 1, 1, 0.2, 1, 0.1, 1, 0.1, 0.5, 0.01, 0.1, 0.1])
-    walk = np.zeros(12)
+    state[12:] = 0.1, -0.2, 0.1, 0.02, 0.5, 0.03
+    sigma = np.array([1, 1, 1, 0.2, 1, 0.1, 1, 0.1, 0.5, 0.01, 0.1, 0.1, 1, 1, 0.3, 0.05, 1, 0.1])
+    walk = np.zeros(18)
     walk[8:10] = 1e-4, 1e-8
+    walk[12:15] = 0.5, 0.5, 0.1
     return series, Start(0.0, state, np.diag(sigma**2)), walk
 
 
@@ -53,7 +67,7 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
 def test_pass_equals_twin_on_mixed_sensors(seed: int) -> None:
     series, start, walk = mixed_series(seed)
     output = np.linspace(0.0, 4.2, 23)
-    parameters = ModelParameters()
+    parameters = ModelParameters(time_constant_s={12: 2.0, 13: 2.0, 14: 0.7})
     naive = naive_ekf.run(series, start, parameters, walk, output)
     filtered = run_pass(series, start, parameters.motion(walk), output, smooth=False, reset_after=10)
     smoothed = run_pass(series, start, parameters.motion(walk), output, smooth=True, reset_after=10)
