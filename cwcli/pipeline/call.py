@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from cwcli.pipeline.result import StageResult
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Selection:
-    """What a run uses of one log.
+    """What a run uses of one log; the configuration of a stage is one with settings.
 
     Attributes:
         topics: Role -> topic, the user's choices.
@@ -26,6 +26,11 @@ class Selection:
     topics: Mapping[str, str] = field(default_factory=dict)
     start_ns: int | None = None
     end_ns: int | None = None
+
+    def holds(self, log_time_ns: int) -> bool:
+        """Whether a message of this log time is used."""
+        after_start = self.start_ns is None or log_time_ns >= self.start_ns
+        return after_start and (self.end_ns is None or log_time_ns < self.end_ns)
 
 
 Call = Callable[["Log", Selection], "StageResult"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -9,24 +10,25 @@ from typing import Annotated
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.control_step import write_replays
+from cwcli.channels.control_step import ReplayedSteps, write_replays
 from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
-from cwcli.control.encounter import RecordedTrack, ReplaySpan, replay_warning
-from cwcli.control.replayed import Replayed, control_table, series_table
-from cwcli.errors import DataError, UsageError
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.control.encounter import POLICIES, RecordedTrack, ReplaySpan, replay_warning
+from cwcli.control.replayed import Replayed, control_table, record_of, series_table
+from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import Record, configuration_of, map_of, run_records
-from cwcli.pipeline.result import InputCount, StageResult, Summary
+from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.columns import OutputChannel
-from cwcli.stages.predict import MAX_MESSAGE_AGE_S
-from cwcli.stages.summaries.control import published_steps, sections
-from cwcli.stages.warn import vehicle_tracks
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.inputs.sources import read_bound
+from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, chosen_states, only_ego, vehicle_tracks
 from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import DEFAULT_RULE, RULES
@@ -43,7 +45,7 @@ MIN_SPAN_S = 0.1
 
 
 @dataclass(frozen=True)
-class ControlConfig:
+class ControlConfig(Selection):
     """Settings of the stage.
 
     Attributes:
@@ -52,8 +54,6 @@ class ControlConfig:
             else the default one.
         horizon_s, distance_m: Of the rule, as in `WarningConfig`.
         span: How much of the drive is replayed after each warning.
-        topics: Role -> topic, the user's choices.
-        start_ns, end_ns: Only states logged in this span are used.
     """
 
     predictor: Annotated[
@@ -83,9 +83,6 @@ class ControlConfig:
         float, Option("--distance", "The rule's collision distance between centres.", metavar="METRES")
     ] = WarningConfig.distance_m
     span: ReplaySpan = field(default_factory=ReplaySpan)
-    topics: Mapping[str, str] = field(default_factory=dict)
-    start_ns: int | None = None
-    end_ns: int | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a log.
@@ -133,39 +130,31 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         where=log.name,
         command="control",
     )
-    topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
-    columns = log.load(dict.fromkeys(topics.values()))
+    columns = read_bound(log, bound)
     inputs: list[InputCount] = []
     tracks: dict[str, list[VehicleTrack]] = {}
     for role in (EGO_STATE.role, REMOTE_STATE.role):
-        everything = read_states(columns[topics[role]])
-        states = everything.logged_within(config.start_ns, config.end_ns)
-        inputs.append(InputCount(topics[role], role, len(everything), len(states)))
-        if role == EGO_STATE.role:
-            require_ego(states, log_name=log.name, topic=topics[role])
+        states, count = chosen_states(log, columns[role], role, config)
+        inputs.append(count)
         is_other = role == REMOTE_STATE.role
-        uses_onset = is_other and RULES[rule.rule].uses_onset
         paths = _predicted(model, states, rule.horizon_s + (MAX_MESSAGE_AGE_S if is_other else 0.0))
-        tracks[role] = vehicle_tracks(states, paths, with_onset=uses_onset)
-    if len(tracks[EGO_STATE.role]) != 1:
-        raise DataError(
-            f"expected the states of one ego, found {len(tracks[EGO_STATE.role])}", where=topics[EGO_STATE.role]
-        )
-    (host,), others = tracks[EGO_STATE.role], tracks[REMOTE_STATE.role]
+        tracks[role] = vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
+    host = only_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
+    others = tracks[REMOTE_STATE.role]
     events = evaluate(host, others, rule).events.records()
     replayed, notes = _replays(host, others, events, config.span)
     if not events:
         notes.append(f"no warning arises (predictor {model}, rule {rule.rule}): nothing is braked")
     notes += _about_states(run_records(log).get("estimate", {}))
     summary = Summary(
-        "control", sections(replayed, log.start_ns, model, rule.rule), tuple(inputs), (*bound.notes, *notes)
+        "control", _sections(replayed, log.start_ns, model, rule.rule), tuple(inputs), (*bound.notes, *notes)
     )
     tables = (control_table(replayed, model, rule.rule), series_table(replayed))
     channels: tuple[OutputChannel, ...] = ()
     if replayed:
         local_map = map_of(run_records(log).get("estimate", {}))
         size_m = (host.length_m, host.width_m)
-        channels = write_replays(published_steps(replayed), host_size_m=size_m, local_map=local_map)
+        channels = write_replays(_published(replayed), host_size_m=size_m, local_map=local_map)
     return StageResult(
         "control",
         channels,
@@ -235,3 +224,75 @@ def _about_states(record: Record) -> list[str]:
     if not isinstance(estimator, dict) or estimator.get("causal", True):
         return []
     return ["the states are smoothed: they know a little of what comes (`cwcli estimate --causal`)"]
+
+
+def _published(replayed: Sequence[Replayed]) -> list[ReplayedSteps]:
+    """Of each replay the published steps that are later than all of the one before.
+
+    The replays do not overlap in time but for the seconds before a warning, which only the first one tells.
+    """
+    last_ns, steps = -1, []
+    for one in replayed:
+        rows = one.published_rows
+        rows = rows[one.stamps_ns[rows] > last_ns]
+        last_ns = int(one.stamps_ns[rows[-1]])
+        policies = range(len(POLICIES))
+        steps.append(
+            ReplayedSteps(
+                one.event_id,
+                one.other_id,
+                one.stamps_ns[rows],
+                tuple(one.states(policy)[rows] for policy in policies),
+                tuple(one.series(policy, rows) for policy in policies),
+            )
+        )
+    return steps
+
+
+def _sections(replayed: Sequence[Replayed], start_ns: int, predictor: str, rule: str) -> tuple[Section, ...]:
+    """The warnings, and what each policy makes of them."""
+    warnings: list[tuple[Cell, ...]] = []
+    outcomes: list[tuple[Cell, ...]] = []
+    for one in replayed:
+        encounter = one.encounter
+        for policy, name in enumerate(POLICIES):
+            record = record_of(one, policy, predictor, rule)
+            if policy == 0:
+                at_s = (one.warning_ns - start_ns) / NS_PER_S
+                warnings.append(
+                    (one.event_id, one.other_id, at_s, record["warning_distance_m"], record["warning_speed_mps"])
+                )
+            stopped_s = float(encounter.stopped_time_s[policy])
+            outcomes.append(
+                (
+                    one.event_id,
+                    name,
+                    "yes" if record["collided"] else "no",
+                    record["impact_speed_mps"] if record["collided"] else None,
+                    record["min_distance_m"],
+                    record["min_gap_m"],
+                    record["peak_deceleration_mps2"],
+                    record["peak_jerk_mps3"],
+                    None if math.isnan(stopped_s) else stopped_s,
+                )
+            )
+    columns = (
+        "event",
+        "policy",
+        "hit",
+        "at [m/s]",
+        "least [m]",
+        "gap [m]",
+        "decel [m/s^2]",
+        "jerk [m/s^3]",
+        "stop [s]",
+    )
+    return (
+        Section(
+            "warnings",
+            f"Warnings (predictor {predictor}, rule {rule}; times from the log's start)",
+            ("event", "vehicle", "at [s]", "distance [m]", "speed [m/s]"),
+            tuple(warnings),
+        ),
+        Section("control", "What would have come of them", columns, tuple(outcomes)),
+    )

@@ -21,6 +21,7 @@ from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.option import Option
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.clocks import NO_STAMP
@@ -57,7 +58,7 @@ Rows = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class LanesConfig:
+class LanesConfig(Selection):
     """Settings of the stage.
 
     Attributes:
@@ -67,8 +68,6 @@ class LanesConfig:
         mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.
         field_of_view_rad: Horizontal, for a log without calibration; None: the stated default.
         render: Topic for the frames with the lines burnt in, or None.
-        topics: Role -> topic, the user's choices.
-        start_ns, end_ns: Only frames logged in this span are used.
     """
 
     method: Annotated[str, Option("--method", "{choices}", metavar="NAME", choices="cwcli.vision.methods:METHODS")] = (
@@ -93,9 +92,6 @@ class LanesConfig:
             parse=math.radians,
         ),
     ] = None
-    topics: Mapping[str, str] = field(default_factory=dict)
-    start_ns: int | None = None
-    end_ns: int | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a log.
@@ -146,7 +142,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         where=f"{log.name}: {topic}",
     )
     for decoded in images:
-        if _is_within(decoded.log_time_ns, config):
+        if config.holds(decoded.log_time_ns):
             run.take(decoded)
     if not run.n_used:
         raise _nothing_usable(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
@@ -211,15 +207,10 @@ def _prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[Deco
     return prepare
 
 
-def _is_within(log_time_ns: int, config: LanesConfig) -> bool:
-    after_start = config.start_ns is None or log_time_ns >= config.start_ns
-    return after_start and (config.end_ns is None or log_time_ns < config.end_ns)
-
-
 def _frames(log: Log, topic: str, config: LanesConfig) -> Iterator[Frame]:
     """The frames of the span; video from its beginning, because later pictures are made from earlier ones."""
     for frame in log.frames(topic):
-        if _is_within(frame.log_time_ns, config):
+        if config.holds(frame.log_time_ns):
             yield frame
         elif config.end_ns is not None and frame.log_time_ns >= config.end_ns:
             return

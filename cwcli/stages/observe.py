@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -20,14 +19,14 @@ from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_entry
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns
-from cwcli.stages.inputs.lane_samples import lane_samples
-from cwcli.stages.inputs.lateral_sensors import Inputs, inputs_of
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.observer import Inputs, inputs_of, lane_samples
+from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.summaries.observe import observer_section, observer_table
 
 FIELDS: dict[str, tuple[str, ...]] = {LANES.role: PREVIEW_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
@@ -40,7 +39,7 @@ SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
 @dataclass(frozen=True)
-class ObserveConfig:
+class ObserveConfig(Selection):
     """Settings of the stage.
 
     Attributes:
@@ -49,8 +48,6 @@ class ObserveConfig:
         observer: Method and its options; the preview distance is that of the lanes.
         use_gyro: Fuse a measured yaw rate, if the log has one.
         use_steer: Use a measured steering angle, if the log has one.
-        topics: Role -> topic, the user's choices.
-        start_ns, end_ns: Only messages logged in this span are used.
     """
 
     vehicle: Annotated[
@@ -71,9 +68,6 @@ class ObserveConfig:
     use_steer: Annotated[
         bool, Option("--steering/--no-steering", "Use the measured steering angle, if there is one.")
     ] = True
-    topics: Mapping[str, str] = field(default_factory=dict)
-    start_ns: int | None = None
-    end_ns: int | None = None
 
     def __post_init__(self) -> None:
         """Read the car's file: who runs the stage may be another machine.
@@ -127,21 +121,15 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     )
     sources = read_sources(
         log,
-        SourceConfig(topics=config.topics, start_ns=config.start_ns, end_ns=config.end_ns),
+        config,
         command="observe",
-        required=(),
         optional=SENSORS,
-        also={bindings[0].topic: FIELDS.get(role) for role, bindings in own.by_role.items()},
+        also=own,
+        fields=FIELDS,
     )
-    lanes_topic = own.by_role[LANES.role][0].topic
-    lanes = lane_samples(sources.columns[lanes_topic], where=log.name)
-    state_topic = own.topic(EGO_STATE.role)
-    inputs = inputs_of(
-        sources,
-        None if state_topic is None else sources.columns[state_topic],
-        use_gyro=config.use_gyro,
-        use_steer=config.use_steer,
-    )
+    lanes = lane_samples(sources.columns[LANES.role], where=log.name)
+    ego_state = sources.columns.get(EGO_STATE.role)
+    inputs = inputs_of(sources, ego_state, use_gyro=config.use_gyro, use_steer=config.use_steer)
     if inputs.speed is None:
         raise _no_speed(log, config)
     vehicle = config.car or load_vehicle()
@@ -167,14 +155,13 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         notes=_notes(own, inputs, track, vehicle, config),
     )
     record = run_record("observe", log, config, summary, **vehicle_entry(vehicle))
-    truth_topic = own.topic(Role.LATERAL_TRUTH)
     return StageResult(
         "observe",
         (write_observed(Observed(lanes.log_time_ns, track, lanes.preview_m)),),
         {table.name: table},
         summary,
         record,
-        made=Made(track, None if truth_topic is None else sources.columns[truth_topic]),
+        made=Made(track, sources.columns.get(Role.LATERAL_TRUTH)),
     )
 
 

@@ -2,42 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 from cwcli.channels.binding import bind
 from cwcli.channels.path_scene import write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
+from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import Discretisation, check_request
 from cwcli.signals.columns import OutputChannel
+from cwcli.stages.inputs.sources import read_bound
+from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, chosen_states
 
 EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
     "cwcli estimate drive.mcap -o - | cwcli predict - -o predicted.mcap",
 )
-MAX_MESSAGE_AGE_S = 1.0
-"""How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
 
 
 @dataclass(frozen=True)
-class PredictConfig:
+class PredictConfig(Selection):
     """Settings of the stage.
 
     Attributes:
         model: A key of `prediction.MODELS`.
         horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
         discretisation: "exact", or "paper" for song2016's recursion.
-        topics: Role -> topic, the user's choices.
-        start_ns, end_ns: Only states logged in this span are used.
     """
 
     model: Annotated[str, Option("--model", "{choices}", metavar="NAME", choices="cwcli.prediction.models:MODELS")] = (
@@ -49,9 +47,6 @@ class PredictConfig:
         Discretisation,
         Option("--discretisation", "Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
     ] = "exact"
-    topics: Mapping[str, str] = field(default_factory=dict)
-    start_ns: int | None = None
-    end_ns: int | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a log.
@@ -79,8 +74,7 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
         where=log.name,
         command="predict",
     )
-    topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
-    columns = log.load(dict.fromkeys(topics.values()))
+    columns = read_bound(log, bound)
     channels: list[OutputChannel] = []
     predicted: list[PredictedPaths] = []
     made: list[VehicleStates] = []
@@ -89,13 +83,10 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
         (EGO_STATE.role, EGO_PATH, 0.0),
         (REMOTE_STATE.role, REMOTE_PATH, MAX_MESSAGE_AGE_S),
     ):
-        if role not in topics:
+        if role not in columns:
             continue
-        everything = read_states(columns[topics[role]])
-        states = everything.logged_within(config.start_ns, config.end_ns)
-        if role == EGO_STATE.role:
-            require_ego(states, log_name=log.name, topic=topics[role])
-        inputs.append(InputCount(topics[role], role, len(everything), len(states)))
+        states, count = chosen_states(log, columns[role], role, config)
+        inputs.append(count)
         paths = predict_vehicles(
             config.model,
             states.ids.codes,

@@ -7,7 +7,7 @@ the observed motion is added up from where the car was, and pointed, at its firs
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -25,6 +25,7 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
@@ -37,7 +38,7 @@ from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, constant_strings
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.camera import camera_of_lanes
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.sources import read_sources
 from cwcli.vision.frames import DecodedFrame, decode_frames
 
 EXAMPLES = (
@@ -53,7 +54,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class PredictLaneConfig:
+class PredictLaneConfig(Selection):
     """Settings of the stage.
 
     Attributes:
@@ -61,8 +62,6 @@ class PredictLaneConfig:
         horizon_s, step_s: Of the published paths.
         calibrate: Scale the uncertainty by the record itself.
         render: Topic for the camera's frames with the path burnt in, or None.
-        topics: Role -> topic, the user's choices.
-        start_ns, end_ns: Only frames logged in this span are used.
     """
 
     model: Annotated[
@@ -89,9 +88,6 @@ class PredictLaneConfig:
             metavar="/TOPIC",
         ),
     ] = None
-    topics: Mapping[str, str] = field(default_factory=dict)
-    start_ns: int | None = None
-    end_ns: int | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a log.
@@ -183,23 +179,15 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
         where=log.name,
         command="predict-lane",
     )
-    sources = read_sources(
-        log,
-        SourceConfig(topics=config.topics, start_ns=config.start_ns, end_ns=config.end_ns),
-        command="predict-lane",
-        required=(),
-        optional=(Role.TRUTH,),
-        also={bindings[0].topic: None for bindings in own.by_role.values()},
-    )
-    topic = own.by_role[OBSERVER.role][0].topic
-    observed = read_observed(sources.columns[topic])
+    sources = read_sources(log, config, command="predict-lane", optional=(Role.TRUTH,), also=own)
+    topic = sources.columns[OBSERVER.role].topic
+    observed = read_observed(sources.columns[OBSERVER.role])
     has_state = np.isfinite(observed.track.state[:, 0])
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
     vehicle, notes = vehicle_of(log)
     body = BodyPaths.of(observed, vehicle, config.path, calibrate=config.calibrate)
-    state_topic = own.topic(EGO_STATE.role)
-    columns = None if state_topic is None else sources.columns[state_topic]
+    columns = sources.columns.get(EGO_STATE.role)
     in_map = None
     if columns is not None and len(columns):
         states = read_states(columns).by_stamp()
@@ -230,9 +218,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
         ),
     )
     record = run_record("predict-lane", log, config, summary)
-    lateral_topic = own.topic(Role.LATERAL_TRUTH)
-    lateral = None if lateral_topic is None else sources.columns[lateral_topic]
-    made = Made(body, poses, sources.by_role.get(Role.TRUTH, ()), lateral)
+    made = Made(body, poses, sources.by_role.get(Role.TRUTH, ()), sources.columns.get(Role.LATERAL_TRUTH))
     return StageResult("predict-lane", (placed, *drawn), {}, summary, record, made=made)
 
 

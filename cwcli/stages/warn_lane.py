@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,14 +13,14 @@ from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.summaries.warn import RuleOutcome
-from cwcli.stages.warn import warnings_result
+from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
 from cwcli.warning.lane_departure import (
     RULE,
     Boundaries,
@@ -42,19 +41,14 @@ MIN_HORIZON_S = 0.05
 
 
 @dataclass(frozen=True)
-class WarnLaneConfig:
+class WarnLaneConfig(Selection):
     """Settings of the stage.
 
     Attributes:
         rule: Options of the rule.
-        topics: Role -> topic, the user's choices.
-        start_ns, end_ns: Only frames logged in this span are used.
     """
 
     rule: LaneDepartureConfig = field(default_factory=LaneDepartureConfig)
-    topics: Mapping[str, str] = field(default_factory=dict)
-    start_ns: int | None = None
-    end_ns: int | None = None
 
 
 def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:

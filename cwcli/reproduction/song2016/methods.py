@@ -18,8 +18,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST, Scenario
 from cwcli.simulation.sensors import measure
-from cwcli.stages.predict import MAX_MESSAGE_AGE_S
-from cwcli.stages.warn import ONSET
+from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, ONSET
 from cwcli.warning.types import VehicleTrack
 
 STEP_NS = 50_000_000

@@ -10,12 +10,13 @@ from dataclasses import dataclass, fields, replace
 from cwcli.channels.binding import bind
 from cwcli.channels.published import LANES
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.sources import read_sources
 from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, calibrated_camera, default_camera
 from cwcli.vision.rectify import needs_rectifying
 
@@ -82,7 +83,7 @@ def camera_source(
         beside = [name for name in _info_topics(log) if _namespace(name) == _namespace(camera_topic)]
         if len(beside) == 1:
             chosen[Role.CAMERA_INFO.value] = beside[0]
-    sources = read_sources(log, SourceConfig(topics=chosen), command="lanes", required=(), optional=(Role.CAMERA_INFO,))
+    sources = read_sources(log, Selection(topics=chosen), command="lanes", optional=(Role.CAMERA_INFO,))
     found = sources.by_role.get(Role.CAMERA_INFO, ())
     info = found[0] if found and isinstance(found[0], CameraInfoSignal) else None
     is_rectified = bool(re.search(r"(^|[/_])rect(ified)?([/_]|$)", camera_topic))

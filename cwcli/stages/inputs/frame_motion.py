@@ -12,6 +12,7 @@ from cwcli.channels.binding import bind
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import read_states
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.codec import Role
@@ -19,7 +20,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.rows import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.sources import read_sources
 
 MAX_AGE_S = 0.5
 UP = 2
@@ -72,9 +73,7 @@ def read_motion(log: Log, topics: Mapping[str, str]) -> Motion:
         rows = rows_by_stamp(states.stamp_ns)
         stamp_ns, state = states.stamp_ns[rows], states.state[rows]
         return Motion(Series(stamp_ns, state[:, SPEED]), Series(stamp_ns, state[:, YAW_RATE]), (count,))
-    sources = read_sources(
-        log, SourceConfig(topics=topics), command="lanes", required=(), optional=(Role.EGO_SPEED, Role.IMU)
-    )
+    sources = read_sources(log, Selection(topics=topics), command="lanes", optional=(Role.EGO_SPEED, Role.IMU))
     speed, yaw_rate = NOTHING, NOTHING
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal):

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import Bindings, bind
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import Selection, with_selection
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import Signal
@@ -22,21 +23,16 @@ TIMELESS = frozenset({Role.CAMERA_INFO})
 
 
 @dataclass(frozen=True)
-class SourceConfig:
+class SourceConfig(Selection):
     """Which channels are read, and how.
 
     Attributes:
-        topics: Role -> topic, the user's choices.
         clock: A measurement's time: its header `stamp`, or its `log` time.
         ego_station: Station id of the ego's own V2X messages, or None.
-        start_ns, end_ns: Only messages logged in this span are used.
     """
 
-    topics: Mapping[str, str] = field(default_factory=dict)
     clock: Clock = "stamp"
     ego_station: str | None = None
-    start_ns: int | None = None
-    end_ns: int | None = None
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,7 @@ class Sources:
         by_role: Role -> its signals, one per bound channel that has a usable row.
         qualities: What happened to each channel's messages.
         notes: For the user.
-        columns: Topic -> columns of the channels that were asked for beside the roles', of the chosen span.
+        columns: Role -> columns of the channel that was asked for beside the signals, of the chosen span.
     """
 
     by_role: Mapping[Role, tuple[Signal, ...]]
@@ -65,21 +61,23 @@ class Sources:
 
 def read_sources(
     log: Log,
-    config: SourceConfig,
+    config: Selection,
     *,
     command: str,
-    required: Collection[Role],
-    optional: Collection[Role],
-    also: Mapping[str, Collection[str] | None] | None = None,
+    required: Collection[Role] = (),
+    optional: Collection[Role] = (),
+    also: Bindings | None = None,
+    fields: Mapping[str, Collection[str]] | None = None,
 ) -> Sources:
     """Read the signals that a stage needs.
 
     Args:
         log: The log.
-        config: Which channels, and how.
+        config: Which channels, and how; of a plain selection the clock is the stamps'.
         command: For messages.
         required, optional: Roles.
-        also: Further topics -> their leaf fields (None: all), read in the same pass, for the stage's own use.
+        also: Channels of one topic each that are read in the same pass, for the stage's own use.
+        fields: Role of such a channel -> the leaf fields that it needs; all without an entry.
 
     Raises:
         MissingSignalError: A required role has no channel, or more than one, or no message of the ego.
@@ -87,12 +85,13 @@ def read_sources(
         DataError: Every message of a required role was rejected.
         InputError: The log is damaged.
     """
+    how = config if isinstance(config, SourceConfig) else with_selection(SourceConfig(), config)
     bound = bind(
         log.channels,
         config.topics,
         required=required,
         optional=optional,
-        ego_station=config.ego_station,
+        ego_station=how.ego_station,
         where=log.name,
         command=command,
     )
@@ -100,7 +99,8 @@ def read_sources(
     for bindings in bound.by_role.values():
         for binding in bindings:
             wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
-    further = also or {}
+    own = {} if also is None else {role: bindings[0].topic for role, bindings in also.by_role.items()}
+    further = {topic: (fields or {}).get(role) for role, topic in own.items()}
     loaded = {
         topic: columns.logged_within(config.start_ns, config.end_ns)
         for topic, columns in log.load({**wanted, **further}).items()
@@ -118,7 +118,7 @@ def read_sources(
             if role not in TIMELESS:
                 columns, strays_ns = _without_strays(columns, *usual_ns)
             signal, quality = build(
-                role, columns, config.clock, ego_station=config.ego_station, is_override=binding.is_override
+                role, columns, how.clock, ego_station=how.ego_station, is_override=binding.is_override
             )
             quality.rejected_unbuilt(LOG_TIME_APART, strays_ns)
             qualities.append(quality)
@@ -131,8 +131,15 @@ def read_sources(
                 is_cut = config.start_ns is not None or config.end_ns is not None
                 require_rows(quality, where=log.name, is_cut=is_cut)
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
-    others = {topic: loaded[topic] for topic in further}
+    others = {role: loaded[topic] for role, topic in own.items()}
     return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), others)
+
+
+def read_bound(log: Log, bound: Bindings) -> dict[str, Columns]:
+    """Role -> all columns of its channel, of the whole log and in one pass: for channels of earlier stages."""
+    topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
+    columns = log.load(dict.fromkeys(topics.values()))
+    return {role: columns[topic] for role, topic in topics.items()}
 
 
 def _without_strays(columns: Columns, first_ns: int, last_ns: int) -> tuple[Columns, Int64Array]:

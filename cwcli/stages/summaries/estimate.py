@@ -18,9 +18,9 @@ from cwcli.signals.canonical import TimedSignal
 from cwcli.signals.clocks import find_gaps
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.stages.summaries import NIS_WORDS, bounds_text
 from cwcli.text import finite
 
-NIS_WORDS = {None: "", True: "in", False: "OUT"}
 MAX_GAP_NOTES = 5
 
 
@@ -146,7 +146,7 @@ def _noise_section(ego: TrackSummary) -> Section:
             f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
             report.noise_origin,
             report.nis_mean / report.nis_dof,
-            _bounds_text(report),
+            bounds_text(*(bound / report.nis_dof for bound in report.nis_bounds)),
             NIS_WORDS[report.nis_inside],
         )
         for report in ego.sources
@@ -206,8 +206,3 @@ def _bias_text(report: SourceReport) -> str:
     if math.isnan(report.bias):
         return ""
     return f"{report.bias:.3g} {QUANTITIES[report.kind].unit}"
-
-
-def _bounds_text(report: SourceReport) -> str:
-    low, high = (bound / report.nis_dof for bound in report.nis_bounds)
-    return "" if math.isnan(low) else f"{low:.2f} to {high:.2f}"

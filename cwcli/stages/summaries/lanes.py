@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from cwcli.channels.lanes import LaneFrames
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section
-from cwcli.signals.columns import FloatArray
+from cwcli.stages.summaries import median
 
 SIDES = ("left", "right")
 
@@ -66,15 +64,10 @@ def lanes_section(frames: LaneFrames, *, n_searches: int, search_s: float) -> Se
         ("left boundary found (%)", 100.0 * float(found[:, 0].mean())),
         ("right boundary found (%)", 100.0 * float(found[:, 1].mean())),
         ("both found (%)", 100.0 * float(found.all(axis=1).mean())),
-        ("lane width at 10 m, median (m)", _median(frames.geometry.lane_width_m)),
-        (f"lateral deviation at {frames.preview_m:g} m, median (m)", _median(frames.geometry.lateral_deviation_m)),
-        ("its sigma, median (m)", _median(frames.geometry.lateral_deviation_sigma_m)),
+        ("lane width at 10 m, median (m)", median(frames.geometry.lane_width_m)),
+        (f"lateral deviation at {frames.preview_m:g} m, median (m)", median(frames.geometry.lateral_deviation_m)),
+        ("its sigma, median (m)", median(frames.geometry.lateral_deviation_sigma_m)),
         ("searches begun", n_searches),
         ("time of the search per frame (ms)", 1e3 * search_s / n),
     ]
     return Section("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows))
-
-
-def _median(values: FloatArray) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if len(finite) else None

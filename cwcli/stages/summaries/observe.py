@@ -8,8 +8,8 @@ from cwcli.channels.lateral_state import STATE_NAMES
 from cwcli.dynamics.samples import FrameStatus, LateralTrack
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section
-from cwcli.signals.columns import FloatArray
-from cwcli.stages.inputs.lateral_sensors import Inputs
+from cwcli.stages.inputs.observer import Inputs
+from cwcli.stages.summaries import largest, median
 
 SIGMA_NAMES = (
     "lateral_speed_sigma_mps",
@@ -60,10 +60,10 @@ def observer_section(track: LateralTrack, inputs: Inputs) -> Section:
         ("speed from", inputs.speed_source),
         ("yaw rate from", inputs.yaw_rate_source or "-"),
         ("steering angle from", inputs.steer_source or "the lanes"),
-        ("largest yaw rate (deg/s)", _largest(np.degrees(track.state[:, 1]))),
-        ("largest lateral speed (m/s)", _largest(track.state[:, 0])),
-        ("sigma of the yaw rate, median (deg/s)", _median(np.degrees(np.sqrt(np.abs(track.covariance[:, 1, 1]))))),
-        ("sigma of the lateral speed, median (m/s)", _median(np.sqrt(np.abs(track.covariance[:, 0, 0])))),
+        ("largest yaw rate (deg/s)", largest(np.degrees(track.state[:, 1]))),
+        ("largest lateral speed (m/s)", largest(track.state[:, 0])),
+        ("sigma of the yaw rate, median (deg/s)", median(np.degrees(np.sqrt(np.abs(track.covariance[:, 1, 1]))))),
+        ("sigma of the lateral speed, median (m/s)", median(np.sqrt(np.abs(track.covariance[:, 0, 0])))),
     ]
     known = np.flatnonzero(np.isfinite(track.mass_sigma_kg))
     if len(known):
@@ -71,13 +71,3 @@ def observer_section(track: LateralTrack, inputs: Inputs) -> Section:
         rows.append(("mass at the end (kg)", float(track.mass_kg[last])))
         rows.append(("its sigma (kg)", float(track.mass_sigma_kg[last])))
     return Section("observer", "Lateral motion", ("quantity", "value"), tuple(rows))
-
-
-def _largest(values: FloatArray) -> float | None:
-    finite = np.abs(values[np.isfinite(values)])
-    return float(finite.max()) if len(finite) else None
-
-
-def _median(values: FloatArray) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if len(finite) else None

@@ -9,6 +9,7 @@ import numpy as np
 
 from cwcli.metrics.table import MetricRow, Table, metric_table
 from cwcli.pipeline.result import Cell, InputCount, Section
+from cwcli.stages.summaries import NIS_WORDS, bounds_text
 from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.detections import Counts, DetectionKind
 from cwcli.tracking.single import Consistency
@@ -21,7 +22,6 @@ VALUES: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
     DetectionKind.RADAR: (("range", "m"), ("azimuth", "rad"), ("range rate", "m/s")),
 }
 MAX_TARGETS_SHOWN = 20
-NIS_WORDS = {True: "in", False: "OUT"}
 S_PER_NS = 1e-9
 
 
@@ -101,8 +101,8 @@ def _sensors_section(result: TrackResult) -> Section:
 def _nis_cells(check: Consistency | None) -> tuple[Cell, ...]:
     if check is None or not check.dof > 0.0:
         return None, "", ""
-    low, high = check.low / check.dof, check.high / check.dof
-    return check.nis_mean / check.dof, f"{low:.2f} to {high:.2f}", NIS_WORDS[check.is_inside]
+    bounds = bounds_text(check.low / check.dof, check.high / check.dof)
+    return check.nis_mean / check.dof, bounds, NIS_WORDS[check.is_inside]
 
 
 def _noise_section(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> Section:

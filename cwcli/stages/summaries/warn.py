@@ -1,4 +1,4 @@
-"""What each of several warning rules says of one log: numbered through, and joined as tables."""
+"""What each of several warning rules says of one log: numbered through, and joined as tables and one channel."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cwcli.channels.published import WARNINGS
+from cwcli.channels.warning import read_warnings, write_warnings
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
-from cwcli.pipeline.result import Section
+from cwcli.pipeline.result import InputCount, Section, StageResult, Summary
+from cwcli.pipeline.run_record import run_record
 from cwcli.warning.rows import WarningRows
 
 EVENT = "event_id"
@@ -31,7 +35,7 @@ class RuleOutcome:
     sections: tuple[Section, ...]
 
 
-def numbered(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
+def _numbered(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
     """The same with event ids that go on from rule to rule, so that each is unique in the channel.
 
     Args:
@@ -72,7 +76,7 @@ def _moved_section(section: Section, n_before: int) -> Section:
     return replace(section, rows=rows)
 
 
-def tables_of(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
+def _tables(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
     """All tables; one whose name is taken has the rule's name behind its own."""
     tables: dict[str, Table] = {}
     for outcome in outcomes:
@@ -80,3 +84,21 @@ def tables_of(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
             name = table.name if table.name not in tables else f"{table.name}_{outcome.rule.replace('-', '_')}"
             tables[name] = replace(table, name=name)
     return tables
+
+
+def warnings_result(
+    stage: str,
+    log: Log,
+    config: object,
+    outcomes: Sequence[RuleOutcome],
+    inputs: tuple[InputCount, ...],
+    notes: tuple[str, ...],
+) -> StageResult:
+    """What the rules of one stage say. The warnings of an earlier stage of the same run stay in the channel."""
+    is_there = any(channel.topic == WARNINGS.topic for channel in log.added_channels)
+    earlier = [read_warnings(log.columns(WARNINGS.topic))] if is_there else []
+    outcomes = _numbered(outcomes, after=earlier)
+    channels = write_warnings([*earlier, *(outcome.rows for outcome in outcomes)])
+    sections = tuple(section for outcome in outcomes for section in outcome.sections)
+    summary = Summary(stage, sections, inputs, notes)
+    return StageResult(stage, channels, _tables(outcomes), summary, run_record(stage, log, config, summary))

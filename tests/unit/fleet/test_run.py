@@ -50,7 +50,7 @@ def test_key_depends_on_what_decides_the_result(plan: Plan) -> None:
 
 
 def test_every_configuration_takes_a_selection(plan: Plan) -> None:
-    selection = Selection({"imu": "/imu"}, 1, 2)
+    selection = Selection(topics={"imu": "/imu"}, start_ns=1, end_ns=2)
     for call in plan.stages:
         config: Any = with_selection(call.config, selection)
         chosen = getattr(config, "sources", config)

@@ -1,0 +1,112 @@
+"""Vehicles' states in the chosen span, and what the warning rules take: each with the path that starts from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.channels.predicted_path import PredictedPaths
+from cwcli.channels.published import EGO_STATE
+from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
+from cwcli.errors import DataError
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import Selection
+from cwcli.pipeline.result import InputCount
+from cwcli.prediction.models import MODELS
+from cwcli.prediction.paths import Paths
+from cwcli.prediction.rollout import rollout
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.rows import tracks_of
+from cwcli.warning.types import VehicleTrack, outline_of
+
+ONSET = "onset"
+"""The motion model that says where a manoeuvre leads that has just begun."""
+MAX_MESSAGE_AGE_S = 1.0
+"""How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
+
+
+def chosen_states(log: Log, columns: Columns, role: str, selection: Selection) -> tuple[VehicleStates, InputCount]:
+    """The states of a channel in the chosen span, and what became of its messages.
+
+    Args:
+        log: The log.
+        columns: The channel.
+        role: What it is used as.
+        selection: Of the log.
+
+    Raises:
+        MissingSignalError: It is the ego's channel, and no state is left.
+    """
+    everything = read_states(columns)
+    states = everything.logged_within(selection.start_ns, selection.end_ns)
+    if role == EGO_STATE.role:
+        require_ego(states, log_name=log.name, topic=columns.topic)
+    return states, InputCount(columns.topic, role, len(everything), len(states))
+
+
+def only_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
+    """The ego's track.
+
+    Raises:
+        DataError: There are several, or none has a path.
+    """
+    if len(tracks) != 1:
+        raise DataError(f"expected the states of one ego, found {len(tracks)}", where=where)
+    return tracks[0]
+
+
+def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
+    """One track per vehicle: its states, in stamp order, each with the path that starts from it.
+
+    Args:
+        with_onset: Add the paths of the onset hypothesis, which are never published: they are no prediction.
+    """
+    path_rows = dict(tracks_of(predicted.ids, predicted.stamp_ns))
+    tracks = []
+    for vehicle, all_rows in tracks_of(states.ids, states.stamp_ns):
+        candidates = path_rows.get(vehicle)
+        if candidates is None:
+            continue
+        _, mine, theirs = np.intersect1d(
+            states.stamp_ns[all_rows], predicted.stamp_ns[candidates], assume_unique=True, return_indices=True
+        )
+        if not len(mine):
+            continue
+        rows, candidates = all_rows[mine], candidates[theirs]
+        length_m, width_m = outline_of(states.length_m[rows], states.width_m[rows])
+        tracks.append(
+            VehicleTrack(
+                id=vehicle,
+                stamp_ns=states.stamp_ns[rows],
+                log_time_ns=states.log_time_ns[rows],
+                state=states.state[rows],
+                paths=predicted.paths.take(candidates),
+                length_m=length_m,
+                width_m=width_m,
+                onset_paths=_onset(states, rows, predicted.paths.time_s) if with_onset else None,
+            )
+        )
+    return tracks
+
+
+def paths_like(states: VehicleStates, like: PredictedPaths, *, where: str) -> PredictedPaths:
+    """Paths that start from the states, predicted like others.
+
+    Raises:
+        DataError: The others were predicted with a model that is not known here, or there are none.
+    """
+    if like.model not in MODELS:
+        raise DataError(f"the paths' motion model {like.model!r} is not known", where=where, hint="predict again")
+    time_s = like.paths.time_s
+    step_s = float(time_s[1] - time_s[0])
+    horizon_s = float(time_s[-1]) + MAX_MESSAGE_AGE_S
+    paths = rollout(like.model, states.state, states.covariance, horizon_s=horizon_s, step_s=step_s)
+    return PredictedPaths.of(states, like.model, paths)
+
+
+def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> Paths:
+    """Paths of the onset hypothesis from some states, over the same times as the predicted ones."""
+    step_s = float(time_s[1] - time_s[0])
+    return rollout(ONSET, states.state[rows], states.covariance[rows], horizon_s=float(time_s[-1]), step_s=step_s)
