@@ -21,6 +21,7 @@ class Channel(NamedTuple):
         stage: The command that writes it.
         what: What it holds, in a few words.
         role: Name under which later stages find it, "" for what only viewers read.
+        source: Role of the input from which it is made: a log that has that one can have this one.
     """
 
     topic: str
@@ -28,6 +29,7 @@ class Channel(NamedTuple):
     stage: str
     what: str
     role: str = ""
+    source: str = ""
 
     def of(self, policy: str) -> Channel:
         """The channel of one policy."""
@@ -39,25 +41,33 @@ _STATE, _PATH = "cwcli.v1.VehicleState", "cwcli.v1.PredictedPath"
 _SCENE, _POSE, _LINES = "foxglove.SceneUpdate", "foxglove.PoseInFrame", "foxglove.ImageAnnotations"
 _FROM_OBSERVER = "predict-lane"
 
-EGO_STATE = Channel("/cwcli/ego/state", _STATE, "estimate", "the ego state", "ego_state")
-REMOTE_STATE = Channel("/cwcli/remote/state", _STATE, "estimate", "the remote vehicles' states", "remote_state")
+EGO_STATE = Channel("/cwcli/ego/state", _STATE, "estimate", "the ego state", "ego_state", "ego_position")
+REMOTE_STATE = Channel(
+    "/cwcli/remote/state", _STATE, "estimate", "the remote vehicles' states", "remote_state", "remote"
+)
 EGO_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego on the globe")
 EGO_POSE = Channel("/cwcli/ego/pose", _POSE, "estimate", "the ego in `map`")
 TRANSFORMS = Channel("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`")
-TARGETS = Channel("/cwcli/targets", "cwcli.v1.Target", "track", "the tracked targets", "targets")
+TARGETS = Channel("/cwcli/targets", "cwcli.v1.Target", "track", "the tracked targets", "targets", "detections")
 TARGET_SCENE = Channel("/cwcli/targets/scene", _SCENE, "track", "the targets, with velocity and id")
-EGO_PATH = Channel("/cwcli/ego/path", _PATH, "predict", "the ego path", "ego_path")
-REMOTE_PATH = Channel("/cwcli/remote/path", _PATH, "predict", "the remote vehicles' paths", "remote_path")
+EGO_PATH = Channel("/cwcli/ego/path", _PATH, "predict", "the ego path", "ego_path", "ego_state")
+REMOTE_PATH = Channel(
+    "/cwcli/remote/path", _PATH, "predict", "the remote vehicles' paths", "remote_path", "remote_state"
+)
 PATH_SCENE = Channel("/cwcli/paths/scene", _SCENE, "predict", "the predicted paths as lines in `map`")
 WARNINGS = Channel("/cwcli/warnings", "cwcli.v1.Warning", "warn", "the warnings")
 WARNING_LOG = Channel("/cwcli/log", "foxglove.Log", "warn", "the warnings, in words")
 CONTROL_STATE = Channel("/cwcli/control/<policy>/state", _STATE, "control", "what the ego would have done")
 CONTROL_POSE = Channel("/cwcli/control/<policy>/pose", _POSE, "control", "where the ego would have been in `map`")
 CONTROL_STEP = Channel("/cwcli/control/<policy>/step", "cwcli.v1.ControlStep", "control", "the steps of the replay")
-LANES = Channel("/cwcli/lanes", "cwcli.v1.Lanes", "lanes", "the lane boundaries", "lanes")
+LANES = Channel("/cwcli/lanes", "cwcli.v1.Lanes", "lanes", "the lane boundaries", "lanes", "camera")
 LANE_LINES = Channel("/cwcli/lanes/annotations", _LINES, "lanes", "the lane boundaries in the camera's image")
-OBSERVER = Channel("/cwcli/observer", "cwcli.v1.LateralState", "observe", "the observed lateral motion", "observer")
-OBSERVER_PATH = Channel("/cwcli/observer/path", _PATH, _FROM_OBSERVER, "the path from the observer", "observer_path")
+OBSERVER = Channel(
+    "/cwcli/observer", "cwcli.v1.LateralState", "observe", "the observed lateral motion", "observer", "lanes"
+)
+OBSERVER_PATH = Channel(
+    "/cwcli/observer/path", _PATH, _FROM_OBSERVER, "the path from the observer", "observer_path", "observer"
+)
 OBSERVER_PATH_LINES = Channel(
     "/cwcli/observer/path/annotations",
     _LINES,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
+from cwcli.channels.published import PUBLISHED
 from cwcli.errors import UsageError
 
 
@@ -21,7 +22,6 @@ class Stage:
         required: Roles without which it can't run.
         one_of: Groups of roles: of each group one must be there.
         used: It uses these roles when they are there.
-        added: Role that it adds -> role of the input that it takes.
         instead_of: The stage of which this is another way, "" for none. It runs when it is asked for by name, and
             `cwcli info` lists it for the logs on which it can run.
         on_request: `cwcli run` runs it only when it is asked for by name.
@@ -36,7 +36,6 @@ class Stage:
     required: tuple[str, ...] = ()
     one_of: tuple[tuple[str, ...], ...] = ()
     used: tuple[str, ...] = ()
-    added: Mapping[str, str] = field(default_factory=dict)
     instead_of: str = ""
     on_request: bool = False
     first: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -47,6 +46,11 @@ class Stage:
     def identifier(self) -> str:
         """The name as Python spells it."""
         return self.name.replace("-", "_")
+
+    @property
+    def added(self) -> dict[str, str]:
+        """Role that it adds -> role of the input that it takes."""
+        return {each.role: each.source for each in PUBLISHED if each.stage == self.name and each.role}
 
     @property
     def is_default(self) -> bool:

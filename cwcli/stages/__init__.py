@@ -17,7 +17,6 @@ STAGES: dict[str, Stage] = {
             "Estimate the states of the ego and the remote vehicles.",
             required=("ego_position",),
             used=("ego_velocity", "ego_speed", "ego_heading", "imu", "remote", "truth"),
-            added={"ego_state": "ego_position", "remote_state": "remote"},
             evaluation="cwcli.evaluation.estimate",
         ),
         Stage(
@@ -25,7 +24,6 @@ STAGES: dict[str, Stage] = {
             "Track other road users from lidar and radar detections.",
             required=("detections",),
             used=("ego_state", "target_truth"),
-            added={"targets": "detections"},
             evaluation="cwcli.evaluation.track",
         ),
         Stage(
@@ -33,7 +31,6 @@ STAGES: dict[str, Stage] = {
             "Find the lane boundaries in camera frames.",
             required=("camera",),
             used=("camera_info", "ego_state", "ego_speed", "imu"),
-            added={"lanes": "camera"},
             evaluation="cwcli.evaluation.lanes",
         ),
         Stage(
@@ -42,7 +39,6 @@ STAGES: dict[str, Stage] = {
             required=("lanes",),
             one_of=(("ego_speed", "ego_state", "ego_velocity"),),
             used=("imu", "ego_steer", "lateral_truth"),
-            added={"observer": "lanes"},
             evaluation="cwcli.evaluation.observe",
         ),
         Stage(
@@ -50,7 +46,6 @@ STAGES: dict[str, Stage] = {
             "Predict the vehicles' paths from their states.",
             required=("ego_state",),
             used=("remote_state",),
-            added={"ego_path": "ego_state", "remote_path": "remote_state"},
             evaluation="cwcli.evaluation.predict",
         ),
         Stage(
@@ -58,7 +53,6 @@ STAGES: dict[str, Stage] = {
             "Predict the ego's path from its observed lateral motion.",
             required=("observer",),
             used=("ego_state", "camera", "truth", "lateral_truth"),
-            added={"observer_path": "observer"},
             instead_of="predict",
             evaluation="cwcli.evaluation.predict_lane",
         ),

@@ -15,7 +15,8 @@ from cwcli.signals.columns import Columns, Field, Ragged
 from cwcli.signals.contract import KINDS, check_built
 from cwcli.signals.inputs import INPUTS, normalise
 from cwcli.signals.leaves import strings_from
-from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of, write_log
+from tests.laws.input_logs import write_log
+from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 
 NO_SUCH_THING = {("foxglove", "cdr"), ("foxglove_msgs", "protobuf")}

@@ -31,9 +31,12 @@ def test_its_roles_are_roles(stage: Stage) -> None:
     assert {*named, *stage.used, *stage.added, *stage.added.values()} <= set(EVERY_ROLE)
 
 
-@ALL
-def test_it_adds_the_roles_of_its_channels(stage: Stage) -> None:
-    assert set(stage.added) == {channel.role for channel in PUBLISHED if channel.stage == stage.name and channel.role}
+def test_a_channel_is_made_from_an_input_of_its_stage() -> None:
+    assert STAGES["estimate"].added == {"ego_state": "ego_position", "remote_state": "remote"}
+    for channel in PUBLISHED:
+        stage = STAGES[channel.stage]
+        taken = {role for group in stage.groups for role in group} | set(stage.used)
+        assert channel.source in taken if channel.role else not channel.source
 
 
 @ALL
