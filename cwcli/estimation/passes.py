@@ -14,7 +14,6 @@ from cwcli.estimation.median import median
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import lay_steps
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.covariances import is_positive_definite
 
 N_MOTION = 8
 START_TOLERANCE_S = 1e-9
@@ -120,7 +119,6 @@ class PassResult:
         log_likelihood: Sum over used innovations.
         nis: Per series: shape (k, 3): normalised innovation squared, mean nu^2, mean h P h'.
         status: Per series: shape (k,): an `ekf.UpdateStatus`, or BEFORE_START (its nis is NaN).
-        is_unsmoothed: Shape (m,): where the covariance is the filter's, see `run_pass`.
     """
 
     state: FloatArray
@@ -130,7 +128,6 @@ class PassResult:
     log_likelihood: float
     nis: tuple[FloatArray, ...]
     status: tuple[npt.NDArray[np.int8], ...]
-    is_unsmoothed: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -179,9 +176,6 @@ def run_pass(
 ) -> PassResult:
     """Filter (and smooth) all series from `start` on.
 
-    Where a state's covariance has grown for many minutes, nothing but rounding is left of what the smoother subtracts
-    from it. A result that is not positive definite is replaced by the filter's covariance, which is larger.
-
     Args:
         series: The measurements. Rows before `start.time_s` are left out: at the start they would be old.
         start: Initial state, as long as the motion model's.
@@ -192,14 +186,7 @@ def run_pass(
         orders: Where passes over the same times, outputs and patience keep their time order, by the start's time.
     """
     prepared = pass_input(series, start.time_s, output_s, reset_after=reset_after, orders=orders)
-    result = prepared.by_series(prepared.run(start, motion, smooth=smooth))
-    if not smooth:
-        return result
-    is_lost = ~is_positive_definite(result.covariance[:, :N_MOTION, :N_MOTION])
-    if not is_lost.any():
-        return result
-    result.covariance[is_lost] = prepared.run(start, motion, smooth=False).covariance[is_lost]
-    return replace(result, is_unsmoothed=is_lost)
+    return prepared.by_series(prepared.run(start, motion, smooth=smooth))
 
 
 @dataclass(frozen=True)
@@ -244,7 +231,6 @@ class PassInput:
             result.log_likelihood,
             tuple(found_nis),
             tuple(found_status),
-            np.zeros(len(result.state), np.bool_),
         )
 
 
@@ -289,13 +275,6 @@ def _values(s: Series) -> FloatArray:
     if s.pitch_rate is None or s.lever_state < 0:
         return s.values
     return np.column_stack([s.values[:, 0], s.pitch_rate.at(s.time_s - s.latency_s)])
-
-
-def unsmoothed_note(is_unsmoothed: npt.NDArray[np.bool_]) -> list[str]:
-    """A remark on the states whose covariance is the filter's."""
-    n = int(np.count_nonzero(is_unsmoothed))
-    told = "states of a long outage have the filter's covariance, the smoother's being lost to rounding"
-    return [f"{n} {told}"] if n else []
 
 
 def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:

@@ -16,7 +16,7 @@ from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import NO_LATENCY, given_latency
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass, unsmoothed_note
+from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.start import UNKNOWN_SIGMA, find_start, hold_before_start
@@ -110,7 +110,6 @@ def estimate_song2016(
     if config.causal:
         hold_before_start(state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION))
         notes += old_rows(series, result)
-    notes += unsmoothed_note(result.is_unsmoothed[row])
     reports = tuple(
         SourceReport(
             s.source, s.kind, n_read=p.n_read, n_used=int((status >= UpdateStatus.USED).sum()),

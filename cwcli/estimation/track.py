@@ -16,7 +16,7 @@ from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass, unsmoothed_note
+from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass
 from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, seconds
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.song2016 import estimate_song2016
@@ -77,7 +77,7 @@ def estimate_track(
         )
         notes += old_rows(tuned.series, result)
     reports = tuple(_report(p, tuned, i, result) for i, p in enumerate(prepared))
-    notes += [*tuned.notes, *unsmoothed_note(result.is_unsmoothed)]
+    notes += tuned.notes
     for r in reports:
         if r.n_resets and r.kind not in RATES:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"

@@ -2,12 +2,17 @@
 """Extended Kalman filter and smoother of one vehicle, over a whole log at once.
 
 State (first 8 of n): x, y, v, heading, a, yaw rate, jerk, yaw acceleration; behind them any number of slowly varying
-parameters (sensor biases, latencies, ...) up to n = 24: random walks, or Gauss-Markov processes that fade. The model SONG2016 has the first six (eq. 2, 6).
+parameters (sensor biases, latencies, ...) up to n = 24: random walks, or Gauss-Markov processes that fade. The model
+SONG2016 has the first six (eq. 2, 6).
 
 Measurements are applied one scalar at a time; a correlated pair is decorrelated first, which equals the joint update.
-The smoother is the modified Bryson-Frazier form (Bierman, 1973): it carries the adjoint lambda and its covariance
-backward and needs no matrix inverse and no predicted covariance, so only the gain of each update is stored. It gives
-the same result as Rauch-Tung-Striebel. The plain NumPy twin is in tests/unit/estimation/naive_ekf.py.
+The smoother is the two-filter form (Fraser and Potter, 1969) about the forward pass: backward runs the information
+(Y, y) that the later measurements give of the state's difference from the filtered one, and at an output
+
+    P_s = (P^-1 + Y)^-1 = L (I + L' Y L)^-1 L',  P = L L',     x_s = x + P_s y.
+
+No covariance is subtracted from another, so that what is left of a variance of 1e8 m^2 by fixes of a centimetre keeps its
+digits. It gives the same result as Rauch-Tung-Striebel. The plain NumPy twin is in tests/unit/estimation/naive_ekf.py.
 """
 
 from libc.math cimport M_PI, log, remainder, sqrt
@@ -15,6 +20,7 @@ from libc.string cimport memset
 
 import numpy as np
 
+from cwcli.kernels.ekf_information cimport forget, restore, smooth_output
 from cwcli.kernels.ekf_motion cimport (
     NH,
     NMAX,
@@ -42,6 +48,9 @@ cdef double GATE_WIDENS_S = 2.0
 # A burst of messages that were held back can be long in rows and short in time: a source must stay elsewhere for this
 # long before it is used again. For the inertial sensors the rows alone count.
 cdef double PATIENCE_S = 2.0
+
+# A variance of the prediction so many times the measurement's costs what is left six digits.
+cdef double LOSSY = 1e6
 
 
 cdef class ProcessModel:
@@ -99,9 +108,11 @@ cdef class Pass:
     cdef readonly object state, covariance, last_state, last_covariance, nis, status
     cdef readonly double log_likelihood
     # What `backward` needs of each step and of each row of an update.
-    cdef double[:, ::1] x_post, gain, partials, innovation
+    # `offset` is the filtered state less the predicted one; `residual` that of a row at the predicted state, and its
+    # weight 1 / r; `noise_speed2` what `add_noise` took for the speed's square.
+    cdef double[:, ::1] x_post, offset, partials, residual
     cdef signed char[::1] flip
-    cdef double[::1] yaw_decay
+    cdef double[::1] yaw_decay, noise_speed2
 
     def __init__(self, Events events, ProcessModel motion, int n_output, bint keep):
         cdef int n = motion.model.n, n_updates = <int>events.source.shape[0]
@@ -111,9 +122,10 @@ cdef class Pass:
             self.x_post = np.empty((events.time_s.shape[0], n))
             self.flip = np.zeros(events.time_s.shape[0], np.int8)
             self.yaw_decay = np.empty(events.time_s.shape[0])
-            self.gain = np.empty((2 * n_updates, n))
+            self.noise_speed2 = np.empty(events.time_s.shape[0])
+            self.offset = np.empty((events.time_s.shape[0], n))
             self.partials = np.empty((2 * n_updates, NH))
-            self.innovation = np.empty((2 * n_updates, 2))
+            self.residual = np.empty((2 * n_updates, 2))
 
 
 def run(Events events, SourceTable sources, ProcessModel motion, start_state, start_covariance, int n_output, *,
@@ -140,17 +152,18 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
     cdef double[:, ::1] covariance = result.last_covariance, nis = result.nis, out_x = result.state
     cdef double[:, :, ::1] out_p = result.covariance
     cdef signed char[::1] status = result.status, flip = result.flip
-    cdef double[:, ::1] x_post = result.x_post, gain = result.gain
-    cdef double[:, ::1] partials = result.partials, innovation = result.innovation
+    cdef double[::1] noise_speed2 = result.noise_speed2
+    cdef double[:, ::1] x_post = result.x_post, offset = result.offset
+    cdef double[:, ::1] partials = result.partials, residual = result.residual
     cdef int[::1] streak = np.zeros(len(sensor), np.int32)  # updates gated in a row so far
     cdef double[::1] last_used_s = np.full(len(sensor), time_s[0])
     cdef int n = model.n, n_steps = <int>time_s.shape[0]
-    cdef double x[NMAX], p[NMAX * NMAX], cached[14]
-    cdef double h[2], nu[2], hx[2 * NH], ph[2 * NMAX], g[NMAX]
+    cdef double x[NMAX], p[NMAX * NMAX], x_prior[NMAX], cached[14]
+    cdef double h[2], nu[2], e[2], hx[2 * NH], ph[2 * NMAX], g[NMAX]
     cdef int idx[NH]
     cdef Step f
     cdef int i, j, k, u, s, width, axis, row, m
-    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root
+    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2
     cdef double total = 0.0, volume = 1.0
     cdef bint fresh
     with nogil:
@@ -170,11 +183,16 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                     linearise(x, dt, decay, model, &f, cached)
                     times_f(p, &f, n, NMAX, 1)
                     times_f(p, &f, n, 1, NMAX)
-                    add_noise(p, x, dt, model)
+                    speed2 = speed_squared(x, p)
+                    if keep:
+                        noise_speed2[k] = speed2
+                    add_noise(p, speed2, dt, model)
                     propagate(x, &f)
                     for i in range(n):                        # round-off makes the two products differ in the last bit
                         for j in range(i):
                             p[j * NMAX + i] = p[i * NMAX + j]
+            for i in range(n):
+                x_prior[i] = x[i]
             for u in range(first[k], first[k + 1]):
                 s = source[u]
                 own = <const Parameters*>&parameters[s, 0]
@@ -222,7 +240,7 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                     ):
                         status[u] = UpdateStatus.GATED
                         continue
-                    inflate(x, p, sensor[s], nu, model)
+                    inflate(p, sensor[s], width * nis[u, 1], model)
                     status[u] = UpdateStatus.USED_AFTER_RESET
                     fresh = False
                 else:
@@ -237,6 +255,11 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                     r2 -= corr * r1
                     for j in range(m):
                         hx[NH + j] -= corr * hx[j]
+                if keep:
+                    for axis in range(width):
+                        e[axis] = nu[axis]
+                        for j in range(m):
+                            e[axis] += hx[axis * NH + j] * (x[idx[j]] - x_prior[idx[j]])
                 for axis in range(width):
                     row = 2 * u + axis
                     if fresh:                                 # the gate has computed it
@@ -260,12 +283,10 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                         total -= 0.5 * log(volume)
                         volume = 1.0
                     if keep:
-                        for i in range(n):
-                            gain[row, i] = g[i] * inv
                         for j in range(m):
                             partials[row, j] = hx[axis * NH + j]
-                        innovation[row, 0] = acc * inv
-                        innovation[row, 1] = inv
+                        residual[row, 0] = e[axis]
+                        residual[row, 1] = 1.0 / (r0 if axis == 0 else r2)
                     if axis == 0 and width == 2:          # the second innovation about the state after the first update
                         for j in range(m):
                             nu[1] -= hx[NH + j] * g[idx[j]] * inv * acc
@@ -276,8 +297,12 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                     for i in range(n):                        # symmetric to the last bit
                         for j in range(n):
                             p[i * NMAX + j] -= g[i] * g[j]
+                    if var > LOSSY * (r0 if axis == 0 else r2):
+                        restore(p, g, sqrt(var), r0 if axis == 0 else r2, hx + axis * NH, idx, m, n)
             if keep:
                 flip[k] = 0
+                for i in range(n):
+                    offset[k, i] = x[i] - x_prior[i]
             if is_reversed(x, p, model):
                 turn_round(x, p, n)
                 if keep:
@@ -301,61 +326,41 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
 
 cdef int backward(Events events, SourceTable sources, const Model* model, Pass result) except -1:
     """Smooth what `forward` kept: state and covariance at the output rows become the smoothed ones."""
-    cdef const double[::1] time_s = events.time_s, yaw_decay = result.yaw_decay
+    cdef const double[::1] time_s = events.time_s, yaw_decay = result.yaw_decay, noise_speed2 = result.noise_speed2
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const int[::1] sensor = sources.sensor
     cdef const int[:, ::1] parameters = sources.parameters
     cdef const Parameters* own
     cdef const signed char[::1] status = result.status, flip = result.flip
-    cdef const double[:, ::1] x_post = result.x_post, gain = result.gain
-    cdef const double[:, ::1] partials = result.partials, innovation = result.innovation
+    cdef const double[:, ::1] x_post = result.x_post, offset = result.offset, nis = result.nis
+    cdef const double[:, ::1] partials = result.partials, residual = result.residual
     cdef double[:, ::1] out_x = result.state
     cdef double[:, :, ::1] out_p = result.covariance
     cdef int n = model.n, n_steps = <int>time_s.shape[0]
-    cdef double la[NMAX], big[NMAX * NMAX], w[NMAX], tmp[NMAX * NMAX], cached[14]
+    cdef double y[NMAX], big[NMAX * NMAX], q[NMAX * NMAX], cached[14]
     cdef double h[2], hx[2 * NH]
     cdef int idx[NH]
     cdef Step f
     cdef int i, j, l, k, u, s, width, axis, row, m
-    cdef double acc, c, inv, dt
-    cdef double* px
-    cdef double* pp
-    cdef const double* kg
+    cdef double acc, weight, dt
     cdef const double* hv
     with nogil:
         cached[0] = -1.0
-        memset(la, 0, sizeof(la))
+        memset(y, 0, sizeof(y))
         memset(big, 0, sizeof(big))
+        memset(q, 0, sizeof(q))
         for k in range(n_steps - 1, -1, -1):
             row = out_row[k]
             if row >= 0:
-                px = &out_x[row, 0]
-                pp = &out_p[row, 0, 0]
-                for i in range(n):                            # P Lambda, and P lambda
-                    acc = 0.0
-                    for l in range(n):
-                        acc += pp[i * n + l] * la[l]
-                    px[i] -= acc
-                    for j in range(n):
-                        tmp[i * NMAX + j] = 0.0
-                    for l in range(n):
-                        c = pp[i * n + l]
-                        for j in range(n):
-                            tmp[i * NMAX + j] += c * big[l * NMAX + j]
-                for i in range(n):
-                    for j in range(n):
-                        w[j] = 0.0
-                    for l in range(n):
-                        c = tmp[i * NMAX + l]
-                        for j in range(n):
-                            w[j] += c * pp[l * n + j]
-                    for j in range(n):
-                        tmp[i * NMAX + j] = w[j]
-                for i in range(n):
-                    for j in range(n):
-                        pp[i * n + j] -= 0.5 * (tmp[i * NMAX + j] + tmp[j * NMAX + i])
+                smooth_output(&out_x[row, 0], &out_p[row, 0, 0], y, big, n)
             if flip[k]:
-                flip_sign(la, big, n)
+                flip_sign(y, big, n)
+            # From here on y is of the difference from the predicted state.
+            for i in range(n):
+                acc = 0.0
+                for j in range(n):
+                    acc += big[i * NMAX + j] * offset[k, j]
+                y[i] += acc
             for u in range(first[k + 1] - 1, first[k] - 1, -1):
                 if status[u] == UpdateStatus.GATED:
                     continue
@@ -364,35 +369,24 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
                 own = <const Parameters*>&parameters[s, 0]
                 width = expect(&x_post[k, 0], sensor[s], own, 0.0, h, hx, idx)
                 m = count_slots(sensor[s], own)
-                for axis in range(width - 1, -1, -1):
-                    kg = &gain[2 * u + axis, 0]
+                for axis in range(width):
                     hv = &partials[2 * u + axis, 0]
-                    inv = innovation[2 * u + axis, 1]
-                    acc = innovation[2 * u + axis, 0]
-                    c = inv
-                    for i in range(n):
-                        acc += kg[i] * la[i]
-                        w[i] = 0.0
-                    for l in range(n):
-                        for i in range(n):
-                            w[i] += kg[l] * big[l * NMAX + i]
-                    for i in range(n):
-                        c += kg[i] * w[i]
+                    weight = residual[2 * u + axis, 1]
                     for j in range(m):
-                        la[idx[j]] -= hv[j] * acc
-                    for j in range(m):
-                        if hv[j] == 0.0:
-                            continue
-                        for i in range(n):
-                            big[i * NMAX + idx[j]] -= w[i] * hv[j]
-                            big[idx[j] * NMAX + i] -= w[i] * hv[j]
+                        acc = weight * hv[j]
+                        y[idx[j]] += acc * residual[2 * u + axis, 0]
                         for l in range(m):
-                            big[idx[j] * NMAX + idx[l]] += c * hv[j] * hv[l]
+                            big[idx[j] * NMAX + idx[l]] += acc * hv[l]
+                if status[u] == UpdateStatus.USED_AFTER_RESET:
+                    inflate(q, sensor[s], width * nis[u, 1], model)
+                    forget(y, big, q, n)
             if k > 0:
                 dt = time_s[k] - time_s[k - 1]
                 if dt > 0.0:
+                    add_noise(q, noise_speed2[k], dt, model)
+                    forget(y, big, q, n)
                     linearise(&x_post[k - 1, 0], dt, yaw_decay[k], model, &f, cached)
-                    times_ft(la, &f, n, 1, 0, 1)
+                    times_ft(y, &f, n, 1, 0, 1)
                     times_ft(big, &f, n, NMAX, 1, n)
                     times_ft(big, &f, n, 1, NMAX, n)
                     for i in range(n):

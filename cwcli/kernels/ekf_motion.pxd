@@ -266,10 +266,10 @@ cdef inline void add_sym(double* p, int i, int j, double v) noexcept nogil:
         p[j * NMAX + i] += v
 
 
-cdef inline void add_noise(double* p, const double* x, double dt, const Model* model) noexcept nogil:
-    """Continuous white noise behind jerk and yaw acceleration, random walks for the parameters."""
+cdef inline void add_noise(double* p, double v2, double dt, const Model* model) noexcept nogil:
+    """Continuous white noise behind jerk and yaw acceleration, random walks for the parameters; v2: `speed_squared`."""
     cdef int i, j
-    cdef double q, v2, v0, t2 = dt * dt, t3 = t2 * dt, t4 = t3 * dt, t5 = t4 * dt
+    cdef double q, v0, t2 = dt * dt, t3 = t2 * dt, t4 = t3 * dt, t5 = t4 * dt
     if model.kind == MotionModel.SONG2016:
         for i in range(6):
             for j in range(6):
@@ -282,7 +282,6 @@ cdef inline void add_noise(double* p, const double* x, double dt, const Model* m
     add_sym(p, ACCEL, ACCEL, q * t3 / 3)
     add_sym(p, ACCEL, JERK, q * t2 / 2)
     add_sym(p, JERK, JERK, q * dt)
-    v2 = speed_squared(x, p)
     v0 = model.damped.standstill_speed
     q = v2 / (v2 + v0 * v0)
     if q < model.damped.standstill_floor:

@@ -145,25 +145,28 @@ cdef inline int expect(const double* x, int sensor, const Parameters* own, doubl
     return 1
 
 
-cdef inline void inflate(double* x, double* p, int sensor, const double* nu, const Model* model) noexcept nogil:
-    """Give up what contradicts a source that was rejected too often: widen what it measures."""
+cdef inline void inflate(double* p, int sensor, double nu2, const Model* model) noexcept nogil:
+    """Give up what contradicts a source that was rejected too often: widen what it measures.
+
+    `nu2` is the square of its innovation, summed over the axes.
+    """
     if sensor == Sensor.POSITION:
-        add_sym(p, X, X, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
-        add_sym(p, Y, Y, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
+        add_sym(p, X, X, nu2 + 1.0)
+        add_sym(p, Y, Y, nu2 + 1.0)
         add_sym(p, SPEED, SPEED, 25.0)
         add_sym(p, HEADING, HEADING, 1.0)
     elif sensor == Sensor.VELOCITY:
-        add_sym(p, SPEED, SPEED, nu[0] * nu[0] + nu[1] * nu[1] + 1.0)
+        add_sym(p, SPEED, SPEED, nu2 + 1.0)
         add_sym(p, HEADING, HEADING, 1.0)
     elif sensor == Sensor.SPEED:
-        add_sym(p, SPEED, SPEED, nu[0] * nu[0] + 1.0)
+        add_sym(p, SPEED, SPEED, nu2 + 1.0)
     elif sensor == Sensor.HEADING:
-        add_sym(p, HEADING, HEADING, nu[0] * nu[0] + 0.01)
+        add_sym(p, HEADING, HEADING, nu2 + 0.01)
     elif sensor == Sensor.ACCEL:
-        add_sym(p, ACCEL, ACCEL, nu[0] * nu[0])
+        add_sym(p, ACCEL, ACCEL, nu2)
         if model.kind == MotionModel.DAMPED:
             add_sym(p, JERK, JERK, 25.0)
     else:
-        add_sym(p, YAW_RATE, YAW_RATE, nu[0] * nu[0])
+        add_sym(p, YAW_RATE, YAW_RATE, nu2)
         if model.kind == MotionModel.DAMPED:
             add_sym(p, YAW_ACCEL, YAW_ACCEL, 1.0)

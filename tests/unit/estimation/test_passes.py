@@ -174,22 +174,3 @@ def test_start_of_another_length_than_the_model_is_refused() -> None:
     start = Start(0.0, np.zeros(6), np.eye(6))
     with pytest.raises(ValueError, match="a start of 6 states for a motion model of 8"):
         run_pass([], start, ModelParameters().motion(np.zeros(8)), np.zeros(1), smooth=False, reset_after=3)
-
-
-def test_smoothed_covariances_lost_to_rounding_are_the_filter_s() -> None:
-    """Of a variance of 1e8 m^2 the smoother takes all but 1e-4 m^2 away: hardly a digit of a double is left of that."""
-    t = np.arange(1.0, 3.0, 0.1)
-    series = [series_of(Kind.POSITION, t, np.stack([5.0 * t, 0.0 * t], axis=1), (1e-4, 0.0, 1e-4))]
-    motion, output = ModelParameters().motion(np.zeros(8)), np.arange(0.0, 3.0, 0.05)
-    n_lost = 0
-    for variance_m2 in np.logspace(4.0, 11.0, 15):
-        sigma2 = np.array([variance_m2, variance_m2, 1.0, 0.01, 1.0, 0.01, 1.0, 0.01])
-        start = Start(0.0, np.array([0.0, 0, 5, 0, 0, 0, 0, 0]), np.diag(sigma2))
-        filtered = run_pass(series, start, motion, output, smooth=False, reset_after=10)
-        smoothed = run_pass(series, start, motion, output, smooth=True, reset_after=10)
-        np.linalg.cholesky(smoothed.covariance)
-        is_lost = smoothed.is_unsmoothed
-        np.testing.assert_array_equal(smoothed.covariance[is_lost], filtered.covariance[is_lost])
-        assert not filtered.is_unsmoothed.any()
-        n_lost += np.count_nonzero(is_lost)
-    assert 0 < n_lost < 15 * len(output) / 2
