@@ -24,7 +24,9 @@ def test_what_fits_is_read() -> None:
     assert found is not None
     assert (found.origin_lat_deg, found.origin_lon_deg, found.origin_alt_m) == (48.0, 11.0, 500.0)
     sources = {"topics": {"imu": "/imu"}, "clock": "log", "ego_station": "7", "start_ns": 3, "end_ns": None}
-    assert sources_of(configured(sources=sources)) == SourceConfig(topics={"imu": "/imu"}, clock="log", ego_station="7", start_ns=3)
+    assert sources_of(configured(sources=sources)) == SourceConfig(
+        topics={"imu": "/imu"}, clock="log", ego_station="7", start_ns=3
+    )
     rule = {"rule": "ttc", "distance_m": 3, "conflict": "drac", "persistence_s": None}
     assert rule_of(configured(rule=rule)) == WarningConfig(rule="ttc", distance_m=3, conflict="drac")
     assert inputs_of({"counts": json.dumps([{"read": 1}, 2])}) == [{"read": 1}]
