@@ -11,6 +11,8 @@ from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE
 from cwcli.estimation.passes import Series
 
+SIGNIFICANT_SIGMAS = 3.0
+
 
 class LatencyStatus(StrEnum):
     """What was made of a source's latency.
@@ -40,11 +42,14 @@ class Latency:
         status: What was made of it.
         found_s: The value that was found or given, positive = late; NaN where there is none.
         sigma_s: One sigma of what was found (see `latency_evidence.Evidence.sigma_s`); NaN where nothing was.
+        bound_s: The least sigma that any estimator without bias could have, by the filter's information about it; NaN
+            where it was not looked for.
     """
 
     status: LatencyStatus
     found_s: float = float("nan")
     sigma_s: float = float("nan")
+    bound_s: float = float("nan")
 
     @property
     def applied_s(self) -> float:

@@ -15,8 +15,9 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 BLOCK_S = 10.0  # longer than a manoeuvre
-MIN_BLOCKS = 5.0
-FEW_BLOCKS_FACTOR = 3.0  # on the sigma by the bend, where too few blocks tell
+MIN_BLOCKS = 8  # of a short log: shorter blocks rather than fewer
+FEW_BLOCKS = 2.0  # with fewer that carry the information there is no scatter to speak of
+FEW_BLOCKS_FACTOR = 3.0  # on the sigma by the bend, at least, where too few blocks tell
 
 
 @dataclass(frozen=True)
@@ -65,25 +66,31 @@ class Evidence:
 
     @property
     def sigma_s(self) -> float:
-        """One sigma by the scatter of the slopes at the vertex over blocks of BLOCK_S.
+        """A quarter of the 95 % interval, by the scatter of the slopes at the vertex over blocks.
 
-        Never less than `formal_s`, which no estimate beats: a small scatter of a few blocks is luck. Where fewer than
-        MIN_BLOCKS blocks carry the information, FEW_BLOCKS_FACTOR times `formal_s`.
+        The larger one of the scatters over blocks of BLOCK_S (of short logs: MIN_BLOCKS blocks) and over blocks twice
+        as long, because errors that last for longer than a block err alike in neighbours. Never less than `formal_s`:
+        a small scatter of a few blocks is luck.
         """
-        span = float(self.time_s[-1] - self.time_s[0])
-        n_blocks = int(span / BLOCK_S)
-        if n_blocks < MIN_BLOCKS or not np.isfinite(self.formal_s):
-            return FEW_BLOCKS_FACTOR * self.formal_s
-        block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span)).astype(np.int64), n_blocks - 1)
+        if not np.isfinite(self.formal_s):
+            return self.formal_s
+        n_blocks = max(int((self.time_s[-1] - self.time_s[0]) / BLOCK_S), MIN_BLOCKS)
+        return max(self.formal_s, self._scatter_s(n_blocks), self._scatter_s(n_blocks // 2))
+
+    def _scatter_s(self, n_blocks: int) -> float:
+        """The sigma by the scatter over so many blocks of equal length, for as few degrees of freedom as they have."""
+        span_s = float(self.time_s[-1] - self.time_s[0])
+        block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span_s)).astype(np.int64), n_blocks - 1)
         bend = np.bincount(block, self.bend, n_blocks)
-        n_effective = float(bend.sum()) ** 2 / float(bend @ bend)
-        if n_effective < MIN_BLOCKS:
-            return FEW_BLOCKS_FACTOR * self.formal_s
+        told = np.maximum(bend, 0.0)
+        n_effective = float(told.sum()) ** 2 / float(told @ told)
+        n_used = max(n_effective, FEW_BLOCKS)
         slope = np.bincount(block, self.slope, n_blocks) + bend * (self.latency_s - self.centre_s)
         # The slopes add up to zero; of blocks that scatter as their bends say, the mean of the sum of their squares is
-        # the whole bend times 1 - 1 / n_effective.
-        scatter = float(np.sqrt(slope @ slope / (1.0 - 1.0 / n_effective))) * self.formal_s**2
-        return max(self.formal_s, scatter)
+        # the whole bend times 1 - 1 / n_used.
+        scatter_s = float(np.sqrt(slope @ slope / (1.0 - 1.0 / n_used))) * self.formal_s**2
+        least_s = FEW_BLOCKS_FACTOR * self.formal_s if n_effective < FEW_BLOCKS else 0.0
+        return max(_student_factor(n_used - 1.0) * scatter_s, least_s)
 
     def crossed(self) -> float:
         """The sum of the squared normalised innovations, each half's with the latency that the other half says.
@@ -101,6 +108,11 @@ class Evidence:
             move_s = _vertex(0.0, other_slope, other_bend)
             total += 2.0 * (level + slope * move_s + 0.5 * bend * move_s**2)
         return total
+
+
+def _student_factor(dof: float) -> float:
+    """Student's 97.5 % quantile over the normal distribution's (Abramowitz and Stegun 26.7.5); dof >= 1."""
+    return 1.0 + (1.210 + (1.440 + 1.304 / dof) / dof) / dof
 
 
 def _vertex(centre_s: float, slope: float, bend: float) -> float:

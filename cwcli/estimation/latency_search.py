@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation.coarse_latency import coarse_latency
-from cwcli.estimation.latency import Latency, LatencyStatus, references
+from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references
 from cwcli.estimation.latency_evidence import Evidence
 from cwcli.estimation.measurements import RATES
 from cwcli.estimation.model import ModelParameters
@@ -38,7 +38,6 @@ PRIOR_S = 0.2  # one sigma about the coarse guess
 MIN_GUESS_S = 0.15  # nearer to zero the filter gets there by itself
 TRUST_S = 0.5  # farther from the guess the filter's linearisation is not believed
 OBSERVABLE_S = 0.05  # a latency whose formal sigma is larger is not looked at
-SIGNIFICANT_SIGMAS = 3.0
 THINNED_HZ = 25.0
 WINDOW_S = 300.0
 GATE_PROBABILITY = 1.0 - 1e-5
@@ -159,12 +158,13 @@ class _Search:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
         found = max(reached, key=lambda f: f.result.log_likelihood)
         weighed = self._weighed(found) if found.sigma_s < OBSERVABLE_S else None
-        if weighed is None or not weighed.evidence.formal_s < OBSERVABLE_S:
-            return Latency(LatencyStatus.NOT_OBSERVABLE)
+        bound_s = found.sigma_s if weighed is None else weighed.evidence.formal_s
+        if weighed is None or not bound_s < OBSERVABLE_S:
+            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
         found_s, sigma_s = weighed.evidence.latency_s, weighed.evidence.sigma_s
-        if abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(weighed):
-            return Latency(LatencyStatus.APPLIED, found_s, sigma_s)
-        return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s)
+        is_there = abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(weighed)
+        status = LatencyStatus.APPLIED if is_there else LatencyStatus.NOT_SIGNIFICANT
+        return Latency(status, found_s, sigma_s, bound_s)
 
     def _approached(self, guess: float) -> _Found | None:
         """Run the filter with the latency among its states until the stamps stay; None where it breaks down."""

@@ -13,7 +13,6 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
-from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass
@@ -64,9 +63,7 @@ def estimate_track(
     start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
     if not config.causal:
         start = _start_again(tuned, start, config.reset_after)
-    late_s, remark = _late_reference(tuned)
-    notes += remark
-    output_s = seconds(output_stamp_ns, epoch) + late_s
+    output_s = seconds(output_stamp_ns, epoch)
     result = run_pass(
         tuned.series, start, tuned.motion, output_s,
         smooth=not config.causal, reset_after=config.reset_after,
@@ -120,25 +117,6 @@ def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
     last = max(int(m.stamp_ns.max()) for m in measurements if len(m))
     step = round(NS_PER_S / rate_hz)
     return np.arange(first, last + 1, step, dtype=np.int64)
-
-
-def _late_reference(tuned: TunedSeries) -> tuple[float, list[str]]:
-    """Return by how much the reference is late, in seconds, with a note; 0 where nothing says so.
-
-    A position can't be stamped before it was there. Where one clearly comes out earlier than the reference, the
-    reference (an IMU behind a filter or a bus) is late, and the receiver's satellite clock is better. The filter runs
-    on the reference's clock; the output is asked for on the receiver's.
-    """
-    late_s, source = 0.0, ""
-    for s, latency in zip(tuned.series, tuned.latencies, strict=True):
-        if s.kind is Kind.POSITION and latency.status is LatencyStatus.APPLIED and latency.found_s < -late_s:
-            late_s, source = -latency.found_s, s.source
-    if not source:
-        return 0.0, []
-    return late_s, [
-        f"{source}: positions lead the reference by {1000.0 * late_s:.0f} ms, so the reference is late; "
-        f"states are on the clock of {source}"
-    ]
 
 
 def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -> SourceReport:

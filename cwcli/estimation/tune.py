@@ -9,6 +9,7 @@ import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles
+from cwcli.estimation.latency_clock import on_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
@@ -51,15 +52,16 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
     """
     series, walk, prior = with_bias_states(prepared, parameters)
     latencies = find_latencies(series, latency_roles(series, config), parameters, walk, prior)
+    latencies, moved = on_agreed_clock(series, latencies)
     series = [replace(s, latency_s=latency.applied_s) for s, latency in zip(series, latencies, strict=True)]
     series, parameters = settle_noise(series, parameters, walk, prior)
     gated = tuple(replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
-    notes = tuple(
+    unknown = (
         f"{s.source}: latency of {s.kind.name.lower()} not observable, not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s)
     )
-    return TunedSeries(gated, tuple(latencies), parameters.motion(walk), prior, notes)
+    return TunedSeries(gated, tuple(latencies), parameters.motion(walk), prior, (*moved, *unknown))
 
 
 def with_bias_states(

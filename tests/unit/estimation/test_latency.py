@@ -113,13 +113,13 @@ def test_a_short_log_has_no_latency_corrected_that_is_not_there(duration_s: floa
     assert {r.latency.applied_s for r in track.sources} == {0.0}
 
 
-def test_a_large_latency_of_a_short_log_is_applied_with_three_times_the_sigma() -> None:
-    """Forty seconds are fewer than five blocks."""
+def test_a_large_latency_of_a_short_log_is_applied_with_a_wide_sigma() -> None:
+    """Forty seconds are eight blocks of five seconds, in few of which something happens."""
     track = estimate_track(measure(city_drive(1, 40.0), 1, {"gnss": 0.3}), EstimatorConfig())
     latency = track.sources[0].latency
     assert latency.status is LatencyStatus.APPLIED
     assert latency.found_s == pytest.approx(0.3, abs=0.04)
-    assert 0.02 < latency.sigma_s < 0.1
+    assert 1.3 * latency.bound_s < latency.sigma_s < 0.1
 
 
 def test_a_parked_car_shows_no_latency() -> None:
@@ -205,12 +205,13 @@ def test_correcting_the_latency_makes_the_track_better() -> None:
 
 
 def test_states_are_on_the_positions_clock_where_the_imu_is_late() -> None:
-    """The IMU comes 80 ms late, the positions on time: a position can't be early, so its clock rules."""
+    """The IMU comes 80 ms late, all others on time: they agree."""
     drive = city_drive(7, DURATION_S)
     track = estimate_track(measure(drive, 7, {"imu": 0.08}), EstimatorConfig())
     found = {r.source: r for r in track.sources}
-    assert found["gnss"].latency.applied_s == pytest.approx(-0.08, abs=TOLERANCE_S)
-    assert any("reference is late" in note for note in track.notes)
+    assert found["imu"].latency.applied_s == pytest.approx(0.08, abs=TOLERANCE_S)
+    assert {found[source].latency.status for source in ("gnss", "speed", "heading")} == {LatencyStatus.REFERENCE}
+    assert any("so imu is late" in note for note in track.notes)
     inside = slice(100, -100)
     truth = drive.at((track.stamp_ns[inside] - EPOCH_NS) / 1e9)
     error = np.hypot(track.state[inside, 0] - truth["x_m"], track.state[inside, 1] - truth["y_m"])

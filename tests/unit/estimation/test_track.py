@@ -95,9 +95,13 @@ def test_imu_alone_before_the_first_position_leaves_the_latency_right_and_the_co
     fine = np.arange(0.0, 90.0, 0.01)
     yaw_rate = 0.25 * np.sin(0.3 * fine)
     accel = 0.8 * np.sin(0.5 * fine)
-    speed = 9.0 + np.cumsum(accel) * 0.01
-    heading = 1.1 + np.cumsum(yaw_rate) * 0.01
-    xy = np.cumsum(speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1), axis=0) * 0.01
+
+    def integral(rate: np.ndarray) -> np.ndarray:
+        return (np.cumsum(rate, axis=0) - 0.5 * rate) * 0.01  # a whole step would be a lead of half of it
+
+    speed = 9.0 + integral(accel)
+    heading = 1.1 + integral(yaw_rate)
+    xy = integral(speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1))
     imu = np.zeros((len(fine), 6))
     imu[:, 0], imu[:, 2], imu[:, 5] = accel + 0.1, 9.81, yaw_rate + 1e-3
     imu += rng.standard_normal(imu.shape) * np.array([0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3])

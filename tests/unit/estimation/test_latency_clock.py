@@ -1,0 +1,80 @@
+"""Whose clock the latencies count from: where the sources agree, and no measurement is early."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cwcli.estimation import Kind, Latency, LatencyStatus
+from cwcli.estimation.latency_clock import on_agreed_clock
+from cwcli.estimation.passes import Series
+
+KINDS = {"imu": Kind.ACCEL, "gnss": Kind.POSITION, "wheel": Kind.SPEED, "compass": Kind.HEADING}
+
+
+def said(**ms: tuple[float, float]) -> dict[str, Latency]:
+    """Each source's latency against the IMU and its sigma, milliseconds; applied beyond three sigma."""
+    return {
+        name: Latency(
+            LatencyStatus.APPLIED if abs(value) > 3.0 * sigma else LatencyStatus.NOT_SIGNIFICANT,
+            1e-3 * value,
+            1e-3 * sigma,
+            1e-3,
+        )
+        for name, (value, sigma) in ms.items()
+    }
+
+
+def agreed(latencies: dict[str, Latency]) -> tuple[dict[str, Latency], list[str]]:
+    """On the agreed clock, by source; the IMU is what the search compared with."""
+    all_of = {"imu": Latency(LatencyStatus.REFERENCE), **latencies}
+    series = [
+        Series(
+            name, KINDS[name], np.arange(2.0), np.zeros((2, 2)), np.ones((2, 3)), bias_state=8 if name == "imu" else -1
+        )
+        for name in all_of
+    ]
+    moved, notes = on_agreed_clock(series, list(all_of.values()))
+    return dict(zip(all_of, moved, strict=True)), notes
+
+
+def test_an_imu_is_late_where_gnss_and_wheel_agree_on_an_earlier_time() -> None:
+    """-100 +- 10 and -110 +- 20 ms: weights 4 to 1, so the IMU is late by 102 ms +- 8.94."""
+    found, (note,) = agreed(said(gnss=(-100.0, 10.0), wheel=(-110.0, 20.0)))
+    assert found["imu"].status is LatencyStatus.APPLIED
+    assert found["imu"].applied_s == pytest.approx(0.102)
+    assert found["imu"].sigma_s == pytest.approx(8.944e-3, rel=1e-3)
+    assert found["gnss"] == found["wheel"] == Latency(LatencyStatus.REFERENCE)
+    assert "gnss, wheel: 102 ms ahead of imu, so imu is late" in note
+
+
+def test_a_source_that_was_on_the_imus_clock_is_late_with_it() -> None:
+    found, _ = agreed(said(gnss=(-100.0, 10.0), wheel=(-100.0, 10.0), compass=(5.0, 5.0)))
+    assert found["compass"].status is LatencyStatus.APPLIED
+    assert found["compass"].applied_s == pytest.approx(0.105)
+
+
+def test_a_position_that_leads_the_imu_alone_is_believed() -> None:
+    found, _ = agreed(said(gnss=(-100.0, 10.0)))
+    assert found["imu"].applied_s == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "latencies",
+    [
+        said(gnss=(100.0, 10.0), wheel=(100.0, 10.0)),  # both late: nothing is early
+        said(wheel=(-100.0, 10.0)),  # one against one, and no position
+        said(gnss=(-100.0, 10.0), wheel=(0.0, 10.0)),  # the wheel is on the IMU's clock
+        said(gnss=(-40.0, 20.0), wheel=(-40.0, 20.0)),  # not clearly there
+    ],
+    ids=["late", "one against one", "majority", "unclear"],
+)
+def test_the_imus_clock_stays(latencies: dict[str, Latency]) -> None:
+    found, notes = agreed(latencies)
+    assert found == {"imu": Latency(LatencyStatus.REFERENCE), **latencies}
+    assert notes == []
+
+
+def test_a_given_latency_names_the_clock() -> None:
+    latencies = {**said(gnss=(-100.0, 10.0)), "wheel": Latency(LatencyStatus.GIVEN, 0.0)}
+    assert agreed(latencies)[0]["imu"] == Latency(LatencyStatus.REFERENCE)
