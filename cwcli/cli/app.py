@@ -18,9 +18,9 @@ import typer.main
 
 from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
+from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand
 from cwcli.cli.options.fast import skip_coercion
-from cwcli.cli.options.shared import TalkOptions
 from cwcli.cli.options.stage import every_stage
 from cwcli.errors import UsageError
 from cwcli.input import remembering_inputs

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
 from cwcli.cli.console import Console, report_error
-from cwcli.cli.options.shared import TalkOptions
+from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.tables import Cell, table
 from cwcli.errors import CwcliError

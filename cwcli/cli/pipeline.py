@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
 from cwcli.cli.console import Console, stdout_or_file
-from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ReadingOptions, WritingOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
 from cwcli.errors import UsageError

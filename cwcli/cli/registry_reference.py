@@ -58,12 +58,11 @@ def prediction_page(text: str) -> str:
 def warning_page(text: str) -> str:
     """docs/warning.md with its tables of rules and of what a conflict is."""
     from cwcli.measures import MEASURES
-    from cwcli.warning.conflicts import conflict_definition
     from cwcli.warning.rules import RULES
     from cwcli.warning.types import WarningConfig
 
     names = [name for name, measure in MEASURES.items() if measure.is_series and measure.threshold is not None]
-    rows = [(code(name), f"when {conflict_definition(WarningConfig(conflict=name)).words}") for name in names]
+    rows = [(code(name), f"when {WarningConfig(conflict=name).definition.words}") for name in names]
     rules = [
         (code(name), rule.summary, f"{rule.persistence_s:g} s" if rule.persistence_s else "none")
         for name, rule in RULES.items()

@@ -8,15 +8,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand
-from cwcli.cli.options.former import resolved, say_notes
+from cwcli.cli.options.respelled import resolved, say_notes
 from cwcli.cli.options.shared import (
     LogArgument,
     MetricsDirOption,
     MetricsOption,
     ReadingOptions,
     SensorOptions,
-    TalkOptions,
     WritingOptions,
 )
 from cwcli.cli.options.stage import StageOptions, call_of, reads_sensors, stage_options

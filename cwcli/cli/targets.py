@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cwcli.cli.options.shared import TalkOptions
+from cwcli.cli.options.configfile import TalkOptions
 from cwcli.errors import UsageError
 
 

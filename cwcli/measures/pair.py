@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +14,14 @@ from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
 
-if TYPE_CHECKING:
-    from cwcli.measures.base import Measure
-
 OUTLINE_RANGE_M = 100.0  # outlines are compared within this centre distance
+
+
+class OfPair(Protocol):
+    """Something that is computed of a pair, such as `cwcli.measures.base.Measure`."""
+
+    @property
+    def of(self) -> Callable[[Pair], FloatArray]: ...
 
 
 @dataclass(frozen=True)
@@ -59,9 +64,9 @@ class Pair:
     host_size: Size
     other_size: Size
     max_gap_s: float
-    _values: dict[Measure, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _values: dict[OfPair, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def value(self, measure: Measure) -> FloatArray:
+    def value(self, measure: OfPair) -> FloatArray:
         """A measure at each stamp, (n,), or of the pair, ()."""
         if measure not in self._values:
             self._values[measure] = measure.of(self)

@@ -13,7 +13,7 @@ from cwcli.report.drive import Drive
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import count, duration, join_names, printable
-from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, conflict_definition
+from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED
 from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
@@ -115,7 +115,7 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
         return ""
     if verdict is None:
         return "Whether the warning was right can't be said: the other's track is not in the log."
-    conflict = conflict_definition(rule).words
+    conflict = rule.definition.words
     if verdict.kind == TRUE:
         return f"The warning was right: it came {verdict.lead_time_s:.1f} s before {conflict}."
     if verdict.kind == LATE:
@@ -196,7 +196,7 @@ def _badges(meetings: Meetings) -> list[Badge]:
 
 def _missed(drive: Drive, meetings: Meetings) -> list[str]:
     told = []
-    conflict = conflict_definition(drive.rule).words
+    conflict = drive.rule.definition.words
     for missed in meetings.missed[:3]:
         told.append(
             f"No warning came before {_at(drive, missed.conflict.onset_ns)}, when {conflict} "

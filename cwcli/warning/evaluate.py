@@ -10,7 +10,8 @@ from cwcli.errors import UsageError
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.align import read_paths
-from cwcli.warning.conflicts import conflict_definition, judge, real_conflicts
+from cwcli.warning.conflict_definition import conflict_definition
+from cwcli.warning.conflicts import judge, real_conflicts
 from cwcli.warning.output import (
     conflicts_table,
     events_table,
@@ -104,7 +105,7 @@ def check_config(config: WarningConfig) -> None:
         raise UsageError(f"a persistence of {config.persistence_s:g} s is above {MAX_PERSISTENCE_S:g} s")
     if not (np.isfinite(config.max_lead_s) and config.max_lead_s >= 0.0):
         raise UsageError(f"a max lead of {config.max_lead_s:g} is negative")
-    conflict_definition(config)
+    conflict_definition(config.conflict, distance_m=config.distance_m)
 
 
 def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:

@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.metrics.table import Table
 from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.warning.conflict_definition import ConflictDefinition, conflict_definition, definitions
 from cwcli.warning.rows import WarningRows
 
 DEFAULT_LENGTH_M = 4.5
@@ -84,8 +85,6 @@ def _or(value: float | None, default: float) -> float:
 
 
 def _conflict_help() -> str:
-    from cwcli.warning.conflicts import definitions
-
     return (
         f"What counts as a conflict when warnings are scored: a measure beyond its threshold ({definitions()}), or "
         "beyond one of yours: 'ttc < 1.5'. distance alone is that of --distance."
@@ -108,7 +107,7 @@ class WarningConfig:
         max_age_s: Remote states older than this are not used.
         max_gap_s: Tracks are not interpolated across gaps longer than this when warnings are scored.
         conflict: What counts as a conflict when warnings are scored: a key of `measures.MEASURES`, at its own
-            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5" (`conflicts.conflict_definition`).
+            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5" (`conflict_definition`).
         max_lead_s: A warning earlier than this before a conflict is not about that conflict.
     """
 
@@ -141,6 +140,15 @@ class WarningConfig:
     max_lead_s: Annotated[
         float, Option("--max-lead", "A warning earlier than this is not about the conflict.", metavar="SECONDS")
     ] = 5.0
+
+    @property
+    def definition(self) -> ConflictDefinition:
+        """What counts as a conflict.
+
+        Raises:
+            UsageError: It is none.
+        """
+        return conflict_definition(self.conflict, distance_m=self.distance_m)
 
 
 @dataclass(frozen=True)

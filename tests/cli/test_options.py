@@ -12,8 +12,9 @@ import typer
 import typer.main
 
 from cwcli.cli.app import PlainCommand
+from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand
-from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
+from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions
 from cwcli.cli.options.stage import StageOptions
 from cwcli.cli.options.values import time_ns, utc
 from cwcli.errors import UsageError

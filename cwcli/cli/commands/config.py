@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from cwcli.cli.console import Console
+from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand
-from cwcli.cli.options.former import say_notes
-from cwcli.cli.options.shared import TalkOptions
+from cwcli.cli.options.respelled import say_notes
 from cwcli.cli.options.stage import every_stage
 from cwcli.cli.options.toml import toml
 from cwcli.errors import UsageError

@@ -12,7 +12,8 @@ import typer
 
 from cwcli.cli.commands.run import default_options, with_all_stages
 from cwcli.cli.console import Console
-from cwcli.cli.options.shared import ReadingOptions, TalkOptions, WritingOptions
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ReadingOptions, WritingOptions
 from cwcli.cli.pipeline import Job, document, execute, tell
 
 EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")

@@ -12,8 +12,9 @@ import typer
 from cwcli import __version__
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, TruthOption
-from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
+from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table

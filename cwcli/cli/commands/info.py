@@ -6,7 +6,8 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console
-from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, TalkOptions
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions
 from cwcli.cli.options.values import utc
 from cwcli.cli.tables import Cell, table
 from cwcli.cli.text import count, duration, join_names, paragraph, printable, size

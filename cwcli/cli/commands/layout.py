@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from cwcli.cli.console import Console, stdout_or_file
-from cwcli.cli.options.shared import ForceOption, TalkOptions
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.report import print_written
 from cwcli.errors import UsageError
 

@@ -11,7 +11,8 @@ import typer
 
 from cwcli import __version__
 from cwcli.cli.console import Console
-from cwcli.cli.options.shared import ForceOption, MetricsOption, TalkOptions
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
-from cwcli.cli.options.former import resolved, say_notes
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.respelled import resolved, say_notes
 from cwcli.cli.options.shared import (
     LogsArgument,
     MetricsDirOption,
     ReadingOptions,
     SensorOptions,
-    TalkOptions,
     WritingOptions,
 )
 from cwcli.cli.options.stage import StageOptions, call_of, every_stage

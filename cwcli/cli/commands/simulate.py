@@ -10,7 +10,8 @@ import typer
 
 from cwcli import __version__
 from cwcli.cli.console import Console, stdout_or_file
-from cwcli.cli.options.shared import ForceOption, TalkOptions
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
 from cwcli.cli.tables import table

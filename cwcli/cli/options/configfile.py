@@ -12,10 +12,12 @@ command, and `cwcli run` reads the tables of its stages. A name that no command 
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, ClassVar
 
 import typer
 
+from cwcli.cli.options.shared import ReadingOptions, SensorOptions, WritingOptions
 from cwcli.errors import UsageError
 
 OF_STAGE = "__"
@@ -85,12 +87,8 @@ def _top_level(path: str, document: dict[str, Any]) -> dict[str, Any]:
 
 def shared_names() -> set[str]:
     """Names of the options that commands share."""
-    import dataclasses
-
-    from cwcli.cli.options import shared
-
-    kinds = (shared.ReadingOptions, shared.SensorOptions, shared.WritingOptions, shared.TalkOptions)
-    names = {field.name for kind in kinds for field in dataclasses.fields(kind)}
+    kinds = (ReadingOptions, SensorOptions, WritingOptions, TalkOptions)
+    names = {field.name for kind in kinds for field in fields(kind)}
     return (names | {"metrics", "metrics_dir", "gates"}) - {"config"}
 
 
@@ -143,3 +141,25 @@ def _checked(ctx: typer.Context, path: str, key: str, entry: Any, option: Any) -
             f"{key} = {value!r}: {reason.removesuffix('.').removeprefix('Value error, ')}", where=path, hint=hint
         ) from error
     return value
+
+
+@dataclass(frozen=True)
+class TalkOptions:
+    """What is printed, and where further settings come from."""
+
+    heading: ClassVar[str] = "General"
+    json: Annotated[
+        bool, typer.Option("--json", help="Print the summary as JSON on standard output instead of tables.")
+    ] = False
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False
+    config: Annotated[
+        str | None,
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            is_eager=True,
+            callback=read_config,
+            show_default=False,
+            help="TOML file with defaults for these options.",
+        ),
+    ] = None

@@ -7,8 +7,6 @@ from typing import Annotated, ClassVar, Literal
 
 import typer
 
-from cwcli.cli.options.configfile import read_config
-
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="MCAP file; - is standard input.")]
@@ -100,28 +98,6 @@ class WritingOptions:
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
     ] = False
     force: ForceOption = False
-
-
-@dataclass(frozen=True)
-class TalkOptions:
-    """What is printed, and where further settings come from."""
-
-    heading: ClassVar[str] = "General"
-    json: Annotated[
-        bool, typer.Option("--json", help="Print the summary as JSON on standard output instead of tables.")
-    ] = False
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False
-    config: Annotated[
-        str | None,
-        typer.Option(
-            "--config",
-            metavar="FILE",
-            is_eager=True,
-            callback=read_config,
-            show_default=False,
-            help="TOML file with defaults for these options.",
-        ),
-    ] = None
 
 
 MetricsOption = Annotated[

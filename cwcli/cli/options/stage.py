@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import typing
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 import typer
 
+from cwcli.cli.options.entries import Entry, entries
+from cwcli.cli.options.former import former_fields
 from cwcli.cli.options.shared import SensorOptions
 from cwcli.errors import UsageError
 from cwcli.option import Option
@@ -40,63 +40,9 @@ class StageOptions:
         return {name: value for name, value in vars(self).items() if name not in self.hidden}
 
 
-@dataclass(frozen=True)
-class Entry:
-    """An option and where its value stands in the configuration.
-
-    Attributes:
-        key: Its name in a configuration file.
-        path: Of the field, through the configurations inside the configuration.
-        option: As it is annotated.
-        kind: Type of its value.
-        default: Its value if nobody gives another.
-    """
-
-    key: str
-    path: tuple[str, ...]
-    option: Option
-    kind: Any
-    default: Any
-
-
-@functools.cache
-def entries(name: str) -> tuple[Entry, ...]:
-    """The options of a stage.
-
-    Raises:
-        UsageError: Its module is not there.
-    """
-    return tuple(_entries(STAGES[name].configuration(), ()))
-
-
-def _entries(default: Any, path: tuple[str, ...]) -> Iterator[Entry]:
-    hints = typing.get_type_hints(type(default), include_extras=True)
-    for field in dataclasses.fields(default):
-        value, place = getattr(default, field.name), (*path, field.name)
-        kind, *extras = typing.get_args(hints[field.name]) or (hints[field.name],)
-        option = next((extra for extra in extras if isinstance(extra, Option)), None)
-        if option is not None:
-            kind = option.kind or kind
-            given = _nothing(kind) if option.parse else value
-            yield Entry(_key(option), place, option, kind, given)
-        elif dataclasses.is_dataclass(value):
-            yield from _entries(value, place)
-
-
-def _nothing(kind: Any) -> Any:
-    """The value of an option that nobody gave, where it is parsed."""
-    return [] if typing.get_origin(kind) is list else False if kind is bool else None
-
-
-def _key(option: Option) -> str:
-    return option.flags.partition("/")[0].removeprefix("--").replace("-", "_")
-
-
 @functools.cache
 def stage_options(name: str) -> type[StageOptions]:
     """A dataclass with the stage's options, as `expand` takes it. Making one checks nothing."""
-    from cwcli.cli.options.former import former_fields
-
     own = [(entry.key, Annotated[entry.kind, _typer_option(entry)], _field(entry.default)) for entry in entries(name)]
     hidden = former_fields(name)
     fields: list[Any] = [*own, *((key, kind, _field(value)) for key, kind, value in hidden)]

@@ -1,0 +1,65 @@
+"""The options that a stage's annotated configuration holds (`cwcli.option`), and where each value stands in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from cwcli.option import Option
+from cwcli.stages import STAGES
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An option and where its value stands in the configuration.
+
+    Attributes:
+        key: Its name in a configuration file.
+        path: Of the field, through the configurations inside the configuration.
+        option: As it is annotated.
+        kind: Type of its value.
+        default: Its value if nobody gives another.
+    """
+
+    key: str
+    path: tuple[str, ...]
+    option: Option
+    kind: Any
+    default: Any
+
+
+@functools.cache
+def entries(name: str) -> tuple[Entry, ...]:
+    """The options of a stage.
+
+    Raises:
+        UsageError: Its module is not there.
+    """
+    return tuple(_entries(STAGES[name].configuration(), ()))
+
+
+def _entries(default: Any, path: tuple[str, ...]) -> Iterator[Entry]:
+    hints = typing.get_type_hints(type(default), include_extras=True)
+    for field in dataclasses.fields(default):
+        value, place = getattr(default, field.name), (*path, field.name)
+        kind, *extras = typing.get_args(hints[field.name]) or (hints[field.name],)
+        option = next((extra for extra in extras if isinstance(extra, Option)), None)
+        if option is not None:
+            kind = option.kind or kind
+            given = _nothing(kind) if option.parse else value
+            yield Entry(_key(option), place, option, kind, given)
+        elif dataclasses.is_dataclass(value):
+            yield from _entries(value, place)
+
+
+def _nothing(kind: Any) -> Any:
+    """The value of an option that nobody gave, where it is parsed."""
+    return [] if typing.get_origin(kind) is list else False if kind is bool else None
+
+
+def _key(option: Option) -> str:
+    return option.flags.partition("/")[0].removeprefix("--").replace("-", "_")

@@ -1,0 +1,61 @@
+"""Options as they were once spelled, replaced by those of the stages that there are now (`former`)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from cwcli.cli.console import Console
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.former import FORMER
+from cwcli.cli.options.stage import StageOptions, stage_options
+
+
+def resolved(
+    options: Mapping[str, StageOptions], wanted: Sequence[str]
+) -> tuple[dict[str, StageOptions], tuple[str, ...], tuple[str, ...]]:
+    """Replace old spellings.
+
+    Args:
+        options: Stage -> its options, at least of those that are wanted.
+        wanted: The stages that are to run.
+
+    Returns:
+        The options, the stages, and notes on what replaces what was given.
+    """
+    result, names, notes = dict(options), list[str](), list[str]()
+    for name in wanted:
+        usual = stage_options(name)()
+        given = {key: value for key, value in vars(options[name]).items() if value != getattr(usual, key)}
+        base, places = name, [name]
+        for key, former in FORMER.get(name, {}).items():
+            values = [part.strip() for part in (given.pop(key, None) or "").split(",") if part.strip()]
+            notes += [
+                f"`{name} {former.flag} {value}` is the stage `{former.stages[value]}` now"
+                for value in values
+                if value in former.stages
+            ]
+            if former.usual:
+                base = next((former.stages[value] for value in values if value in former.stages), base)
+            elif values:
+                places = list(dict.fromkeys(former.stages.get(value, name) for value in values))
+                if kept := [value for value in values if value not in former.stages]:
+                    given[key] = ",".join(kept)
+        places = [base if place == name else place for place in places]
+        for place in places:
+            result.setdefault(place, stage_options(place)())
+            fitting = {key: value for key, value in given.items() if key in result[place].values()}
+            result[place] = dataclasses.replace(result[place], **fitting)  # type: ignore[type-var]
+        notes += [
+            f"{key} of `{name}` is an option of another stage now, and is not used"
+            for key in given
+            if not any(key in result[place].values() for place in places)
+        ]
+        names += places
+    return result, tuple(dict.fromkeys(names)), tuple(notes)
+
+
+def say_notes(talk: TalkOptions, notes: Sequence[str]) -> None:
+    """Say what replaces old spellings, in one note."""
+    if notes:
+        Console(quiet=talk.quiet).note("; ".join(notes))
