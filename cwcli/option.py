@@ -27,6 +27,7 @@ class Option:
         above, at_most: Where its value lies, None for no bound.
         kind: Its type, where that is not the field's.
         parse: Makes the field's value from the option's; called only if the option was given.
+        former: As it was once spelled: `--lane-speed`, "" if it never was.
     """
 
     flags: str
@@ -38,3 +39,4 @@ class Option:
     at_most: float | None = None
     kind: Any = None
     parse: Callable[[Any], Any] | None = None
+    former: str = ""

@@ -78,9 +78,10 @@ class LaneDepartureConfig:
     release_m: float = 0.1
     persistence_s: float = 0.1
     hold_off_s: float = 1.0
-    min_speed_mps: Annotated[float, Option("--lane-speed", "No warning is raised below this speed.", metavar="MPS")] = (
-        CLASS_II_MPS
-    )
+    min_speed_mps: Annotated[
+        float,
+        Option("--min-speed", "No warning is raised below this speed.", metavar="MPS", former="--lane-speed"),
+    ] = CLASS_II_MPS
     speed_hysteresis_mps: float = 1.0
     rate_over_s: float = 0.3
     min_width_m: float = 2.0

@@ -110,6 +110,13 @@ def test_keys_of_a_pipeline_file_and_the_environment(cwcli: Run, lanes: Path, tm
     assert document["run"]["stages"] == new["run"]["stages"]
 
 
+@pytest.mark.parametrize("old", ["warn-lane --lane-speed 20", "warn --rules lane-departure --lane-speed 20"])
+def test_an_option_of_another_name(cwcli: Run, lanes: Path, tmp_path: Path, old: str) -> None:
+    assert cwcli("run", lanes, "--stage", "observe,predict-lane", "-o", "paths.mcap").returncode == 0
+    said = notes(same(cwcli, tmp_path, tmp_path / "paths.mcap", old, "warn-lane --min-speed 20"))
+    assert said.count(f"`{old.split(maxsplit=1)[0]} --lane-speed` is `--min-speed` now") == 1
+
+
 def test_an_option_that_went_with_a_stage_is_not_used_without_it(cwcli: Run, predicted: Path) -> None:
     done = cwcli("warn", predicted, "--line-crossing", "0.5")
     assert done.returncode == 0

@@ -51,7 +51,7 @@ def _entries(default: Any, path: tuple[str, ...]) -> Iterator[Entry]:
         if option is not None:
             kind = option.kind or kind
             given = _nothing(kind) if option.parse else value
-            yield Entry(_key(option), place, option, kind, given)
+            yield Entry(key_of(option.flags), place, option, kind, given)
         elif dataclasses.is_dataclass(value):
             yield from _entries(value, place)
 
@@ -61,5 +61,6 @@ def _nothing(kind: Any) -> Any:
     return [] if typing.get_origin(kind) is list else False if kind is bool else None
 
 
-def _key(option: Option) -> str:
-    return option.flags.partition("/")[0].removeprefix("--").replace("-", "_")
+def key_of(flags: str) -> str:
+    """Name of an option in a configuration file: `tune` of `--tune/--no-tune`."""
+    return flags.partition("/")[0].removeprefix("--").replace("-", "_")

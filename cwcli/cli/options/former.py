@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from cwcli.cli.options.entries import entries
+from cwcli.cli.options.entries import Entry, entries, key_of
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,16 @@ def former_fields(stage: str) -> list[tuple[str, Any, Any]]:
             for entry in entries(moved):
                 if entry.key not in own:
                     found.setdefault(entry.key, (entry.key, _hidden(entry.kind, entry.option.flags), entry.default))
+    for key, entry in respelled(stage).items():
+        found[key] = (key, _hidden(entry.kind, entry.option.former), entry.default)
     return list(found.values())
+
+
+def respelled(stage: str) -> dict[str, Entry]:
+    """Key as it was once spelled -> the option, of the stage and of those whose options were once its own."""
+    moved = (name for former in FORMER.get(stage, {}).values() for name in former.stages.values())
+    every = (entry for name in (stage, *moved) for entry in entries(name))
+    return {key_of(entry.option.former): entry for entry in every if entry.option.former}
 
 
 def _hidden(kind: Any, flags: str) -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.former import FORMER
+from cwcli.cli.options.former import FORMER, respelled
 from cwcli.cli.options.stage import StageOptions, stage_options
 
 
@@ -27,6 +27,10 @@ def resolved(
     for name in wanted:
         usual = stage_options(name)()
         given = {key: value for key, value in vars(options[name]).items() if value != getattr(usual, key)}
+        for key, entry in respelled(name).items():
+            if key in given:
+                given[entry.key] = given.pop(key)
+                notes.append(f"`{name} {entry.option.former}` is `{entry.option.flags}` now")
         base, places = name, [name]
         for key, former in FORMER.get(name, {}).items():
             values = [part.strip() for part in (given.pop(key, None) or "").split(",") if part.strip()]
