@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.estimation import EstimatorConfig, estimate_track
+from cwcli.estimation import EstimatorConfig, Latency, LatencyStatus, estimate_track
 from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, PRIOR_S, SIDE_SLIP_M
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
@@ -24,6 +24,7 @@ from cwcli.estimation.start import start_with_parameters
 from cwcli.estimation.tune import with_bias_states
 from tests.studies.city_drive import Sensors, city_drive, measure
 
+FOUND = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
 SOURCES = ("gnss", "speed", "heading")
 TOLERANCE_S = 0.010
 
@@ -52,12 +53,24 @@ def one_run(seed: int, duration_s: float, slow: tuple[float, float] = (0.0, 1.0)
     measurements = measure(city_drive(seed, duration_s), seed, planted)
     measurements = [with_slow_error(m, *slow, seed) if m.kind is Kind.POSITION else m for m in measurements]
     track = estimate_track(measurements, EstimatorConfig())
-    reports = {r.source: r for r in track.sources if r.source in SOURCES}
+    told = {r.source: r.latency for r in track.sources}  # of the IMU the yaw rate's
+    found = {s: against(told[s], told["imu"]) for s in SOURCES}
     return Run(
-        {s: reports[s].latency.found_s - planted[s] for s in SOURCES},
-        {s: planted[s] - reports[s].latency.applied_s for s in SOURCES},
-        {s: reports[s].latency.sigma_s for s in SOURCES},
+        {s: found[s].found_s - planted[s] for s in SOURCES},
+        {s: planted[s] - (told[s].applied_s - told["imu"].applied_s) for s in SOURCES},
+        {s: found[s].sigma_s for s in SOURCES},
         bound(measurements, planted),
+    )
+
+
+def against(one: Latency, other: Latency) -> Latency:
+    """The latency between two sources, whichever clock the latencies count from; known where both are."""
+    known = [told for told in (one, other) if told.status is not LatencyStatus.REFERENCE]
+    return Latency(
+        min((told.status for told in known), key=FOUND.__contains__, default=LatencyStatus.REFERENCE),
+        sum(sign * told.found_s for sign, told in ((1.0, one), (-1.0, other)) if told in known),
+        float(np.sqrt(sum(told.sigma_s**2 for told in known))),
+        max((told.bound_s for told in known), default=float("nan")),
     )
 
 

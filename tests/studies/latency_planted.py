@@ -25,6 +25,7 @@ from cwcli.signals.codec import Role
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.estimate import EGO_ROLES
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from tests.studies.latency import FOUND, against
 
 SHIFTS_MS = (-100.0, 50.0, 100.0, 300.0)
 WINDOWS_S = (20.0, 30.0, 40.0, 60.0)
@@ -32,7 +33,6 @@ TOLERANCE_MS = 10.0
 OBSERVABLE_MS = 50.0
 MIN_SHARE = 0.95
 MAX_CHI_SQUARE = 2.0
-FOUND = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
 
 Latencies = dict[str, Latency]
 """Source and quantity -> its latency."""
@@ -111,7 +111,7 @@ def planted(name: str, measurements: Sequence[Measurements]) -> list[Planted]:
             own = first.pop(source)
             for other in first.values():
                 if LatencyStatus.REFERENCE in (before[own].status, before[other].status):
-                    told, now = (between(found, own, other) for found in (before, after))
+                    told, now = (against(latency[own], latency[other]) for latency in (before, after))
                     found.append(Planted(name, f"{own} - {other}", shift_ms, told, now))
     return found
 
@@ -119,21 +119,6 @@ def planted(name: str, measurements: Sequence[Measurements]) -> list[Planted]:
 def of(quantity: str) -> str:
     """The source of a quantity."""
     return quantity.rpartition(" ")[0]
-
-
-def between(found: Latencies, one: str, other: str) -> Latency:
-    """The latency of one quantity against another: one of them is the reference, or both were compared with one."""
-    first, second = (
-        replace(told, found_s=0.0, sigma_s=0.0) if told.status is LatencyStatus.REFERENCE else told
-        for told in (found[one], found[other])
-    )
-    known = [told for told in (first, second) if told.status is not LatencyStatus.REFERENCE]
-    return Latency(
-        min((told.status for told in known), key=FOUND.__contains__, default=LatencyStatus.REFERENCE),
-        first.found_s - second.found_s,
-        float(np.hypot(first.sigma_s, second.sigma_s)),
-        max((told.bound_s for told in known), default=float("nan")),
-    )
 
 
 def show_planted(found: Sequence[Planted]) -> bool:
