@@ -31,6 +31,13 @@ class Measure:
         is_series: One value a moment; False: one for the pair.
         is_symmetric: The same whichever of the two is the host.
         threshold: Beyond it the two are in conflict, unless the user says otherwise; None: the user must say.
+        threshold_source: Who says so.
+        undefined: When there is no value: NaN, an empty cell, never a large number.
+        misleads: When its value says less, or something else, than it seems to.
+        is_pointwise: The value of a moment follows from the two states of that moment.
+        is_of_host: It is about the host alone, whatever the other does.
+        is_sampled: It takes thousands of samples a moment: `cwcli measure` computes it when it is asked for by name.
+        with_warnings: `cwcli warn` writes its extreme to the table of pairs, too.
         clause: Threshold -> what held at a conflict, in words: `the two were 1 s from contact`.
     """
 
@@ -45,6 +52,13 @@ class Measure:
     is_series: bool = True
     is_symmetric: bool = True
     threshold: float | None = None
+    threshold_source: str = ""
+    undefined: str = ""
+    misleads: str = ""
+    is_pointwise: bool = False
+    is_of_host: bool = False
+    is_sampled: bool = False
+    with_warnings: bool = True
     clause: Callable[[float], str] | None = None
 
     @property

@@ -21,5 +21,8 @@ MEASURE = Measure(
     source="song2016, section 4",
     of=distance,
     threshold=2.5,
+    threshold_source="song2016, section 4",
+    misleads="of long vehicles: their outlines touch while the centres are far apart",
+    is_pointwise=True,
     clause=lambda threshold: f"the two were closer than {threshold:g} m, centre to centre",
 )

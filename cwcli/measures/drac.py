@@ -12,14 +12,20 @@ from cwcli.signals.columns import FloatArray
 
 
 def deceleration(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); 0 for a pair that is not on the way to contact, infinity where the outlines touch."""
-    at, near = pair.relative, pair.near
-    gap, ttc = pair.value(GAP)[near], pair.value(TTC)[near]
+    """At each stamp, (n,); NaN for a pair that is not on the way to contact, infinity where the outlines touch."""
+    near = pair.near
+    gap, ttc, closing = pair.value(GAP)[near], pair.value(TTC)[near], closing_speed(pair)
     with np.errstate(divide="ignore", invalid="ignore"):
-        closing = -(at.dx_m * at.dvx_mps + at.dy_m * at.dvy_mps) / pair.distance_m[near]
         needed = closing**2 / (2.0 * gap)
     brakes = (closing > 0.0) & np.isfinite(ttc)  # only a pair on the way to contact needs to brake at all
-    return pair.spread(np.where(brakes, np.where(gap > 0.0, needed, np.inf), 0.0), 0.0)
+    return pair.spread(np.where(brakes, np.where(gap > 0.0, needed, np.inf), np.nan))
+
+
+def closing_speed(pair: Pair) -> FloatArray:
+    """How fast the centres come nearer, in the rows `near`, (m,); NaN for centres in one place."""
+    at = pair.relative
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(-(at.dx_m * at.dvx_mps + at.dy_m * at.dvy_mps) / pair.distance_m[pair.near])
 
 
 MEASURE = Measure(
@@ -27,9 +33,13 @@ MEASURE = Measure(
     symbol="DRAC",
     column="drac_mps2",
     critical="high",
-    formula="v_c^2 / (2 d) with v_c the closing speed of the centres; 0 off a collision course, inf in contact",
+    formula="v_c^2 / (2 d) with v_c the closing speed of the centres; infinity in contact",
     source="Cooper and Ferguson 1976",
     of=deceleration,
     threshold=3.35,
+    threshold_source="Archer 2005",
+    undefined="the two are not on a collision course, or do not close",
+    misleads="when the other brakes or accelerates; at a crossing, where braking is not the only way out",
+    is_pointwise=True,
     clause=lambda threshold: f"a braking of {threshold:g} m/s² was needed to avoid contact",
 )

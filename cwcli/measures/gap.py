@@ -9,12 +9,12 @@ from cwcli.signals.columns import FloatArray
 
 
 def gap(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); NaN beyond 100 m of centre distance."""
+    """At each stamp, (n,); NaN beyond 200 m of centre distance."""
     at = pair.relative
     found = outline_distance(
         at.dx_m, at.dy_m, at.host_heading_rad, at.other_heading_rad, pair.host_size, pair.other_size
     )
-    return pair.spread(found, float("nan"))
+    return pair.spread(found)
 
 
 MEASURE = Measure(
@@ -27,5 +27,9 @@ MEASURE = Measure(
     of=gap,
     note="of the outlines; negative: penetration depth",
     threshold=0.0,
+    threshold_source="they touch",
+    undefined="the centres are more than 200 m apart",
+    misleads="on narrow roads, where two that pass each other safely are near",
+    is_pointwise=True,
     clause=lambda threshold: f"the two were less than {threshold:g} m apart" if threshold else "the two touched",
 )

@@ -1,4 +1,4 @@
-"""Oriented rectangles: the outlines of two cars, their gap and their time to contact.
+"""Oriented rectangles: the outlines of two cars, and their gap.
 
 `dx, dy` is the other's centre minus the host's, map frame; a size is (length_m, width_m). By the separating-axis
 theorem two rectangles are apart exactly if their projections are apart on one of the four edge directions.
@@ -84,34 +84,3 @@ def _corners_to_box(
             outside_y = np.maximum(np.abs(-x * sine + y * cosine) - 0.5 * box[1], 0.0)
             best = np.minimum(best, np.hypot(outside_x, outside_y))
     return best
-
-
-def time_to_contact(
-    dx: FloatArray,
-    dy: FloatArray,
-    dvx: FloatArray,
-    dvy: FloatArray,
-    heading_host: FloatArray,
-    heading_other: FloatArray,
-    host: Size,
-    other: Size,
-) -> FloatArray:
-    """Seconds until the outlines touch if both keep velocity and heading; 0 touching, infinity if never.
-
-    On each edge direction the projections overlap during one interval of time; contact is where all four do.
-
-    Args:
-        dvx, dvy: The other's velocity minus the host's, map frame.
-    """
-    begin = np.zeros(np.shape(dx))
-    end = np.full(np.shape(dx), np.inf)
-    for axis_x, axis_y, centre, reach in _axes(dx, dy, heading_host, heading_other, host, other):
-        speed = dvx * axis_x + dvy * axis_y
-        still = np.abs(speed) < 1e-9
-        with np.errstate(divide="ignore", invalid="ignore"):
-            first, second = (-reach - centre) / speed, (reach - centre) / speed
-        apart = still & (np.abs(centre) > reach)
-        enter = np.where(still, np.where(apart, np.inf, -np.inf), np.minimum(first, second))
-        leave = np.where(still, np.where(apart, -np.inf, np.inf), np.maximum(first, second))
-        begin, end = np.maximum(begin, enter), np.minimum(end, leave)
-    return np.where(begin <= end, begin, np.inf)

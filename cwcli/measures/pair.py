@@ -13,8 +13,11 @@ import numpy.typing as npt
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
 
-OUTLINE_RANGE_M = 100.0  # outlines are compared within this centre distance
+Direction = tuple[FloatArray, FloatArray]
+"""Cosine and sine of headings."""
+OUTLINE_RANGE_M = 200.0  # outlines are compared within this centre distance
 
 
 class OfPair(Protocol):
@@ -30,7 +33,7 @@ class ActualTrack:
 
     Attributes:
         stamp_ns: Shape (n,), strictly increasing.
-        state: Shape (n, >= 4): x_m, y_m, speed_mps, heading_rad first.
+        state: Shape (n, >= 4): x_m, y_m, speed_mps, heading_rad, and of `STATE_NAMES` as many more as are known.
     """
 
     stamp_ns: Int64Array
@@ -39,7 +42,7 @@ class ActualTrack:
 
 @dataclass(frozen=True)
 class Relative:
-    """The other relative to the host, map frame, each (m,): centre, velocity, and both headings."""
+    """The other relative to the host, map frame, each (m,): centre, velocity, both headings and their directions."""
 
     dx_m: FloatArray
     dy_m: FloatArray
@@ -47,6 +50,8 @@ class Relative:
     dvy_mps: FloatArray
     host_heading_rad: FloatArray
     other_heading_rad: FloatArray
+    host_direction: Direction
+    other_direction: Direction
 
 
 @dataclass(frozen=True)
@@ -78,9 +83,27 @@ class Pair:
         return self.host.stamp_ns
 
     @cached_property
+    def step_s(self) -> FloatArray:
+        """How long each stamp counts, (n,): half of the way to its neighbours, at most the gap that is bridged."""
+        apart = np.minimum(np.diff(self.stamp_ns) / NS_PER_S, self.max_gap_s)
+        if not len(apart):
+            return np.zeros(len(self.stamp_ns))
+        return np.asarray(0.5 * (np.concatenate([apart[:1], apart]) + np.concatenate([apart, apart[-1:]])))
+
+    @cached_property
     def others(self) -> FloatArray:
         """The other's x, y, speed, heading at the host's stamps, (n, 4); NaN where its track has no data."""
         return interpolate(self.other, self.stamp_ns, self.max_gap_s)
+
+    @cached_property
+    def host_motion(self) -> FloatArray:
+        """The host's accel_mps2, yaw_rate_radps and jerk_mps3, (n, 3)."""
+        return motion_of(self.host)
+
+    @cached_property
+    def other_motion(self) -> FloatArray:
+        """The other's accel_mps2, yaw_rate_radps and jerk_mps3 at the host's stamps, (n, 3); NaN without data."""
+        return interpolate(self.other, self.stamp_ns, self.max_gap_s, motion_of(self.other))
 
     @cached_property
     def distance_m(self) -> FloatArray:
@@ -90,35 +113,122 @@ class Pair:
 
     @cached_property
     def near(self) -> npt.NDArray[np.intp]:
-        """The rows in which the centres are within 100 m: elsewhere outlines are not compared."""
+        """The rows in which the centres are within 200 m: elsewhere outlines are not compared."""
         return np.flatnonzero(self.distance_m <= OUTLINE_RANGE_M)
 
     @cached_property
     def relative(self) -> Relative:
         """The relative motion in the rows `near`."""
-        own, theirs = self.host.state[self.near, :4], self.others[self.near]
-        return Relative(
-            dx_m=theirs[:, 0] - own[:, 0],
-            dy_m=theirs[:, 1] - own[:, 1],
-            dvx_mps=theirs[:, 2] * np.cos(theirs[:, 3]) - own[:, 2] * np.cos(own[:, 3]),
-            dvy_mps=theirs[:, 2] * np.sin(theirs[:, 3]) - own[:, 2] * np.sin(own[:, 3]),
-            host_heading_rad=own[:, 3],
-            other_heading_rad=theirs[:, 3],
-        )
+        return relative_of(self.host.state[self.near, :4], self.others[self.near])
 
-    def spread(self, values: FloatArray, far: float) -> FloatArray:
-        """Values of the rows `near` over all rows, (n,): `far` in those farther apart, NaN in those without data."""
-        out = np.where(np.isnan(self.distance_m), np.nan, far)
+    @cached_property
+    def approach(self) -> Approach:
+        """The other as the host sees it, in the rows `near`."""
+        return Approach(self)
+
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Values of the rows `near` over all rows, (n,): NaN in the others."""
+        out = np.full(len(self.stamp_ns), np.nan)
         out[self.near] = values
         return out
 
 
-def interpolate(track: ActualTrack, at_ns: Int64Array, max_gap_s: float) -> FloatArray:
+def relative_of(own: FloatArray, theirs: FloatArray) -> Relative:
+    """Of two vehicles' x, y, speed, heading, (m, 4) each."""
+    cos_host, sin_host, cos_other, sin_other = (f(each[:, 3]) for each in (own, theirs) for f in (np.cos, np.sin))
+    return Relative(
+        dx_m=theirs[:, 0] - own[:, 0],
+        dy_m=theirs[:, 1] - own[:, 1],
+        dvx_mps=theirs[:, 2] * cos_other - own[:, 2] * cos_host,
+        dvy_mps=theirs[:, 2] * sin_other - own[:, 2] * sin_host,
+        host_heading_rad=own[:, 3],
+        other_heading_rad=theirs[:, 3],
+        host_direction=(cos_host, sin_host),
+        other_direction=(cos_other, sin_other),
+    )
+
+
+class Approach:
+    """The other in the host's axes, x ahead and y to the left, each (m,): the rows `near` of a pair.
+
+    Attributes:
+        host_speed_mps, other_speed_mps: Along their own headings.
+        x_m, y_m: Of the other's centre.
+        vx_mps, vy_mps: Of the other, relative to the host, along the host's present axes.
+        cos_turn, sin_turn: Of the other's heading relative to the host's.
+        reach_x_m, reach_y_m: Half the extent of both outlines together along the host's axes.
+    """
+
+    def __init__(self, pair: Pair) -> None:
+        at, self._pair = pair.relative, pair
+        cos_host, sin_host = at.host_direction
+        cos_other, sin_other = at.other_direction
+        self.cos_turn = cos_host * cos_other + sin_host * sin_other
+        self.sin_turn = cos_host * sin_other - sin_host * cos_other
+        self.host_speed_mps, self.other_speed_mps = pair.host.state[pair.near, 2], pair.others[pair.near, 2]
+        self.x_m, self.y_m = at.dx_m * cos_host + at.dy_m * sin_host, at.dy_m * cos_host - at.dx_m * sin_host
+        self.vx_mps = self.other_speed_mps * self.cos_turn - self.host_speed_mps
+        self.vy_mps = self.other_speed_mps * self.sin_turn
+        (length, width), (their_length, their_width) = pair.host_size, pair.other_size
+        cosine, sine = np.abs(self.cos_turn), np.abs(self.sin_turn)
+        self.reach_x_m = 0.5 * (length + their_length * cosine + their_width * sine)
+        self.reach_y_m = 0.5 * (width + their_length * sine + their_width * cosine)
+
+    @cached_property
+    def host_accel_mps2(self) -> FloatArray:
+        """Along the host's heading."""
+        return np.asarray(self._pair.host_motion[self._pair.near, 0])
+
+    @cached_property
+    def other_accel_mps2(self) -> tuple[FloatArray, FloatArray]:
+        """The other's along the host's two axes, its heading kept."""
+        accel = self._pair.other_motion[self._pair.near, 0]
+        return accel * self.cos_turn, accel * self.sin_turn
+
+    @cached_property
+    def is_lead(self) -> npt.NDArray[np.bool_]:
+        """Whether the other is ahead of the host and in its way, were the host to go straight on."""
+        return np.asarray((self.x_m > 0.0) & (np.abs(self.y_m) < self.reach_y_m))
+
+    @cached_property
+    def headway_m(self) -> FloatArray:
+        """Gap to the other where it is ahead and in the way, 0 in contact; else NaN."""
+        return np.where(self.is_lead, np.maximum(self.x_m - self.reach_x_m, 0.0), np.nan)
+
+
+def motion_of(track: ActualTrack) -> FloatArray:
+    """Acceleration, yaw rate and jerk of a track, (n, 3): as it has them, else the slopes of its speed and heading."""
+    known = track.state[:, 4:7]
+    missing = 3 - known.shape[1]
+    if not missing:
+        return np.asarray(known)
+    out: FloatArray = np.concatenate([known, np.full((len(known), missing), np.nan)], axis=1)
+    rows = np.flatnonzero(np.isfinite(track.state[:, :4]).all(axis=1))
+    if len(rows) < 2:
+        return out
+    time_s = (track.stamp_ns[rows] - track.stamp_ns[rows[0]]) / NS_PER_S
+    speed, heading = track.state[rows, 2], np.unwrap(track.state[rows, 3])
+    accel = np.gradient(speed, time_s)
+    slopes = np.column_stack([accel, np.gradient(heading, time_s), np.gradient(accel, time_s)])
+    out[rows, 3 - missing :] = slopes[:, 3 - missing :]
+    return out
+
+
+def interpolate(
+    track: ActualTrack, at_ns: Int64Array, max_gap_s: float, values: FloatArray | None = None
+) -> FloatArray:
     """x, y, speed, heading at the given times, (n, 4); NaN outside the track and inside gaps above `max_gap_s`.
 
     States that are not finite are no data.
+
+    Args:
+        values: To give instead of the states, (n, k).
     """
     finite = np.isfinite(track.state[:, :4]).all(axis=1)
+    if values is not None:
+        if not finite.any():
+            return np.full((len(at_ns), values.shape[1]), np.nan)
+        return resample(track.stamp_ns[finite], values[finite], at_ns, max_gap_s=max_gap_s)
     values = track.state[finite, :4]
     if len(values) < 2:
         return np.full((len(at_ns), 4), np.nan)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.measures.base import Measure
+from cwcli.measures.crossing import MIN_CROSSING_SINE
 from cwcli.measures.outlines import overlap_margin
 from cwcli.measures.pair import Pair, interpolate
 from cwcli.signals.columns import FloatArray
@@ -16,28 +18,69 @@ STEP_S = 0.1
 
 def post_encroachment_time(pair: Pair) -> FloatArray:
     """The smallest lag at which one's outline, taken that much later, overlaps the other's, (): 0 for a collision."""
+    return np.array(encroachment(pair)[0])
+
+
+def encroachment(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
+    """PET, and speed and heading of the host and of the other in the spot that one left and the other came to, (2,)."""
+    found = _narrowest(pair)
+    if found is None:
+        return np.nan, np.full(2, np.nan), np.full(2, np.nan)
+    own, theirs, mine, other = found
+    return abs(mine - other) * STEP_S, own[mine, 2:4], theirs[other, 2:4]
+
+
+def encroachment_span(pair: Pair) -> float:
+    """How long the host is, around that moment, where the other is within `LIMIT_S`, seconds; NaN on one line."""
+    found = _narrowest(pair)
+    if found is None:
+        return np.nan
+    own, theirs, mine, other = found
+    if np.abs(np.sin(own[mine, 3] - theirs[other, 3])) < MIN_CROSSING_SINE:
+        return np.nan
+    last = round(LIMIT_S / STEP_S)
+    inside = np.zeros(len(own), dtype=bool)
+    for lag in range(-last, last + 1):
+        rows, _ = _overlapping(own, theirs, lag, pair)
+        inside[rows] = True
+    outside = np.flatnonzero(~inside)
+    before, after = outside[outside < mine], outside[outside > mine]
+    if not (len(before) and len(after)):
+        return np.nan
+    return float(after[0] - before[-1] - 1) * STEP_S
+
+
+def _narrowest(pair: Pair) -> tuple[FloatArray, FloatArray, int, int] | None:
+    """Both states on a common grid, and the rows of the host and of the other that overlap at the least lag."""
     host, other = pair.host.stamp_ns, pair.other.stamp_ns
     if not (len(host) and len(other)):
-        return np.array(np.nan)
+        return None
     first, last = max(int(host[0]), int(other[0])), min(int(host[-1]), int(other[-1]))
     at_ns = np.arange(first, last + 1, round(STEP_S * NS_PER_S))
     own, theirs = (interpolate(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other))
-    reach = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
     n_lags = min(round(LIMIT_S / STEP_S), len(at_ns) - 1) + 1 if last > first else 0
     for lag in range(n_lags):
-        for early, late, early_size, late_size in (
-            (own, theirs, pair.host_size, pair.other_size),
-            (theirs, own, pair.other_size, pair.host_size),
-        ):
-            before, after = early[: len(early) - lag], late[lag:]
-            dx, dy = after[:, 0] - before[:, 0], after[:, 1] - before[:, 1]
-            near = np.flatnonzero(dx**2 + dy**2 <= reach**2)
-            if not len(near):
-                continue
-            margin = overlap_margin(dx[near], dy[near], before[near, 3], after[near, 3], early_size, late_size)
-            if (margin <= 0.0).any():
-                return np.array(lag * STEP_S)
-    return np.array(np.nan)
+        for signed in dict.fromkeys((lag, -lag)):
+            mine, them = _overlapping(own, theirs, signed, pair)
+            if len(mine):
+                return own, theirs, int(mine[0]), int(them[0])
+    return None
+
+
+def _overlapping(
+    own: FloatArray, theirs: FloatArray, lag: int, pair: Pair
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows of the host, and of the other `lag` steps later, with overlapping outlines."""
+    n = len(own) - abs(lag)
+    mine, them = max(-lag, 0), max(lag, 0)
+    dx, dy = (theirs[them : them + n, k] - own[mine : mine + n, k] for k in (0, 1))
+    reach = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
+    near = np.flatnonzero(dx**2 + dy**2 <= reach**2)
+    margin = overlap_margin(
+        dx[near], dy[near], own[mine + near, 3], theirs[them + near, 3], pair.host_size, pair.other_size
+    )
+    hit = near[margin <= 0.0]
+    return mine + hit, them + hit
 
 
 MEASURE = Measure(
@@ -48,6 +91,8 @@ MEASURE = Measure(
     formula="least |t_1 - t_2| with overlapping outlines, of one at t_1 and of the other at t_2, in steps of 0.1 s",
     source="Allen, Shin and Cooper 1978",
     of=post_encroachment_time,
-    note="post-encroachment time in steps of 0.1 s; NaN: none below 5 s",
+    note="post-encroachment time in steps of 0.1 s",
+    undefined="no spot was left by one less than 5 s before the other came",
+    misleads="behind a vehicle: there it is the time gap, which is small for hours in dense traffic",
     is_series=False,
 )

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cwcli.measures.base import Measure
-from cwcli.measures.outlines import time_to_contact
+from cwcli.measures.contact import Projections, straight_contact
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
 def time_to_collision(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); infinity where they never would, and beyond 100 m of centre distance."""
-    at = pair.relative
-    found = time_to_contact(
-        at.dx_m,
-        at.dy_m,
-        at.dvx_mps,
-        at.dvy_mps,
-        at.host_heading_rad,
-        at.other_heading_rad,
-        pair.host_size,
-        pair.other_size,
-    )
-    return pair.spread(found, float("inf"))
+    """At each stamp, (n,); NaN off a collision course, and beyond 200 m of centre distance."""
+    found = straight_contact(Projections.of(pair))
+    return pair.spread(np.where(found < np.inf, found, np.nan))
 
 
 MEASURE = Measure(
@@ -32,7 +24,11 @@ MEASURE = Measure(
     formula="least t >= 0 at which the rectangles overlap, moved by v_e t and v_o t",
     source="Hayward 1972; ISO 15623",
     of=time_to_collision,
-    note="of the outlines at constant velocities; inf: never on a collision course",
+    note="of the outlines at constant velocities",
     threshold=1.0,
+    threshold_source="cwcli; 1.5 s is usual for urban conflicts (van der Horst 1990)",
+    undefined="the two are not on a collision course",
+    misleads="in curves, where two on their own lanes are on a collision course for a moment; when either brakes",
+    is_pointwise=True,
     clause=lambda threshold: f"the two were {threshold:g} s from contact",
 )

@@ -41,6 +41,7 @@ UNITS = {
     "deg": "deg",
     "ns": "ns",
     "ms": "ms",
+    "kj": "kJ",
     "s2": "s^2",
     "s": "s",
     "hz": "Hz",

@@ -29,10 +29,10 @@ from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.normal import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.output import UNKNOWN_NS
-from cwcli.warning.probability import normal_cdf
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from cwcli.measures.outlines import Size, overlap_margin
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal import normal_cdf
 from cwcli.warning.align import Points
-from cwcli.warning.probability import normal_cdf
 
 
 @dataclass(frozen=True)

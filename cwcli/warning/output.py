@@ -135,6 +135,7 @@ def conflicts_table(pairs: Sequence[ScoredPair], ids: dict[tuple[int, int], int]
 
 def pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
     """One row a pair: evaluations, and the criticality of what really happened."""
+    measures = [measure for measure in MEASURES.values() if measure.with_warnings]
     rows: list[dict[str, Any]] = []
     for pair in pairs:
         own = pair.evaluation
@@ -150,10 +151,9 @@ def pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
                 "n_not_finite": own.n_not_finite,
                 "n_events": len(own.spans),
                 "n_conflicts": len(pair.conflicts),
-                **{measure.extreme_column: measure.extreme(pair.actual) for measure in MEASURES.values()},
+                **{measure.extreme_column: measure.extreme(pair.actual) for measure in measures},
             }
         )
-    measures = MEASURES.values()
     docs = {measure.extreme_column: ColumnDoc(doc=measure.note) for measure in measures if measure.note}
     return table_of("pairs", _PAIR_TYPES | {measure.extreme_column: float for measure in measures}, rows, docs=docs)
 

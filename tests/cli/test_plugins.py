@@ -84,7 +84,7 @@ def test_the_package_is_one_to_importlib_too(tmp_path: Path) -> None:
     [
         ("warn", "near: centres nearer than 30 m."),
         ("run", "near: centres nearer than 30 m."),
-        ("warn", "drac > 3.35 m/s^2, tenth < 0.5 m"),
+        ("warn", "cfs > 0.99, tenth < 0.5 m"),
         ("predict", "half: half of the acceleration."),
         ("lanes", "middle: two upright lines."),
     ],
@@ -290,13 +290,13 @@ def test_the_example_of_the_docs_works(cwcli: Run, intersection: Path, tmp_path:
     project = tomllib.loads(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0])["project"]
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     site = install(tmp_path / "site", project["entry-points"], {"__init__": code}, package=project["name"])
-    arguments = ("--warn-conflict", "headway", "--metrics-dir", "m", "--quiet")
+    arguments = ("--warn-conflict", "time-gap", "--metrics-dir", "m", "--quiet")
     done = cwcli("run", intersection, *arguments, env=with_path(site))
     assert done.returncode == 0, done.stderr.decode()
     (pair,) = pq.read_table(tmp_path / "m" / "pairs.parquet").to_pylist()
-    assert 0.0 < pair["min_headway_s"] < 1.0
+    assert 0.0 < pair["min_time_gap_s"] < 1.0
     assert pq.read_table(tmp_path / "m" / "conflicts.parquet").num_rows == 1
-    laws = ("-m", "pytest", "-q", "tests/laws/test_measures.py", "-k", "headway")
+    laws = ("-m", "pytest", "-q", "tests/laws/test_measures.py", "-k", "time-gap")
     environment = {**os.environ, **with_path(site)}
     judged = subprocess.run(
         [sys.executable, *laws], check=False, cwd=ROOT, env=environment, capture_output=True, text=True

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.measures.outlines import outline_distance, overlap_margin, time_to_contact
+from cwcli.measures.outlines import outline_distance, overlap_margin
 
 CAR = (4.5, 1.8)
 SQUARE = (2.0, 2.0)
@@ -63,20 +63,3 @@ def test_overlap_is_symmetric() -> None:
     dx, dy, a, b = (rng.uniform(-6, 6, 500) for _ in range(4))
     one_way = overlap_margin(dx, dy, a, b, CAR, SQUARE)
     np.testing.assert_allclose(one_way, overlap_margin(-dx, -dy, b, a, SQUARE, CAR), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("dx", "dy", "dvx", "dvy", "heading", "time"),
-    [
-        (24.5, 0.0, -10.0, 0.0, 0.0, 2.0),  # rear end: 20 m of gap at 10 m/s
-        (24.5, 0.0, 0.0, 0.0, 0.0, math.inf),  # the same speed
-        (24.5, 0.0, 10.0, 0.0, 0.0, math.inf),  # opening
-        (24.5, 3.5, -10.0, 0.0, 0.0, math.inf),  # the next lane
-        (0.0, 3.8, 0.0, -0.5, 0.0, 4.0),  # drifting together: 2 m at 0.5 m/s
-        (3.0, 0.0, -1.0, 0.0, 0.0, 0.0),  # touching already
-        (13.15, -10.0, -10.0, 5.0, math.pi / 2, 1.37),  # crossing: 10 = 0.9 + 2.25 + 6.85 m at 5 m/s
-    ],
-)
-def test_time_to_contact_by_hand(dx: float, dy: float, dvx: float, dvy: float, heading: float, time: float) -> None:
-    found = time_to_contact(one(dx), one(dy), one(dvx), one(dvy), one(0.0), one(heading), CAR, CAR)
-    assert found[0] == pytest.approx(time, abs=1e-9)

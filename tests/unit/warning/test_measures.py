@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from cwcli.prediction.paths import Paths
+from cwcli.signals.normal import normal_cdf
 from cwcli.warning.align import read_covariance, read_paths
 from cwcli.warning.measures import Measures, measure
-from cwcli.warning.probability import normal_cdf
 from tests.unit.warning.vehicles import straight
 
 TIME_S = np.arange(51) * 0.05

@@ -1,0 +1,38 @@
+"""Required longitudinal acceleration: what just avoids what is straight ahead."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def required_longitudinal_acceleration(pair: Pair) -> FloatArray:
+    """At each stamp, (n,), at most 0; minus infinity where the outlines touch and the host closes."""
+    at = pair.approach
+    closing = np.minimum(at.vx_mps, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.where(closing < 0.0, closing**2 / (2.0 * at.headway_m), 0.0)
+    needed = np.minimum(at.other_accel_mps2[0] - relative, 0.0)
+    return pair.spread(np.where(at.is_lead, needed, np.nan))
+
+
+MEASURE = Measure(
+    summary="longitudinal acceleration that just avoids a vehicle ahead",
+    symbol="a_long,req",
+    column="a_long_req_mps2",
+    critical="low",
+    formula="min(a_o - v_r^2 / (2 HW), 0), v_r = min(v_o - v_e, 0)",
+    source="Jansson 2005, section 5.3.5; Asljung et al. 2017, eq. 8",
+    of=required_longitudinal_acceleration,
+    is_symmetric=False,
+    undefined="nothing is ahead of the host within the width of the two outlines",
+    misleads=(
+        "in curves: what is straight ahead is not in the lane; of a braking vehicle ahead that stands before the gap "
+        "is used up"
+    ),
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,32 @@
+"""Required acceleration: the longitudinal and the lateral one together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.a_lat_req import MEASURE as A_LAT_REQ
+from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def required_acceleration(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    return np.hypot(pair.value(A_LONG_REQ), pair.value(A_LAT_REQ))
+
+
+MEASURE = Measure(
+    summary="longitudinal and lateral required accelerations together",
+    symbol="a_req",
+    column="a_req_mps2",
+    critical="high",
+    formula="sqrt(a_long,req^2 + a_lat,req^2)",
+    source="Jansson 2005, section 5.3",
+    of=required_acceleration,
+    is_symmetric=False,
+    undefined="one of the two is",
+    misleads="the car needs one of the two, not both",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,32 @@
+"""Brake threat number: the braking that is needed, against what the car can do."""
+
+from __future__ import annotations
+
+from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
+from cwcli.measures.base import Measure
+from cwcli.measures.limits import BRAKING_MPS2
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def brake_threat_number(pair: Pair) -> FloatArray:
+    """At each stamp, (n,): 1 needs all that the car can do."""
+    return -pair.value(A_LONG_REQ) / BRAKING_MPS2
+
+
+MEASURE = Measure(
+    summary="share of the braking that the car can do",
+    symbol="BTN",
+    column="btn",
+    critical="high",
+    formula="a_long,req / a_min, a_min = -11.5 m/s^2",
+    source="Jansson 2005; Asljung et al. 2017, eq. 9",
+    of=brake_threat_number,
+    is_symmetric=False,
+    threshold=1.0,
+    threshold_source="beyond 1 braking alone no longer helps",
+    undefined="nothing is ahead of the host within the width of the two outlines",
+    misleads="on wet roads, where the car can do less",
+    is_pointwise=True,
+    with_warnings=False,
+)

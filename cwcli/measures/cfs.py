@@ -1,0 +1,36 @@
+"""Critical fuzzy safety: how far the gap is from one that just does if the vehicle ahead keeps its speed."""
+
+from __future__ import annotations
+
+from cwcli.measures import fuzzy
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def critical_fuzzy_safety(pair: Pair) -> FloatArray:
+    """At each stamp, (n,), 0 to 1."""
+    at = pair.approach
+    ahead = at.vx_mps + at.host_speed_mps
+    return pair.spread(fuzzy.critical(at.headway_m, at.host_speed_mps, ahead, at.host_accel_mps2))
+
+
+MEASURE = Measure(
+    summary="how hard it is to avoid a vehicle ahead at its present speed",
+    symbol="CFS",
+    column="cfs",
+    critical="high",
+    formula=(
+        "1 below (u + a t / 2 - u_l) t + (u + a t - u_l)^2 / (2 b_max), 0 above the same with b_min, linear between, "
+        "of HW; 0 when not closing; t 0.75 s, b 4 to 6 m/s^2, a at least -b_min"
+    ),
+    source="Mattas et al. 2020; UN R157",
+    of=critical_fuzzy_safety,
+    is_symmetric=False,
+    threshold=0.99,
+    threshold_source="1 is unsafe by definition",
+    undefined="nothing is ahead of the host within the width of the two outlines",
+    misleads="of a vehicle ahead that brakes",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,41 @@
+"""Conflict index: the energy that a crash would have released, by how narrowly it was missed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.measures.pet import encroachment
+from cwcli.signals.columns import FloatArray
+
+MASS_KG = 1500.0
+ALPHA, BETA_1PS = 1.0, 1.0
+
+
+def conflict_index(pair: Pair) -> FloatArray:
+    """Of the pair, (), kJ."""
+    pet_s, own, theirs = encroachment(pair)
+    if np.isnan(pet_s):
+        return np.array(np.nan)
+    change = theirs[0] * np.exp(1j * theirs[1]) - own[0] * np.exp(1j * own[1])
+    energy_kj = 0.25e-3 * MASS_KG * np.abs(change) ** 2  # of two equal masses that stay together
+    return np.array(ALPHA * energy_kj / np.exp(BETA_1PS * pet_s))
+
+
+MEASURE = Measure(
+    summary="energy of the missed crash, by how narrowly it was missed",
+    symbol="CI",
+    column="ci_kj",
+    critical="high",
+    formula=(
+        "alpha dK / exp(beta PET), dK = m / 4 |v_o - v_e|^2 at the two moments of PET, m = 1500 kg, alpha = 1, beta = "
+        "1 / s"
+    ),
+    source="Alhajyaseen 2015",
+    of=conflict_index,
+    is_series=False,
+    undefined="as of PET",
+    misleads="behind a vehicle, as PET; masses are not sent",
+    with_warnings=False,
+)

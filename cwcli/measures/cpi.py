@@ -1,0 +1,48 @@
+"""Crash potential index: how likely the needed braking was more than the car could do, on average."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal import normal_cdf
+
+MEAN_MPS2, SIGMA_MPS2 = 8.45, 1.40
+LOWEST_MPS2, HIGHEST_MPS2 = 4.23, 12.68
+
+
+def crash_potential_index(pair: Pair) -> FloatArray:
+    """Of the pair, (): over the moments at which both are known; nothing ahead needs no braking."""
+    known = ~np.isnan(pair.distance_m)
+    if not known.any():
+        return np.array(np.nan)
+    needed = np.nan_to_num(-pair.value(A_LONG_REQ)[known], nan=0.0, posinf=HIGHEST_MPS2)
+    weights = pair.step_s[known] if pair.step_s.any() else None
+    return np.array(np.average(too_much(needed), weights=weights))
+
+
+def too_much(needed_mps2: FloatArray) -> FloatArray:
+    """Probability that the maximum available deceleration, a truncated normal, is below what is needed, (n,)."""
+    bounds = np.array([LOWEST_MPS2, HIGHEST_MPS2])
+    low, high = normal_cdf((bounds - MEAN_MPS2) / SIGMA_MPS2)
+    at = normal_cdf((np.clip(needed_mps2, LOWEST_MPS2, HIGHEST_MPS2) - MEAN_MPS2) / SIGMA_MPS2)
+    return np.asarray((at - low) / (high - low))
+
+
+MEASURE = Measure(
+    summary="mean probability that the needed braking was more than the car could do",
+    symbol="CPI",
+    column="cpi",
+    critical="high",
+    formula="mean over time of P(MADR <= -a_long,req), MADR normal 8.45, 1.40 m/s^2 within 4.23 to 12.68",
+    source="Cunto and Saccomanno 2007",
+    of=crash_potential_index,
+    is_series=False,
+    is_symmetric=False,
+    undefined="the two were never known at one time",
+    misleads="of a long drive: one bad second hardly shows in the mean",
+    with_warnings=False,
+)

@@ -1,0 +1,29 @@
+"""Distance of the closest encounter: how near the outlines will come if both keep velocity and heading."""
+
+from __future__ import annotations
+
+from cwcli.measures.base import Measure
+from cwcli.measures.encounter import closest_encounter
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def distance_of_closest_encounter(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    _, distance_m = closest_encounter(pair)
+    return pair.spread(distance_m)
+
+
+MEASURE = Measure(
+    summary="distance of the outlines at the closest encounter",
+    symbol="DCE",
+    column="dce_m",
+    critical="low",
+    formula="least distance of the rectangles for t >= 0, moved by v_e t and v_o t; 0 on a collision course",
+    source="Eggert 2014",
+    of=distance_of_closest_encounter,
+    undefined="the centres are more than 200 m apart",
+    misleads="far ahead in time: a small DCE in 20 s means little; read it with TTCE",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,33 @@
+"""Delta v: how much the host's velocity would change in a crash at the present velocities."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.limits import MASS_SHARE
+from cwcli.measures.pair import Pair
+from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.signals.columns import FloatArray
+
+
+def velocity_change(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    at = pair.relative
+    change = MASS_SHARE * np.hypot(at.dvx_mps, at.dvy_mps)
+    return pair.spread(np.where(np.isfinite(pair.value(TTC)[pair.near]), change, np.nan))
+
+
+MEASURE = Measure(
+    summary="change of velocity in a plastic crash at the present velocities",
+    symbol="Delta v",
+    column="delta_v_mps",
+    critical="high",
+    formula="m_o / (m_e + m_o) |v_o - v_e|, with equal masses",
+    source="Shelby 2011; conservation of momentum",
+    of=velocity_change,
+    undefined="the two are not on a collision course",
+    misleads="with a lorry: masses are not sent, so they are taken as equal",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,46 @@
+"""The closest encounter of two rectangles that move straight on.
+
+The distance of two convex outlines is a convex function of time while they only move, so it is least at once, where a
+corner of one passes a side or a corner of the other, or during contact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.pair import Pair
+from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.signals.columns import FloatArray
+
+
+def closest_encounter(pair: Pair) -> tuple[FloatArray, FloatArray]:
+    """When the outlines are nearest, and how near, in the rows `near`, (m,) each: from now on, at constant velocities.
+
+    The relative motion is seen along the relative velocity: a corner of the difference of the two outlines (a corner of
+    one against a corner of the other) is nearest when it passes the origin.
+    """
+    at, near = pair.approach, pair.near
+    ttc = pair.value(TTC)[near]
+    speed = np.hypot(at.vx_mps, at.vy_mps)
+    best_m = np.maximum(pair.value(GAP)[near], 0.0)
+    best_s = np.zeros(len(speed))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ux, uy = at.vx_mps / speed, at.vy_mps / speed
+    length, width = (0.5 * size for size in pair.host_size)
+    their_length, their_width = (0.5 * size for size in pair.other_size)
+    along, across = their_length * at.cos_turn, their_length * at.sin_turn
+    beside, ahead = their_width * at.sin_turn, their_width * at.cos_turn
+    for far in (-1.0, 1.0):
+        for left in (-1.0, 1.0):
+            x, y = at.x_m + far * along - left * beside, at.y_m + far * across + left * ahead
+            for own_x in (-length, length):
+                for own_y in (-width, width):
+                    to_go = -((x - own_x) * ux + (y - own_y) * uy)
+                    miss = np.abs((y - own_y) * ux - (x - own_x) * uy)
+                    nearer = (to_go > 0.0) & (miss < best_m)
+                    best_m = np.where(nearer, miss, best_m)
+                    best_s = np.where(nearer, to_go / np.maximum(speed, 1e-9), best_s)
+    hits = np.isfinite(ttc)
+    best_m, best_s = np.where(hits, 0.0, best_m), np.where(hits, ttc, best_s)
+    return np.where(speed > 1e-9, best_s, np.nan), best_m

@@ -1,0 +1,34 @@
+"""Encroachment time: how long the host is in the area that the other drives through, too."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.measures.pet import encroachment_span
+from cwcli.signals.columns import FloatArray
+
+
+def encroachment_time(pair: Pair) -> FloatArray:
+    """Of the pair, (): at the narrowest encroachment."""
+    return np.array(encroachment_span(pair))
+
+
+MEASURE = Measure(
+    summary="time that the host is in the area where both drive",
+    symbol="ET",
+    column="et_s",
+    critical="high",
+    formula=(
+        "from the first to the last moment around that of PET at which the host's outline overlaps the other's of some"
+        " other moment within 5 s, in steps of 0.1 s"
+    ),
+    source="Allen, Shin and Cooper 1978",
+    of=encroachment_time,
+    is_series=False,
+    is_symmetric=False,
+    undefined="as of PET, or the two drive within 30 degrees of one line",
+    misleads="in a queue: it is as long as one stands",
+    with_warnings=False,
+)

@@ -1,0 +1,41 @@
+"""The fuzzy safety of a gap to a vehicle ahead (Mattas et al. 2020), which UN R157 names; arrays of one shape."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+RESPONSE_S = 0.75
+COMFORTABLE_MPS2, HARD_MPS2 = 4.0, 6.0
+AHEAD_MPS2 = 7.0
+MARGIN_M = 2.0
+
+
+def proactive(gap_m: FloatArray, speed_mps: FloatArray, ahead_mps: FloatArray) -> FloatArray:
+    """PFS: 1 where the hardest answer to braking ahead is not enough, 0 where the comfortable one is."""
+    ways = [
+        speed_mps * RESPONSE_S + speed_mps**2 / (2.0 * braking) - ahead_mps**2 / (2.0 * AHEAD_MPS2)
+        for braking in (COMFORTABLE_MPS2, HARD_MPS2)
+    ]
+    return _between(gap_m - MARGIN_M, ways[0] + MARGIN_M, ways[1])
+
+
+def critical(gap_m: FloatArray, speed_mps: FloatArray, ahead_mps: FloatArray, accel_mps2: FloatArray) -> FloatArray:
+    """CFS: the same for a vehicle ahead that keeps its speed, at the present acceleration until the response."""
+    accel = np.maximum(accel_mps2, -COMFORTABLE_MPS2)
+    closing = speed_mps - ahead_mps
+    after = closing + accel * RESPONSE_S
+    way = (closing + 0.5 * accel * RESPONSE_S) * RESPONSE_S
+    fuzzy = _between(gap_m, *(way + after**2 / (2.0 * braking) for braking in (COMFORTABLE_MPS2, HARD_MPS2)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stops_by_itself = np.where(gap_m < closing**2 / np.abs(2.0 * accel_mps2), 1.0, 0.0)
+    found = np.where(closing <= 0.0, 0.0, np.where(after < 0.0, stops_by_itself, fuzzy))
+    return np.where(np.isnan(gap_m), np.nan, found)
+
+
+def _between(gap_m: FloatArray, safe_m: FloatArray, unsafe_m: FloatArray) -> FloatArray:
+    """0 above the safe way, 1 below the unsafe one, linear between."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (gap_m - safe_m) / (unsafe_m - safe_m)
+    return np.where(gap_m > safe_m, 0.0, np.where(gap_m < unsafe_m, 1.0, share))

@@ -1,0 +1,28 @@
+"""Headway: the gap to what is straight ahead."""
+
+from __future__ import annotations
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def headway(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    return pair.spread(pair.approach.headway_m)
+
+
+MEASURE = Measure(
+    summary="gap to a vehicle ahead in the host's way",
+    symbol="HW",
+    column="headway_m",
+    critical="low",
+    formula="x_o - (extents of both along the host's heading) / 2, where |y_o| is less than that across",
+    source="ISO 15623; Jansson 2005",
+    of=headway,
+    is_symmetric=False,
+    undefined="nothing is ahead of the host within the width of the two outlines",
+    misleads="in curves: what is straight ahead is not in the lane",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,32 @@
+"""Lateral jerk of the host."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def lateral_jerk(pair: Pair) -> FloatArray:
+    """At each stamp, (n,), its size: of the acceleration across, v w, with the yaw rate kept."""
+    accel, yaw_rate, _ = pair.host_motion[pair.near].T
+    return pair.spread(np.abs(accel * yaw_rate))
+
+
+MEASURE = Measure(
+    summary="size of the host's lateral jerk at a constant yaw rate",
+    symbol="|j_y|",
+    column="lat_jerk_mps3",
+    critical="high",
+    formula="|a_e w_e|",
+    source="derivative of v w; CommonRoad-CriMe, LatJ",
+    of=lateral_jerk,
+    is_symmetric=False,
+    is_of_host=True,
+    undefined="the centres are more than 200 m apart",
+    misleads="while the yaw rate changes",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,31 @@
+"""Longitudinal jerk of the host."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def longitudinal_jerk(pair: Pair) -> FloatArray:
+    """At each stamp, (n,), its size."""
+    return pair.spread(np.abs(pair.host_motion[pair.near, 2]))
+
+
+MEASURE = Measure(
+    summary="size of the host's longitudinal jerk",
+    symbol="|j_x|",
+    column="long_jerk_mps3",
+    critical="high",
+    formula="|d a_e / d t|",
+    source="CommonRoad-CriMe, LongJ",
+    of=longitudinal_jerk,
+    is_symmetric=False,
+    is_of_host=True,
+    undefined="the centres are more than 200 m apart",
+    misleads="where the states are smoothed: peaks are lower",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,81 @@
+"""How long the host may wait until a manoeuvre no longer avoids the contact, of pairs on a collision course.
+
+Until then both keep velocity and heading; the other does so for ever. Each manoeuvre is a constant acceleration, so
+that whether it avoids the contact is a closed form; the latest moment is found by bisection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.measures.contact import Projections, accelerated_contact, straight_contact
+from cwcli.measures.limits import BRAKING_MPS2, LATERAL_MPS2
+from cwcli.measures.pair import Pair
+from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.signals.columns import FloatArray
+
+HALVINGS = 10
+"""To a thousandth of the time to collision."""
+BoolArray = npt.NDArray[np.bool_]
+Evades = Callable[[Projections, FloatArray], BoolArray]
+"""Where the pair stands when the manoeuvre begins and the host's speed, (m,) -> whether it avoids contact, (m,)."""
+
+
+def time_to(manoeuvre: tuple[Evades, ...], pair: Pair) -> FloatArray:
+    """At each stamp, (n,): the best of the manoeuvres; NaN off a collision course, or if none helps even at once."""
+    near = pair.near
+    ttc = pair.value(TTC)[near]
+    rows = np.flatnonzero(ttc > 0.0)
+    found = np.full(len(near), np.nan)
+    if len(rows):
+        start, own = Projections.of(pair).rows(rows), pair.approach.host_speed_mps[rows]
+        found[rows] = np.fmax.reduce([_latest(evades, start, own, ttc[rows]) for evades in manoeuvre])
+    return pair.spread(found)
+
+
+def _latest(evades: Evades, start: Projections, host_mps: FloatArray, ttc_s: FloatArray) -> FloatArray:
+    low, high = np.zeros(len(ttc_s)), ttc_s.copy()
+    helps = evades(start, host_mps)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        avoided = evades(_after(start, middle), host_mps)
+        low, high = np.where(avoided, middle, low), np.where(avoided, high, middle)
+    return np.where(helps, low, np.nan)
+
+
+def _after(start: Projections, time_s: FloatArray) -> Projections:
+    x, y = start.centre_m[:2] + start.speed_mps[:2] * time_s
+    return start.moved(x, y, *start.speed_mps[:2])
+
+
+def _brake(start: Projections, host_mps: FloatArray) -> BoolArray:
+    """Until the host stands; from then on only the other moves."""
+    sign, stop_s = np.sign(host_mps), np.abs(host_mps) / BRAKING_MPS2
+    hit = accelerated_contact(start, sign * BRAKING_MPS2, np.zeros(len(host_mps))) <= stop_s
+    (x, y), (vx, vy) = start.centre_m[:2], start.speed_mps[:2]
+    way = vx * stop_s + 0.5 * sign * BRAKING_MPS2 * stop_s**2
+    stands = start.moved(x + way, y + vy * stop_s, vx + host_mps, vy)
+    return ~hit & np.isinf(straight_contact(stands))
+
+
+def _accelerate(start: Projections, host_mps: FloatArray) -> BoolArray:
+    forward = -BRAKING_MPS2 * np.where(host_mps < 0.0, -1.0, 1.0)
+    return np.isinf(accelerated_contact(start, forward, np.zeros(len(host_mps))))
+
+
+def _left(start: Projections, host_mps: FloatArray) -> BoolArray:
+    zero = np.zeros(len(host_mps))
+    return np.isinf(accelerated_contact(start, zero, zero - LATERAL_MPS2))
+
+
+def _right(start: Projections, host_mps: FloatArray) -> BoolArray:
+    zero = np.zeros(len(host_mps))
+    return np.isinf(accelerated_contact(start, zero, zero + LATERAL_MPS2))
+
+
+brake = (_brake,)
+accelerate = (_accelerate,)
+steer = (_left, _right)

@@ -1,0 +1,31 @@
+"""Minimum stopping distance of the host."""
+
+from __future__ import annotations
+
+from cwcli.measures.base import Measure
+from cwcli.measures.limits import BRAKING_MPS2
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def minimum_stopping_distance(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    speed = pair.approach.host_speed_mps
+    return pair.spread(speed**2 / (2.0 * BRAKING_MPS2))
+
+
+MEASURE = Measure(
+    summary="distance in which the host can stop",
+    symbol="MSD",
+    column="msd_m",
+    critical="high",
+    formula="v_e^2 / (2 a), a = 11.5 m/s^2",
+    source="Allen, Shin and Cooper 1978",
+    of=minimum_stopping_distance,
+    is_symmetric=False,
+    is_of_host=True,
+    undefined="the centres are more than 200 m apart",
+    misleads="it knows no reaction and a dry road",
+    is_pointwise=True,
+    with_warnings=False,
+)

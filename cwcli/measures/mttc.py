@@ -1,0 +1,35 @@
+"""Modified time to collision: when the outlines would touch if both kept acceleration and heading."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.contact import Projections, accelerated_contact
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def modified_time_to_collision(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    at = pair.approach
+    ax, ay = at.other_accel_mps2
+    found = accelerated_contact(Projections.of(pair), ax - at.host_accel_mps2, ay)
+    return pair.spread(np.where(found < np.inf, found, np.nan))
+
+
+MEASURE = Measure(
+    summary="time to collision of the outlines at constant accelerations",
+    symbol="MTTC",
+    column="mttc_s",
+    critical="low",
+    formula="least t >= 0 at which the rectangles overlap, moved by v_e t + a_e t^2 / 2 and v_o t + a_o t^2 / 2",
+    source="Ozbay et al. 2008; Jansson 2005, eq. 5.24",
+    of=modified_time_to_collision,
+    threshold=1.0,
+    threshold_source="as of TTC",
+    undefined="the two are not on a collision course at these accelerations",
+    misleads="of a braking car far ahead: the formula lets it drive backwards once it stands",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,37 @@
+"""Proportion of stopping distance: the way to contact against the way to stop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.msd import MEASURE as MSD
+from cwcli.measures.pair import Pair
+from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.signals.columns import FloatArray
+
+
+def proportion_of_stopping_distance(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    way_m = pair.value(TTC)[pair.near] * np.abs(pair.approach.host_speed_mps)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = way_m / pair.value(MSD)[pair.near]
+    return pair.spread(np.where(np.isfinite(share), share, np.nan))
+
+
+MEASURE = Measure(
+    summary="way to contact over the distance in which the host can stop",
+    symbol="PSD",
+    column="psd",
+    critical="low",
+    formula="|v_e| TTC / MSD",
+    source="Allen, Shin and Cooper 1978",
+    of=proportion_of_stopping_distance,
+    is_symmetric=False,
+    threshold=1.0,
+    threshold_source="below 1 the host can't stop before the contact",
+    undefined="the two are not on a collision course, or the host stands",
+    misleads="when the other moves away from the spot",
+    is_pointwise=True,
+    with_warnings=False,
+)

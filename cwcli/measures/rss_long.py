@@ -1,0 +1,52 @@
+"""RSS, along the way: the gap against the safe one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures import safe_distance
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def longitudinal_margin(pair: Pair) -> FloatArray:
+    """At each stamp, (n,): whoever is behind keeps the safe gap of RSS; towards each other, both."""
+    at = pair.approach
+    gap = np.maximum(np.abs(at.x_m) - at.reach_x_m, 0.0)
+    own, theirs = at.host_speed_mps, at.vx_mps + at.host_speed_mps
+    safe = np.where(
+        at.cos_turn < 0.0,
+        safe_distance.opposite_direction(own, -theirs),
+        np.where(
+            at.x_m > 0.0,
+            safe_distance.same_direction(own, theirs, safe_distance.HOST_RESPONSE_S),
+            safe_distance.same_direction(theirs, own, safe_distance.OTHER_RESPONSE_S),
+        ),
+    )
+    leaves = (at.cos_turn < 0.0) & (at.x_m < 0.0)
+    along = np.abs(at.cos_turn) > MIN_COSINE
+    return pair.spread(np.where(along & ~leaves, gap - safe, np.nan))
+
+
+MIN_COSINE = 0.7
+
+
+MEASURE = Measure(
+    summary="gap along the way beyond the safe one of RSS",
+    symbol="d_long - d_RSS",
+    column="rss_long_m",
+    critical="low",
+    formula=(
+        "d - max(v_r t + a t^2 / 2 + (v_r + a t)^2 / (2 b_min) - v_f^2 / (2 b_max), 0) in one direction, d - the sum "
+        "of both ways to stop towards each other; t 1 s (other: 2 s), a 3.5, b_min 4 (3 in its own lane), b_max 8 "
+        "m/s^2"
+    ),
+    source="Shalev-Shwartz et al. 2017, definitions 1 and 2; values of ad-rss-lib",
+    of=longitudinal_margin,
+    is_symmetric=False,
+    undefined="the headings are more than 45 degrees off one line, or the two drive away from each other",
+    misleads="alone: beside each other it is negative; RSS asks for both of its distances at once",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,32 @@
+"""Steer threat number: the steering that is needed, against what the car can do."""
+
+from __future__ import annotations
+
+from cwcli.measures.a_lat_req import MEASURE as A_LAT_REQ
+from cwcli.measures.base import Measure
+from cwcli.measures.limits import LATERAL_MPS2
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def steer_threat_number(pair: Pair) -> FloatArray:
+    """At each stamp, (n,): 1 needs all that the car can do."""
+    return pair.value(A_LAT_REQ) / LATERAL_MPS2
+
+
+MEASURE = Measure(
+    summary="share of the steering that the car can do",
+    symbol="STN",
+    column="stn",
+    critical="high",
+    formula="a_lat,req / a_lat,max, a_lat,max = 8 m/s^2",
+    source="Jansson 2005; Brannstrom et al. 2008",
+    of=steer_threat_number,
+    is_symmetric=False,
+    threshold=1.0,
+    threshold_source="beyond 1 steering alone no longer helps",
+    undefined="as of a_lat,req",
+    misleads="as a_lat,req",
+    is_pointwise=True,
+    with_warnings=False,
+)

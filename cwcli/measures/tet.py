@@ -1,0 +1,34 @@
+"""Time exposed to a small time to collision."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.signals.columns import FloatArray
+
+THRESHOLD_S = 2.0
+
+
+def time_exposed(pair: Pair) -> FloatArray:
+    """Of the pair, (): seconds with a time to collision of at most 2 s."""
+    if not np.isfinite(pair.distance_m).any():
+        return np.array(np.nan)
+    return np.array(pair.step_s[pair.value(TTC) <= THRESHOLD_S].sum())
+
+
+MEASURE = Measure(
+    summary="time with a TTC of at most 2 s",
+    symbol="TET",
+    column="tet_s",
+    critical="high",
+    formula="sum of dt where TTC <= 2 s",
+    source="Minderhoud and Bovy 2001",
+    of=time_exposed,
+    is_series=False,
+    undefined="the two were never known at one time",
+    misleads="of a long drive: it adds up what was never near",
+    with_warnings=False,
+)

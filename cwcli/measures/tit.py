@@ -1,0 +1,34 @@
+"""Time-integrated time to collision."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.measures.tet import THRESHOLD_S
+from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.signals.columns import FloatArray
+
+
+def time_integrated(pair: Pair) -> FloatArray:
+    """Of the pair, (): how far below 2 s the time to collision was, times how long."""
+    if not np.isfinite(pair.distance_m).any():
+        return np.array(np.nan)
+    below = THRESHOLD_S - pair.value(TTC)
+    return np.array((pair.step_s * np.where(below > 0.0, below, 0.0)).sum())
+
+
+MEASURE = Measure(
+    summary="how far TTC was below 2 s, times how long",
+    symbol="TIT",
+    column="tit_s2",
+    critical="high",
+    formula="sum of (2 s - TTC) dt where TTC <= 2 s",
+    source="Minderhoud and Bovy 2001",
+    of=time_integrated,
+    is_series=False,
+    undefined="the two were never known at one time",
+    misleads="as TET",
+    with_warnings=False,
+)

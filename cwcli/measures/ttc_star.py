@@ -1,0 +1,30 @@
+"""TTC*: time to collision along predicted paths, at constant speeds and yaw rates."""
+
+from __future__ import annotations
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.measures.predicted import first_overlap
+from cwcli.signals.columns import FloatArray
+
+
+def time_to_predicted_collision(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    return pair.spread(first_overlap(pair))
+
+
+MEASURE = Measure(
+    summary="time to collision along paths of constant speed and yaw rate",
+    symbol="TTC*",
+    column="ttc_star_s",
+    critical="low",
+    formula="least t in [0, 5 s] at which the rectangles overlap along their arcs, in steps of 0.1 s, linear between",
+    source="CommonRoad-CriMe (Lin and Althoff 2023), on paths of constant speed and yaw rate",
+    of=time_to_predicted_collision,
+    threshold=1.0,
+    threshold_source="as of TTC",
+    undefined="the paths do not meet within 5 s",
+    misleads="at the end of a curve, where the yaw rate changes",
+    is_pointwise=True,
+    with_warnings=False,
+)

@@ -1,0 +1,29 @@
+"""Time to the closest encounter: when the outlines will be nearest if both keep velocity and heading."""
+
+from __future__ import annotations
+
+from cwcli.measures.base import Measure
+from cwcli.measures.encounter import closest_encounter
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+
+def time_to_closest_encounter(pair: Pair) -> FloatArray:
+    """At each stamp, (n,)."""
+    time_s, _ = closest_encounter(pair)
+    return pair.spread(time_s)
+
+
+MEASURE = Measure(
+    summary="time to the closest encounter at constant velocities",
+    symbol="TTCE",
+    column="ttce_s",
+    critical="low",
+    formula="first t >= 0 at which the distance of the rectangles, moved by v_e t and v_o t, is least",
+    source="Eggert 2014",
+    of=time_to_closest_encounter,
+    undefined="the centres are more than 200 m apart, or nothing moves relative to the other",
+    misleads="alone: a near time says nothing of how near; read it with DCE",
+    is_pointwise=True,
+    with_warnings=False,
+)
