@@ -19,8 +19,8 @@ from typing import Protocol
 
 from cwcli.channels.published import EGO_PATH, EGO_STATE, LANES, OBSERVER, OBSERVER_PATH, OF_ROLE, OWN_PREFIX, TARGETS
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for, inputs_of, normalise
+from cwcli.signals.role import Role
 
 TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
 ROLE_TEXT: dict[str, str] = {

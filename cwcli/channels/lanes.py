@@ -14,7 +14,7 @@ from cwcli.channels.output import output
 from cwcli.channels.painted_frames import StartImages, painted_channel
 from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, StreamedChannel
-from cwcli.signals.leaves import numbers, whole_numbers
+from cwcli.signals.leaf_fields import numbers, whole_numbers
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cwcli.signals.columns import Columns, Field, Int64Array, Strings
-from cwcli.signals.leaves import numbers, row_of
+from cwcli.signals.leaf_fields import numbers, row_of
 from cwcli.vision.camera import Camera, Mounting, coefficients_of
 
 FIELD = "rectified_from"

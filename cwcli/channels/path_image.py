@@ -13,7 +13,7 @@ from cwcli.channels.painted_frames import StartImages, painted_channel
 from cwcli.channels.published import OBSERVER_PATH_LINES
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel
-from cwcli.signals.rows import Rows, rows_by_stamp
+from cwcli.signals.row_order import Rows, rows_by_stamp
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 from cwcli.vision.overlay import burn_in

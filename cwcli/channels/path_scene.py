@@ -21,7 +21,7 @@ from cwcli.signals.columns import (
     constant_strings,
     strings_from,
 )
-from cwcli.signals.rows import Rows, rows_by_id
+from cwcli.signals.row_order import Rows, rows_by_id
 from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 
 MIN_PERIOD_NS = 95_000_000

@@ -12,7 +12,7 @@ from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, constant_strings
-from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
+from cwcli.signals.leaf_fields import matrix, numbers, texts, whole_numbers
 
 MAX_SPREAD_S = 1e-6
 """Step and horizon of one channel's paths may differ by rounding only."""

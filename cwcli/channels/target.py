@@ -20,8 +20,8 @@ from cwcli.signals.columns import (
     Strings,
     constant_strings,
 )
-from cwcli.signals.leaves import matrix, numbers, texts, unusable, whole_numbers
-from cwcli.signals.rows import rows_by_id
+from cwcli.signals.leaf_fields import matrix, numbers, texts, unusable, whole_numbers
+from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.vehicle_state import ACCEL, BODY_FRAME, MAP_FRAME, N_STATES, YAW_RATE
 from cwcli.tracking.convert import MIN_HEADING_SPEED_MPS, target_rows, vehicle_states
 from cwcli.tracking.tracker import TargetTrack, TrackResult

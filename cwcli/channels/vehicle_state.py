@@ -12,8 +12,8 @@ from cwcli.errors import MissingSignalError
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, Strings, constant_strings
 from cwcli.signals.covariances import is_positive_definite
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.leaves import matrix, numbers, texts, whole_numbers
-from cwcli.signals.rows import Rows, rows_by_stamp
+from cwcli.signals.leaf_fields import matrix, numbers, texts, whole_numbers
+from cwcli.signals.row_order import Rows, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES
 

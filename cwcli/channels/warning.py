@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.channels.output import output
 from cwcli.channels.published import WARNING_LOG, WARNINGS
 from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, constant_strings
-from cwcli.signals.leaves import numbers, texts, whole_numbers
+from cwcli.signals.leaf_fields import numbers, texts, whole_numbers
 from cwcli.warning.rows import HELD, RAISED, WarningRows
 
 LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log

@@ -117,8 +117,8 @@ def lanes_page(text: str) -> str:
 
 def signals_page(text: str) -> str:
     """docs/signals.md with its table of schemas by role."""
-    from cwcli.signals.codec import Role
     from cwcli.signals.inputs import INPUTS
+    from cwcli.signals.role import Role
 
     by_role: dict[Role, dict[int | None, list[str]]] = {}
     for schema, entries in INPUTS.items():

@@ -24,10 +24,10 @@ from cwcli.pipeline.records import Record, json_entry, map_of, number, run_recor
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
+from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.estimate import EstimateConfig, Made

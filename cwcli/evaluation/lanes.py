@@ -15,8 +15,8 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, width_stability
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.leaves import row_of, stamps
-from cwcli.signals.rows import Rows
+from cwcli.signals.leaf_fields import row_of, stamps
+from cwcli.signals.row_order import Rows
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px

@@ -14,9 +14,9 @@ from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Section, StageResult
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.resample import resample
+from cwcli.signals.role import Role
 from cwcli.stages.observe import Made, ObserveConfig
 
 MAX_GAP_S = 0.5

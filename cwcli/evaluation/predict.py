@@ -24,7 +24,7 @@ from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.prediction.rollout import Discretisation
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_id, rows_by_stamp
+from cwcli.signals.row_order import rows_by_id, rows_by_stamp
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import PredictConfig
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli.metrics.table import MetricRow
 from cwcli.pipeline.result import Cell, Section
-from cwcli.signals.build_motion import MAP_FRAMES
+from cwcli.signals.builders.motion import MAP_FRAMES
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap

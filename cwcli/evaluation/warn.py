@@ -16,7 +16,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.pipeline.records import Record, configuration_of, run_records, whole
-from cwcli.signals.rows import tracks_of
+from cwcli.signals.row_order import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE

@@ -11,7 +11,7 @@ from cwcli.errors import MissingSignalError
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.needs import Table, readiness
 from cwcli.pipeline.stage import Stage
-from cwcli.signals.codec import Role
+from cwcli.signals.role import Role
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log

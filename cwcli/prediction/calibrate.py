@@ -25,7 +25,7 @@ from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horiz
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import Discretisation, rollout
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 
 MISS_SHARE = 0.1

@@ -28,9 +28,9 @@ from cwcli.signals.canonical import (
     SpeedSignal,
     VelocitySignal,
 )
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.rows import tracks_of
+from cwcli.signals.role import Role
+from cwcli.signals.row_order import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.warning.rows import WarningRows

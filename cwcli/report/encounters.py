@@ -14,7 +14,7 @@ from cwcli.measures.pair import ActualTrack, Pair, interpolate
 from cwcli.report.drive import Drive, OtherTrack, ego_size
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.rows import rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.conflicts import EventVerdict, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE

@@ -29,8 +29,8 @@ from cwcli.channels.published import (
 from cwcli.control.encounter import POLICIES
 from cwcli.logs.read.reader import Log
 from cwcli.report.layout_panels import Mosaic, Panels, Series, Settings, column, path, row, split
-from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
+from cwcli.signals.role import Role
 from cwcli.signals.vehicle_state import BODY_FRAME, MAP_FRAME
 
 FIX_SCHEMAS = frozenset(

@@ -23,7 +23,7 @@ from cwcli.report.source import Entry
 from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, verdict_badge, verdict_sentence
 from cwcli.report.tables import all_warnings, encounter_facts, log_tables
 from cwcli.report.views import EventView, LogView, Picture, Plot
-from cwcli.signals.rows import rows_by_id
+from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock
-from cwcli.signals.codec import Reading, Role
 from cwcli.signals.columns import Columns
 from cwcli.signals.inputs import input_for
 from cwcli.signals.quality import Quality
+from cwcli.signals.role import Role
 
 
 def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:

@@ -7,10 +7,11 @@ from dataclasses import fields
 import numpy as np
 
 from cwcli.registry import named
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal, Signal
-from cwcli.signals.codec import Reading, Role
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.quality import Quality
+from cwcli.signals.role import Role
 
 KINDS: dict[Role, tuple[type[Signal], ...]] = {
     role: tuple(named(f"cwcli.signals.{place}") for place in role.signals) for role in Role if role.signals

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
-from cwcli.signals.leaves import find
+from cwcli.signals.leaf_fields import find
 from cwcli.signals.quality import RowLedger
 
 LENGTHS_DIFFER = "its elements differ in their fields"

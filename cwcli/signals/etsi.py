@@ -14,9 +14,9 @@ from cwcli.signals.covariances import (
     SIGMAS_PER_95_PERCENT_ELLIPSE,
     covariance_from_ellipse,
 )
-from cwcli.signals.leaves import numbers, texts
+from cwcli.signals.leaf_fields import numbers, texts
 from cwcli.signals.quality import RowLedger
-from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_generation_delta_time
 

@@ -12,8 +12,9 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from cwcli.registry import Plugin, Registry, named, plugin_entry
-from cwcli.signals.codec import Build, Fields, Input, Reading, Role
-from cwcli.signals.leaf_names import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+from cwcli.signals.builders.base import Build, Fields, Input, Reading
+from cwcli.signals.role import Role
+from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
 
 if TYPE_CHECKING:
     from cwcli.signals.canonical import Signal
@@ -26,14 +27,14 @@ GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "sep
 
 def _named(name: str) -> Any:
     """`module.name` of this package."""
-    return named(f"cwcli.signals.{name.replace('.', ':')}")
+    return named(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
 
 def _builder(name: str) -> Build:
     """The builder `module.name`, imported when a channel is built: binding (`cwcli info`) takes no numpy."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = _named(name)(columns, reading)
+        made: tuple[Signal, Quality] = _named(f"builders.{name}")(columns, reading)
         return made
 
     return build
@@ -43,7 +44,7 @@ def _v2x_builder(maker: str, codec: str) -> Build:
     """The builder that `build_v2x.<maker>` makes for a codec, both imported when a channel is built."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = _named(f"build_v2x.{maker}")(_named(codec))(columns, reading)
+        made: tuple[Signal, Quality] = _named(f"builders.v2x.{maker}")(_named(codec))(columns, reading)
         return made
 
     return build
@@ -119,24 +120,24 @@ def _quaternion(path: str) -> tuple[str, ...]:
     return tuple(f"{path}.{axis}" for axis in "xyzw")
 
 
-_build_boxes = _builder("build_detections.build_boxes")
-_build_cubes = _builder("build_detections.build_cubes")
-_build_json_detections = _builder("build_detections.build_json")
-_build_radar_scan = _builder("build_detections.build_radar_scan")
-_build_radar_tracks = _builder("build_detections.build_radar_tracks")
-_build_pose_truth = _builder("build_targets.build_pose_truth")
-_build_state_truth = _builder("build_targets.build_state_truth")
-_build_target_truth = _builder("build_targets.build_target_truth")
-_build_camera_info = _builder("build_camera.build_camera_info")
-_build_imu = _builder("build_imu.build_imu")
-_build_quaternion_heading = _builder("build_motion.build_quaternion_heading")
-_build_twist = _builder("build_motion.build_twist")
-_build_velocity_report = _builder("build_motion.build_velocity_report")
-_build_steering_report = _builder("build_steer.build_steering_report")
-_build_odometry_speed = _builder("build_pose.build_odometry_speed")
-_build_pose = _builder("build_pose.build_pose")
-_build_vehicle_state = _builder("build_pose.build_vehicle_state")
-_build_fix = _builder("build_position.build_fix")
+_build_boxes = _builder("detections.build_boxes")
+_build_cubes = _builder("detections.build_cubes")
+_build_json_detections = _builder("detections.build_json")
+_build_radar_scan = _builder("detections.build_radar_scan")
+_build_radar_tracks = _builder("detections.build_radar_tracks")
+_build_pose_truth = _builder("targets.build_pose_truth")
+_build_state_truth = _builder("targets.build_state_truth")
+_build_target_truth = _builder("targets.build_target_truth")
+_build_camera_info = _builder("camera.build_camera_info")
+_build_imu = _builder("imu.build_imu")
+_build_quaternion_heading = _builder("motion.build_quaternion_heading")
+_build_twist = _builder("motion.build_twist")
+_build_velocity_report = _builder("motion.build_velocity_report")
+_build_steering_report = _builder("steer.build_steering_report")
+_build_odometry_speed = _builder("pose.build_odometry_speed")
+_build_pose = _builder("pose.build_pose")
+_build_vehicle_state = _builder("pose.build_vehicle_state")
+_build_fix = _builder("position.build_fix")
 
 _FIX = ("latitude", "longitude", "altitude", "position_covariance", "position_covariance_type")
 _ROS_FIX = _ros("status.status", *_FIX)

@@ -15,9 +15,9 @@ import numpy as np
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.columns import Columns, FloatArray, Strings, strings_from
 from cwcli.signals.covariances import covariance_from_ellipse
-from cwcli.signals.leaves import is_one_of, numbers, texts
+from cwcli.signals.leaf_fields import is_one_of, numbers, texts
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
 

@@ -23,10 +23,10 @@ from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal, Signal
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.rows import rows_by_id
+from cwcli.signals.role import Role
+from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources

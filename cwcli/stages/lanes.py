@@ -25,8 +25,8 @@ from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.clocks import NO_STAMP
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, OutputChannel
+from cwcli.signals.role import Role
 from cwcli.stages.inputs.camera import CameraSource, camera_source
 from cwcli.stages.inputs.frame_motion import Motion, read_motion
 from cwcli.stages.inputs.mounting import MountingChoice, check_mounting, mounting_source

@@ -23,8 +23,8 @@ from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_entry
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns
+from cwcli.signals.role import Role
 from cwcli.stages.inputs.observer import Inputs, inputs_of, lane_samples
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.summaries.observe import observer_section, observer_table

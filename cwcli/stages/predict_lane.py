@@ -34,8 +34,8 @@ from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.poses import Poses, poses_of_states, reckoned_poses
 from cwcli.signals.canonical import Signal
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, constant_strings
+from cwcli.signals.role import Role
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.camera import camera_of_lanes
 from cwcli.stages.inputs.sources import read_sources

@@ -18,9 +18,9 @@ from cwcli.pipeline.records import map_of, run_records
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import DetectionSignal, Signal
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.summaries.track import detection_counts, sections, track_tables
 from cwcli.tracking.config import FilterConfig, TrackerConfig

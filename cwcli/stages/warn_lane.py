@@ -18,7 +18,7 @@ from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
 from cwcli.warning.lane_departure import (

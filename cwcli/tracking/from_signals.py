@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.build_motion import MAP_FRAMES
+from cwcli.signals.builders.motion import MAP_FRAMES
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Strings
 from cwcli.signals.elements import taken

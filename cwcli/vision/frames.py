@@ -18,7 +18,7 @@ import numpy as np
 from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.vision.encoded import FrameLike, Image
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
-from cwcli.vision.in_order import in_order
+from cwcli.vision.ordered_threads import in_order
 from cwcli.vision.raw_images import RawImageError, raw_colour, raw_grey
 from cwcli.vision.video import NOT_DECODED, VIDEO_FORMATS, decode_video
 

@@ -49,13 +49,14 @@ METHOD = Method(summary="two upright lines", search_size=lambda width_px, height
 """
 INPUT = """
 from cwcli.signals.canonical import SpeedSignal
-from cwcli.signals.codec import Input, Role
+from cwcli.signals.builders.base import Input
+from cwcli.signals.role import Role
 
 
 def build(columns, reading):
     import numpy as np
     from cwcli.signals.clocks import settle
-    from cwcli.signals.leaves import numbers, stamps
+    from cwcli.signals.leaf_fields import numbers, stamps
     from cwcli.signals.limits import reject_unusable
     from cwcli.signals.quality import RowLedger
 

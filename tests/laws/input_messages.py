@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from math import cos, pi, sin
 from typing import Any
 
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Ragged
 from cwcli.signals.etsi import EN_PATHS, TS_PATHS
 from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
+from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS
 from tests.unit.signals.v2x_messages import CAM, CARMA_BSM, ODE_BSM, RAW_BSM, ROS_BSM
 

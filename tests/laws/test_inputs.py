@@ -9,12 +9,13 @@ import pytest
 
 from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
-from cwcli.signals.codec import Reading, Role
 from cwcli.signals.columns import Columns, Field, Ragged
 from cwcli.signals.contract import KINDS, check_built
 from cwcli.signals.inputs import INPUTS, normalise
-from cwcli.signals.leaves import strings_from
+from cwcli.signals.leaf_fields import strings_from
+from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of
 from tests.unit.signals.signal_columns import T0_NS, columns_of

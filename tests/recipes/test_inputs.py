@@ -81,7 +81,7 @@ def test_a_sensor_quantity_has_a_role_and_its_words_and_stands_in_the_docs(built
     house.run("run", log, "-o", "out.mcap", "--topic", "ego_brake=/brake/pressure")
     code = f"""
 from cwcli.logs.read.reader import Log
-from cwcli.signals.codec import Role
+from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 for name in ({str(log)!r}, {str(INTERSECTION)!r}):
     with Log.open(name) as log:

@@ -10,8 +10,8 @@ import pytest
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
 from cwcli.estimation.from_signals import ego_measurements
 from cwcli.logs.read.reader import Log
-from cwcli.signals.codec import Role
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"

@@ -21,8 +21,8 @@ from cwcli.estimation import EstimatorConfig, Measurements, estimate_track
 from cwcli.estimation.from_signals import ego_measurements
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.logs.read.reader import Log
-from cwcli.signals.codec import Role
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.role import Role
 from cwcli.stages.estimate import EGO_ROLES
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from tests.studies.latency import FOUND, against

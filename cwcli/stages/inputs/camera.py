@@ -14,8 +14,8 @@ from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import CameraInfoSignal
-from cwcli.signals.codec import Role
 from cwcli.signals.inputs import input_for
+from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, calibrated_camera, default_camera
 from cwcli.vision.rectify import needs_rectifying

@@ -15,9 +15,9 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_stamp
+from cwcli.signals.role import Role
+from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import read_sources

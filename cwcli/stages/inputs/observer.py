@@ -19,9 +19,9 @@ from cwcli.errors import DataError, MissingSignalError
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.rows import rows_by_stamp
+from cwcli.signals.role import Role
+from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import Sources
 

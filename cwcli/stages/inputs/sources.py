@@ -14,9 +14,9 @@ from cwcli.pipeline.result import InputCount
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import LOG_TIME_APART, Clock, disagreeing_clocks, usual_log_times
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.quality import Quality
+from cwcli.signals.role import Role
 
 TIMELESS = frozenset({Role.CAMERA_INFO})
 """Roles whose messages hold at any time: a calibration may be logged long before the drive."""

@@ -18,7 +18,7 @@ from cwcli.prediction.models import MODELS
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.rows import tracks_of
+from cwcli.signals.row_order import tracks_of
 from cwcli.warning.types import VehicleTrack, outline_of
 
 ONSET = "onset"

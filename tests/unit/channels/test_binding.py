@@ -9,8 +9,8 @@ import pytest
 from cwcli.channels.binding import EVERY_ROLE, Bindings, bind, parse_overrides
 from cwcli.channels.published import EGO_PATH, EGO_STATE
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.codec import Role
 from cwcli.signals.inputs import INPUTS, input_for, normalise
+from cwcli.signals.role import Role
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from cwcli.channels.binding import bind
 from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build, fields_for
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Ragged
+from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, development_log, stamp_fields
 
 NAN = float("nan")

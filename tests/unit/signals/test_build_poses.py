@@ -15,9 +15,9 @@ from cwcli.signals.canonical import (
     PoseSignal,
     SpeedSignal,
 )
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns, Ragged
 from cwcli.signals.limits import OUT_OF_RANGE as OUT_OF_LIMIT
+from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
 NAN, INF = float("nan"), float("inf")

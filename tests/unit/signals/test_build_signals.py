@@ -9,16 +9,16 @@ import pytest
 
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.signals.build import build, fields_for, require_rows
-from cwcli.signals.build_position import NO_FIX, NOT_A_NUMBER, NULL_ISLAND, OUT_OF_RANGE
+from cwcli.signals.builders.position import NO_FIX, NOT_A_NUMBER, NULL_ISLAND, OUT_OF_RANGE
 from cwcli.signals.canonical import (
     PositionSignal,
     SpeedSignal,
     VelocitySignal,
 )
 from cwcli.signals.clocks import LOG_TIME_OUT
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns
 from cwcli.signals.covariances import UNUSABLE_COVARIANCE
+from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
 NAN, INF = float("nan"), float("inf")

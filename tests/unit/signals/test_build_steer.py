@@ -11,7 +11,7 @@ from cwcli.channels.binding import bind
 from cwcli.channels.published import EGO_PATH, LANES, OBSERVER, OBSERVER_PATH
 from cwcli.signals.build import build
 from cwcli.signals.canonical import SteerSignal
-from cwcli.signals.codec import Role
+from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
 

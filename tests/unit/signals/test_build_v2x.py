@@ -10,10 +10,10 @@ import pytest
 from cwcli.errors import MissingSignalError
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
-from cwcli.signals.codec import Role
 from cwcli.signals.columns import Columns
 from cwcli.signals.j2735 import JSON_RAW
 from cwcli.signals.quality import Quality
+from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 from tests.unit.signals.v2x_messages import (
     LOG_NS,

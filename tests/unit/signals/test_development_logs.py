@@ -21,9 +21,9 @@ from cwcli.signals.canonical import (
     SpeedSignal,
     VelocitySignal,
 )
-from cwcli.signals.codec import Role
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.quality import Quality
+from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import development_log, official_columns
 
 MS = 1_000_000

@@ -17,8 +17,9 @@ def test_every_named_builder_exists() -> None:
     ]
     assert len(wanted) > 40
     for name in wanted:
-        dotted = name if "." in name else f"build_v2x.{name}"
-        assert inputs._named(dotted) is not None
+        dotted = name if "." in name else f"v2x.{name}"
+        place = "" if dotted.startswith(("j2735.", "etsi.")) else "builders."
+        assert inputs._named(place + dotted) is not None
 
 
 def test_fields_of_every_input_can_be_looked_up() -> None:

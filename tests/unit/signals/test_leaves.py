@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals.columns import Field, Ragged, Strings
-from cwcli.signals.leaves import row_of
+from cwcli.signals.leaf_fields import row_of
 
 LISTS: dict[str, tuple[Field | None, list[float]]] = {
     "of different lengths": (Ragged(np.array([1.0, 2.0, 3.0]), np.array([0, 0, 2, 3])), [1.0, 2.0]),

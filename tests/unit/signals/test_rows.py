@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cwcli.signals.rows import rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, outline_of
 
 

@@ -8,7 +8,7 @@ from functools import partial
 
 import pytest
 
-from cwcli.vision.in_order import in_order
+from cwcli.vision.ordered_threads import in_order
 
 
 def test_only_a_few_jobs_wait() -> None:

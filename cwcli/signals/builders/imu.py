@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import ImuSignal
 from cwcli.signals.clocks import settle
-from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import given_variances
-from cwcli.signals.leaves import matrix, stamps, vector
+from cwcli.signals.leaf_fields import matrix, stamps, vector
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_unusable
 from cwcli.signals.quality import Quality, RowLedger
 

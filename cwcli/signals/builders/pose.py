@@ -6,13 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.build_motion import BodyMotion, build_speed, filled, yaw_of
+from cwcli.signals.builders.base import Reading
+from cwcli.signals.builders.motion import BodyMotion, build_speed, filled, yaw_of
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
 from cwcli.signals.clocks import settle
-from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import given_plane_covariance, given_variances
-from cwcli.signals.leaves import find, frame_id, matrix, numbers, stamps, vector, whole_numbers
+from cwcli.signals.leaf_fields import find, frame_id, matrix, numbers, stamps, vector, whole_numbers
 from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 

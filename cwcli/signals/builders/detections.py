@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionKind, DetectionSignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, settle
-from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.elements import Elements, ragged, taken
-from cwcli.signals.leaves import find, stamps
+from cwcli.signals.leaf_fields import find, stamps
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 

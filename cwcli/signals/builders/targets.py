@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.build_pose import build_pose
+from cwcli.signals.builders.base import Reading
+from cwcli.signals.builders.pose import build_pose
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.clocks import settle
-from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, constant_strings
-from cwcli.signals.leaves import find, frame_id, numbers, texts, whole_numbers
+from cwcli.signals.leaf_fields import find, frame_id, numbers, texts, whole_numbers
 from cwcli.signals.limits import MAX_POSITION_M, reject_unusable
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.vehicle_state import MAP_FRAME

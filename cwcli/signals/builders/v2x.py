@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.build_position import reject_bad_positions
+from cwcli.signals.builders.base import Build, Reading
+from cwcli.signals.builders.position import reject_bad_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
 from cwcli.signals.clocks import Timeline, settle
-from cwcli.signals.codec import Build, Reading
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
-from cwcli.signals.remote_rows import RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 
 OWN_STATION = "sent by the ego station"
 OTHER_STATION = "sent by another station"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import SteerSignal
 from cwcli.signals.clocks import settle
-from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns
-from cwcli.signals.leaves import numbers, stamps
+from cwcli.signals.leaf_fields import numbers, stamps
 from cwcli.signals.limits import MAX_STEER_RAD, reject_unusable
 from cwcli.signals.quality import Quality, RowLedger
 

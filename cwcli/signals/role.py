@@ -1,17 +1,8 @@
-"""What a builder is given and what the registry knows of it."""
+"""The roles of input channels."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:  # binding channels to roles takes no numpy
-    from cwcli.signals.canonical import Signal
-    from cwcli.signals.clocks import Clock
-    from cwcli.signals.columns import Columns
-    from cwcli.signals.quality import Quality
 
 
 class Role(StrEnum):
@@ -75,47 +66,3 @@ class Role(StrEnum):
     )
     TARGET_TRUTH = "target_truth", "the targets' truth", ("canonical:TargetTruthSignal",)
     LATERAL_TRUTH = "lateral_truth", "the truth of the lateral motion"
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a channel is to be read.
-
-    Attributes:
-        role: The role it is bound to.
-        clock: `stamp` or `log`.
-        ego_station: Station id whose V2X messages are the ego's own, or None.
-        is_override: The user named the channel for this role; then the role decides where the data leave a choice.
-    """
-
-    role: Role
-    clock: Clock = "stamp"
-    ego_station: str | None = None
-    is_override: bool = False
-
-
-Build = Callable[["Columns", Reading], "tuple[Signal, Quality]"]
-Fields = Mapping[str, tuple[str, ...]]
-
-
-@dataclass(frozen=True)
-class Input:
-    """One row of the registry: a schema that can fill a role.
-
-    Attributes:
-        role: The role.
-        fields: Leaf fields to load, by message encoding (`cdr`, `protobuf`, `json`). JSON lists hold every spelling
-            that cwcli knows; a file has some of them.
-        build: Makes the canonical signal; None where the stage reads the columns or the frames itself.
-        rank: 0 for a sensor made for the role. A channel of higher rank is bound only when there is none of a lower
-            one. None: only when the user names it.
-        needs_ego_station: Bound by itself only when the user says which station is the ego.
-        fits: Whether a topic's name suits the role; asked only where the user names no channel.
-    """
-
-    role: Role
-    fields: Fields
-    build: Build | None
-    rank: int | None = 0
-    needs_ego_station: bool = False
-    fits: Callable[[str], bool] = lambda topic: True

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
 from cwcli.signals.clocks import settle
-from cwcli.signals.codec import Reading, Role
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import given_plane_covariance, given_variances
-from cwcli.signals.leaves import frame_id, matrix, numbers, stamps
+from cwcli.signals.leaf_fields import frame_id, matrix, numbers, stamps
 from cwcli.signals.limits import MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
 from cwcli.signals.quality import Quality, RowLedger
+from cwcli.signals.role import Role
 
 MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"})
 BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import CameraInfoSignal
-from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, Strings
-from cwcli.signals.leaves import find, frame_id, numbers, row_of
+from cwcli.signals.leaf_fields import find, frame_id, numbers, row_of
 from cwcli.signals.quality import Quality, RowLedger
 
 CHANGED = "calibration differs from the first one, not used"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PositionSignal
 from cwcli.signals.clocks import settle
-from cwcli.signals.codec import Reading
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.covariances import given_plane_covariance
-from cwcli.signals.leaves import find, is_one_of, matrix, numbers, stamps
+from cwcli.signals.leaf_fields import find, is_one_of, matrix, numbers, stamps
 from cwcli.signals.limits import MAX_ALTITUDE_M, within
 from cwcli.signals.quality import Quality, RowLedger
 
