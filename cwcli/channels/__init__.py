@@ -1,1 +1,1 @@
-"""The published messages: topic, schema, how each is written, and how it is read back."""
+"""The published messages: topic, schema, how each is written and read back; which channel fills which role."""

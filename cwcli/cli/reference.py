@@ -1,8 +1,8 @@
 """Writes what is generated in the docs: `python -m cwcli.cli.reference`.
 
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
-docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, and the output of `cwcli
-info` in README.md.
+docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, the output of `cwcli
+info` in README.md, and the map in CONTRIBUTING.md.
 """
 
 from __future__ import annotations
@@ -90,6 +90,7 @@ def readme() -> str:
 def pages() -> dict[Path, str]:
     """The generated pages of the checkout, by file."""
     from cwcli.cli.channel_reference import channel_reference
+    from cwcli.cli.house_reference import guide_page
     from cwcli.cli.metric_reference import evaluation_page
     from cwcli.cli.registry_reference import lanes_page, measures_page, prediction_page, signals_page, warning_page
 
@@ -107,6 +108,7 @@ def pages() -> dict[Path, str]:
         docs / "channels.md": channel_reference(),
         docs / "measures.md": measures_page(),
         ROOT / "README.md": readme(),
+        ROOT / "CONTRIBUTING.md": guide_page((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), ROOT),
     }
 
 

@@ -1,1 +1,1 @@
-"""Runs stages on one log or on many: in this process, in local ones, or on a Ray cluster. Prints nothing."""
+"""Many logs: which ones, the stages on each in local processes or on a Ray cluster, and what comes out, in a folder."""

@@ -1,1 +1,1 @@
-"""What a number means: canonical columns with units and frames, role binding, V2X messages, geodesy, clocks."""
+"""What a number means: canonical columns with units and frames, message types, V2X messages, geodesy, clocks."""

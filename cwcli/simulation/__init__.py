@@ -1,1 +1,1 @@
-"""Scenario -> truth -> sensors and V2X link, the same for the same seed; `stages/simulate*` writes the log."""
+"""From a scenario to the truth, and from that to sensors and a V2X link: the same for the same seed."""

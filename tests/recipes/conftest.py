@@ -14,7 +14,7 @@ Built = Callable[[str], House]
 
 @pytest.fixture
 def built(tmp_path: Path) -> Built:
-    """Follows a recipe in a copy of the checkout; it touches the files that it names, as many as it says."""
+    """Follows a recipe in a copy; it touches the files that it names, as many as it says, and breaks no rule."""
 
     def build(title: str) -> House:
         recipe = recipes(GUIDE.read_text(encoding="utf-8"))[title]
@@ -23,6 +23,7 @@ def built(tmp_path: Path) -> Built:
         touched = house.touched()
         assert touched == {step.path for step in recipe.steps if step.path.startswith("cwcli/")}
         assert len(touched) == recipe.n_files
+        house.is_clean()
         return house
 
     return build

@@ -19,10 +19,12 @@ ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "CONTRIBUTING.md"
 SAMPLES = ROOT / "sample_logs"
 TIMEOUT_S = 120
-COPIED = ("cwcli", "schemas", "docs", "tests/laws", "tests/unit", "README.md", "pyproject.toml")
+COPIED = ("cwcli", "schemas", "docs", "tests/laws", "tests/unit", "README.md", "CONTRIBUTING.md", "pyproject.toml")
 LINKED = (".so", ".pyc", ".mcap", ".png")
 """Big files that no recipe writes to are linked to, the others copied."""
 LEFT_OUT = shutil.ignore_patterns("*.c", "*.pyx", "*.pxd")
+LINT = ("-c", "from importlinter.cli import lint_imports_command as lint; lint()", "--no-cache")
+"""What Python runs to check the import contracts."""
 _SECTION = re.compile(r"^### (?P<title>[^\n:]+): (?P<n>\d+) files\n(?P<text>.*?)(?=^##|\Z)", re.MULTILINE | re.DOTALL)
 _STEP = re.compile(r"^\d\. `(?P<path>[^`]+)`[^\n]*\n\n```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -122,24 +124,39 @@ class House:
         Raises:
             AssertionError: It failed.
         """
-        environment = {key: value for key, value in os.environ.items() if not key.startswith("CWCLI_")}
         done = subprocess.run(
             [sys.executable, *arguments],
             capture_output=True,
             check=False,
             cwd=self.folder,
-            env={**environment, "PYTHONPATH": str(self.folder), **variables},
+            env={**self.environment(), **variables},
             text=True,
             timeout=TIMEOUT_S,
         )
         assert done.returncode == 0, done.stderr or done.stdout
         return done.stdout
 
+    def environment(self) -> dict[str, str]:
+        """That of a process which is to import the copy."""
+        own = {key: value for key, value in os.environ.items() if not key.startswith("CWCLI_")}
+        return {**own, "PYTHONPATH": str(self.folder)}
+
     def write_docs(self) -> str:
         """Write the generated pages, and return those that differ from the checkout's, one after the other."""
         self.python("-m", "cwcli.cli.reference")
         pages = [page for page in (self.folder / "docs").glob("*.md") if not _same(page, ROOT / "docs" / page.name)]
         return "\n".join(page.read_text(encoding="utf-8") for page in pages)
+
+    def is_clean(self) -> None:
+        """Check style and import contracts.
+
+        Raises:
+            AssertionError: A rule is broken.
+        """
+        files = sorted(self.touched())
+        self.python("-m", "ruff", "check", *files)
+        self.python("-m", "ruff", "format", "--check", *files)
+        self.python(*LINT)
 
     def obeys(self, laws: str, name: str) -> None:
         """Run the laws of one registry, those that are about one entry.

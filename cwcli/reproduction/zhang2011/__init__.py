@@ -1,1 +1,1 @@
-"""Stage `reproduce zhang2011`: the lanes, the observer and the paths."""
+"""The reproduction of zhang2011: the lanes, the observer and the paths."""
