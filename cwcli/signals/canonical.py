@@ -10,7 +10,7 @@ Here stand the signals that several builders or stages share; that of one builde
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 
@@ -22,6 +22,7 @@ class Signal(Protocol):
     def source(self) -> str: ...
 
 
+@runtime_checkable
 class TimedSignal(Signal, Protocol):
     """A signal with a time in each row, shape (n,)."""
 

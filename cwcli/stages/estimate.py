@@ -22,7 +22,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.canonical import CameraInfoSignal, PoseSignal, PositionSignal, RemoteSignal, Signal
+from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal, Signal, TimedSignal
 from cwcli.signals.columns import Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
@@ -278,7 +278,7 @@ def merged(signals: list[RemoteSignal]) -> RemoteSignal:
 
 
 def _summary(sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary]) -> Summary:
-    signals = [s for found in sources.by_role.values() for s in found if not isinstance(s, CameraInfoSignal)]
+    signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
     notes = [*sources.notes, *apart, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
