@@ -20,11 +20,13 @@ class ModelParameters:
     back to zero over many seconds, so that a long outage does not let the speed (heading) run away.
 
     Attributes:
-        accel_decay_s: A driver holds an acceleration for some seconds, not for minutes.
+        accel_decay_s: A driver holds an acceleration for some seconds. With the jerk's numbers the stationary sigma of
+            the acceleration is 3 m/s^2, and a car can do three of these. With 10 s it would be 6, and a gap of
+            25 s without any measurement would end at speeds that no car has.
         jerk_decay_s: Time that a pedal or brake needs to build up.
         jerk_sigma_mps3: Stationary jerk; everyday driving stays within about +-2 m/s^3.
-        yaw_rate_decay_s: A turn at a junction takes some seconds. (Near standstill it is 0.3 s: a standing car does
-            not turn.)
+        yaw_rate_decay_s: A turn at a junction takes some seconds; the stationary sigma is 0.36 rad/s. (Near standstill
+            it is 0.3 s: a standing car does not turn.)
         yaw_accel_decay_s: Time that a driver needs to turn the wheel in.
         yaw_accel_sigma_radps2: Stationary yaw acceleration; 90 degrees at a junction within 4 s need 0.3 rad/s^2.
         standstill_speed_mps: Below it a car hardly yaws: the yaw noise shrinks with v^2 / (v^2 + standstill^2).
@@ -38,10 +40,10 @@ class ModelParameters:
         time_constant_s: Of the parameter states that fade to zero (Gauss-Markov), by their index; the others walk.
     """
 
-    accel_decay_s: float = 10.0
+    accel_decay_s: float = 3.0
     jerk_decay_s: float = 1.0
     jerk_sigma_mps3: float = 2.0
-    yaw_rate_decay_s: float = 8.0
+    yaw_rate_decay_s: float = 4.0
     yaw_accel_decay_s: float = 1.0
     yaw_accel_sigma_radps2: float = 0.2
     standstill_speed_mps: float = 2.0

@@ -173,6 +173,7 @@ def run_pass(
     smooth: bool,
     reset_after: int,
     orders: dict[float, TimeOrder] | None = None,
+    restarts: Sequence[Start] = (),
 ) -> PassResult:
     """Filter (and smooth) all series from `start` on.
 
@@ -184,8 +185,9 @@ def run_pass(
         smooth: Run the smoother too.
         reset_after: See `EstimatorConfig`.
         orders: Where passes over the same times, outputs and patience keep their time order, by the start's time.
+        restarts: Where the motion is taken from elsewhere again, in time order: see `ekf.Restarts`.
     """
-    prepared = pass_input(series, start.time_s, output_s, reset_after=reset_after, orders=orders)
+    prepared = pass_input(series, start.time_s, output_s, reset_after=reset_after, orders=orders, restarts=restarts)
     return prepared.by_series(prepared.run(start, motion, smooth=smooth))
 
 
@@ -197,6 +199,7 @@ class PassInput:
         events, sources: See `ekf.run`.
         n_output: How many of the events want a state.
         in_time, order: See `TimeOrder`.
+        restarts: See `run_pass`.
     """
 
     events: ekf.Events
@@ -204,10 +207,14 @@ class PassInput:
     n_output: int
     in_time: list[npt.NDArray[np.bool_]]
     order: npt.NDArray[np.intp]
+    restarts: ekf.Restarts | None = None
 
     def run(self, start: Start, motion: ekf.ProcessModel, *, smooth: bool) -> ekf.Pass:
         """Run a pass; `nis` and `status` of the result are in time order."""
-        return ekf.run(self.events, self.sources, motion, start.state, start.covariance, self.n_output, smooth=smooth)
+        return ekf.run(
+            self.events, self.sources, motion, start.state, start.covariance, self.n_output,
+            smooth=smooth, restarts=self.restarts,
+        )  # fmt: skip
 
     def by_series(self, result: ekf.Pass) -> PassResult:
         """The result with `nis` and `status` from time order back in the rows of each series."""
@@ -241,6 +248,7 @@ def pass_input(
     *,
     reset_after: int,
     orders: dict[float, TimeOrder] | None = None,
+    restarts: Sequence[Start] = (),
 ) -> PassInput:
     """Put the series into time order from `start_s` on; for the arguments see `run_pass`."""
     known = None if orders is None else orders.get(start_s)
@@ -267,7 +275,21 @@ def pass_input(
         values=values,
         noise=noise,
     )
-    return PassInput(events, sources, len(output_s), in_time, order)
+    again = _restarts(series, start_s, order_of, restarts) if restarts else None
+    return PassInput(events, sources, len(output_s), in_time, order, again)
+
+
+def _restarts(series: Sequence[Series], start_s: float, order_of: TimeOrder, restarts: Sequence[Start]) -> ekf.Restarts:
+    """Each restart before the first update that is not older, none after the last one."""
+    update_s = np.concatenate([np.maximum(s.time_s - s.latency_s, start_s) for s in series])[order_of.order]
+    update = np.searchsorted(update_s, [each.time_s - START_TOLERANCE_S for each in restarts])
+    restarts = [each for each, u in zip(restarts, update, strict=True) if u < len(update_s)]
+    step = np.searchsorted(order_of.first, update[: len(restarts)], side="right") - 1
+    return ekf.Restarts(
+        step=step.astype(np.int32),
+        state=np.array([each.state[:N_MOTION] for each in restarts]).reshape(-1, N_MOTION),
+        variance=np.array([np.diagonal(each.covariance)[:N_MOTION] for each in restarts]).reshape(-1, N_MOTION),
+    )
 
 
 def _values(s: Series) -> FloatArray:

@@ -13,6 +13,7 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
+from cwcli.estimation.gaps import restarts_after_gaps
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass
@@ -67,6 +68,7 @@ def estimate_track(
     result = run_pass(
         tuned.series, start, tuned.motion, output_s,
         smooth=not config.causal, reset_after=config.reset_after,
+        restarts=restarts_after_gaps(tuned.series, causal=config.causal),
     )  # fmt: skip
     if config.causal:
         hold_before_start(

@@ -71,6 +71,17 @@ class Events:
 
     def __init__(self, *, time_s: _F, first: _I, out_row: _I, source: _I, values: _F, noise: _F) -> None: ...
 
+class Restarts:
+    """Where the filter takes the motion from elsewhere, before the updates of a step: R restarts.
+
+    Args:
+        step: (R,), increasing.
+        state, variance: (R, 8): the motion there and its variances; what was known of it before is given up. The
+            smoother carries what it knows of later states through a restart, so that states before it are bridged.
+    """
+
+    def __init__(self, *, step: _I, state: _F, variance: _F) -> None: ...
+
 class SourceTable:
     """What the filter has to know of each of S sources, (S,) each if nothing else is said.
 
@@ -113,6 +124,7 @@ def run(
     n_output: int,
     *,
     smooth: bool,
+    restarts: Restarts | None = None,
 ) -> Pass:
     """Filter all events from the state (n,) and covariance (n, n) at the first step on; then smooth, if asked to.
 

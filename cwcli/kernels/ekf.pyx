@@ -29,6 +29,8 @@ from cwcli.kernels.ekf_motion cimport (
     Model,
     Step,
     add_noise,
+    astray,
+    begin_again,
     decay_of_yaw_rate,
     flip_sign,
     is_reversed,
@@ -39,7 +41,7 @@ from cwcli.kernels.ekf_motion cimport (
     times_ft,
     turn_round,
 )
-from cwcli.kernels.ekf_sensors cimport Parameters, count_slots, expect, inflate
+from cwcli.kernels.ekf_sensors cimport Parameters, count_slots, expect, inflate, tells_heading
 
 # The gate widens with the time since a source was last used: the model's errors grow over an outage in ways that
 # its covariance does not know of, and the first position after a tunnel must not be taken for an outlier.
@@ -94,6 +96,14 @@ cdef class Events:
         self.source, self.values, self.noise = source, values, noise
 
 
+cdef class Restarts:
+    cdef const int[::1] step
+    cdef const double[:, ::1] state, variance
+
+    def __init__(self, *, step, state, variance):
+        self.step, self.state, self.variance = step, state, variance
+
+
 cdef class SourceTable:
     cdef const int[::1] sensor, patience
     cdef const int[:, ::1] parameters
@@ -104,15 +114,18 @@ cdef class SourceTable:
         self.gate_nis, self.patience = gate_nis, patience
 
 
+NO_RESTARTS = Restarts(step=np.zeros(0, np.int32), state=np.zeros((0, N_MOTION)), variance=np.zeros((0, N_MOTION)))
+
+
 cdef class Pass:
     cdef readonly object state, covariance, last_state, last_covariance, nis, status
     cdef readonly double log_likelihood
     # What `backward` needs of each step and of each row of an update.
     # `offset` is the filtered state less the predicted one; `residual` that of a row at the predicted state, and its
-    # weight 1 / r; `noise_speed2` what `add_noise` took for the speed's square.
+    # weight 1 / r; `noise_speed2` and `noise_astray` are what `add_noise` took.
     cdef double[:, ::1] x_post, offset, partials, residual
     cdef signed char[::1] flip
-    cdef double[::1] yaw_decay, noise_speed2
+    cdef double[::1] yaw_decay, noise_speed2, noise_astray
 
     def __init__(self, Events events, ProcessModel motion, int n_output, bint keep):
         cdef int n = motion.model.n, n_updates = <int>events.source.shape[0]
@@ -123,24 +136,27 @@ cdef class Pass:
             self.flip = np.zeros(events.time_s.shape[0], np.int8)
             self.yaw_decay = np.empty(events.time_s.shape[0])
             self.noise_speed2 = np.empty(events.time_s.shape[0])
+            self.noise_astray = np.empty(events.time_s.shape[0])
             self.offset = np.empty((events.time_s.shape[0], n))
             self.partials = np.empty((2 * n_updates, NH))
             self.residual = np.empty((2 * n_updates, 2))
 
 
 def run(Events events, SourceTable sources, ProcessModel motion, start_state, start_covariance, int n_output, *,
-        bint smooth):
+        bint smooth, Restarts restarts=None):
     if len(start_state) != motion.model.n:
         raise ValueError(f"a start of {len(start_state)} states for a motion model of {motion.model.n}")
     cdef Pass result = Pass(events, motion, n_output, smooth)
     result.last_state, result.last_covariance = start_state.copy(), np.array(start_covariance, order="C")
-    forward(events, sources, &motion.model, result, smooth)
+    forward(events, sources, &motion.model, result, smooth, restarts or NO_RESTARTS)
     if smooth and n_output:
         backward(events, sources, &motion.model, result)
     return result
 
 
-cdef int forward(Events events, SourceTable sources, const Model* model, Pass result, bint keep) except -1:
+cdef int forward(
+    Events events, SourceTable sources, const Model* model, Pass result, bint keep, Restarts restarts
+) except -1:
     """Run the filter over all steps; `last_state` and `last_covariance` are those of the start first."""
     cdef const double[::1] time_s = events.time_s, gate_nis = sources.gate_nis
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
@@ -152,7 +168,10 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
     cdef double[:, ::1] covariance = result.last_covariance, nis = result.nis, out_x = result.state
     cdef double[:, :, ::1] out_p = result.covariance
     cdef signed char[::1] status = result.status, flip = result.flip
-    cdef double[::1] noise_speed2 = result.noise_speed2
+    cdef const int[::1] restart_step = restarts.step
+    cdef const double[:, ::1] restart_state = restarts.state, restart_variance = restarts.variance
+    cdef int next_restart = 0, n_restarts = <int>restarts.step.shape[0]
+    cdef double[::1] noise_speed2 = result.noise_speed2, noise_astray = result.noise_astray
     cdef double[:, ::1] x_post = result.x_post, offset = result.offset
     cdef double[:, ::1] partials = result.partials, residual = result.residual
     cdef int[::1] streak = np.zeros(len(sensor), np.int32)  # updates gated in a row so far
@@ -163,8 +182,8 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
     cdef int idx[NH]
     cdef Step f
     cdef int i, j, k, u, s, width, axis, row, m
-    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2
-    cdef double total = 0.0, volume = 1.0
+    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2, lost
+    cdef double total = 0.0, volume = 1.0, told_s = time_s[0]    # when a heading was told last
     cdef bint fresh
     with nogil:
         cached[0] = -1.0
@@ -184,15 +203,21 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                     times_f(p, &f, n, NMAX, 1)
                     times_f(p, &f, n, 1, NMAX)
                     speed2 = speed_squared(x, p)
+                    lost = astray(speed2, p, time_s[k] - told_s, model)
                     if keep:
                         noise_speed2[k] = speed2
-                    add_noise(p, speed2, dt, model)
+                        noise_astray[k] = lost
+                    add_noise(p, speed2, lost, dt, model)
                     propagate(x, &f)
                     for i in range(n):                        # round-off makes the two products differ in the last bit
                         for j in range(i):
                             p[j * NMAX + i] = p[i * NMAX + j]
             for i in range(n):
                 x_prior[i] = x[i]
+            if next_restart < n_restarts and restart_step[next_restart] == k:
+                begin_again(x, p, &restart_state[next_restart, 0], &restart_variance[next_restart, 0], n)
+                next_restart += 1
+                told_s = time_s[k]
             for u in range(first[k], first[k + 1]):
                 s = source[u]
                 own = <const Parameters*>&parameters[s, 0]
@@ -247,6 +272,8 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
                     status[u] = UpdateStatus.USED
                 streak[s] = 0
                 last_used_s[s] = time_s[k]
+                if tells_heading(sensor[s]):
+                    told_s = time_s[k]
                 # Decorrelate the second axis from the first: z1 - corr z0 has noise r11 - corr r01.
                 corr = 0.0
                 if width == 2 and r1 != 0.0:
@@ -327,6 +354,7 @@ cdef int forward(Events events, SourceTable sources, const Model* model, Pass re
 cdef int backward(Events events, SourceTable sources, const Model* model, Pass result) except -1:
     """Smooth what `forward` kept: state and covariance at the output rows become the smoothed ones."""
     cdef const double[::1] time_s = events.time_s, yaw_decay = result.yaw_decay, noise_speed2 = result.noise_speed2
+    cdef const double[::1] noise_astray = result.noise_astray
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const int[::1] sensor = sources.sensor
     cdef const int[:, ::1] parameters = sources.parameters
@@ -383,7 +411,7 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
             if k > 0:
                 dt = time_s[k] - time_s[k - 1]
                 if dt > 0.0:
-                    add_noise(q, noise_speed2[k], dt, model)
+                    add_noise(q, noise_speed2[k], noise_astray[k], dt, model)
                     forget(y, big, q, n)
                     linearise(&x_post[k - 1, 0], dt, yaw_decay[k], model, &f, cached)
                     times_ft(y, &f, n, 1, 0, 1)

@@ -1,7 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the vehicle-state kernel: the motion model, its Jacobian and its noise."""
 
-from libc.math cimport M_PI, cos, exp, expm1, sin
+from libc.math cimport M_PI, cos, exp, expm1, round, sin
 
 from cwcli.kernels.ekf cimport MotionModel
 
@@ -266,8 +266,23 @@ cdef inline void add_sym(double* p, int i, int j, double v) noexcept nogil:
         p[j * NMAX + i] += v
 
 
-cdef inline void add_noise(double* p, double v2, double dt, const Model* model) noexcept nogil:
-    """Continuous white noise behind jerk and yaw acceleration, random walks for the parameters; v2: `speed_squared`."""
+cdef inline double astray(double v2, const double* p, double untold_s, const Model* model) noexcept nogil:
+    """Variance per second, of x and of y, of what a way under an uncertain heading has beside its linear part.
+
+    Of a unit vector whose angle has the variance P, the variance is 1 - exp(-P), of which P exp(-P) is linear in the
+    angle. An error of the heading lasts as long as nothing has told it, but no longer than a yaw rate.
+    """
+    cdef double spread = p[HEADING * NMAX + HEADING], lasts_s = 1.0 / model.damped.yaw_rate_rate
+    if model.kind == MotionModel.SONG2016 or spread < 1e-3:
+        return 0.0
+    return v2 * (1.0 - (1.0 + spread) * exp(-spread)) * (untold_s if untold_s < lasts_s else lasts_s)
+
+
+cdef inline void add_noise(double* p, double v2, double lost, double dt, const Model* model) noexcept nogil:
+    """Continuous white noise behind jerk and yaw acceleration, random walks for the parameters.
+
+    v2: `speed_squared`, lost: `astray`, both of before.
+    """
     cdef int i, j
     cdef double q, v0, t2 = dt * dt, t3 = t2 * dt, t4 = t3 * dt, t5 = t4 * dt
     if model.kind == MotionModel.SONG2016:
@@ -296,6 +311,7 @@ cdef inline void add_noise(double* p, double v2, double dt, const Model* model) 
     q = dt * v2 / (v2 + v0 * v0)
     add_sym(p, HEADING, HEADING, q * model.damped.heading_noise)
     q *= model.damped.xy_noise
+    q += dt * lost
     add_sym(p, X, X, q)
     add_sym(p, Y, Y, q)
     for i in range(N_MOTION, model.n):
@@ -327,3 +343,21 @@ cdef inline void flip_sign(double* x, double* p, int n) noexcept nogil:
 cdef inline void turn_round(double* x, double* p, int n) noexcept nogil:
     flip_sign(x, p, n)
     x[HEADING] += M_PI
+
+
+cdef inline void begin_again(double* x, double* p, const double* state, const double* variance, int n) noexcept nogil:
+    """Take the motion from elsewhere, and nothing of what was known of it; the parameters stay.
+
+    Of the smoother this moves the states about which it is linear, not what it knows: backward nothing is forgotten.
+    """
+    cdef double state_heading                             # the whole turn nearest to the one before
+    cdef int i, j, n_motion = N_MOTION if n > N_MOTION else n
+    for i in range(n_motion):
+        for j in range(n):
+            p[i * NMAX + j] = 0.0
+            p[j * NMAX + i] = 0.0
+        p[i * NMAX + i] = variance[i]
+    state_heading = state[HEADING] + 2.0 * M_PI * round((x[HEADING] - state[HEADING]) / (2.0 * M_PI))
+    for i in range(n_motion):
+        x[i] = state[i]
+    x[HEADING] = state_heading

@@ -18,6 +18,10 @@ cdef struct Parameters:
     int latency
 
 
+cdef inline bint tells_heading(int sensor) noexcept nogil:
+    return sensor == Sensor.POSITION or sensor == Sensor.VELOCITY or sensor == Sensor.HEADING
+
+
 cdef inline int count_slots(int sensor, const Parameters* own) noexcept nogil:
     """Number of Jacobian entries that `expect` fills per axis."""
     if sensor == Sensor.POSITION:

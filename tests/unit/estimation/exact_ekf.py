@@ -34,14 +34,15 @@ def _run(series: Sequence[Series], start: Start, p: ModelParameters, output_s: F
     x, cov, now = mp.matrix(start.state.tolist()), mp.matrix(start.covariance.tolist()), mp.mpf(start.time_s)
     steps = [(x, cov, mp.eye(8), x, cov)]
     outputs: dict[int, int] = {}
+    told = now
     for time, _, k, i in events:
         total = mp.mpf(time) - now
         pieces = max(1, int(np.ceil(float(total) / MAX_STEP_S - 1e-9)))
-        for _ in range(pieces if total > 0 else 0):
+        for piece in range(pieces if total > 0 else 0):
             dt = total / pieces
             f, moved = _transition(x, cov, dt, p)
             cov = f * cov * f.T
-            cov += _noise(x[2] ** 2 + cov[2, 2], dt, p)
+            cov += _noise(x[2] ** 2 + cov[2, 2], cov[3, 3], dt, now + (piece + 1) * dt - told, p)
             x = moved
             steps.append((x, cov, f, x, cov))
         now = mp.mpf(time)
@@ -49,6 +50,7 @@ def _run(series: Sequence[Series], start: Start, p: ModelParameters, output_s: F
             outputs[i] = len(steps) - 1
             continue
         s = series[k]
+        told = now if s.kind is Kind.POSITION else told
         rows = [(0, 0), (1, 2)] if s.kind is Kind.POSITION else [(2, 0)]
         for axis, (state, variance) in enumerate(rows):
             gain = cov[:, state] / (cov[state, state] + mp.mpf(float(s.noise[i, variance])))
@@ -103,7 +105,7 @@ def _linear(rate: mp.mpf, rate_of_change: mp.mpf, dt: mp.mpf) -> mp.matrix:
     return mp.expm(mp.matrix([[0, 1, 0], [0, 0, 1], [0, -rate * rate_of_change, -rate - rate_of_change]]) * dt)
 
 
-def _noise(speed2: mp.mpf, dt: mp.mpf, p: ModelParameters) -> mp.matrix:
+def _noise(speed2: mp.mpf, spread: mp.mpf, dt: mp.mpf, untold_s: mp.mpf, p: ModelParameters) -> mp.matrix:
     q = mp.zeros(8)
     moving = speed2 / (speed2 + mp.mpf(p.standstill_speed_mps) ** 2)
     jerk = 2 * mp.mpf(p.jerk_sigma_mps3) ** 2 / mp.mpf(p.jerk_decay_s)
@@ -114,6 +116,8 @@ def _noise(speed2: mp.mpf, dt: mp.mpf, p: ModelParameters) -> mp.matrix:
         for a, i in enumerate(index):
             for b, j in enumerate(index):
                 q[i, j] += strength * white[a][b]
-    q[0, 0] = q[1, 1] = mp.mpf(p.side_slip_m) ** 2 * moving * dt
+    lasts_s = min(untold_s, mp.mpf(p.yaw_rate_decay_s))
+    astray = speed2 * (1 - (1 + spread) * mp.exp(-spread)) * lasts_s if spread >= 1e-3 else 0
+    q[0, 0] = q[1, 1] = (mp.mpf(p.side_slip_m) ** 2 * moving + astray) * dt
     q[3, 3] += mp.mpf(p.course_rad) ** 2 * moving * dt
     return q

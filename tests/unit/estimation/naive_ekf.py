@@ -48,19 +48,23 @@ def _linear_block(rate: float, rate_of_change: float, dt: float) -> F:
     return np.asarray(expm(system * dt))
 
 
-def process_noise(x: F, variance_v: float, dt: float, p: ModelParameters, walk: F) -> F:
+def process_noise(x: F, cov: F, dt: float, untold_s: float, p: ModelParameters, walk: F) -> F:
     """Continuous white noise behind jerk and yaw acceleration, at the step's beginning state."""
     n = len(x)
     q = np.zeros((n, n))
     white = np.array(
         [[dt**5 / 20, dt**4 / 8, dt**3 / 6], [dt**4 / 8, dt**3 / 3, dt**2 / 2], [dt**3 / 6, dt**2 / 2, dt]]
     )
-    moving = (x[2] ** 2 + variance_v) / (x[2] ** 2 + variance_v + p.standstill_speed_mps**2)
+    speed2 = x[2] ** 2 + cov[2, 2]
+    moving = speed2 / (speed2 + p.standstill_speed_mps**2)
     q[np.ix_([2, 4, 6], [2, 4, 6])] += 2 / p.jerk_decay_s * p.jerk_sigma_mps3**2 * white
     turning = 2 / p.yaw_accel_decay_s * p.yaw_accel_sigma_radps2**2 * max(moving, p.standstill_floor)
     q[np.ix_([3, 5, 7], [3, 5, 7])] += turning * white
-    q[0, 0] += p.side_slip_m**2 * moving * dt
-    q[1, 1] += p.side_slip_m**2 * moving * dt
+    spread = cov[3, 3]
+    lasts_s = min(untold_s, p.yaw_rate_decay_s)
+    astray = speed2 * (1 - np.exp(-spread) - spread * np.exp(-spread)) * lasts_s if spread >= 1e-3 else 0.0
+    q[0, 0] += (p.side_slip_m**2 * moving + astray) * dt
+    q[1, 1] += (p.side_slip_m**2 * moving + astray) * dt
     q[3, 3] += p.course_rad**2 * moving * dt
     for i in range(8, n):
         t = p.time_constant_s.get(i)
@@ -122,15 +126,15 @@ def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, out
     x, cov, now = start.state.copy(), start.covariance.copy(), start.time_s
     steps: list[tuple[F, F, F, F, F]] = []  # x, P after the step; F, x and P predicted into it
     outputs: dict[int, int] = {}
-    likelihood, nis = 0.0, []
+    likelihood, nis, told = 0.0, [], start.time_s
     for time, _, k, i in events:
         total = time - now
         pieces = max(1, int(np.ceil(total / MAX_STEP_S - 1e-9)))
-        for _ in range(pieces if total > 0 else 0):
+        for piece in range(pieces if total > 0 else 0):
             dt = total / pieces
             v2 = x[2] ** 2 + cov[2, 2]
             f = jacobian(lambda v, dt=dt, v2=v2: transition(v, dt, p, v2), x)
-            cov = f @ cov @ f.T + process_noise(x, (f @ cov @ f.T)[2, 2], dt, p, walk)
+            cov = f @ cov @ f.T + process_noise(x, f @ cov @ f.T, dt, now + (piece + 1) * dt - told, p, walk)
             x = transition(x, dt, p, v2)
             steps.append((x.copy(), cov.copy(), f, x.copy(), cov.copy()))
         now = time
@@ -140,6 +144,7 @@ def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, out
             outputs[i] = len(steps) - 1
             continue
         s = series[k]
+        told = time if s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.HEADING) else told
         h = jacobian(lambda v, s=s, i=i: expected(v, s, i), x)
         r = np.array([[s.noise[i, 0], s.noise[i, 1]], [s.noise[i, 1], s.noise[i, 2]]])[: s.width, : s.width]
         nu = s.values[i, : s.width] - expected(x, s, i)
