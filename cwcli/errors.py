@@ -16,6 +16,22 @@ EXIT_OUTPUT = 6
 EXIT_BUG = 70
 EXIT_INTERRUPTED = 130
 EXIT_PIPE_CLOSED = 141
+EXIT_TERMINATED = 143
+
+EXIT_CODES = {
+    EXIT_DONE: ("done", ""),
+    EXIT_GATE_FAILED: ("a requested gate failed", "everything else was done"),
+    EXIT_USAGE: ("usage", "a wrong option, configuration or scenario, or a plug-in that fails"),
+    EXIT_BAD_INPUT: ("unreadable or corrupt input", ""),
+    EXIT_MISSING_SIGNAL: ("a required signal is missing", "or two channels could be it"),
+    EXIT_BAD_DATA: ("data breaks its contract", "with `--strict`, or where no repair is possible"),
+    EXIT_OUTPUT: ("output could not be written", ""),
+    EXIT_BUG: ("a bug", "with a traceback"),
+    EXIT_INTERRUPTED: ("interrupted", ""),
+    EXIT_PIPE_CLOSED: ("pipe closed", "its reader went away"),
+    EXIT_TERMINATED: ("terminated", ""),
+}
+"""Every code with which `cwcli` ends -> what it means, and more of it or "". Help and docs are made from this."""
 
 
 class CwcliError(Exception):

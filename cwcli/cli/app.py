@@ -22,17 +22,15 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand
 from cwcli.cli.options.fast import skip_coercion
 from cwcli.cli.options.stage import every_stage
-from cwcli.errors import UsageError
+from cwcli.errors import EXIT_CODES, UsageError
 from cwcli.input import remembering_inputs
 from cwcli.stages import STAGES
 
 MAX_WITHOUT_HEADINGS = 15
 """The options of a command with no more than this stand in one list."""
-EPILOG = """\b
-Exit codes: 0 done, 1 a requested gate failed, 2 usage, 3 unreadable or
-corrupt input, 4 a required signal is missing, 5 data breaks its contract,
-6 output could not be written, 70 a bug, 130 interrupted, 141 pipe closed,
-143 terminated.
+EXIT_WORDS = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
+EPILOG = f"""
+Exit codes: {EXIT_WORDS}.
 
 \b
 Example:

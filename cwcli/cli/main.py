@@ -1,8 +1,4 @@
-"""The entry point: runs the command line and turns whatever happens into a documented exit code.
-
-0 done, 1 a requested gate failed, 2 usage, 3 unreadable or corrupt input, 4 a required signal is missing, 5 data breaks
-its contract, 6 output could not be written, 70 a bug, 130 interrupted, 141 pipe closed, 143 terminated.
-"""
+"""The entry point: runs the command line and turns whatever happens into one of `cwcli.errors.EXIT_CODES`."""
 
 from __future__ import annotations
 
@@ -14,9 +10,16 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from cwcli.errors import EXIT_BUG, EXIT_INTERRUPTED, EXIT_OUTPUT, EXIT_PIPE_CLOSED, CwcliError, OutputError
+from cwcli.errors import (
+    EXIT_BUG,
+    EXIT_INTERRUPTED,
+    EXIT_OUTPUT,
+    EXIT_PIPE_CLOSED,
+    EXIT_TERMINATED,
+    CwcliError,
+    OutputError,
+)
 
-EXIT_TERMINATED = 143
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,7 @@ from cwcli.cli.console import format_error
 from cwcli.stages import STAGES
 
 PYTHON = sys.executable
+ROOT = Path(__file__).parents[2]
 
 
 def cwcli(*arguments: str, **settings: object) -> subprocess.CompletedProcess[str]:
@@ -86,6 +88,39 @@ def test_exit_codes(
         assert "please report it" in printed.err
     if code == 141:
         assert printed.err == ""
+
+
+def kinds_of_errors(kind: type[errors.CwcliError] = errors.CwcliError) -> set[type[errors.CwcliError]]:
+    return {kind}.union(*(kinds_of_errors(each) for each in kind.__subclasses__()))
+
+
+def test_every_exit_code_stands_in_the_one_table() -> None:
+    assert {value for name, value in vars(errors).items() if re.fullmatch(r"EXIT_(?!CODES)\w+", name)} == {
+        *errors.EXIT_CODES
+    }
+    assert {kind.exit_code for kind in kinds_of_errors()} <= {*errors.EXIT_CODES}
+    others = [path for path in (ROOT / "cwcli").rglob("*.py") if path.name != "errors.py"]
+    assert [
+        path for path in others if re.search(r"^EXIT_\w+ = \d", path.read_text(encoding="utf-8"), re.MULTILINE)
+    ] == []
+
+
+def test_every_exit_code_that_the_docs_name_is_in_the_table() -> None:
+    named = set()
+    for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        named |= {int(code) for code in re.findall(r"[Ee]xit code (?:is )?(\d+)", page.read_text(encoding="utf-8"))}
+    assert len(named) >= 6
+    assert named <= {*errors.EXIT_CODES}
+
+
+def test_help_and_docs_say_what_the_table_says(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["--help"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    commands = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    for code, (meaning, more) in errors.EXIT_CODES.items():
+        assert f"{code} {meaning}" in told and f"{code} {meaning}" in readme
+        assert f"| {code} | {meaning} | {more} |" in commands
 
 
 def test_help_needs_no_command_module() -> None:
