@@ -98,6 +98,7 @@ class MessageReader:
         self._verify = verify
         self._counted: set[int] = set()
         self._verified: set[int] = set()
+        self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), wanted_ids(())
 
     def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
         """The messages of some channels, in file order; chunks that end before `start_ns` or begin at `end_ns` or later
@@ -123,6 +124,13 @@ class MessageReader:
             for chunk in self._chunks
             if chunk.uncompressed_size and (not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids))
         ]
+
+    def _wanted(self, channel_ids: Collection[int]) -> ByteArray:
+        """`wanted_ids`, made once for one chunk after the other."""
+        wanted = frozenset(channel_ids)
+        if wanted != self._wanted_last[0]:
+            self._wanted_last = wanted, wanted_ids(wanted)
+        return self._wanted_last[1]
 
     def max_messages(self) -> int:
         """More messages than this can't be in the file."""
@@ -155,7 +163,7 @@ class MessageReader:
     def chunk_batches(self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]) -> Iterator[Batch]:
         """The messages in an opened chunk."""
         octets = np.frombuffer(payload, np.uint8)
-        is_wanted = wanted_ids(channel_ids)
+        is_wanted = self._wanted(channel_ids)
         is_partial = chunk.chunk_start in self._index.cut_chunks
         at = 0
         noted: list[Batch] = []
@@ -181,7 +189,7 @@ class MessageReader:
     ) -> Iterator[tuple[tuple[int, int], Batch]]:
         """Start and end of one part after the other that holds messages, and these."""
         at, end = span
-        is_wanted = wanted_ids(channel_ids)
+        is_wanted = self._wanted(channel_ids)
         size = LOOSE_BYTES
         while at < end:
             octets = np.frombuffer(self._file[at : min(at + size, end)], np.uint8)
