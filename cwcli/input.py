@@ -31,6 +31,7 @@ HELD_BYTES = 1 << 13
 BLOCK_BYTES = 1 << 20
 CLOCK_TICK_NS = 10_000_000
 """Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
+MAX_CHUNK_BYTES = 256_000_000
 STANDARD_STREAMS = (1, 2)
 NOT_OF_INPUT = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
@@ -47,6 +48,7 @@ class InputFile:
     Attributes:
         name: For messages.
         descriptor: Open until `close`.
+        max_chunk_bytes: No part of it may unpack to more at once, nor be stored as more.
         state: Device, number, size in bytes and time of the last change in ns, when it was opened.
 
     Raises:
@@ -56,6 +58,7 @@ class InputFile:
     def __init__(self, descriptor: int, name: str, path: Path | None = None) -> None:
         self.name = name
         self.descriptor = descriptor
+        self.max_chunk_bytes = MAX_CHUNK_BYTES
         self._path = path
         self._inputs: Inputs | None = None
         self._digest: Future[str] | None = None

@@ -78,7 +78,7 @@ def execute(job: Job) -> Outcome:
 
     with Progress(quiet=job.talk.quiet) as progress:
         progress.step(f"reading {job.source}")
-        with Log.open(job.source, recover=job.reading.recover) as log:
+        with Log.open(job.source, recover=job.reading.recover, max_chunk_bytes=job.reading.max_chunk_bytes) as log:
             outcome, annotated = run_stages(
                 log,
                 job.stages,

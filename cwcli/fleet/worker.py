@@ -85,7 +85,7 @@ def _work(task: Task, plan: Plan) -> str:
                 return "unchanged"
             folder.clear()
             make_folder(folder.annotated.parent, parents=True)
-            with Log.open(file, recover=plan.recover) as log:
+            with Log.open(file, recover=plan.recover, max_chunk_bytes=plan.max_chunk_bytes) as log:
                 outputs = _run(log, plan, folder, entry)
             entry["status"] = "done"
     except CwcliError as error:

@@ -30,7 +30,7 @@ def command(log: LogArgument, reading: ReadingOptions, sensors: SensorOptions, t
     from cwcli.logs.read.reader import Log
 
     console = Console(quiet=talk.quiet)
-    with Log.open(log, recover=reading.recover) as opened:
+    with Log.open(log, recover=reading.recover, max_chunk_bytes=reading.max_chunk_bytes) as opened:
         document = describe(opened, reading, sensors)
     if talk.json:
         console.data(json.dumps(document, indent=2, allow_nan=False))

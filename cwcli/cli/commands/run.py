@@ -144,6 +144,7 @@ class AllOptions:
             start=reading.start,
             end=reading.end,
             recover=reading.recover,
+            max_chunk_bytes=reading.max_chunk_bytes,
             strict=reading.strict,
             ego_station=self.sensors.ego_station,
             replace=replace,

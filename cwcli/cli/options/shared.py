@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 import typer
 
+MEGABYTE = 1_000_000
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="MCAP file; - is standard input.")]
@@ -50,9 +51,23 @@ class ReadingOptions:
     recover: Annotated[
         bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
     ] = False
+    max_chunk: Annotated[
+        int,
+        typer.Option(
+            "--max-chunk",
+            metavar="MB",
+            min=1,
+            help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
+        ),
+    ] = 256
     strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
         False
     )
+
+    @property
+    def max_chunk_bytes(self) -> int:
+        """`--max-chunk`."""
+        return self.max_chunk * MEGABYTE
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,6 @@ REASONS = {
     kernel.STATUS_SHORT: "the message ends before its fields do",
     kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
 }
-LARGE_ROW_BYTES = 1 << 16
 MAX_KEPT_SCHEMA_BYTES = 1 << 16
 MAX_ROOM_BYTES = 1 << 28
 """Of room that is made before a message is seen. A schema can ask for any number of bytes a row, whatever comes."""
@@ -84,13 +83,19 @@ class CdrDecoder:
         self._program, self._program_v2 = compiled(schema_name, schema_data, wanted, frozenset(blobs))
         self.restart(n_expected)
 
+    @property
+    def empty_row_bytes(self) -> int:
+        """An empty message can't be decoded."""
+        return 0
+
     def restart(self, n_expected: int = 0) -> None:
         """Forget all messages."""
         self._slots: list[FixedSlot | StringSlot] = [_slot(leaf) for leaf in self._program.slots]
         self._ragged = [RaggedSlot(leaf.dtype) for leaf in self._program.ragged]
         self._row_bytes = sum(slot.array.itemsize * (leaf.count or 1) for leaf, slot in self._fixed())
         self._capacity = min(n_expected, MAX_ROOM_BYTES // max(self._row_bytes, 1))
-        self._status: list[BoolArray] = []
+        self._is_long_enough: list[BoolArray] = []
+        self._is_ok: list[BoolArray] = []
         self._reasons: dict[str, int] = {}
         self._n = 0
         for slot in self._slots:
@@ -98,14 +103,16 @@ class CdrDecoder:
 
     def add(self, payloads: Payloads) -> None:
         """Decode a batch."""
+        if not len(payloads):
+            return
+        is_long_enough = payloads.ends - payloads.starts >= self._row_bytes
+        self._is_long_enough.append(is_long_enough)
+        n_short = len(payloads) - int(is_long_enough.sum())
+        if n_short:  # they get no row: a schema can ask for any number of bytes a row
+            self._note(REASONS[kernel.STATUS_SHORT], n_short)
+            payloads = payloads.take(np.flatnonzero(is_long_enough))
         n, first = len(payloads), self._n
         if not n:
-            return
-        if self._row_bytes > LARGE_ROW_BYTES and int((payloads.ends - payloads.starts).max()) < self._row_bytes:
-            self._status.append(np.zeros(n, np.bool_))
-            reason = REASONS[kernel.STATUS_SHORT]
-            self._reasons[reason] = self._reasons.get(reason, 0) + n
-            self._n += n
             return
         self._grow(first + n)
         buffers, cursor_columns = ragged_addresses(self._ragged, n, payloads.n_bytes)
@@ -128,13 +135,15 @@ class CdrDecoder:
             slot.take(payloads.data, first, is_ok)
         for ragged in self._ragged:
             ragged.end()
-        self._status.append(is_ok)
+        self._is_ok.append(is_ok)
         if not is_ok.all():
             for code, reason in REASONS.items():
-                count = int((status == code).sum())
-                if count:
-                    self._reasons[reason] = self._reasons.get(reason, 0) + count
+                self._note(reason, int((status == code).sum()))
         self._n += n
+
+    def _note(self, reason: str, count: int) -> None:
+        if count:
+            self._reasons[reason] = self._reasons.get(reason, 0) + count
 
     def blobs(self, path: str) -> list[bytes | memoryview]:
         """A blob field of each message of the last batch."""
@@ -145,10 +154,15 @@ class CdrDecoder:
 
     def outcome(self) -> Outcome:
         """What became of the messages."""
-        return Outcome(np.concatenate([np.zeros(0, np.bool_), *self._status]), self._reasons)
+        is_ok = np.concatenate([np.zeros(0, np.bool_), *self._is_long_enough])
+        is_ok[is_ok] = np.concatenate([np.zeros(0, np.bool_), *self._is_ok])
+        return Outcome(is_ok, self._reasons)
 
     def finish(self, rows: Int64Array) -> dict[str, Field]:
         """The given messages as columns."""
+        is_long_enough = np.concatenate([np.zeros(0, np.bool_), *self._is_long_enough])
+        if not is_long_enough.all():
+            rows = (np.cumsum(is_long_enough) - 1)[rows]
         fields: dict[str, Field] = {}
         for leaf, slot in zip(self._program.slots, self._slots, strict=True):
             if isinstance(slot, FixedSlot):

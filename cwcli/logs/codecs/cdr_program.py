@@ -9,6 +9,7 @@ Source: OMG DDSI-RTPS 2.5, 10; DDS-XTypes 1.3, 7.4.1 and 7.4.3.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -39,7 +40,12 @@ from cwcli.logs.codecs.ros2msg import (
 
 MAX_LOOPS = 16
 MAX_NESTING = 64
-MAX_OPERATIONS = 1 << 20
+MAX_FIELDS = 1 << 16
+"""Of a message and all messages in it: nested types can double them at every level, whether they are wanted or not."""
+MAX_ELEMENTS = 1 << 24
+"""Of a leaf in all the fixed arrays around it."""
+MAX_SKIP_BYTES = 1 << 30
+"""In one operation, whose numbers are int32."""
 MAX_ALIGN = 8
 MAX_ALIGN_V2 = 4
 OCTETS = ("uint8", "byte")
@@ -103,7 +109,7 @@ def compile_program(
         max_align: 8, or 4 for XCDR2.
 
     Raises:
-        SchemaError: A message is not defined, holds itself, or holds a wstring.
+        SchemaError: A message is not defined, holds itself or a wstring, or is too large.
     """
     compiler = _Compiler(definitions, wants, blobs, max_align)
     compiler.message(root, "", ())
@@ -122,6 +128,7 @@ class _Compiler:
     ragged: list[Leaf] = field(default_factory=list)
     has_loops: bool = False
     loops: list[int | None] = field(default_factory=list)
+    n_fields: int = 0
     modulus: int = 8
     residue: int = 0
 
@@ -129,6 +136,9 @@ class _Compiler:
         if name in parents or len(parents) > MAX_NESTING:
             raise SchemaError(f"{name} holds itself")
         fields = find_definition(self.definitions, name)
+        self.n_fields += len(fields) + 1
+        if self.n_fields > MAX_FIELDS:
+            raise SchemaError(f"its messages hold more than {MAX_FIELDS:,} fields")
         if not fields:
             self._primitives("u1", 1, None)  # an empty message has one octet, as IDL allows no empty structure
         for each in fields:
@@ -143,8 +153,6 @@ class _Compiler:
                         self._string(path)
                     else:
                         self.message(each.type, f"{path}.", (*parents, name))
-        if len(self.operations) > MAX_OPERATIONS:
-            raise SchemaError("the message is too large")
 
     def _primitive_field(self, each: MessageField, path: str) -> None:
         dtype = PRIMITIVES[each.type]
@@ -163,7 +171,9 @@ class _Compiler:
             self._primitives(dtype, each.length or 1, None)
         elif self.loops:
             counts = [*self.loops, each.length or 1]
-            static = None if None in counts else int(np.prod([n for n in counts if n is not None]))
+            static = None if None in counts else math.prod(n for n in counts if n is not None)
+            if static is not None and static > MAX_ELEMENTS:
+                raise SchemaError(f"{path} has {static:.3g} elements in every message")
             slot = self._ragged(Leaf(path, "ragged", dtype, static, is_bool))
             self._primitives(dtype, each.length or 1, (OP_APPEND, slot))
         else:
@@ -215,7 +225,7 @@ class _Compiler:
     def _skip(self, align: int, n_bytes: int) -> None:
         """Skip bytes; joined with a skip right before, unless a loop begins or ends there."""
         last = self.operations[-1] if self.operations else None
-        if last is not None and last[0] == OP_SKIP and align == 1:
+        if last is not None and last[0] == OP_SKIP and align == 1 and last[2] + n_bytes <= MAX_SKIP_BYTES:
             last[2] += n_bytes
         else:
             self._emit(OP_SKIP, align, n_bytes, 1, -1)

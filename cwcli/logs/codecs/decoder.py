@@ -26,6 +26,10 @@ class Outcome:
 class Decoder(Protocol):
     """Decodes the messages of one channel, batch by batch."""
 
+    @property
+    def empty_row_bytes(self) -> int:
+        """What a message that leaves everything out takes in memory."""
+
     def restart(self, n_expected: int = 0) -> None:
         """Forget all messages; this many are to come."""
 

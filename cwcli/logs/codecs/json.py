@@ -16,10 +16,12 @@ import numpy.typing as npt
 from cwcli.kernels import json_walk as kernel
 from cwcli.logs.codecs.decoder import Outcome
 from cwcli.logs.codecs.json_columns import ARRAY, STRING, Elements, JsonSlot, Room, scalar
-from cwcli.logs.codecs.json_tree import Key, KeyTree, Tables
+from cwcli.logs.codecs.json_tree import Key, KeyTree, Tables, elements
 from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity
 from cwcli.signals.columns import Field, Int64Array
 
+SLOT_BYTES = 9
+"""A value and its tag."""
 INVALID = "the message is not valid JSON"
 NO_OBJECT = "the message is not a JSON object"
 
@@ -49,6 +51,11 @@ class JsonDecoder:
         self._blobs = frozenset(blobs)
         self._blob_rows: dict[str, list[bytes | memoryview]] = {}
         self.restart(n_expected)
+
+    @property
+    def empty_row_bytes(self) -> int:
+        """What a message that leaves everything out takes in memory."""
+        return SLOT_BYTES * sum(slot is not None for slot in self._slots)
 
     def restart(self, n_expected: int = 0) -> None:
         """Forget all messages."""
@@ -218,7 +225,7 @@ class JsonDecoder:
                 self._put_object(value, key.below, row, instead, in_array=in_array)
         elif isinstance(value, list):
             before = _n_elements(instead, key.slot, row)
-            for each in value:
+            for each in elements(value):
                 self._put(each, key, row, instead, in_array=True)
             if slot is not None and not in_array and _n_elements(instead, key.slot, row) > before:
                 slot.tags[self._n + row] = ARRAY

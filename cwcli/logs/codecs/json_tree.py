@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+MAX_DEPTH = 256
+"""Of objects inside each other whose keys are learned; what is deeper is left out."""
 MAX_KEYS = 4096
 """Keys that are learned; further ones are left out: they are data rather than names."""
 
@@ -61,11 +63,13 @@ class KeyTree:
                 tree._give_slot(key)
         return tree
 
-    def learn(self, value: object, keys: dict[str, Key], prefix: str = "") -> None:
+    def learn(self, value: object, keys: dict[str, Key], prefix: str = "", depth: int = 0) -> None:
         """Add the keys of an object, or of the objects in an array."""
+        if depth > MAX_DEPTH:
+            return
         if isinstance(value, list):
-            for each in value:
-                self.learn(each, keys, prefix)
+            for each in elements(value):
+                self.learn(each, keys, prefix, depth)
         elif isinstance(value, dict):
             for name, inner in value.items():
                 key = keys.get(name)
@@ -78,7 +82,7 @@ class KeyTree:
                 if _holds_object(inner):
                     if key.below is None:
                         key.below = {}
-                    self.learn(inner, key.below, f"{key.path}.")
+                    self.learn(inner, key.below, f"{key.path}.", depth + 1)
 
     def tables(self) -> Tables:
         """Keys, entries and nodes, as the kernel wants them."""
@@ -110,5 +114,20 @@ class KeyTree:
         self.paths.append(key.path)
 
 
+def elements(value: list[object]) -> Iterator[object]:
+    """What lists inside each other hold, in order, however deep: recursion would end at the stack's end."""
+    waiting = [iter(value)]
+    while waiting:
+        for each in waiting[-1]:
+            if isinstance(each, list):
+                waiting.append(iter(each))
+                break
+            yield each
+        else:
+            waiting.pop()
+
+
 def _holds_object(value: object) -> bool:
-    return isinstance(value, dict) or (isinstance(value, list) and any(map(_holds_object, value)))
+    return isinstance(value, dict) or (
+        isinstance(value, list) and any(isinstance(each, dict) for each in elements(value))
+    )

@@ -31,6 +31,8 @@ from cwcli.logs.codecs.slots import (
 )
 from cwcli.signals.columns import Field, Int64Array, NumericArray, Strings
 
+MAX_ROOM_BYTES = 1 << 28
+"""Of room that is made before a message is seen."""
 MAX_GROWTH = 8
 """Bytes in a column per byte of a message: a packed varint of one byte becomes an int64."""
 UNDECODABLE = "the message is not a valid one of its schema"
@@ -81,7 +83,9 @@ class ProtobufDecoder:
         self._ragged = [RaggedSlot(leaf.dtype) for leaf in self._tables.ragged]
         self._presence = [FixedSlot(np.uint8) for _ in range(self._tables.n_presence)]
         self._oneofs = [FixedSlot(np.int32) for _ in range(self._tables.n_oneofs)]
-        self._capacity = n_expected
+        self.empty_row_bytes = sum(slot.array.itemsize for slot in self._slots if isinstance(slot, FixedSlot))
+        self.empty_row_bytes += 4 * sum(isinstance(slot, StringSlot) for slot in self._slots) + len(self._presence)
+        self._capacity = min(n_expected, MAX_ROOM_BYTES // max(self.empty_row_bytes, 1))
         self._is_ok: list[BoolArray] = []
         self._n = 0
         self._n_undecodable = 0
@@ -189,7 +193,8 @@ class ProtobufDecoder:
             if isinstance(slot, SpanSlot):
                 slot.instead[row] = value
             elif isinstance(slot, StringSlot):
-                slot.put(at, value.encode(errors="surrogateescape"))
+                # A string that is not UTF-8, which proto2 allows, comes out as bytes.
+                slot.put(at, value if isinstance(value, bytes) else value.encode(errors="surrogateescape"))
             else:
                 slot.array[at] = value
         for leaf, ragged, rows in zip(self._tables.ragged, self._ragged, instead, strict=True):

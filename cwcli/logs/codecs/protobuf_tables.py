@@ -27,6 +27,7 @@ from cwcli.kernels.protobuf import (
     ZIGZAG32,
     ZIGZAG64,
 )
+from cwcli.logs.codecs.ros2msg import SchemaError
 
 KINDS: dict[int, tuple[int, str]] = {
     1: (FIXED64, "f8"),
@@ -51,6 +52,9 @@ KINDS: dict[int, tuple[int, str]] = {
 """`FieldDescriptor.type` -> kind of the kernel, and NumPy type."""
 TYPE_ENUM = 14
 MAX_LEAVES = 1 << 14
+MAX_FIELDS = 1 << 16
+"""Of a message and all messages in it: nested types can double them at every level."""
+MAX_NESTING = 64
 
 
 @dataclass(frozen=True)
@@ -103,9 +107,13 @@ def compile_tables(descriptor: Any, wants: Callable[[str], bool] | None, blobs: 
         descriptor: Of the root message.
         wants: Which leaves become columns, None for all; the others are only checked.
         blobs: Bytes fields of which only the place is wanted.
+
+    Raises:
+        SchemaError: It is too large, or nested too deeply.
     """
     compiler = _Compiler(wants, blobs)
     compiler.node(descriptor, _Place())
+    compiler.fill_checked()
     nodes: list[tuple[int, int]] = []
     fields: list[list[int]] = [[0] * N_COLUMNS]
     for rows in compiler.nodes:
@@ -158,9 +166,14 @@ class _Compiler:
     n_presence: int = 0
     n_oneofs: int = 0
     checked: dict[str, int] = field(default_factory=dict)
+    unchecked: list[tuple[int, Any]] = field(default_factory=list)
+    n_fields: int = 0
 
     def node(self, descriptor: Any, place: _Place) -> int:
         """A message whose leaves may be wanted; returns its node."""
+        self._count(descriptor)
+        if len(place.types) > MAX_NESTING:
+            raise SchemaError(f"its messages are nested more than {MAX_NESTING} deep")
         rows: list[list[int]] = []
         self.nodes.append(rows)
         index = len(self.nodes) - 1
@@ -220,18 +233,28 @@ class _Compiler:
     def _check_only(self, descriptor: Any) -> int:
         """A message of which no leaf is wanted: one node per type, which may lead back to itself."""
         known = self.checked.get(descriptor.full_name)
-        if known is not None:
-            return known
-        rows: list[list[int]] = []
-        self.nodes.append(rows)
-        index = self.checked[descriptor.full_name] = len(self.nodes) - 1
-        oneofs: dict[str, int] = {}
-        for each in sorted(descriptor.fields, key=lambda one: one.number):
-            row = self._row(each, oneofs)
-            if KINDS[each.type][0] == MESSAGE:
-                row[7] = self._check_only(each.message_type)
-            rows.append(row)
-        return index
+        if known is None:
+            self._count(descriptor)
+            self.nodes.append([])
+            known = self.checked[descriptor.full_name] = len(self.nodes) - 1
+            self.unchecked.append((known, descriptor))
+        return known
+
+    def fill_checked(self) -> None:
+        """The fields of the messages that are checked only."""
+        while self.unchecked:
+            index, descriptor = self.unchecked.pop()
+            oneofs: dict[str, int] = {}
+            for each in sorted(descriptor.fields, key=lambda one: one.number):
+                row = self._row(each, oneofs)
+                if KINDS[each.type][0] == MESSAGE:
+                    row[7] = self._check_only(each.message_type)
+                self.nodes[index].append(row)
+
+    def _count(self, descriptor: Any) -> None:
+        self.n_fields += len(descriptor.fields) + 1
+        if self.n_fields > MAX_FIELDS:
+            raise SchemaError(f"its messages hold more than {MAX_FIELDS:,} fields")
 
     def _row(self, each: Any, oneofs: dict[str, int]) -> list[int]:
         oneof = -1

@@ -60,6 +60,8 @@ class MessageField(NamedTuple):
 
 MAX_ARRAY = 1 << 24
 """Elements of a fixed array."""
+MAX_DIGITS = 18
+"""Of a length."""
 
 Definitions = dict[str, tuple[MessageField, ...]]
 
@@ -121,6 +123,8 @@ def _fields(package: str, body: str) -> tuple[MessageField, ...]:
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
         base, _, is_bounded, size = matched.groups()
         is_array = "[" in type_text
+        if len(size or "") > MAX_DIGITS:
+            raise SchemaError(f"an array of the schema is too long: {line[:60]!r}")
         length = int(size) if is_array and size and not is_bounded else None
         if length == 0:
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")

@@ -41,6 +41,10 @@ class Payloads:
         """Messages `start` to `stop`."""
         return Payloads(self.data, self.starts[start:stop], self.ends[start:stop])
 
+    def take(self, rows: npt.NDArray[np.intp]) -> Payloads:
+        """Some of the messages."""
+        return Payloads(self.data, self.starts[rows], self.ends[rows])
+
     def message(self, row: int) -> bytes:
         """One message."""
         return self.data[self.starts[row] : self.ends[row]].tobytes()

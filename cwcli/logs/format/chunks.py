@@ -1,7 +1,7 @@
 """The records inside a chunk: decompressed, of the declared size, with the right CRC.
 
-A declared size is never trusted with memory: the output grows with what really comes out of the decompressor where the
-declared size is out of proportion.
+A few bytes can unpack to gigabytes. What a chunk declares is bounded before it is unpacked
+(`InputFile.max_chunk_bytes`), and no more than that is unpacked.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cwcli.input import InputFile
+from cwcli.logs.format.faults import RECOVER_HINT
 from cwcli.logs.format.records import PREFIX, ChunkIndex, RecordError, read_chunk, read_prefix
 
 if TYPE_CHECKING:
     import zstandard
 
-MAX_CHUNK_BYTES = 4 << 30
-"""The official reader's limit for one record."""
-MAX_TRUSTED_BYTES = 64 << 20
 MAX_SCRATCH_BYTES = 4 << 20
 MAX_LZ4_RATIO = 256
 """One byte of an lz4 block extends a match by at most 255 bytes."""
-BLOCK_BYTES = 1 << 16  # what an error costs, and how far a bomb gets before it is seen
+BLOCK_BYTES = 1 << 16
+"""What an error in a cut chunk costs."""
+MEGABYTE = 1_000_000
 CRC_AT = PREFIX.size + 24
 _U32 = struct.Struct("<I")
 
@@ -36,12 +36,14 @@ class ChunkError(Exception):
     Attributes:
         is_crc: It was decompressed, but its CRC does not fit.
         is_foreign: Its compression is unknown: the file need not be damaged.
+        hint: What to do.
     """
 
-    def __init__(self, what: str, *, is_crc: bool = False, is_foreign: bool = False) -> None:
+    def __init__(self, what: str, *, is_crc: bool = False, is_foreign: bool = False, hint: str = RECOVER_HINT) -> None:
         super().__init__(what)
         self.is_crc = is_crc
         self.is_foreign = is_foreign
+        self.hint = "" if is_foreign else hint
 
 
 class _Scratch(threading.local):
@@ -80,16 +82,18 @@ def chunk_payload(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> memory
         verify: Check the CRC, where the chunk has one.
 
     Raises:
-        ChunkError: The chunk is not there, can't be decompressed, has another size than declared, or fails its CRC.
+        ChunkError: The chunk is not there, is too large, can't be decompressed, has another size than declared, or its
+            CRC does not fit.
     """
     _check_header(file, chunk)
+    size = max(chunk.uncompressed_size, chunk.compressed_size if not chunk.compression else 0)
+    if size > file.max_chunk_bytes:
+        raise _too_large(size, file.max_chunk_bytes)
     if chunk.compression:
         end = chunk.chunk_start + chunk.chunk_length
         stored = _SCRATCH.read(file, end - chunk.compressed_size, end)
     else:
         stored = stored_records(file, chunk)
-    if chunk.uncompressed_size > MAX_CHUNK_BYTES:
-        raise ChunkError(f"a chunk declares {chunk.uncompressed_size} bytes")
     payload = _decompressor(chunk.compression)(stored, chunk.uncompressed_size)
     if len(payload) != chunk.uncompressed_size:
         raise ChunkError(f"a chunk holds {len(payload)} bytes instead of the declared {chunk.uncompressed_size}")
@@ -118,21 +122,18 @@ def partial_payload(file: InputFile, chunk: ChunkIndex) -> memoryview:
     """What comes out of a chunk that is cut off, up to the first error.
 
     Raises:
-        ChunkError: Its compression is unknown, or it is whole and fails its CRC.
+        ChunkError: Its compression is unknown, more comes out of it than is allowed, or it is whole and fails its CRC.
     """
+    _decompressor(chunk.compression)
+    if chunk.compressed_size > file.max_chunk_bytes:
+        raise _too_large(chunk.compressed_size, file.max_chunk_bytes)
     payload = stored = stored_records(file, chunk)
     if chunk.compression:
-        _decompressor(chunk.compression)
-        start, errors = _streams()[chunk.compression]
-        stream = start()
         found = bytearray()
-        for at in range(0, len(stored), BLOCK_BYTES):
-            try:
-                found += stream.decompress(stored[at : at + BLOCK_BYTES])
-            except errors:
-                break
-            if len(found) > MAX_CHUNK_BYTES:
-                break
+        for block in (_unzstd_blocks if chunk.compression == "zstd" else _unlz4_blocks)(stored):
+            found += block
+            if len(found) > file.max_chunk_bytes:
+                raise _too_large(len(found), file.max_chunk_bytes)
         payload = memoryview(found)
     if len(payload) == chunk.uncompressed_size:
         _check_crc(file, chunk, payload)
@@ -193,9 +194,7 @@ def _unzstd(stored: memoryview, size: int) -> memoryview:
         declared = zstandard.frame_content_size(stored)
         if declared not in (-1, size):
             raise ChunkError(f"a chunk's zstd frame holds {declared} bytes instead of the declared {size}")
-        if size <= MAX_TRUSTED_BYTES or size <= 100 * len(stored):
-            return memoryview(_SCRATCH.zstd().decompress(stored, max_output_size=size))
-        return _grown(zstandard.ZstdDecompressor().decompressobj(), stored, size)
+        return memoryview(_SCRATCH.zstd().decompress(stored, max_output_size=size))
     except (zstandard.ZstdError, MemoryError) as error:
         raise ChunkError(f"a chunk can't be decompressed: {_reason(error)}") from error
 
@@ -203,7 +202,7 @@ def _unzstd(stored: memoryview, size: int) -> memoryview:
 def _unlz4(stored: memoryview, size: int) -> memoryview:
     import lz4.frame
 
-    if size > max(MAX_TRUSTED_BYTES, MAX_LZ4_RATIO * len(stored)):  # it would be allocated at once
+    if size > MAX_LZ4_RATIO * len(stored):  # it would be allocated at once
         raise ChunkError(f"a chunk's lz4 frame can't hold the declared {size} bytes")
     try:
         stream = lz4.frame.LZ4FrameDecompressor()
@@ -215,24 +214,32 @@ def _unlz4(stored: memoryview, size: int) -> memoryview:
         raise ChunkError(f"a chunk can't be decompressed: {_reason(error)}") from error
 
 
-def _grown(stream: Any, stored: memoryview, size: int) -> memoryview:
-    found = bytearray()
-    for at in range(0, len(stored), BLOCK_BYTES):
-        found += stream.decompress(stored[at : at + BLOCK_BYTES])
-        if len(found) > size:
-            break
-    return memoryview(found)
-
-
-def _streams() -> dict[str, tuple[Callable[[], Any], tuple[type[Exception], ...]]]:
-    """Compression -> streaming decompressor, and what it raises."""
-    import lz4.frame
+def _unzstd_blocks(stored: memoryview) -> Iterator[bytes]:
+    """What comes out of a frame up to the first error, a little at a time: a block of 4 bytes can hold 128 kB."""
     import zstandard
 
-    return {
-        "zstd": (lambda: zstandard.ZstdDecompressor().decompressobj(write_size=1 << 16), (zstandard.ZstdError,)),
-        "lz4": (lz4.frame.LZ4FrameDecompressor, (RuntimeError, EOFError)),
-    }
+    with suppress(zstandard.ZstdError), zstandard.ZstdDecompressor().stream_reader(stored) as stream:
+        while block := stream.read(BLOCK_BYTES):
+            yield block
+
+
+def _unlz4_blocks(stored: memoryview) -> Iterator[bytes]:
+    """As `_unzstd_blocks`."""
+    import lz4.frame
+
+    stream = lz4.frame.LZ4FrameDecompressor()
+    with suppress(RuntimeError, EOFError):
+        for at in range(0, len(stored), BLOCK_BYTES):
+            yield stream.decompress(stored[at : at + BLOCK_BYTES], max_length=BLOCK_BYTES)
+            while not stream.needs_input and not stream.eof:
+                yield stream.decompress(b"", max_length=BLOCK_BYTES)
+
+
+def _too_large(size: int, bound: int) -> ChunkError:
+    return ChunkError(
+        f"a chunk holds {size / MEGABYTE:,.0f} MB, more than the {bound / MEGABYTE:,.0f} MB that are allowed",
+        hint=f"if you trust the log, --max-chunk {-(-size // MEGABYTE)} reads it; --recover leaves the chunk out",
+    )
 
 
 def _reason(error: BaseException) -> str:

@@ -10,8 +10,8 @@ RECOVER_HINT = "--recover reads what is intact"
 
 
 def damaged(name: str, at: int, why: object) -> InputError:
-    """The error that a file is damaged at an offset."""
-    return InputError(f"damaged at byte {at}: {why}", where=name, hint=RECOVER_HINT)
+    """The error that a file is damaged at an offset; `why` may have a hint of its own."""
+    return InputError(f"damaged at byte {at}: {why}", where=name, hint=getattr(why, "hint", RECOVER_HINT))
 
 
 @dataclass

@@ -21,18 +21,32 @@ if TYPE_CHECKING:
 
 MAX_BATCH_BYTES = 4 << 20
 """Of payloads that go to a decoder at once: its buffers for sequences are several times as large."""
+MAX_COLUMN_BYTES = 1 << 28
+MAX_ROW_GROWTH = 16
+"""What the columns of a topic may take, with the factor for each of its bytes: where fields can be left out, a short
+message may stand for a long row.
+"""
 
 
 class _Topic:
     """What is collected of one topic."""
 
-    def __init__(self, channels: Sequence[ChannelInfo], decoder: Decoder) -> None:
+    def __init__(self, channels: Sequence[ChannelInfo], decoder: Decoder, name: str) -> None:
         self.channels = channels
         self.decoder = decoder
+        self.name = name
         self.batches: list[Batch] = []
+        self.n_rows = 0
+        self.n_bytes = 0
 
     def add(self, batch: Batch) -> None:
         for payloads in split_by_bytes(batch.payloads):
+            self.n_rows += len(payloads)
+            self.n_bytes += payloads.n_bytes
+            needed_bytes = self.n_rows * self.decoder.empty_row_bytes
+            if needed_bytes > MAX_COLUMN_BYTES + MAX_ROW_GROWTH * self.n_bytes:
+                what = f"{self.channels[0].topic}: {self.n_rows} messages of {self.n_bytes} bytes would fill "
+                raise InputError(f"{what}{needed_bytes / 1e9:.1f} GB with fields that they leave out", where=self.name)
             self.decoder.add(payloads)
         empty = np.zeros(0, np.int64)
         nothing = Payloads(np.zeros(0, np.uint8), empty, empty)
@@ -91,7 +105,7 @@ def load_columns(
         n_expected = sum(channel.message_count or 0 for channel in own) if logged is None else 0
         decoder = decoder_for(own[0], fields, name, n_expected=min(n_expected, reader.max_messages(), MAX_EXPECTED))
         topic_of[[channel.id for channel in own]] = len(topics)
-        topics.append(_Topic(own, decoder))
+        topics.append(_Topic(own, decoder, name))
     for batch in reader.batches([channel.id for topic in topics for channel in topic.channels], *(logged or ())):
         index = topic_of[batch.channel_id]
         for k, topic in enumerate(topics):

@@ -16,7 +16,7 @@ from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED, FULL, Messages, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
-from cwcli.logs.format.chunks import MAX_CHUNK_BYTES, ChunkError, chunk_payload, partial_payload
+from cwcli.logs.format.chunks import ChunkError, chunk_payload, partial_payload
 from cwcli.logs.format.faults import RECOVER_HINT, Faults
 from cwcli.logs.format.index import Index, Span
 from cwcli.logs.format.records import (
@@ -35,6 +35,8 @@ from cwcli.signals.columns import Int64Array
 MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
 MAX_BATCH_MESSAGES = 1 << 16
 N_AHEAD = 2
+MAX_AHEAD_BYTES = 64 << 20
+"""Of several chunks that are unpacked at once."""
 LOOSE_BYTES = 1 << 20
 """Read at once, of what lies outside chunks; a longer record is read alone."""
 MIN_BYTES_FOR_THREADS = 4 << 20
@@ -60,7 +62,7 @@ class Batch:
 
     def take(self, rows: npt.NDArray[np.intp]) -> Batch:
         """Some of the messages."""
-        payloads = Payloads(self.payloads.data, self.payloads.starts[rows], self.payloads.ends[rows])
+        payloads = self.payloads.take(rows)
         return Batch(
             payloads, self.channel_id[rows], self.sequence[rows], self.log_time_ns[rows], self.publish_time_ns[rows]
         )
@@ -134,7 +136,7 @@ class MessageReader:
 
     def max_messages(self) -> int:
         """More messages than this can't be in the file."""
-        chunked = sum(min(chunk.uncompressed_size, MAX_CHUNK_BYTES) for chunk in self._chunks)
+        chunked = sum(min(chunk.uncompressed_size, self._file.max_chunk_bytes) for chunk in self._chunks)
         return (chunked + sum(end - start for start, end in self._spans)) // MIN_MESSAGE_BYTES
 
     def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
@@ -245,6 +247,9 @@ class MessageReader:
         try:
             while waiting or running:
                 while waiting and len(running) <= N_AHEAD:
+                    n_bytes = sum(each.uncompressed_size for each, _ in running)
+                    if running and n_bytes + waiting[0].uncompressed_size > MAX_AHEAD_BYTES:
+                        break
                     chunk = waiting.popleft()
                     running.append((chunk, pool.submit(self._payload, chunk)))
                 chunk, future = running.popleft()
@@ -270,8 +275,7 @@ class MessageReader:
     def _lose_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
         at = chunk.chunk_start
         if not self._recover:
-            hint = "" if error.is_foreign else RECOVER_HINT
-            raise InputError(f"{error} (at byte {at})", where=self._name, hint=hint) from error
+            raise InputError(f"{error} (at byte {at})", where=self._name, hint=error.hint) from error
         if at not in self._counted:
             self._counted.add(at)
             self._faults.chunks_lost += 1

@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from cwcli.errors import InputError, MissingSignalError
-from cwcli.input import InputFile
+from cwcli.input import MAX_CHUNK_BYTES, InputFile
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.index import Index
 from cwcli.logs.format.open_index import open_index
@@ -122,6 +122,7 @@ class Log:
         *,
         recover: bool = False,
         verify: bool = True,
+        max_chunk_bytes: int = MAX_CHUNK_BYTES,
     ) -> Log:
         """Open a log.
 
@@ -130,6 +131,7 @@ class Log:
                 that is open, which is closed with the log.
             recover: Read what is intact of a damaged file, and count the rest.
             verify: Check CRCs and message indexes.
+            max_chunk_bytes: A chunk that unpacks to more counts as damaged.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
@@ -137,6 +139,7 @@ class Log:
             UsageError: Standard input is a terminal.
         """
         file = source if isinstance(source, InputFile) else open_source(source)
+        file.max_chunk_bytes = max_chunk_bytes
         try:
             faults = Faults()
             index = open_index(file, faults, recover=recover, verify=verify)

@@ -190,7 +190,12 @@ class SourceCopy:
 
     def _chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
         if chunk.chunk_start in self._index.cut_chunks:
-            return self._messages(writer, whole_records(partial_payload(self._source, chunk)), compress=True)
+            try:
+                records = whole_records(partial_payload(self._source, chunk))
+            except ChunkError:
+                self._faults.chunks_lost += 1
+                return None
+            return self._messages(writer, records, compress=True)
         counts = chunk.counts or {}
         is_filtered = not self._replaced_ids.isdisjoint(counts)
         if is_filtered or chunk.chunk_start in self._reindexed:
