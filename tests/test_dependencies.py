@@ -1,0 +1,113 @@
+"""Declared, documented and imported are the same packages: at run time, in each extra, and for the tests."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PAGE = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+NOT_INSTALLED = {"stonesoup": "stonesoup"}
+"""Modules of benchmarks that run without the package too -> the package."""
+DEVELOPER_ONLY = {"grpcio-tools"}
+"""What only a module imports that compiles what is shipped compiled."""
+RUN = {
+    "build": ".ci/run: -m build",
+    "import-linter": ".ci/run: lint-imports",
+    "moto": "tests/unit/fleet/test_inputs.py: moto.server",
+    "mypy": ".ci/run: mypy",
+    "pytest-xdist": "README.md: pytest -n auto",
+    "ruff": ".ci/run: ruff",
+    "s3fs": "tests/unit/fleet/test_inputs.py: s3://bucket",
+}
+"""What is run, or found by its name, and not imported -> where: what stands there."""
+
+
+def package(requirement: str) -> str:
+    """`moto[s3,server]>=5` -> `moto`."""
+    return re.split(r"[\[<>=!~; ]", requirement, maxsplit=1)[0].lower()
+
+
+def declared(extra: str) -> set[str]:
+    return {*map(package, PROJECT["project"]["optional-dependencies"][extra])}
+
+
+RUNTIME = {*map(package, PROJECT["project"]["dependencies"])}
+EXTRAS = {extra: declared(extra) for extra in PROJECT["project"]["optional-dependencies"] if extra != "dev"}
+
+
+def modules(path: Path) -> Iterator[str]:
+    """The modules that a file imports, by name or by `import_module`."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            yield node.module
+        elif isinstance(node, ast.Call) and "import" in getattr(node.func, "attr", getattr(node.func, "id", "")):
+            for argument in node.args[:1]:
+                part = argument.values[0] if isinstance(argument, ast.JoinedStr) else argument
+                if isinstance(part, ast.Constant) and isinstance(part.value, str):
+                    yield part.value
+
+
+def imported(*folders: str) -> set[str]:
+    """The packages that the files below some folders import, our own and Python's aside."""
+    packages = {name: {*map(str.lower, found)} for name, found in packages_distributions().items()}
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    ours = {"cwcli", "tests", *(path.stem for path in files)}
+    names = {name.partition(".")[0] for path in files for name in modules(path)} - ours - {*sys.stdlib_module_names}
+    assert names
+    return {one for name in names for one in packages.get(name, {NOT_INSTALLED.get(name, name)})}
+
+
+def listed(heading: str, column: int) -> list[list[str]]:
+    """The cells of a section's table up to a column."""
+    section = re.split(rf"^## {re.escape(heading)}.*$", PAGE, flags=re.MULTILINE)[1].partition("\n## ")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if line[:1] == "|"]
+    return [row[: column + 1] for row in rows[2:]]
+
+
+def test_what_is_imported_is_declared_and_what_is_declared_is_imported() -> None:
+    needed = RUNTIME.union(*(packages for extra, packages in EXTRAS.items() if extra != "bench"))
+    found = imported("cwcli") - DEVELOPER_ONLY
+    assert found == needed - {*RUN}
+
+
+def test_the_page_lists_what_is_declared() -> None:
+    assert sorted(name for (name,) in listed("At run time", 0)) == sorted(RUNTIME)
+    extras: dict[str, set[str]] = {}
+    for extra, name in listed("Extras", 1):
+        extras.setdefault(extra.strip("`").removeprefix("cwcli[").rstrip("]") or [*extras][-1], set()).add(name)
+    assert extras == EXTRAS
+    developer = {name for (name,) in listed("To develop", 0)}
+    shared = set().union(*(EXTRAS[extra] for extra in ("plots", "report", "ray", "remote")))
+    assert developer == declared("dev") - shared
+    assert shared <= declared("dev")
+    for name in PROJECT["build-system"]["requires"]:
+        assert re.search(rf"\b{package(name)}\b", listed_text("To build"), re.IGNORECASE)
+
+
+def listed_text(heading: str) -> str:
+    return PAGE.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
+def test_what_tests_import_is_declared_for_them_and_nothing_else() -> None:
+    dev = declared("dev")
+    found = imported("tests")
+    assert found - RUNTIME <= dev | EXTRAS["bench"]
+    assert dev - found - {*RUN} - imported("cwcli") == set()
+
+
+@pytest.mark.parametrize("name", RUN)
+def test_what_is_not_imported_is_run_or_found_by_name(name: str) -> None:
+    file, _, words = RUN[name].partition(": ")
+    assert words in (ROOT / file).read_text(encoding="utf-8")
+    assert name in declared("dev")
