@@ -24,7 +24,7 @@ from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.prediction.rollout import Discretisation
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.row_order import rows_by_id, rows_by_stamp
+from cwcli.signals.row_order import rows_by_id, tracks_of
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import PredictConfig
 
@@ -77,12 +77,12 @@ def add_metrics(subject: Subject) -> None:
 
 def _add_published(headline: Headline, who: str, published: PredictedPaths, states: VehicleStates) -> None:
     """The published paths against the vehicles' own later states."""
-    tracks = dict(rows_by_id(states.ids))
+    tracks = dict(tracks_of(states.ids, states.stamp_ns))
     found = []
     for vehicle, rows in rows_by_id(published.ids):
         if vehicle not in tracks:
             continue
-        own = rows_by_stamp(states.stamp_ns, tracks[vehicle])
+        own = tracks[vehicle]
         found.append(_against(published, rows, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
     if found:
         _add_horizons(headline, f"prediction.{who}.", found)
@@ -161,8 +161,7 @@ def model_errors(states: VehicleStates, asked: Asked) -> list[dict[str, Any]]:
     """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
     horizons = error_horizons(asked.horizon_s)
     records = []
-    for vehicle, unordered in rows_by_id(states.ids):
-        rows = rows_by_stamp(states.stamp_ns, unordered)
+    for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
         stamp_ns = states.stamp_ns[rows]
         compared = compare_models(
             list(MODELS),

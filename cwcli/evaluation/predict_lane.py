@@ -19,6 +19,7 @@ from cwcli.prediction.paths import Paths
 from cwcli.prediction.poses import Poses, slip_rad
 from cwcli.signals.canonical import PoseSignal, Signal
 from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.covariances import turned
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict_lane import MODEL_NAMES, BodyPaths, Made, PredictLaneConfig
@@ -96,9 +97,8 @@ def _inside_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
     shares = []
     for column, horizon_s in enumerate(errors.horizon_s):
         at = int(np.argmin(np.abs(placed.time_s - horizon_s)))
-        cos, sin = np.cos(placed.heading_rad[:, at]), np.sin(placed.heading_rad[:, at])
-        xx, xy, yy = placed.position_covariance_m2[:, at].T
-        sigma = np.sqrt(np.maximum(sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy, 0.0))
+        across = turned(placed.position_covariance_m2[:, at], placed.heading_rad[:, at])[:, 2]
+        sigma = np.sqrt(np.maximum(across, 0.0))
         known = errors.is_known[:, column] & np.isfinite(sigma)
         inside = np.abs(errors.cross_m[known, column]) <= Z_90 * sigma[known]
         shares.append(float(inside.mean()) if len(inside) else math.nan)

@@ -20,6 +20,7 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import UsageError
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.covariances import turned
 from cwcli.signals.units import NS_PER_S
 
 MAX_HORIZON_S = 60.0
@@ -146,21 +147,13 @@ def recent_acceleration(track: LateralTrack) -> FloatArray:
 def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> Paths:
     """Paths of the body frame placed in the map, from n poses of shape (n,)."""
     cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
-    xx, xy, yy = np.moveaxis(paths.position_covariance_m2, -1, 0)
     return Paths(
         time_s=paths.time_s,
         x_m=x_m[:, None] + cos * paths.x_m - sin * paths.y_m,
         y_m=y_m[:, None] + sin * paths.x_m + cos * paths.y_m,
         heading_rad=heading_rad[:, None] + paths.heading_rad,
         speed_mps=paths.speed_mps,
-        position_covariance_m2=np.stack(
-            [
-                cos**2 * xx - 2.0 * cos * sin * xy + sin**2 * yy,
-                cos * sin * (xx - yy) + (cos**2 - sin**2) * xy,
-                sin**2 * xx + 2.0 * cos * sin * xy + cos**2 * yy,
-            ],
-            axis=-1,
-        ),
+        position_covariance_m2=turned(paths.position_covariance_m2, -heading_rad[:, None]),
     )
 
 

@@ -13,6 +13,7 @@ from cwcli.dynamics.samples import LateralTrack
 from cwcli.prediction.lateral import Z_90, dead_reckon
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.covariances import turned
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
@@ -33,10 +34,8 @@ def calibrate_paths(paths: Paths, track: LateralTrack) -> Paths:
     """
     factor = record_factors(paths, track)
     cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
-    xx, xy, yy = np.moveaxis(paths.position_covariance_m2, -1, 0)
-    along = cos**2 * xx + 2.0 * cos * sin * xy + sin**2 * yy
-    across = (sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy) * factor**2
-    across = across + _reckoning_variance(paths, track)
+    along, _, across = np.moveaxis(turned(paths.position_covariance_m2, paths.heading_rad), -1, 0)
+    across = across * factor**2 + _reckoning_variance(paths, track)
     covariance = np.stack(
         [cos**2 * along + sin**2 * across, cos * sin * (along - across), sin**2 * along + cos**2 * across], axis=-1
     )
@@ -66,8 +65,8 @@ def record_factors(paths: Paths, track: LateralTrack) -> FloatArray:
         dx, dy = later[:, 0] - x, later[:, 1] - y
         ex, ey = cos * dx + sin * dy - paths.x_m[:, k], -sin * dx + cos * dy - paths.y_m[:, k]
         c, s = np.cos(paths.heading_rad[:, k]), np.sin(paths.heading_rad[:, k])
-        xx, xy, yy = paths.position_covariance_m2[:, k].T
-        sigma = np.sqrt(np.maximum(s**2 * xx - 2.0 * c * s * xy + c**2 * yy, 1e-12))
+        across = turned(paths.position_covariance_m2[:, k], paths.heading_rad[:, k])[:, 2]
+        sigma = np.sqrt(np.maximum(across, 1e-12))
         z = np.abs(-s * ex + c * ey) / sigma
         z = z[np.isfinite(z)]
         if not len(z):

@@ -180,14 +180,10 @@ class SteerSignal:
 
 
 @dataclass(frozen=True)
-class RemoteSignal:
-    """What other vehicles say of themselves over V2X (BSM, CAM), one row a message.
+class RemoteQuantities:
+    """What messages of V2X (BSM, CAM) say of their senders, n rows.
 
     Attributes:
-        source: Topic.
-        station: Station id as text, dictionary-coded.
-        stamp_ns: Shape (n,): the generation time, made absolute (secMark, generationDeltaTime).
-        log_time_ns: Shape (n,): the reception time.
         latitude_deg, longitude_deg, altitude_m: Shape (n,).
         speed_mps: Shape (n,), negative in reverse.
         heading_rad: Shape (n,), counter-clockwise from east.
@@ -199,10 +195,6 @@ class RemoteSignal:
         speed_sigma_mps, heading_sigma_rad, accel_sigma_mps2, yaw_rate_sigma_radps: Shape (n,).
     """
 
-    source: str
-    station: Strings
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     latitude_deg: FloatArray
     longitude_deg: FloatArray
     altitude_m: FloatArray
@@ -218,6 +210,23 @@ class RemoteSignal:
     heading_sigma_rad: FloatArray
     accel_sigma_mps2: FloatArray
     yaw_rate_sigma_radps: FloatArray
+
+
+@dataclass(frozen=True)
+class RemoteSignal(RemoteQuantities):
+    """What other vehicles say of themselves over V2X, one row a message.
+
+    Attributes:
+        source: Topic.
+        station: Station id as text, dictionary-coded.
+        stamp_ns: Shape (n,): the generation time, made absolute (secMark, generationDeltaTime).
+        log_time_ns: Shape (n,): the reception time.
+    """
+
+    source: str
+    station: Strings
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
 
 
 DetectionKind = Literal["position", "radar", "radar_track"]

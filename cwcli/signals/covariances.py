@@ -70,6 +70,25 @@ def _has_factor(covariance: FloatArray) -> bool:
     return True
 
 
+def turned(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    """Plane covariances as seen from axes that are turned counter-clockwise by an angle.
+
+    Args:
+        covariance: Shape (..., 3): xx, xy, yy.
+        angle_rad: Shape (...), or one that broadcasts with it. With a heading, what comes out is along and across it.
+    """
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    xx, xy, yy = np.moveaxis(covariance, -1, 0)
+    return np.stack(
+        [
+            cos**2 * xx + 2.0 * cos * sin * xy + sin**2 * yy,
+            cos * sin * (yy - xx) + (cos**2 - sin**2) * xy,
+            sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy,
+        ],
+        axis=-1,
+    )
+
+
 def covariance_from_ellipse(
     semi_major_sigma_m: FloatArray, semi_minor_sigma_m: FloatArray, major_compass_deg: FloatArray
 ) -> FloatArray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.canonical import RemoteQuantities
+from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, RowLedger
 
 
@@ -25,29 +26,14 @@ class Senders:
 
 
 @dataclass(frozen=True)
-class RemoteRows:
-    """Decoded messages of one channel; every array has n rows. See `canonical.RemoteSignal` for the quantities.
+class RemoteRows(RemoteQuantities):
+    """Decoded messages of one channel.
 
     Attributes:
-        stamp_ns: Generation time, or log time where the message has none.
+        stamp_ns: Shape (n,): generation time, or log time where the message has none.
     """
 
     stamp_ns: Int64Array
-    latitude_deg: FloatArray
-    longitude_deg: FloatArray
-    altitude_m: FloatArray
-    speed_mps: FloatArray
-    heading_rad: FloatArray
-    accel_mps2: FloatArray
-    lateral_accel_mps2: FloatArray
-    yaw_rate_radps: FloatArray
-    length_m: FloatArray
-    width_m: FloatArray
-    position_covariance_m2: FloatArray
-    speed_sigma_mps: FloatArray
-    heading_sigma_rad: FloatArray
-    accel_sigma_mps2: FloatArray
-    yaw_rate_sigma_radps: FloatArray
 
 
 @dataclass(frozen=True)

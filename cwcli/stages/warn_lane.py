@@ -18,6 +18,7 @@ from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.covariances import turned
 from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
@@ -102,22 +103,13 @@ def body_of(paths: Paths) -> Paths:
     """Published paths in the body frame of their start: their first point is the car, their first heading its axis."""
     cos, sin = np.cos(paths.heading_rad[:, :1]), np.sin(paths.heading_rad[:, :1])
     dx, dy = paths.x_m - paths.x_m[:, :1], paths.y_m - paths.y_m[:, :1]
-    xx, xy, yy = np.moveaxis(paths.position_covariance_m2, -1, 0)
-    covariance = np.stack(
-        [
-            cos**2 * xx + 2.0 * cos * sin * xy + sin**2 * yy,
-            cos * sin * (yy - xx) + (cos**2 - sin**2) * xy,
-            sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy,
-        ],
-        axis=-1,
-    )
     return Paths(
         paths.time_s,
         cos * dx + sin * dy,
         -sin * dx + cos * dy,
         paths.heading_rad - paths.heading_rad[:, :1],
         paths.speed_mps,
-        covariance,
+        turned(paths.position_covariance_m2, paths.heading_rad[:, :1]),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.covariances import turned
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 
@@ -129,9 +130,7 @@ def _sampled(
     # A step in 1 / distance is a step in image rows.
     at = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_POINTS) + camera_forward_m
     moving = np.concatenate([[True], np.diff(driven) > 0.0])
-    cos, sin = np.cos(path.heading_rad), np.sin(path.heading_rad)
-    xx, xy, yy = path.position_covariance_m2.T
-    across = Z_90 * np.sqrt(np.maximum(sin**2 * xx - 2.0 * cos * sin * xy + cos**2 * yy, 0.0))
+    across = Z_90 * np.sqrt(np.maximum(turned(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0))
     x_m, y_m, heading_rad, across_m = (
         np.interp(at, driven[moving], values[moving]) for values in (path.x_m, path.y_m, path.heading_rad, across)
     )

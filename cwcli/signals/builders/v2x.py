@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
 import numpy as np
 
 from cwcli.signals.builders.base import Build, Reading
 from cwcli.signals.builders.position import reject_bad_positions
-from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
+from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, Signal, SpeedSignal
 from cwcli.signals.clocks import Timeline, settle
-from cwcli.signals.columns import Columns, Strings
+from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 
@@ -38,21 +42,7 @@ def remote_builder(codec: V2xCodec) -> Build:
             station=_only_used(codes, senders.station.values),
             stamp_ns=timeline.stamp_ns,
             log_time_ns=columns.log_time_ns[rows],
-            latitude_deg=decoded.latitude_deg[rows],
-            longitude_deg=decoded.longitude_deg[rows],
-            altitude_m=decoded.altitude_m[rows],
-            speed_mps=decoded.speed_mps[rows],
-            heading_rad=decoded.heading_rad[rows],
-            accel_mps2=decoded.accel_mps2[rows],
-            lateral_accel_mps2=decoded.lateral_accel_mps2[rows],
-            yaw_rate_radps=decoded.yaw_rate_radps[rows],
-            length_m=decoded.length_m[rows],
-            width_m=decoded.width_m[rows],
-            position_covariance_m2=decoded.position_covariance_m2[rows],
-            speed_sigma_mps=decoded.speed_sigma_mps[rows],
-            heading_sigma_rad=decoded.heading_sigma_rad[rows],
-            accel_sigma_mps2=decoded.accel_sigma_mps2[rows],
-            yaw_rate_sigma_radps=decoded.yaw_rate_sigma_radps[rows],
+            **{entry.name: getattr(decoded, entry.name)[rows] for entry in fields(RemoteQuantities)},
         )
         return signal, ledger.quality
 
@@ -61,72 +51,68 @@ def remote_builder(codec: V2xCodec) -> Build:
 
 def own_position_builder(codec: V2xCodec) -> Build:
     """The builder of the ego's `PositionSignal` from its own messages."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
-        ledger, senders, decoded = _own(codec, columns, reading)
-        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
-        rows = timeline.rows
-        signal = PositionSignal(
-            source=columns.topic,
-            stamp_ns=timeline.stamp_ns,
-            log_time_ns=columns.log_time_ns[rows],
+    return _own_builder(
+        codec,
+        lambda decoded, rows, base: PositionSignal(
+            **base,
             latitude_deg=decoded.latitude_deg[rows],
             longitude_deg=decoded.longitude_deg[rows],
             altitude_m=decoded.altitude_m[rows],
             covariance_m2=decoded.position_covariance_m2[rows],
-        )
-        return signal, ledger.quality
-
-    return build
+        ),
+    )
 
 
 def own_speed_builder(codec: V2xCodec) -> Build:
     """The builder of the ego's `SpeedSignal` (speed and yaw rate) from its own messages."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
-        ledger, senders, decoded = _own(codec, columns, reading)
-        ledger.set_aside(~np.isfinite(decoded.speed_mps), NO_VALUE)
-        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
-        rows = timeline.rows
-        signal = SpeedSignal(
-            source=columns.topic,
-            stamp_ns=timeline.stamp_ns,
-            log_time_ns=columns.log_time_ns[rows],
+    return _own_builder(
+        codec,
+        lambda decoded, rows, base: SpeedSignal(
+            **base,
             speed_mps=decoded.speed_mps[rows],
             yaw_rate_radps=decoded.yaw_rate_radps[rows],
             speed_variance_m2ps2=decoded.speed_sigma_mps[rows] ** 2,
             yaw_rate_variance_rad2ps2=decoded.yaw_rate_sigma_radps[rows] ** 2,
-        )
-        return signal, ledger.quality
-
-    return build
+        ),
+        needs="speed_mps",
+    )
 
 
 def own_heading_builder(codec: V2xCodec) -> Build:
     """The builder of the ego's `HeadingSignal` from its own messages."""
+    return _own_builder(
+        codec,
+        lambda decoded, rows, base: HeadingSignal(
+            **base, heading_rad=decoded.heading_rad[rows], variance_rad2=decoded.heading_sigma_rad[rows] ** 2
+        ),
+        needs="heading_rad",
+    )
 
-    def build(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
-        ledger, senders, decoded = _own(codec, columns, reading)
-        ledger.set_aside(~np.isfinite(decoded.heading_rad), NO_VALUE)
+
+def _own_builder(
+    codec: V2xCodec, make: Callable[[RemoteRows, Int64Array, dict[str, Any]], Signal], needs: str = ""
+) -> Build:
+    """A builder of a signal of the ego.
+
+    Args:
+        codec: How to read the channel.
+        make: Decoded messages, the rows in use, and source and times of these -> the signal.
+        needs: A message without this quantity is set aside.
+    """
+
+    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
+        ledger = RowLedger(columns, reading.role)
+        senders = codec.identify(columns)
+        ledger.set_aside(~_is_own(senders, reading), OTHER_STATION)
+        decoded = codec.decode(columns, ledger)
+        if needs:
+            ledger.set_aside(~np.isfinite(getattr(decoded, needs)), NO_VALUE)
         timeline = _timeline(columns, reading, ledger, decoded, senders.station)
         rows = timeline.rows
-        signal = HeadingSignal(
-            source=columns.topic,
-            stamp_ns=timeline.stamp_ns,
-            log_time_ns=columns.log_time_ns[rows],
-            heading_rad=decoded.heading_rad[rows],
-            variance_rad2=decoded.heading_sigma_rad[rows] ** 2,
-        )
-        return signal, ledger.quality
+        times = {"stamp_ns": timeline.stamp_ns, "log_time_ns": columns.log_time_ns[rows]}
+        return make(decoded, rows, {"source": columns.topic, **times}), ledger.quality
 
     return build
-
-
-def _own(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RowLedger, Senders, RemoteRows]:
-    ledger = RowLedger(columns, reading.role)
-    senders = codec.identify(columns)
-    ledger.set_aside(~_is_own(senders, reading), OTHER_STATION)
-    return ledger, senders, codec.decode(columns, ledger)
 
 
 def _is_own(senders: Senders, reading: Reading) -> BoolArray:
