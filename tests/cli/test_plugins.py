@@ -96,7 +96,7 @@ def test_help_lists_plugins(cwcli: Run, extra: dict[str, str], command: str, lin
 
 
 def test_generated_docs_list_plugins(cwcli: Run, extra: dict[str, str], tmp_path: Path) -> None:
-    code = "from cwcli.cli.reference import pages; print('\\n'.join(pages().values()))"
+    code = "from tools.reference import pages; print('\\n'.join(pages().values()))"
     shown = " ".join(run_python(code, extra).split())
     assert "near: centres nearer than 30 m" in shown
     assert "`tenth`: tenth of the distance q = d_c / 10 Column `min_tenth_m`. Source: made up." in shown

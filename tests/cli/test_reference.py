@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.channel_reference import parse
-from cwcli.cli.reference import pages
+from tools.channel_reference import parse
+from tools.reference import pages
 
 
 @pytest.mark.parametrize("path", list(pages()), ids=lambda path: path.name)
 def test_page_is_up_to_date(path: Path) -> None:
-    assert path.read_text(encoding="utf-8") == pages()[path], "run `python -m cwcli.cli.reference`"
+    assert path.read_text(encoding="utf-8") == pages()[path], "run `python -m tools.reference`"
 
 
 def test_parse_reads_comments_of_messages_fields_and_enums() -> None:

@@ -19,7 +19,17 @@ ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "CONTRIBUTING.md"
 SAMPLES = ROOT / "sample_logs"
 TIMEOUT_S = 120
-COPIED = ("cwcli", "schemas", "docs", "tests/laws", "tests/unit", "README.md", "CONTRIBUTING.md", "pyproject.toml")
+COPIED = (
+    "cwcli",
+    "tools",
+    "schemas",
+    "docs",
+    "tests/laws",
+    "tests/unit",
+    "README.md",
+    "CONTRIBUTING.md",
+    "pyproject.toml",
+)
 LINKED = (".so", ".pyc", ".mcap", ".png")
 """Big files that no recipe writes to are linked to, the others copied."""
 LEFT_OUT = shutil.ignore_patterns("*.c", "*.pyx", "*.pxd")
@@ -143,7 +153,7 @@ class House:
 
     def write_docs(self) -> str:
         """Write the generated pages, and return those that differ from the checkout's, one after the other."""
-        self.python("-m", "cwcli.cli.reference")
+        self.python("-m", "tools.reference")
         pages = [page for page in (self.folder / "docs").glob("*.md") if not _same(page, ROOT / "docs" / page.name)]
         return "\n".join(page.read_text(encoding="utf-8") for page in pages)
 

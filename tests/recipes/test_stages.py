@@ -17,7 +17,7 @@ CURVE = SAMPLES / "curve.mcap"
 
 def compiled(house: House) -> None:
     """Compile the schemas, as both recipes say."""
-    house.python("-m", "cwcli.logs.write.compile_schemas")
+    house.python("-m", "tools.compile_schemas")
 
 
 def shows(house: House, topic: str) -> bool:

@@ -9,8 +9,8 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.logs.write.compile_schemas import compile_schemas
 from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, message_schema, schema_folder
+from tools.compile_schemas import compile_schemas
 
 PROMISED = {
     "cwcli.v1.VehicleState": "stamp_ns id x_m y_m speed_mps heading_rad accel_mps2 yaw_rate_radps jerk_mps3 "

@@ -1,6 +1,6 @@
 """Compile `schemas/cwcli/v1/*.proto` to the descriptor set that cwcli ships.
 
-Development only (needs grpcio-tools): `python -m cwcli.logs.write.compile_schemas` in a checkout.
+Development only (needs grpcio-tools): `python -m tools.compile_schemas` in a checkout.
 """
 
 from __future__ import annotations
