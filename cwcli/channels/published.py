@@ -57,6 +57,7 @@ REMOTE_PATH = Channel(
 PATH_SCENE = Channel("/cwcli/paths/scene", _SCENE, "predict", "the predicted paths as lines in `map`")
 WARNINGS = Channel("/cwcli/warnings", "cwcli.v1.Warning", "warn", "the warnings")
 WARNING_LOG = Channel("/cwcli/log", "foxglove.Log", "warn", "the warnings, in words")
+MEASURED = Channel("/cwcli/measures", "cwcli.v1.Measures", "measure", "how critical each pair is")
 CONTROL_STATE = Channel("/cwcli/control/<policy>/state", _STATE, "control", "what the ego would have done")
 CONTROL_POSE = Channel("/cwcli/control/<policy>/pose", _POSE, "control", "where the ego would have been in `map`")
 CONTROL_STEP = Channel("/cwcli/control/<policy>/step", "cwcli.v1.ControlStep", "control", "the steps of the replay")

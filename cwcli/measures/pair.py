@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -76,6 +76,23 @@ class Pair:
         if measure not in self._values:
             self._values[measure] = measure.of(self)
         return self._values[measure]
+
+    def rows(self, rows: npt.NDArray[np.intp]) -> Pair:
+        """The pair at some of the stamps; what is interpolated there is not interpolated anew."""
+        state = np.concatenate([self.host.state[rows, :4], self.host_motion[rows]], axis=1)
+        track = ActualTrack(self.stamp_ns[rows], state)
+        return self.given(track, self.others[rows], self.other_motion[rows])
+
+    def between(self, first: int, last: int) -> Pair:
+        """The pair at the stamps `first` to `last`, without the latter; the other's track as it is."""
+        track = ActualTrack(self.stamp_ns[first:last], self.host.state[first:last])
+        return replace(self, host=track)
+
+    def given(self, host: ActualTrack, others: FloatArray, other_motion: FloatArray) -> Pair:
+        """A host, and the other's states and motion at its stamps, as `others` and `other_motion` have them."""
+        pair = replace(self, host=host)
+        pair.__dict__.update(others=others, other_motion=other_motion)  # what cached_property would fill in
+        return pair
 
     @property
     def stamp_ns(self) -> Int64Array:

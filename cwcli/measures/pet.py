@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -23,19 +26,21 @@ def post_encroachment_time(pair: Pair) -> FloatArray:
 
 def encroachment(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
     """PET, and speed and heading of the host and of the other in the spot that one left and the other came to, (2,)."""
-    found = _narrowest(pair)
-    if found is None:
+    found = pair.value(_NARROWEST)
+    if not len(found):
         return np.nan, np.full(2, np.nan), np.full(2, np.nan)
-    own, theirs, mine, other = found
-    return abs(mine - other) * STEP_S, own[mine, 2:4], theirs[other, 2:4]
+    mine, other = found.astype(int)
+    own, theirs = np.split(pair.value(_GRID), 2, axis=1)
+    return abs(mine - other) * STEP_S, own[mine, 2:], theirs[other, 2:]
 
 
 def encroachment_span(pair: Pair) -> float:
     """How long the host is, around that moment, where the other is within `LIMIT_S`, seconds; NaN on one line."""
-    found = _narrowest(pair)
-    if found is None:
+    found = pair.value(_NARROWEST)
+    if not len(found):
         return np.nan
-    own, theirs, mine, other = found
+    mine, other = found.astype(int)
+    own, theirs = np.split(pair.value(_GRID), 2, axis=1)
     if np.abs(np.sin(own[mine, 3] - theirs[other, 3])) < MIN_CROSSING_SINE:
         return np.nan
     last = round(LIMIT_S / STEP_S)
@@ -50,21 +55,36 @@ def encroachment_span(pair: Pair) -> float:
     return float(after[0] - before[-1] - 1) * STEP_S
 
 
-def _narrowest(pair: Pair) -> tuple[FloatArray, FloatArray, int, int] | None:
-    """Both states on a common grid, and the rows of the host and of the other that overlap at the least lag."""
+@dataclass(frozen=True)
+class _Shared:
+    """What the measures of an encroachment share; the pair keeps it."""
+
+    of: Callable[[Pair], FloatArray]
+
+
+def _grid(pair: Pair) -> FloatArray:
+    """Both states in steps of `STEP_S` while both are known, (g, 8): x, y, speed, heading of the host, of the other."""
     host, other = pair.host.stamp_ns, pair.other.stamp_ns
     if not (len(host) and len(other)):
-        return None
+        return np.zeros((0, 8))
     first, last = max(int(host[0]), int(other[0])), min(int(host[-1]), int(other[-1]))
     at_ns = np.arange(first, last + 1, round(STEP_S * NS_PER_S))
-    own, theirs = (interpolate(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other))
-    n_lags = min(round(LIMIT_S / STEP_S), len(at_ns) - 1) + 1 if last > first else 0
+    return np.concatenate([interpolate(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other)], axis=1)
+
+
+def _narrowest(pair: Pair) -> FloatArray:
+    """Rows of the grid at which the host and the other overlap at the least lag, (2,); (0,) if none do."""
+    own, theirs = np.split(pair.value(_GRID), 2, axis=1)
+    n_lags = min(round(LIMIT_S / STEP_S), len(own) - 1) + 1 if len(own) > 1 else 0
     for lag in range(n_lags):
         for signed in dict.fromkeys((lag, -lag)):
             mine, them = _overlapping(own, theirs, signed, pair)
             if len(mine):
-                return own, theirs, int(mine[0]), int(them[0])
-    return None
+                return np.array([mine[0], them[0]], np.float64)
+    return np.zeros(0)
+
+
+_GRID, _NARROWEST = _Shared(_grid), _Shared(_narrowest)
 
 
 def _overlapping(

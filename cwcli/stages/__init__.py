@@ -77,6 +77,13 @@ STAGES: dict[str, Stage] = {
             evaluation="cwcli.evaluation.warn",
         ),
         Stage(
+            "measure",
+            "Measure how critical the ego and the others were to each other.",
+            required=("ego_state",),
+            one_of=(("remote_state", "targets"),),
+            on_request=True,
+        ),
+        Stage(
             "control",
             "Replay each warning with a braking controller at the pedals.",
             required=("ego_state", "remote_state"),

@@ -17,6 +17,7 @@ from cwcli.channels.image_lines import LINE_LOOP, Shape, write_image_lines
 from cwcli.channels.lanes import LaneFrames, LaneRows, read_lanes, write_lane_lines, write_lanes
 from cwcli.channels.lateral_state import STATE_NAMES as LATERAL_NAMES
 from cwcli.channels.lateral_state import Observed, read_lateral_truth, read_observed, write_observed
+from cwcli.channels.measures import write_measures
 from cwcli.channels.path_scene import write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths, read_paths, write_paths
 from cwcli.channels.published import (
@@ -297,7 +298,16 @@ def of_path_lines(rng: np.random.Generator, n: int) -> Written:
     return Written((write_image_lines(OBSERVER_PATH_LINES, stamp_ns=stamp_ns, log_time_ns=log_time_ns, shapes=shapes),))
 
 
+def of_measures(rng: np.random.Generator, n: int) -> Written:
+    stamp_ns, log_time_ns = times(n)
+    ego = VehicleStates.of_ego(stamp_ns, rng.normal(size=(n, N_STATES)))
+    ego = dataclasses.replace(ego, log_time_ns=log_time_ns)
+    columns = {"stamp_ns": stamp_ns, "ego_id": ego.ids, "other_id": names(n), "ttc_s": rng.normal(size=n)}
+    return Written((write_measures(ego, columns),))
+
+
 CASES = (
+    of_measures,
     of_states,
     of_ego,
     of_paths,

@@ -1,0 +1,151 @@
+"""The measures of a pair: at each moment at which the two are near, and the most critical values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
+from cwcli.measures.uncertainty import sigma_at
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+
+BLOCK = 2048
+"""Moments that are measured at once: what they take stays in the processor's cache."""
+ENCOUNTER_RANGE_M = 50.0
+ENCOUNTER_PAUSE_S = 2.0
+WHOLE = 0
+"""Number of the whole time that two were near; encounters count from 1."""
+
+
+@dataclass(frozen=True)
+class MeasuredPair:
+    """One pair at the moments at which its centres are within the range.
+
+    Attributes:
+        other_id: The other vehicle.
+        stamp_ns: Shape (m,).
+        values: Measure -> its series, (m,).
+        extremes: The most critical values, of the whole and of each encounter.
+    """
+
+    other_id: str
+    stamp_ns: Int64Array
+    values: Mapping[str, FloatArray]
+    extremes: tuple[Extreme, ...]
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The most critical value of a measure in a stretch of time.
+
+    Attributes:
+        encounter: `WHOLE`, or a number from 1.
+        begin_ns, end_ns: The stretch.
+        measure: Its name.
+        value: NaN: it has none.
+        stamp_ns: When; -1 of a number for the whole stretch.
+        sigma: By the states' covariances to first order; NaN where they are not known.
+    """
+
+    encounter: int
+    begin_ns: int
+    end_ns: int
+    measure: str
+    value: float
+    stamp_ns: int
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Covariances:
+    """Of both tracks, (n, 8, 8) each, in the order of their states."""
+
+    host: FloatArray
+    other: FloatArray
+
+
+def measure_pair(
+    other_id: str, pair: Pair, measures: Mapping[str, Measure], covariances: Covariances | None = None
+) -> MeasuredPair:
+    """The measures of one pair.
+
+    Args:
+        other_id: The other vehicle.
+        pair: Both.
+        measures: Which.
+        covariances: For the sigmas; None: without.
+    """
+    near = pair.near
+    values = {name: np.full(len(near), np.nan) for name, measure in measures.items() if measure.is_series}
+    for first in range(0, len(near), BLOCK):
+        block = pair.rows(near[first : first + BLOCK])
+        for name, measure in measures.items():
+            if measure.is_pointwise:
+                values[name][first : first + BLOCK] = block.value(measure)
+    for name, measure in measures.items():
+        if measure.is_series and not measure.is_pointwise:
+            values[name][:] = pair.value(measure)[near]
+    extremes: list[Extreme] = []
+    for encounter, rows in enumerate([np.arange(len(near)), *_encounters(pair)]):
+        if len(rows):
+            extremes += _extremes(encounter, pair, rows, values, measures, covariances)
+    return MeasuredPair(other_id, pair.stamp_ns[near], values, tuple(extremes))
+
+
+def _encounters(pair: Pair) -> list[npt.NDArray[np.intp]]:
+    """Rows of `near` of each stretch within `ENCOUNTER_RANGE_M`; what is interrupted for less than a pause is one."""
+    near = pair.near
+    rows = np.flatnonzero(pair.distance_m[near] <= ENCOUNTER_RANGE_M)
+    if not len(rows):
+        return []
+    pauses = np.flatnonzero(np.diff(pair.stamp_ns[near[rows]]) > ENCOUNTER_PAUSE_S * NS_PER_S)
+    parts = np.split(rows, pauses + 1)
+    return [np.arange(part[0], part[-1] + 1) for part in parts]
+
+
+def _extremes(
+    encounter: int,
+    pair: Pair,
+    rows: npt.NDArray[np.intp],
+    values: Mapping[str, FloatArray],
+    measures: Mapping[str, Measure],
+    covariances: Covariances | None,
+) -> list[Extreme]:
+    near = pair.near
+    stretch = pair.between(int(near[rows[0]]), int(near[rows[-1]]) + 1)
+    begin_ns, end_ns = int(pair.stamp_ns[near[rows[0]]]), int(pair.stamp_ns[near[rows[-1]]])
+    found: list[Extreme] = []
+    moments: dict[int, list[int]] = {}
+    for name, measure in measures.items():
+        if not measure.is_series:
+            value, at = float(stretch.value(measure)), -1
+        else:
+            series = values[name][rows]
+            worst = _worst(series, measure)
+            value, at = (float(series[worst]), int(near[rows[worst]])) if worst >= 0 else (np.nan, -1)
+        stamp_ns = int(pair.stamp_ns[at]) if at >= 0 else -1
+        if at >= 0 and measure.is_pointwise and np.isfinite(value) and covariances is not None:
+            moments.setdefault(at, []).append(len(found))
+        found.append(Extreme(encounter, begin_ns, end_ns, name, value, stamp_ns, np.nan))
+    if covariances is not None and moments:
+        at_rows = np.array(sorted(moments))
+        asked = {found[k].measure: measures[found[k].measure] for places in moments.values() for k in places}
+        sigmas = sigma_at(pair, at_rows, covariances.host, covariances.other, asked)
+        for order, at in enumerate(at_rows.tolist()):
+            for k in moments[at]:
+                found[k] = replace(found[k], sigma=float(sigmas[found[k].measure][order]))
+    return found
+
+
+def _worst(series: FloatArray, measure: Measure) -> int:
+    """Row of the most critical value, -1 where there is none."""
+    known = np.flatnonzero(~np.isnan(series))
+    if not len(known):
+        return -1
+    at = series[known].argmin() if measure.critical == "low" else series[known].argmax()
+    return int(known[at])
