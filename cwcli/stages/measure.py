@@ -24,7 +24,7 @@ from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.columns import Columns
-from cwcli.signals.rows import tracks_of
+from cwcli.signals.row_order import tracks_of
 from cwcli.stages.inputs.sources import read_bound
 from cwcli.stages.inputs.vehicles import chosen_states
 from cwcli.stages.summaries.measure import encounters_section, extremes_table, series_table
