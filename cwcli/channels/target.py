@@ -182,7 +182,9 @@ def read_targets(columns: Columns) -> VehicleStates:
         state[:, at] = np.where(np.isfinite(value), value, 0.0)
         full[:, at, at] = np.where(np.isfinite(sigma), sigma, 0.0) ** 2
     unknown = np.full(n, np.nan)
-    everything = VehicleStates(ids, stamp_ns, columns.log_time_ns, state, full, unknown, unknown)
+    everything = VehicleStates(
+        ids, stamp_ns, columns.log_time_ns, state, full, unknown, unknown, np.zeros(len(stamp_ns), np.uint8)
+    )
     return everything.rows(_last_of_each(ids.codes, stamp_ns))
 
 

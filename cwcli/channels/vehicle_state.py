@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.channels.output import output
 from cwcli.channels.published import Channel
@@ -15,7 +16,10 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.leaf_fields import matrix, numbers, texts, whole_numbers
 from cwcli.signals.row_order import Rows, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES
+from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES, StateFlag
+
+UInt8Array = npt.NDArray[np.uint8]
+FLAGS: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in StateFlag}
 
 KINEMATICS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
 """All that `read_states` reads but the covariance, which is most of a channel."""
@@ -31,6 +35,7 @@ class VehicleStates:
         state: Shape (n, 8), order `STATE_NAMES`.
         covariance: Shape (n, 8, 8).
         length_m, width_m: Shape (n,), NaN where unknown.
+        flags: Shape (n,): `StateFlag`s.
     """
 
     ids: Strings
@@ -40,6 +45,7 @@ class VehicleStates:
     covariance: FloatArray
     length_m: FloatArray
     width_m: FloatArray
+    flags: UInt8Array
 
     @classmethod
     def of_ego(
@@ -49,13 +55,16 @@ class VehicleStates:
         covariance: FloatArray | None = None,
         *,
         size_m: tuple[float | None, float | None] = (None, None),
+        flags: UInt8Array | None = None,
     ) -> VehicleStates:
         """States of the ego, each known at its stamp; without a covariance it is unknown."""
         n = len(stamp_ns)
         if covariance is None:
             covariance = np.full((n, N_STATES, N_STATES), np.nan)
         length_m, width_m = (np.full(n, np.nan if size is None else size) for size in size_m)
-        return cls(constant_strings(EGO_ID, n), stamp_ns, stamp_ns, state, covariance, length_m, width_m)
+        if flags is None:
+            flags = np.zeros(n, np.uint8)
+        return cls(constant_strings(EGO_ID, n), stamp_ns, stamp_ns, state, covariance, length_m, width_m, flags)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -70,6 +79,7 @@ class VehicleStates:
             self.covariance[rows],
             self.length_m[rows],
             self.width_m[rows],
+            self.flags[rows],
         )
 
     def by_stamp(self) -> VehicleStates:
@@ -117,6 +127,7 @@ def write_states(
         "covariance": states.covariance.reshape(n, N_STATES**2),
         "length_m": states.length_m,
         "width_m": states.width_m,
+        **{name: (states.flags & flag) > 0 for name, flag in FLAGS.items()},
     }
     return output(channel, states.log_time_ns, fields)
 
@@ -156,7 +167,16 @@ def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleSta
         ),
         length_m=numbers(columns, "length_m", required=True),
         width_m=numbers(columns, "width_m", required=True),
+        flags=_read_flags(columns),
     )
+
+
+def _read_flags(columns: Columns) -> UInt8Array:
+    """The flags, none where the channel has no such fields: an older version wrote it."""
+    flags = np.zeros(len(columns), np.uint8)
+    for name, flag in FLAGS.items():
+        flags[numbers(columns, name) > 0.0] |= np.uint8(flag)
+    return flags
 
 
 def require_ego(states: VehicleStates, *, log_name: str, topic: str) -> None:

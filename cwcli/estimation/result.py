@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+import numpy.typing as npt
+
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, Parameter, SlowError
@@ -77,6 +80,7 @@ class Track:
             position's where that one leads the reference: see `notes`).
         state: Shape (m, 8), order `vehicle_state.STATE_NAMES`; the heading is unwrapped (continuous).
         covariance: Shape (m, 8, 8), symmetric, positive semi-definite; grows where nothing is measured.
+        flags: Shape (m,): `StateFlag`s.
         sources: One report per source and kind.
         log_likelihood: Of the innovations of the forward pass.
         notes: One-line remarks for the user (resets, what could not be observed).
@@ -85,6 +89,7 @@ class Track:
     stamp_ns: Int64Array
     state: FloatArray
     covariance: FloatArray
+    flags: npt.NDArray[np.uint8]
     sources: tuple[SourceReport, ...] = ()
     log_likelihood: float = float("nan")
     notes: tuple[str, ...] = field(default=())

@@ -20,6 +20,7 @@ from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass
 from cwcli.estimation.prepare import epoch_ns, prepare, seconds
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.start import UNKNOWN_SIGMA, find_start, hold_before_start
+from cwcli.estimation.trust import state_flags
 from cwcli.kernels import ekf
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -120,7 +121,8 @@ def estimate_song2016(
         )
         for p, s, latency, nis, status in zip(prepared, series, latencies, result.nis, result.status, strict=True)
     )  # fmt: skip
-    return Track(output_stamp_ns, state, covariance, reports, result.log_likelihood, tuple(notes))
+    flags = state_flags(series, result.status, wanted, start=replace(start, time_s=begin), causal=config.causal)
+    return Track(output_stamp_ns, state, covariance, flags, reports, result.log_likelihood, tuple(notes))
 
 
 def with_derivatives(

@@ -57,9 +57,19 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
     return Start(begin, state, np.diag(sigma**2))
 
 
+def first_heading_s(series: Sequence[Series]) -> float:
+    """When something first shows a heading; infinity where nothing does."""
+    return min((each[0] for each in _headings(series)), default=np.inf)
+
+
 def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float, float]:
     """Return time, heading, its sigma, speed and its sigma of the earliest source that shows a heading."""
-    candidates = []
+    return min(_headings(series), default=(0.0, 0.0, UNKNOWN_HEADING_RAD, 0.0, UNKNOWN_SPEED_MPS))
+
+
+def _headings(series: Sequence[Series]) -> list[tuple[float, float, float, float, float]]:
+    """The first heading of each source that shows one: what `_first_heading` returns of the earliest."""
+    candidates: list[tuple[float, float, float, float, float]] = []
     for s in series:
         if not len(s):
             continue
@@ -88,7 +98,7 @@ def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float
             displacement = _first_displacement(s)
             if displacement is not None:
                 candidates.append(_heading_of_course(series, *displacement))
-    return min(candidates, default=(0.0, 0.0, UNKNOWN_HEADING_RAD, 0.0, UNKNOWN_SPEED_MPS))
+    return candidates
 
 
 def _heading_of_course(

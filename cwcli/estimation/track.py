@@ -21,6 +21,7 @@ from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, seconds
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.song2016 import estimate_song2016
 from cwcli.estimation.start import hold_before_start, start_with_parameters
+from cwcli.estimation.trust import state_flags
 from cwcli.estimation.tune import TunedSeries, tune
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import mean_bounds
@@ -65,10 +66,11 @@ def estimate_track(
     if not config.causal:
         start = _start_again(tuned, start, config.reset_after)
     output_s = seconds(output_stamp_ns, epoch)
+    restarts = restarts_after_gaps(tuned.series, causal=config.causal)
     result = run_pass(
         tuned.series, start, tuned.motion, output_s,
         smooth=not config.causal, reset_after=config.reset_after,
-        restarts=restarts_after_gaps(tuned.series, causal=config.causal),
+        restarts=restarts,
     )  # fmt: skip
     if config.causal:
         hold_before_start(
@@ -85,6 +87,7 @@ def estimate_track(
         output_stamp_ns,
         np.ascontiguousarray(result.state[:, :N_MOTION]),
         np.ascontiguousarray(result.covariance[:, :N_MOTION, :N_MOTION]),
+        state_flags(tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal),
         reports,
         result.log_likelihood,
         tuple(notes),

@@ -1,4 +1,6 @@
-"""A vehicle's state (n, 8), in the order of `cwcli.v1.VehicleState`, and the names of the ego and of its frames."""
+"""A vehicle's state (n, 8), in the order of `cwcli.v1.VehicleState`; its flags; the names of the ego and its frames."""
+
+from enum import IntFlag
 
 STATE_NAMES = (
     "x_m",
@@ -16,3 +18,11 @@ DERIVATIVES = (ACCEL, JERK, YAW_RATE, YAW_ACCEL)  # in the order of a motion mod
 
 EGO_ID = "ego"
 MAP_FRAME, BODY_FRAME = "map", "base_link"
+
+
+class StateFlag(IntFlag):
+    """Why a state is to be trusted less; `schemas/cwcli/v1/vehicle_state.proto` says when."""
+
+    STARTING = 1
+    AFTER_RESET = 2
+    BRIDGED = 4

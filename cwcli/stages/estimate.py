@@ -147,7 +147,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     grid_ns = _output_grid(measurements, config.rate_hz)
     ego = estimate_track(measurements, config.estimator, grid_ns)
     remote = _remote_states(sources, local_map, config.estimator)
-    channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance), local_map)
+    channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags), local_map)
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
     summary = _summary(sources, apart, tracks)
     return StageResult(
@@ -237,6 +237,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
     place = np.empty(n, np.intp)
     place[order] = np.arange(n)
     state, covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
+    flags = np.zeros(n, np.uint8)
     config = replace(estimator, latency="none")
     stations = list(rows_by_id(signal.station))
     tracks: dict[str, TrackSummary] = {}
@@ -245,6 +246,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
         said = [(remote_measurements(signal, own, local_map), signal.stamp_ns[own]) for _, own in group]
         for (station, own), track in zip(group, estimate_tracks(said, config), strict=True):
             state[place[own]], covariance[place[own]] = track.state, track.covariance
+            flags[place[own]] = track.flags
             tracks[station] = summarise(track)
     states = VehicleStates(
         signal.station.rows(order),
@@ -254,6 +256,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
         covariance,
         signal.length_m[order],
         signal.width_m[order],
+        flags,
     )
     return RemoteStates(write_states(REMOTE_STATE, states, local_map), tracks)
 

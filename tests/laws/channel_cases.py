@@ -100,7 +100,8 @@ def of_states(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n, shuffled=rng)
     size_m = rng.uniform(1.0, 5.0, (2, n))
     state, covariance = rng.normal(size=(n, N_STATES)), definite(rng, n, N_STATES)
-    states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, *size_m)
+    flags = rng.integers(0, 8, n).astype(np.uint8)
+    states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, *size_m, flags)
     topic = REMOTE_STATE.topic
     expected = {topic: sorted_like(states, log_time_ns)}
     return Written((write_states(REMOTE_STATE, states, MAP),), expected, {topic: read_states})

@@ -17,7 +17,7 @@ from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.canonical import TimedSignal
 from cwcli.signals.clocks import find_gaps
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.signals.vehicle_state import EGO_ID, StateFlag
 from cwcli.stages.summaries import NIS_WORDS, bounds_text
 from cwcli.text import finite
 
@@ -31,6 +31,7 @@ class TrackSummary:
     Attributes:
         n_states, span_s, max_speed_mps: Its size.
         median_sigma_m: Median of the horizontal one-sigma per axis, NaN without states.
+        n_flagged: States with each `StateFlag`, by its name.
         sources, notes: As in `Track`.
     """
 
@@ -38,6 +39,7 @@ class TrackSummary:
     span_s: float
     max_speed_mps: float
     median_sigma_m: float
+    n_flagged: Mapping[str, int]
     sources: tuple[SourceReport, ...]
     notes: tuple[str, ...]
 
@@ -51,6 +53,7 @@ def summarise(track: Track) -> TrackSummary:
         span_s=float(track.stamp_ns[-1] - track.stamp_ns[0]) / NS_PER_S if n else 0.0,
         max_speed_mps=float(np.abs(track.state[:, 2]).max()) if n else math.nan,
         median_sigma_m=float(np.median(np.sqrt(variance))) if n else math.nan,
+        n_flagged={str(f.name).lower(): int(np.count_nonzero(track.flags & f)) for f in StateFlag},
         sources=track.sources,
         notes=track.notes,
     )
@@ -69,6 +72,7 @@ def estimate_tables(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:
         for report in track.sources:
             rows.extend(_report_rows(vehicle, report))
         rows.append((vehicle, "", "state", "count", float(track.n_states), ""))
+        rows += [(vehicle, "", "state", f"{name}_count", float(n), "") for name, n in track.n_flagged.items()]
         rows.append((vehicle, "", "position", "median_sigma", track.median_sigma_m, "m"))
     return {"estimate": metric_table("estimate", rows)}
 
@@ -164,10 +168,19 @@ def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
             track.max_speed_mps,
             track.median_sigma_m,
             sum(report.n_gated for report in track.sources),
+            *track.n_flagged.values(),
         )
         for vehicle, track in tracks.items()
     ]
-    columns = ("vehicle", "states", "span [s]", "max speed [m/s]", "median sigma [m]", "gated")
+    columns = (
+        "vehicle",
+        "states",
+        "span [s]",
+        "max speed [m/s]",
+        "median sigma [m]",
+        "gated",
+        *(str(f.name).lower().replace("_", " ") for f in StateFlag),
+    )
     return Section("vehicles", "Estimated tracks", columns, tuple(rows))
 
 

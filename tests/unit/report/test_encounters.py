@@ -55,7 +55,7 @@ def drive(other: tuple[np.ndarray, np.ndarray] | None, warnings: WarningRows | N
     unknown = np.full(201, np.nan)
     ids = Strings(np.zeros(201, np.int32), ("ego",))
     covariance = np.tile(np.eye(8) * 0.01, (201, 1, 1))
-    ego = VehicleStates(ids, stamp_ns, stamp_ns, full, covariance, unknown, unknown)
+    ego = VehicleStates(ids, stamp_ns, stamp_ns, full, covariance, unknown, unknown, np.zeros(len(stamp_ns), np.uint8))
     others = (OtherTrack("7", "vehicle", ActualTrack(*other), (4.5, 1.8)),) if other else ()
     return Drive("x.mcap", 0, 10 * S, ego, others, (), warnings, None, WarningConfig(), {}, "")
 

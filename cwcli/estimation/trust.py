@@ -1,0 +1,83 @@
+"""Which states are to be trusted less: at the start, after a reset, across a gap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.measurements import RATES, Kind
+from cwcli.estimation.median import median
+from cwcli.estimation.passes import Series, Start
+from cwcli.estimation.start import first_heading_s
+from cwcli.kernels.ekf import UpdateStatus
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import StateFlag
+
+SETTLING_S = 2.0  # acceleration and yaw rate need two of the jerk's time constants to be known
+GAP_S = 2.0
+GAP_STEPS = 3.0
+
+
+def state_flags(
+    series: Sequence[Series],
+    status: Sequence[npt.NDArray[np.int8]],
+    output_s: FloatArray,
+    *,
+    start: Start,
+    restarts: Sequence[Start] = (),
+    causal: bool,
+) -> npt.NDArray[np.uint8]:
+    """The flags of a track's states; `schemas/cwcli/v1/vehicle_state.proto` says what they mean.
+
+    Args:
+        series: At least one POSITION with a row.
+        status: Per series, shape (k,): see `PassResult`.
+        output_s: Shape (m,), increasing: times of the states.
+        start, restarts: Where the filter began.
+        causal: The states are those of the filter alone: then a flag uses nothing that is measured later.
+
+    Returns:
+        Shape (m,): `StateFlag`s.
+    """
+    flags = np.zeros(len(output_s), np.uint8)
+
+    def mark(flag: StateFlag, begin_s: float, end_s: float) -> None:
+        first, last = np.searchsorted(output_s, (begin_s, end_s))
+        flags[first:last] |= np.uint8(flag)
+
+    mark(StateFlag.STARTING, -np.inf, max(start.time_s, first_heading_s(series)) + SETTLING_S)
+    for each in restarts:
+        mark(StateFlag.STARTING, each.time_s, each.time_s + SETTLING_S)
+    for s, found in zip(series, status, strict=True):
+        if s.kind in RATES:
+            continue
+        time = s.time_s - s.latency_s
+        believed = np.flatnonzero(found >= UpdateStatus.USED)
+        for row in np.flatnonzero(found == UpdateStatus.USED_AFTER_RESET):
+            before = believed[np.searchsorted(believed, row) - 1] if row > believed[0] else -1
+            begin = row if causal else before + 1
+            mark(StateFlag.AFTER_RESET, float(time[begin]), float(time[row]) + SETTLING_S)
+    for begin_s, end_s in _gaps(series, status, causal=causal):
+        mark(StateFlag.BRIDGED, begin_s, end_s)
+    return flags
+
+
+def _gaps(
+    series: Sequence[Series], status: Sequence[npt.NDArray[np.int8]], *, causal: bool
+) -> list[tuple[float, float]]:
+    """Begin and end of each gap in the used positions, the time behind the last one included."""
+    used = [
+        (s.time_s - s.latency_s)[found >= UpdateStatus.USED]
+        for s, found in zip(series, status, strict=True)
+        if s.kind is Kind.POSITION
+    ]
+    time = np.sort(np.concatenate(used))
+    if not len(time):
+        return [(-np.inf, np.inf)]
+    least_s = max(GAP_S, GAP_STEPS * median(np.diff(time))) if len(time) > 1 else GAP_S
+    ends = np.append(time[1:], np.inf)
+    just_behind = np.nextafter(time, np.inf)
+    begins = time + least_s if causal else just_behind
+    return [(float(begins[k]), float(ends[k])) for k in np.flatnonzero(ends - time > least_s)]
