@@ -20,6 +20,13 @@ from cwcli.errors import CwcliError, PluginError, UsageError
 
 T = TypeVar("T")
 MAX_BYTES = 1 << 20
+PLAIN: dict[str, tuple[type, ...]] = {
+    "str": (str,),
+    "bool": (bool,),
+    "float": (float, int),
+    "float | None": (float, int, type(None)),
+}
+"""Annotation of a field -> what its value may be, where that can be said in a word."""
 Check = Callable[..., Any]
 """The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
 
@@ -162,6 +169,10 @@ def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object
     def accept(entry: object, plugin: Plugin) -> T:
         if not isinstance(entry, kind):
             raise plugin.error(f"is no {kind.__name__} but a {type(entry).__name__}")
+        for field in fields(entry):  # type: ignore[arg-type]
+            value = getattr(entry, field.name)
+            if not isinstance(value, PLAIN.get(str(field.type), object)):
+                raise plugin.error(f"has {field.name} = {value!r}, which is no {field.type}")
         functions = {
             field.name: guarded(getattr(entry, field.name), field.name, checks.get(field.name), plugin)
             for field in fields(entry)  # type: ignore[arg-type]
@@ -181,7 +192,7 @@ def guarded(function: Callable[..., Any], name: str, check: Check | None, plugin
             result = function(*arguments, **named_arguments)
         except CwcliError:
             raise
-        except Exception as raised:
+        except (Exception, SystemExit) as raised:
             raise plugin.error(f"raised in {name}: {_said(raised)}") from raised
         if check is None:
             return result

@@ -6,7 +6,6 @@ rich help costs 60 ms of import and breaks lines differently on a terminal and i
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import os
 import sys
@@ -24,6 +23,7 @@ from cwcli.cli.options.fast import skip_coercion
 from cwcli.cli.options.stage import every_stage
 from cwcli.errors import EXIT_CODES, UsageError
 from cwcli.input import remembering_inputs
+from cwcli.pipeline.stage import imported
 from cwcli.stages import STAGES
 
 MAX_WITHOUT_HEADINGS = 15
@@ -90,14 +90,14 @@ def load_command(name: str) -> Any:
     """Import one command's module and make its Typer command.
 
     Raises:
-        UsageError: The module of a stage is missing.
+        UsageError: Its module is missing.
     """
     if name in STAGES:
         from cwcli.cli.stage_command import stage_command
 
         function, examples = stage_command(STAGES[name])
     else:
-        module = importlib.import_module(f"cwcli.cli.commands.{name}")
+        module = imported(f"cwcli.cli.commands.{name}", f"the command {name}")
         stages = every_stage() if "stages" in inspect.signature(module.command).parameters else ()
         function, examples = expand(module.command, name, stages=stages), module.EXAMPLES
     single = typer.Typer(add_completion=False, rich_markup_mode=None)

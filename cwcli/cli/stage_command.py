@@ -54,5 +54,4 @@ def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
 
     command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.function) or "")[0]
     without = () if reads_sensors(stage) else ("sensors",)
-    examples: tuple[str, ...] = stage.module.EXAMPLES
-    return expand(command, stage.name, stages=(stage_options(stage.name),), without=without), examples
+    return expand(command, stage.name, stages=(stage_options(stage.name),), without=without), stage.examples

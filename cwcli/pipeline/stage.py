@@ -69,35 +69,63 @@ class Stage:
         Raises:
             UsageError: There is none: the installation is broken, or something is missing from it.
         """
-        return _imported(f"{self.package}.{self.identifier}", self.name)
+        return imported(f"{self.package}.{self.identifier}", f"the stage {self.name}")
 
     @property
     def function(self) -> Callable[..., Any]:
         """(log, configuration) -> `StageResult`."""
-        function: Callable[..., Any] = getattr(self.module, self.identifier)
+        function: Callable[..., Any] = self._own(self.identifier)
         return function
 
     @property
     def configuration(self) -> type[Any]:
         """The class of its configuration."""
-        camel = "".join(part.capitalize() for part in self.name.split("-"))
-        kind: type[Any] = getattr(self.module, f"{camel}Config")
+        kind: type[Any] = self._own(f"{''.join(part.capitalize() for part in self.name.split('-'))}Config")
         return kind
+
+    @property
+    def examples(self) -> tuple[str, ...]:
+        """Command lines for its help."""
+        examples: tuple[str, ...] = self._own("EXAMPLES")
+        return examples
 
     @property
     def evaluator(self) -> ModuleType | None:
         """The module that judges it."""
-        return _imported(self.evaluation, self.name) if self.evaluation else None
+        return imported(self.evaluation, f"the stage {self.name}") if self.evaluation else None
+
+    def _own(self, attribute: str) -> Any:
+        """What its module holds under a name.
+
+        Raises:
+            UsageError: There is no such module, or nothing of that name in it.
+        """
+        module = self.module
+        try:
+            return getattr(module, attribute)
+        except AttributeError as error:
+            raise _broken(f"the stage {self.name}", f"{module.__name__} has no {attribute}") from error
 
     def met_by(self, roles: Collection[str]) -> bool:
         """Whether these roles are enough."""
         return all(any(role in roles for role in group) for group in self.groups)
 
 
-def _imported(module: str, stage: str) -> ModuleType:
+def imported(module: str, what: str) -> ModuleType:
+    """A module that a table names.
+
+    Args:
+        module: Its name.
+        what: What it is for, for the error.
+
+    Raises:
+        UsageError: There is none, or none that it imports: the installation is broken.
+    """
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        raise UsageError(
-            f"the stage {stage} can't be loaded: there is no module {error.name}", hint="install cwcli again"
-        ) from error
+        raise _broken(what, f"there is no module {error.name}") from error
+
+
+def _broken(what: str, problem: str) -> UsageError:
+    return UsageError(f"{what} can't be loaded: {problem}", hint="install cwcli again")
