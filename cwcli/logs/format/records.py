@@ -331,6 +331,12 @@ def read_attachment(data: Data, start: int, end: int) -> AttachmentIndex:
     return AttachmentIndex(head, end - head, log_time_ns, create_time_ns, size, name, media_type)
 
 
+def attachment_crc_at(index: AttachmentIndex) -> int:
+    """Where an attachment's CRC is, behind its data; the record may end later."""
+    texts = len(index.name.encode()) + len(index.media_type.encode())
+    return index.offset + PREFIX.size + 2 * _U64.size + 2 * _U32.size + texts + _U64.size + index.size
+
+
 def read_metadata_index(data: Data, start: int, end: int) -> MetadataIndex:
     fields = Fields(data, start, end)
     offset, length = fields.numbers(_SIZES)
@@ -350,10 +356,10 @@ def read_statistics(data: Data, start: int, end: int) -> Statistics:
 
 
 def read_message_index(data: Data, start: int, end: int) -> tuple[int, int, int]:
-    """Channel id, and start and end of its (u64 log time, u64 offset) pairs."""
+    """Channel id, and start and end of its (u64 log time, u64 offset) pairs; what is behind them is not known yet."""
     fields = Fields(data, start, end)
     (channel_id,) = fields.numbers(_U16)
     (length,) = fields.numbers(_U32)
-    if length != end - fields.at or length % INDEX_ENTRY_BYTES:
+    if length > end - fields.at or length % INDEX_ENTRY_BYTES:
         raise RecordError("a message index's length does not fit")
-    return channel_id, fields.at, end
+    return channel_id, fields.at, fields.at + length

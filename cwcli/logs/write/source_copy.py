@@ -29,6 +29,7 @@ from cwcli.logs.format.records import (
     AttachmentIndex,
     ChunkIndex,
     RecordError,
+    attachment_crc_at,
     crc32,
     read_prefix,
 )
@@ -129,9 +130,9 @@ class SourceCopy:
         return (Span(*bounds) for bounds in pairwise([*bounds, span.end]))
 
     def _is_intact(self, item: AttachmentIndex) -> bool:
-        end = item.offset + item.length
-        (crc,) = struct.unpack("<I", self._source[end - 4 : end])
-        return not crc or crc == crc32(self._source, item.offset + PREFIX.size, end - 4)
+        at = attachment_crc_at(item)
+        (crc,) = struct.unpack("<I", self._source[at : at + 4])
+        return not crc or crc == crc32(self._source, item.offset + PREFIX.size, at)
 
     def begin(
         self,
