@@ -1,51 +1,62 @@
-"""Headline metrics of `warn`: warnings against the conflicts that really happened."""
+"""How good the warnings are: against the conflicts that really happened."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import read_states
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
+from cwcli.evaluation.conflicts import judge, real_conflicts
 from cwcli.evaluation.records import rule_of, warn_record
+from cwcli.evaluation.scored_warnings import NS_PER_H, WarningScores, count_verdicts, score
 from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.pipeline.records import Record, configuration_of, run_records, whole
+from cwcli.pipeline.result import Section, StageResult
 from cwcli.signals.row_order import tracks_of
-from cwcli.signals.units import NS_PER_S
-from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict, judge, real_conflicts
+from cwcli.stages.summaries.warn import RuleOutcome, number_outcomes, tables_of
+from cwcli.stages.warn import Made, WarnConfig
+from cwcli.stages.warn_lane import WarnLaneConfig
+from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.types import WarningConfig, outline_of
 
-NS_PER_H = 3600 * NS_PER_S
 
+def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
+    """The result with a verdict on each warning, the real conflicts, and the counts of both, rule by rule.
 
-@dataclass(frozen=True)
-class WarningScores:
-    """What became of the warnings and of the conflicts of a log.
-
-    Attributes:
-        n_true, n_late, n_false, n_undecided: Warnings by verdict (`cwcli.warning.conflicts.Verdict`).
-        n_conflicts, n_in_time, n_warned_late: Real conflicts; those whose first warning came before they began, and
-            after it.
-        lead_times_s: Of the conflicts that were warned of.
-        host_hours: Length of the host's track.
+    What a departure from the lane was is not known: of `warn-lane` nothing is judged.
     """
+    made: Made | None = result.made
+    if made is None:
+        return result
+    outcomes = [_judged(found, outcome) for found, outcome in zip(made.found, made.outcomes, strict=True)]
+    numbered = number_outcomes(outcomes, after=made.earlier)
+    sections = tuple(section for outcome in numbered for section in outcome.sections)
+    return replace(result, tables=tables_of(numbered), summary=replace(result.summary, sections=sections), made=None)
 
-    n_true: int
-    n_late: int
-    n_false: int
-    n_undecided: int
-    n_conflicts: int
-    n_in_time: int
-    n_warned_late: int
-    lead_times_s: tuple[float, ...]
-    host_hours: float
+
+def _judged(found: FoundWarnings, outcome: RuleOutcome) -> RuleOutcome:
+    scored = score(found)
+    events, *others = outcome.sections
+    rows = tuple(
+        (*row, event["verdict"], event["lead_time_s"], event["closest_distance_m"])
+        for row, event in zip(events.rows, scored.events.records(), strict=True)
+    )
+    ((_, *counts),) = (row.items() for row in scored.scores.records())
+    cells = tuple((name.removeprefix("n_").replace("_", " "), value) for name, value in counts)
+    sections = (
+        replace(events, columns=(*events.columns, "verdict", "lead [s]", "closest [m]"), rows=rows),
+        Section("scores", "Against what really happened", ("measure", "value"), cells),
+        *others,
+    )
+    return replace(outcome, tables=scored.tables, sections=sections)
 
 
 def add_metrics(subject: Subject) -> None:
@@ -85,9 +96,9 @@ def _rules(records: Mapping[str, Record]) -> list[str]:
 
 def _add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
     n_warned = found.n_in_time + found.n_warned_late
-    decided = found.n_true + found.n_late + found.n_false
+    decided = found.n_events - found.n_undecided
     if prefix == "warnings":
-        headline.count("warnings.count", decided + found.n_undecided)
+        headline.count("warnings.count", found.n_events)
         headline.count("warnings.conflicts_count", found.n_conflicts)
         headline.count("warnings.missed_count", found.n_conflicts - n_warned)
         headline.count("warnings.false_count", found.n_false)
@@ -130,39 +141,16 @@ def judge_warnings(log: Log, events: Sequence[WarningEvent], rules: Sequence[str
         for vehicle, rows in tracks_of(others.ids, others.stamp_ns)
     }
     conflicts = {vehicle: real_conflicts(pair, config) for vehicle, pair in pairs.items()}
-    return {rule: _scores(_spans(events, rule), pairs, conflicts, config, hours) for rule in rules}
-
-
-def _scores(
-    events: Mapping[str, Sequence[tuple[int, int]]],
-    pairs: Mapping[str, Pair],
-    conflicts: Mapping[str, Sequence[RealConflict]],
-    config: WarningConfig,
-    hours: float,
-) -> WarningScores:
-    kinds: list[str] = []
-    first: list[str] = []
-    leads: list[float] = []
-    for vehicle, spans in events.items():
-        warned: set[int] = set()
-        for raised_ns, last_ns in spans if vehicle in pairs else ():
-            verdict = judge(raised_ns, last_ns, conflicts[vehicle], pairs[vehicle], config)
-            kinds.append(verdict.kind)
-            if verdict.conflict >= 0 and verdict.conflict not in warned:
-                warned.add(verdict.conflict)
-                first.append(verdict.kind)
-                leads.append(verdict.lead_time_s)
-    return WarningScores(
-        n_true=kinds.count(TRUE),
-        n_late=kinds.count(LATE),
-        n_false=kinds.count(FALSE),
-        n_undecided=kinds.count(UNDECIDED),
-        n_conflicts=sum(map(len, conflicts.values())),
-        n_in_time=first.count(TRUE),
-        n_warned_late=first.count(LATE),
-        lead_times_s=tuple(leads),
-        host_hours=hours,
-    )
+    found = {}
+    for rule in rules:
+        verdicts = (
+            [judge(*span, conflicts[vehicle], pairs[vehicle], config) for span in spans]
+            for vehicle, spans in _spans(events, rule).items()
+            if vehicle in pairs
+        )
+        n_conflicts = sum(map(len, conflicts.values()))
+        found[rule] = count_verdicts(verdicts, n_conflicts=n_conflicts, host_hours=hours)
+    return found
 
 
 def _spans(events: Sequence[WarningEvent], rule: str) -> dict[str, list[tuple[int, int]]]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.channels.warning import WarningEvent, warning_events
+from cwcli.evaluation.conflicts import EventVerdict, RealConflict, judge, real_conflicts
 from cwcli.measures.gap import MEASURE as GAP
 from cwcli.measures.pair import ActualTrack, Pair, interpolate
 from cwcli.report.drive import Drive, OtherTrack, ego_size
@@ -16,7 +17,6 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.conflicts import EventVerdict, RealConflict, judge, real_conflicts
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 
 MAX_DETAILED_OTHERS = 400

@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
+from cwcli.evaluation.conflicts import FALSE, LATE, TRUE, UNDECIDED
 from cwcli.report.drive import Drive
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import count, duration, join_names, printable
-from cwcli.warning.conflicts import FALSE, LATE, TRUE, UNDECIDED
 from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]

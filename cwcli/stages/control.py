@@ -30,7 +30,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
 from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, chosen_states, only_ego, vehicle_tracks
 from cwcli.warning.evaluate import check_config as check_rule
-from cwcli.warning.evaluate import evaluate
+from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
@@ -141,7 +141,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         tracks[role] = vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
     host = only_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
     others = tracks[REMOTE_STATE.role]
-    events = evaluate(host, others, rule).events.records()
+    events = find_warnings(host, others, rule).events.records()
     replayed, notes = _replays(host, others, events, config.span)
     if not events:
         notes.append(f"no warning arises (predictor {model}, rule {rule.rule}): nothing is braked")

@@ -17,10 +17,11 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
 from cwcli.stages.inputs.vehicles import chosen_states, only_ego, paths_like, vehicle_tracks
 from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
+from cwcli.warning.evaluate import FoundWarnings, find_warnings
 from cwcli.warning.evaluate import check_config as check_rule
-from cwcli.warning.evaluate import evaluate
+from cwcli.warning.rows import WarningRows
 from cwcli.warning.rules import RULES
-from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
+from cwcli.warning.types import VehicleTrack, WarningConfig
 
 EXAMPLES = (
     "cwcli warn predicted.mcap -o warned.mcap --metrics warnings.parquet",
@@ -70,6 +71,21 @@ class WarnConfig(Selection):
     def names(self) -> tuple[str, ...]:
         """The rules."""
         return self.rules or (self.rule.rule,)
+
+
+@dataclass(frozen=True)
+class Made:
+    """What is held against what really happened.
+
+    Attributes:
+        found: The warnings, rule by rule.
+        outcomes: What is said of them, likewise, before their events are numbered on.
+        earlier: Warnings that were in the channel before.
+    """
+
+    found: tuple[FoundWarnings, ...]
+    outcomes: tuple[RuleOutcome, ...]
+    earlier: tuple[WarningRows, ...]
 
 
 def warn(log: Log, config: WarnConfig) -> StageResult:
@@ -122,15 +138,17 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         paths = paths_like(states, predicted[EGO_PATH.role], where=columns[EGO_PATH.role].topic)
         tracks[REMOTE_STATE.role] = vehicle_tracks(states, paths, with_onset=uses_onset)
         inputs.append(InputCount(columns[TARGETS.role].topic, TARGETS.role, len(everything), len(states)))
-    outcomes = []
-    for name in config.names:
-        result = evaluate(host, tracks[REMOTE_STATE.role], replace(config.rule, rule=name))
-        sections = _sections(result, log.start_ns)
-        outcomes.append(RuleOutcome(name, result.rows, result.tables, sections))
-    return warnings_result(stage, log, config, outcomes, tuple(inputs), bound.notes)
+    others_tracks = tracks[REMOTE_STATE.role]
+    found = tuple(find_warnings(host, others_tracks, replace(config.rule, rule=name)) for name in config.names)
+    outcomes = tuple(
+        RuleOutcome(each.config.rule, each.rows, (each.events, each.series), _sections(each, log.start_ns))
+        for each in found
+    )
+    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), bound.notes)
+    return replace(result, made=Made(found, outcomes, earlier))
 
 
-def _sections(result: WarningResult, start_ns: int) -> tuple[Section, ...]:
+def _sections(found: FoundWarnings, start_ns: int) -> tuple[Section, ...]:
     events: tuple[tuple[Cell, ...], ...] = tuple(
         (
             event["event_id"],
@@ -138,19 +156,13 @@ def _sections(result: WarningResult, start_ns: int) -> tuple[Section, ...]:
             (event["raised_stamp_ns"] - start_ns) / NS_PER_S,
             event["time_to_event_s"],
             event["predicted_distance_m"],
-            event["verdict"],
-            event["lead_time_s"],
-            event["closest_distance_m"],
         )
-        for event in result.events.records()
+        for event in found.events.records()
     )
-    columns = ("event", "vehicle", "at [s]", "event in [s]", "pred. [m]", "verdict", "lead [s]", "closest [m]")
-    (scores,) = result.scores.records()
-    rule = scores.pop("rule")
-    score_rows = tuple((name.removeprefix("n_").replace("_", " "), value) for name, value in scores.items())
-    counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
+    columns = ("event", "vehicle", "at [s]", "event in [s]", "pred. [m]")
+    counts = tuple((name.replace("_", " "), count) for name, count in found.counts.items())
+    title = f"Warnings (rule {found.config.rule}; times from the log's start)"
     return (
-        Section("events", f"Warnings (rule {rule}; times from the log's start)", columns, events),
-        Section("scores", "Against what really happened", ("measure", "value"), score_rows),
+        Section("events", title, columns, events),
         Section("evaluations", "Evaluations of a pair of vehicles", ("what became of them", "count"), counts),
     )

@@ -96,7 +96,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
     )
     tables = (result.events, result.series)
     outcome = RuleOutcome(RULE, result.rows, tables, _sections(result, log.start_ns))
-    return warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))
+    return warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
 
 
 def body_of(paths: Paths) -> Paths:

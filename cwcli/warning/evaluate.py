@@ -3,42 +3,71 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.measures.pair import ActualTrack, Pair
+from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.align import read_paths
 from cwcli.warning.conflict_definition import conflict_definition
-from cwcli.warning.conflicts import judge, real_conflicts
-from cwcli.warning.output import (
-    conflicts_table,
-    events_table,
-    number_events,
-    pairs_table,
-    rows_of,
-    scores_table,
-    series_table,
-)
-from cwcli.warning.pair import PairEvaluation, ScoredPair, evaluate_pair
+from cwcli.warning.output import events_table, number_events, rows_of, series_table
+from cwcli.warning.pair import PairEvaluation, evaluate_pair
+from cwcli.warning.rows import WarningRows
 from cwcli.warning.rules import RULES
 from cwcli.warning.rules.base import Rule
-from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
+from cwcli.warning.types import VehicleTrack, WarningConfig
 
-NS_PER_H = 3_600_000_000_000
 MAX_DISTANCE_M = 1e4
 MAX_PERSISTENCE_S = 60.0
 
 
-def evaluate(
-    host: VehicleTrack,
-    others: Sequence[VehicleTrack],
-    config: WarningConfig | None = None,
-    *,
-    actual: Mapping[str, ActualTrack] | None = None,
-) -> WarningResult:
-    """Evaluate a rule at every stamp of the host, find the events, and score them against what really happened.
+@dataclass(frozen=True)
+class FoundWarnings:
+    """Warnings of one host against all others.
+
+    Attributes:
+        host, config: What they were found of.
+        pairs: The evaluations, one for each of the others.
+        ids: (pair, event) -> event id.
+        rows: The life of the warnings.
+    """
+
+    host: VehicleTrack
+    config: WarningConfig
+    pairs: tuple[PairEvaluation, ...]
+    ids: Mapping[tuple[int, int], int]
+    rows: WarningRows
+
+    @property
+    def events(self) -> Table:
+        """One row an event (warning)."""
+        host = self.host
+        return events_table(self.pairs, self.ids, rule=self.config.rule, host_id=host.id, clock_ns=host.stamp_ns)
+
+    @property
+    def series(self) -> Table:
+        """One row an evaluation of a pair that came within reach."""
+        return series_table(self.pairs, host_id=self.host.id)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What was done with the evaluations, by name: totals over the pairs."""
+        return {
+            "evaluated": sum(own.n_evaluated for own in self.pairs),
+            "out_of_reach": sum(own.n_out_of_reach for own in self.pairs),
+            "nothing_heard_yet": sum(own.n_unheard for own in self.pairs),
+            "stale": sum(own.n_stale for own in self.pairs),
+            "read_past_path_end": sum(own.n_beyond for own in self.pairs),
+            "not_finite": sum(own.n_not_finite for own in self.pairs),
+        }
+
+
+def find_warnings(
+    host: VehicleTrack, others: Sequence[VehicleTrack], config: WarningConfig | None = None
+) -> FoundWarnings:
+    """Evaluate a rule at every stamp of the host, and find the events.
 
     At each stamp the newest remote state that the host may know is brought forward along its predicted path by
     its age (`warning.align`); the rule then judges the two paths from the same moment on.
@@ -47,40 +76,23 @@ def evaluate(
         host: The vehicle that is warned.
         others: The vehicles it hears of. Their paths should reach `horizon_s + max_age_s`.
         config: Options; None: the defaults.
-        actual: Vehicle id -> what it really did, for the scores; who is missing is taken from `VehicleTrack.state`.
 
     Raises:
         UsageError: Unknown rule, a threshold out of range, or host paths shorter than the horizon.
     """
     config = config or WarningConfig()
-    actual = actual or {}
     rule = _checked_rule(host, config)
     time_s = _times(host, config, rule)
     n = len(host.stamp_ns)
     points = read_paths(host.paths, np.arange(n), np.zeros(n), time_s)
-    pairs = []
-    for other in others:
-        if not len(other.stamp_ns) or not len(host.stamp_ns):
-            continue
-        pairs.append(_scored(host, evaluate_pair(host, points, other, rule, config, time_s), config, actual))
-    ids = number_events(pairs)
-    hours = float(host.stamp_ns[-1] - host.stamp_ns[0]) / NS_PER_H if len(host.stamp_ns) else 0.0
-    return WarningResult(
-        rows=rows_of(
-            pairs,
-            ids,
-            rule=config.rule,
-            host_id=host.id,
-            clock_ns=host.stamp_ns,
-            clock_log_ns=host.log_time_ns,
-        ),
-        events=events_table(pairs, ids, rule=config.rule, host_id=host.id, clock_ns=host.stamp_ns),
-        conflicts=conflicts_table(pairs, ids, host_id=host.id),
-        pairs=pairs_table(pairs, host_id=host.id),
-        series=series_table(pairs, host_id=host.id),
-        scores=scores_table(pairs, rule=config.rule, hours=hours),
-        counts=_counts(pairs),
+    pairs = tuple(
+        evaluate_pair(host, points, other, rule, config, time_s)
+        for other in others
+        if len(other.stamp_ns) and len(host.stamp_ns)
     )
+    ids = number_events(pairs)
+    clock = {"clock_ns": host.stamp_ns, "clock_log_ns": host.log_time_ns}
+    return FoundWarnings(host, config, pairs, ids, rows_of(pairs, ids, rule=config.rule, host_id=host.id, **clock))
 
 
 def check_config(config: WarningConfig) -> None:
@@ -127,37 +139,3 @@ def _times(host: VehicleTrack, config: WarningConfig, rule: Rule) -> FloatArray:
     grid = np.arange(int(end_s / step_s + 1e-6) + 1) * step_s
     grid = np.concatenate([grid, [config.horizon_s, end_s]])
     return np.unique(np.round(grid, 9))
-
-
-def _scored(
-    host: VehicleTrack, evaluation: PairEvaluation, config: WarningConfig, actual: Mapping[str, ActualTrack]
-) -> ScoredPair:
-    """The pair with its real motion, conflicts and verdicts."""
-    other = evaluation.other
-    own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
-    theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
-    pair = Pair(own, theirs, host.outline_m, other.outline_m, config.max_gap_s)
-    conflicts = real_conflicts(pair, config)
-    stamp_ns = evaluation.stamp_ns
-    return ScoredPair(
-        evaluation=evaluation,
-        actual=pair,
-        conflicts=conflicts,
-        verdicts=[
-            judge(int(stamp_ns[span.raised]), int(stamp_ns[span.last]), conflicts, pair, config)
-            for span in evaluation.spans
-        ],
-    )
-
-
-def _counts(pairs: Sequence[ScoredPair]) -> dict[str, int]:
-    """Totals over the pairs, for the summary."""
-    owns = [pair.evaluation for pair in pairs]
-    return {
-        "evaluated": sum(own.n_evaluated for own in owns),
-        "out_of_reach": sum(own.n_out_of_reach for own in owns),
-        "nothing_heard_yet": sum(own.n_unheard for own in owns),
-        "stale": sum(own.n_stale for own in owns),
-        "read_past_path_end": sum(own.n_beyond for own in owns),
-        "not_finite": sum(own.n_not_finite for own in owns),
-    }

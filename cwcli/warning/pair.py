@@ -7,10 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.align import Points, pair_up, read_covariance, read_paths
-from cwcli.warning.conflicts import EventVerdict, RealConflict
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.measures import Measures, measure
 from cwcli.warning.rules.base import Decision, Rule
@@ -58,16 +56,6 @@ class PairEvaluation:
         """What the rule compares with its threshold, shape (m,); NaN: it has none."""
         compared = self.decision.alert_probability
         return np.full(len(self.stamp_ns), np.nan) if compared is None else compared
-
-
-@dataclass(frozen=True)
-class ScoredPair:
-    """A pair with what really happened."""
-
-    evaluation: PairEvaluation
-    actual: Pair
-    conflicts: list[RealConflict]
-    verdicts: list[EventVerdict]
 
 
 def evaluate_pair(

@@ -1,18 +1,15 @@
-"""What goes into the evaluation of warnings and what comes out."""
+"""What the rules of warnings are given: vehicles with their predicted paths, and options."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
 
-from cwcli.metrics.table import Table
 from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.conflict_definition import ConflictDefinition, conflict_definition, definitions
-from cwcli.warning.rows import WarningRows
 
 DEFAULT_LENGTH_M = 4.5
 DEFAULT_WIDTH_M = 1.8
@@ -149,31 +146,3 @@ class WarningConfig:
             UsageError: It is none.
         """
         return conflict_definition(self.conflict, distance_m=self.distance_m)
-
-
-@dataclass(frozen=True)
-class WarningResult:
-    """Warnings of one host against all others.
-
-    Attributes:
-        rows: The life of the warnings.
-        events: One row an event (warning), with its verdict.
-        conflicts: One row a real conflict, warned of or missed.
-        pairs: One row a pair: counts of evaluations and criticality measures of what really happened.
-        series: One row an evaluation of a pair that came within reach.
-        scores: One row: counts of true, false, late, undecided and missed.
-        counts: What was done with the evaluations, by name.
-    """
-
-    rows: WarningRows
-    events: Table
-    conflicts: Table
-    pairs: Table
-    series: Table
-    scores: Table
-    counts: Mapping[str, int] = field(default_factory=dict)
-
-    @property
-    def tables(self) -> tuple[Table, ...]:
-        """All tables."""
-        return (self.events, self.conflicts, self.pairs, self.series, self.scores)

@@ -11,11 +11,11 @@ import pytest
 
 from cwcli.prediction.rollout import rollout
 from cwcli.warning.align import read_paths
-from cwcli.warning.evaluate import _times, evaluate
+from cwcli.warning.evaluate import _times
 from cwcli.warning.pair import PairEvaluation, evaluate_pair
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
-from tests.unit.warning.vehicles import T0_NS, stamps
+from tests.unit.warning.vehicles import T0_NS, evaluate, stamps
 
 FloatArray = npt.NDArray[np.float64]
 N = 61

@@ -33,7 +33,7 @@ from cwcli.reproduction.song2016.methods import (
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drive import simulate
 from cwcli.simulation.scenario import HOST, Scenario, load_scenario
-from cwcli.warning.evaluate import evaluate
+from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import WarningConfig
 
@@ -228,5 +228,5 @@ def _warnings_ns(host: Known, others: Sequence[Known], model: str, config: Warni
     """When the rule raises a warning on what the host knows on line, in order."""
     with_onset = RULES[config.rule].uses_onset
     partners = [other.predicted(model, with_onset=with_onset) for other in others]
-    result = evaluate(host.predicted(model), partners, config)
+    result = find_warnings(host.predicted(model), partners, config)
     return [int(event["raised_stamp_ns"]) for event in result.events.records()]

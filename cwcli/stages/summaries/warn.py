@@ -35,7 +35,7 @@ class RuleOutcome:
     sections: tuple[Section, ...]
 
 
-def _numbered(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
+def number_outcomes(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
     """The same with event ids that go on from rule to rule, so that each is unique in the channel.
 
     Args:
@@ -76,7 +76,7 @@ def _moved_section(section: Section, n_before: int) -> Section:
     return replace(section, rows=rows)
 
 
-def _tables(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
+def tables_of(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
     """All tables; one whose name is taken has the rule's name behind its own."""
     tables: dict[str, Table] = {}
     for outcome in outcomes:
@@ -93,12 +93,17 @@ def warnings_result(
     outcomes: Sequence[RuleOutcome],
     inputs: tuple[InputCount, ...],
     notes: tuple[str, ...],
-) -> StageResult:
-    """What the rules of one stage say. The warnings of an earlier stage of the same run stay in the channel."""
+) -> tuple[StageResult, tuple[WarningRows, ...]]:
+    """What the rules of one stage say. The warnings of an earlier stage of the same run stay in the channel.
+
+    Returns:
+        The result, and those earlier warnings.
+    """
     is_there = any(channel.topic == WARNINGS.topic for channel in log.added_channels)
-    earlier = [read_warnings(log.columns(WARNINGS.topic))] if is_there else []
-    outcomes = _numbered(outcomes, after=earlier)
+    earlier = (read_warnings(log.columns(WARNINGS.topic)),) if is_there else ()
+    outcomes = number_outcomes(outcomes, after=earlier)
     channels = write_warnings([*earlier, *(outcome.rows for outcome in outcomes)])
     sections = tuple(section for outcome in outcomes for section in outcome.sections)
     summary = Summary(stage, sections, inputs, notes)
-    return StageResult(stage, channels, _tables(outcomes), summary, run_record(stage, log, config, summary))
+    result = StageResult(stage, channels, tables_of(outcomes), summary, run_record(stage, log, config, summary))
+    return result, earlier

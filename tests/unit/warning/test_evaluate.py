@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
+from cwcli.evaluation.scored_warnings import ScoredWarnings
 from cwcli.measures.pair import ActualTrack
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import Strings
-from cwcli.warning.evaluate import evaluate
 from cwcli.warning.rules import RULES
-from cwcli.warning.types import VehicleTrack, WarningConfig, WarningResult
-from tests.unit.warning.vehicles import seconds, stamps, straight
+from cwcli.warning.types import VehicleTrack, WarningConfig
+from tests.unit.warning.vehicles import evaluate, seconds, stamps, straight
 
 
-def raised_s(result: WarningResult) -> list[float]:
+def raised_s(result: ScoredWarnings) -> list[float]:
     return seconds(np.asarray(result.events.columns["raised_stamp_ns"]))
 
 
-def column(result: WarningResult, table: str, name: str) -> list[object]:
+def column(result: ScoredWarnings, table: str, name: str) -> list[object]:
     return list(getattr(result, table).columns[name])
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.evaluation.scored_warnings import ScoredWarnings, score
+from cwcli.measures.pair import ActualTrack
 from cwcli.prediction.rollout import rollout
-from cwcli.warning.types import VehicleTrack
+from cwcli.warning.evaluate import find_warnings
+from cwcli.warning.types import VehicleTrack, WarningConfig
 
 FloatArray = npt.NDArray[np.float64]
 T0_NS = 1_700_000_000_000_000_000
@@ -18,6 +23,17 @@ def stamps(time_s: FloatArray) -> npt.NDArray[np.int64]:
 
 def seconds(stamp_ns: npt.NDArray[np.int64]) -> list[float]:
     return [round(float(stamp - T0_NS) * 1e-9, 6) for stamp in stamp_ns]
+
+
+def evaluate(
+    host: VehicleTrack,
+    others: Sequence[VehicleTrack],
+    config: WarningConfig | None = None,
+    *,
+    actual: Mapping[str, ActualTrack] | None = None,
+) -> ScoredWarnings:
+    """The warnings, and what really happened."""
+    return score(find_warnings(host, others, config), actual=actual)
 
 
 def straight(

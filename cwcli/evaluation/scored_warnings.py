@@ -1,0 +1,283 @@
+"""Warnings against what really happened: a verdict on each, the conflicts, and counts of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from cwcli.evaluation.conflicts import (
+    FALSE,
+    LATE,
+    MISSED,
+    TRUE,
+    UNDECIDED,
+    EventVerdict,
+    RealConflict,
+    judge,
+    real_conflicts,
+)
+from cwcli.measures import MEASURES
+from cwcli.measures.pair import ActualTrack, Pair
+from cwcli.metrics.table import ColumnDoc, Table, table_of
+from cwcli.signals.units import NS_PER_S
+from cwcli.warning.evaluate import FoundWarnings
+from cwcli.warning.pair import PairEvaluation
+from cwcli.warning.rows import WarningRows
+
+NS_PER_H = 3600 * NS_PER_S
+
+
+@dataclass(frozen=True)
+class WarningScores:
+    """What became of the warnings and of the conflicts of a log.
+
+    Attributes:
+        n_true, n_late, n_false, n_undecided: Warnings by verdict (`cwcli.evaluation.conflicts.Verdict`).
+        n_conflicts, n_in_time, n_warned_late: Real conflicts; those whose first warning came before they began, and
+            after it.
+        lead_times_s: Of the conflicts that were warned of.
+        host_hours: Length of the host's track.
+    """
+
+    n_true: int
+    n_late: int
+    n_false: int
+    n_undecided: int
+    n_conflicts: int
+    n_in_time: int
+    n_warned_late: int
+    lead_times_s: tuple[float, ...]
+    host_hours: float
+
+    @property
+    def n_events(self) -> int:
+        """Warnings."""
+        return self.n_true + self.n_late + self.n_false + self.n_undecided
+
+
+def count_verdicts(pairs: Iterable[Sequence[EventVerdict]], *, n_conflicts: int, host_hours: float) -> WarningScores:
+    """Count what became of the warnings of each pair, in order of time, and of the conflicts of all."""
+    kinds: list[str] = []
+    first: list[str] = []
+    leads: list[float] = []
+    for verdicts in pairs:
+        warned: set[int] = set()
+        for verdict in verdicts:
+            kinds.append(verdict.kind)
+            if verdict.conflict >= 0 and verdict.conflict not in warned:
+                warned.add(verdict.conflict)
+                first.append(verdict.kind)
+                leads.append(verdict.lead_time_s)
+    return WarningScores(
+        n_true=kinds.count(TRUE),
+        n_late=kinds.count(LATE),
+        n_false=kinds.count(FALSE),
+        n_undecided=kinds.count(UNDECIDED),
+        n_conflicts=n_conflicts,
+        n_in_time=first.count(TRUE),
+        n_warned_late=first.count(LATE),
+        lead_times_s=tuple(leads),
+        host_hours=host_hours,
+    )
+
+
+@dataclass(frozen=True)
+class ScoredPair:
+    """A pair with what really happened."""
+
+    evaluation: PairEvaluation
+    actual: Pair
+    conflicts: list[RealConflict]
+    verdicts: list[EventVerdict]
+
+
+@dataclass(frozen=True)
+class ScoredWarnings:
+    """Warnings of one host against all others, and what really happened.
+
+    Attributes:
+        rows: The life of the warnings.
+        events: One row an event (warning), with its verdict.
+        conflicts: One row a real conflict, warned of or missed.
+        pairs: One row a pair: counts of evaluations and criticality measures of what really happened.
+        series: One row an evaluation of a pair that came within reach.
+        scores: One row: counts of true, false, late, undecided and missed.
+        counts: What was done with the evaluations, by name.
+    """
+
+    rows: WarningRows
+    events: Table
+    conflicts: Table
+    pairs: Table
+    series: Table
+    scores: Table
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """All tables."""
+        return (self.events, self.conflicts, self.pairs, self.series, self.scores)
+
+
+def score(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = None) -> ScoredWarnings:
+    """Score warnings against what really happened.
+
+    Args:
+        found: The warnings.
+        actual: Vehicle id -> what it really did; who is missing is taken from `VehicleTrack.state`.
+    """
+    host, ids = found.host, found.ids
+    pairs = [_scored(found, evaluation, actual or {}) for evaluation in found.pairs]
+    hours = float(host.stamp_ns[-1] - host.stamp_ns[0]) / NS_PER_H if len(host.stamp_ns) else 0.0
+    verdicts = {ids[at, k]: verdict for at, pair in enumerate(pairs) for k, verdict in enumerate(pair.verdicts)}
+    scores = count_verdicts(
+        (pair.verdicts for pair in pairs), n_conflicts=sum(len(pair.conflicts) for pair in pairs), host_hours=hours
+    )
+    return ScoredWarnings(
+        rows=found.rows,
+        events=_with_verdicts(found.events, [verdicts[number] for number in sorted(verdicts)]),
+        conflicts=_conflicts_table(pairs, ids, host_id=host.id),
+        pairs=_pairs_table(pairs, host_id=host.id),
+        series=found.series,
+        scores=_scores_table(scores, found.config.rule),
+        counts=found.counts,
+    )
+
+
+def _scored(found: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[str, ActualTrack]) -> ScoredPair:
+    """The pair with its real motion, conflicts and verdicts."""
+    host, other, config = found.host, evaluation.other, found.config
+    own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
+    theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
+    pair = Pair(own, theirs, host.outline_m, other.outline_m, config.max_gap_s)
+    conflicts = real_conflicts(pair, config)
+    stamp_ns = evaluation.stamp_ns
+    verdicts = [
+        judge(int(stamp_ns[span.raised]), int(stamp_ns[span.last]), conflicts, pair, config)
+        for span in evaluation.spans
+    ]
+    return ScoredPair(evaluation, pair, conflicts, verdicts)
+
+
+def _with_verdicts(events: Table, verdicts: Sequence[EventVerdict]) -> Table:
+    """The events, in order of their ids, with what became of each."""
+    records = [
+        {
+            "verdict": verdict.kind,
+            "lead_time_s": verdict.lead_time_s,
+            "closest_stamp_ns": verdict.closest_ns,
+            "closest_distance_m": verdict.closest_m,
+        }
+        for verdict in verdicts
+    ]
+    more = table_of(events.name, _VERDICT_TYPES, records, docs=_VERDICT_DOCS)
+    return replace(events, columns={**events.columns, **more.columns}, docs={**events.docs, **more.docs})
+
+
+def _conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, int], int], *, host_id: str) -> Table:
+    """One row a real conflict: when, how near, and the first event that was about it (0: missed)."""
+    rows: list[dict[str, Any]] = []
+    for at, pair in enumerate(pairs):
+        for index, conflict in enumerate(pair.conflicts):
+            about = [which for which, verdict in enumerate(pair.verdicts) if verdict.conflict == index]
+            verdict = pair.verdicts[about[0]] if about else None
+            rows.append(
+                {
+                    "host_id": host_id,
+                    "other_id": pair.evaluation.other.id,
+                    "onset_stamp_ns": conflict.onset_ns,
+                    "end_stamp_ns": conflict.end_ns,
+                    "closest_stamp_ns": conflict.closest_ns,
+                    "closest_distance_m": conflict.closest_m,
+                    "event_id": ids[at, about[0]] if about else 0,
+                    "lead_time_s": verdict.lead_time_s if verdict else float("nan"),
+                    "outcome": verdict.kind if verdict else MISSED,
+                }
+            )
+    rows.sort(key=lambda row: (int(row["onset_stamp_ns"]), str(row["other_id"])))
+    return table_of("conflicts", _CONFLICT_TYPES, rows)
+
+
+def _pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
+    """One row a pair: evaluations, and the criticality of what really happened."""
+    measures = [measure for measure in MEASURES.values() if measure.with_warnings]
+    rows: list[dict[str, Any]] = []
+    for pair in pairs:
+        own = pair.evaluation
+        rows.append(
+            {
+                "host_id": host_id,
+                "other_id": own.other.id,
+                "n_evaluated": own.n_evaluated,
+                "n_out_of_reach": own.n_out_of_reach,
+                "n_unheard": own.n_unheard,
+                "n_stale": own.n_stale,
+                "n_beyond_path": own.n_beyond,
+                "n_not_finite": own.n_not_finite,
+                "n_events": len(own.spans),
+                "n_conflicts": len(pair.conflicts),
+                **{measure.extreme_column: measure.extreme(pair.actual) for measure in measures},
+            }
+        )
+    docs = {measure.extreme_column: ColumnDoc(doc=measure.note) for measure in measures if measure.note}
+    return table_of("pairs", _PAIR_TYPES | {measure.extreme_column: float for measure in measures}, rows, docs=docs)
+
+
+def _scores_table(scores: WarningScores, rule: str) -> Table:
+    """Counts over all pairs, in one row."""
+    leads = scores.lead_times_s
+    row = {
+        "rule": rule,
+        "n_events": scores.n_events,
+        "n_true": scores.n_true,
+        "n_late": scores.n_late,
+        "n_false": scores.n_false,
+        "n_undecided": scores.n_undecided,
+        "n_conflicts": scores.n_conflicts,
+        "n_conflicts_warned": scores.n_in_time,
+        "n_conflicts_late": scores.n_warned_late,
+        "n_conflicts_missed": scores.n_conflicts - scores.n_in_time - scores.n_warned_late,
+        "lead_time_mean_s": float(np.mean(leads)) if leads else float("nan"),
+        "lead_time_min_s": min(leads, default=float("nan")),
+        "host_hours": scores.host_hours,
+    }
+    return table_of("scores", {name: type(value) for name, value in row.items()}, [row])
+
+
+_VERDICT_TYPES: dict[str, type] = {
+    "verdict": str,
+    "lead_time_s": float,
+    "closest_stamp_ns": int,
+    "closest_distance_m": float,
+}
+_VERDICT_DOCS = {
+    "verdict": ColumnDoc(doc="true, late, false or undecided; see docs/warning.md"),
+    "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
+    "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
+}
+_CONFLICT_TYPES: dict[str, type] = {
+    "host_id": str,
+    "other_id": str,
+    "onset_stamp_ns": int,
+    "end_stamp_ns": int,
+    "closest_stamp_ns": int,
+    "closest_distance_m": float,
+    "event_id": int,
+    "lead_time_s": float,
+    "outcome": str,
+}
+_PAIR_TYPES: dict[str, type] = {
+    "host_id": str,
+    "other_id": str,
+    "n_evaluated": int,
+    "n_out_of_reach": int,
+    "n_unheard": int,
+    "n_stale": int,
+    "n_beyond_path": int,
+    "n_not_finite": int,
+    "n_events": int,
+    "n_conflicts": int,
+}
