@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
-from cwcli.measures.uncertainty import sigma_at
+from cwcli.measures.uncertainty import sigma_of
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -61,25 +61,8 @@ class Extreme:
     sigma: float
 
 
-@dataclass(frozen=True)
-class Covariances:
-    """Of both tracks, (n, 8, 8) each, in the order of their states."""
-
-    host: FloatArray
-    other: FloatArray
-
-
-def measure_pair(
-    other_id: str, pair: Pair, measures: Mapping[str, Measure], covariances: Covariances | None = None
-) -> MeasuredPair:
-    """The measures of one pair.
-
-    Args:
-        other_id: The other vehicle.
-        pair: Both.
-        measures: Which.
-        covariances: For the sigmas; None: without.
-    """
+def measure_pair(other_id: str, pair: Pair, measures: Mapping[str, Measure]) -> MeasuredPair:
+    """The measures of one pair; the extremes without sigmas."""
     near = pair.near
     values = {name: np.full(len(near), np.nan) for name, measure in measures.items() if measure.is_series}
     for first in range(0, len(near), BLOCK):
@@ -93,7 +76,7 @@ def measure_pair(
     extremes: list[Extreme] = []
     for encounter, rows in enumerate([np.arange(len(near)), *_encounters(pair)]):
         if len(rows):
-            extremes += _extremes(encounter, pair, rows, values, measures, covariances)
+            extremes += _extremes(encounter, pair, rows, values, measures)
     return MeasuredPair(other_id, pair.stamp_ns[near], values, tuple(extremes))
 
 
@@ -114,32 +97,52 @@ def _extremes(
     rows: npt.NDArray[np.intp],
     values: Mapping[str, FloatArray],
     measures: Mapping[str, Measure],
-    covariances: Covariances | None,
 ) -> list[Extreme]:
     near = pair.near
     stretch = pair.between(int(near[rows[0]]), int(near[rows[-1]]) + 1)
     begin_ns, end_ns = int(pair.stamp_ns[near[rows[0]]]), int(pair.stamp_ns[near[rows[-1]]])
     found: list[Extreme] = []
-    moments: dict[int, list[int]] = {}
     for name, measure in measures.items():
         if not measure.is_series:
-            value, at = float(stretch.value(measure)), -1
+            value, stamp_ns = float(stretch.value(measure)), -1
         else:
             series = values[name][rows]
             worst = _worst(series, measure)
-            value, at = (float(series[worst]), int(near[rows[worst]])) if worst >= 0 else (np.nan, -1)
-        stamp_ns = int(pair.stamp_ns[at]) if at >= 0 else -1
-        if at >= 0 and measure.is_pointwise and np.isfinite(value) and covariances is not None:
-            moments.setdefault(at, []).append(len(found))
+            value, stamp_ns = np.nan, -1
+            if worst >= 0:
+                value, stamp_ns = float(series[worst]), int(pair.stamp_ns[near[rows[worst]]])
         found.append(Extreme(encounter, begin_ns, end_ns, name, value, stamp_ns, np.nan))
-    if covariances is not None and moments:
-        at_rows = np.array(sorted(moments))
-        asked = {found[k].measure: measures[found[k].measure] for places in moments.values() for k in places}
-        sigmas = sigma_at(pair, at_rows, covariances.host, covariances.other, asked)
-        for order, at in enumerate(at_rows.tolist()):
-            for k in moments[at]:
-                found[k] = replace(found[k], sigma=float(sigmas[found[k].measure][order]))
     return found
+
+
+def moments(measured: MeasuredPair, measures: Mapping[str, Measure]) -> Int64Array:
+    """The stamps of the extremes that can have a sigma, increasing."""
+    return np.unique(np.array([each.stamp_ns for each in measured.extremes if _is_smooth(each, measures)], np.int64))
+
+
+def with_sigmas(
+    measured: MeasuredPair, at: Pair, measures: Mapping[str, Measure], covariances: tuple[FloatArray, FloatArray]
+) -> MeasuredPair:
+    """The pair with the sigmas of its extremes.
+
+    Args:
+        measured: Without them.
+        at: The pair at the `moments`.
+        measures: Which.
+        covariances: Of the host and of the other then, (r, 8, 8) each.
+    """
+    asked = {each.measure: measures[each.measure] for each in measured.extremes if _is_smooth(each, measures)}
+    sigmas = sigma_of(at, covariances, asked)
+    row = {stamp_ns: k for k, stamp_ns in enumerate(at.stamp_ns.tolist())}
+    extremes = tuple(
+        replace(each, sigma=float(sigmas[each.measure][row[each.stamp_ns]])) if _is_smooth(each, measures) else each
+        for each in measured.extremes
+    )
+    return replace(measured, extremes=extremes)
+
+
+def _is_smooth(extreme: Extreme, measures: Mapping[str, Measure]) -> bool:
+    return extreme.stamp_ns >= 0 and measures[extreme.measure].is_pointwise and bool(np.isfinite(extreme.value))
 
 
 def _worst(series: FloatArray, measure: Measure) -> int:

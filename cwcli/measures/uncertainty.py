@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import ActualTrack, Pair
@@ -19,32 +18,25 @@ STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-5, 1e-4, 1e-5, 1e-4])
 """Of x, y, speed, heading, acceleration, yaw rate and jerk, SI units."""
 
 
-def sigma_at(
-    pair: Pair,
-    rows: npt.NDArray[np.intp],
-    host_covariance: FloatArray,
-    other_covariance: FloatArray,
-    measures: Mapping[str, Measure],
+def sigma_of(
+    pair: Pair, covariances: tuple[FloatArray, FloatArray], measures: Mapping[str, Measure]
 ) -> dict[str, FloatArray]:
-    """Sigma of pointwise measures at some of the host's stamps.
+    """Sigma of pointwise measures at each of the host's stamps.
 
     Args:
-        pair: Both.
-        rows: Of the host's stamps, (r,).
-        host_covariance, other_covariance: Of all states of the tracks, (n, 8, 8).
+        pair: Both, r stamps.
+        covariances: Of the host and of the other then, (r, 8, 8) each.
         measures: Which, by name.
 
     Returns:
         Name -> (r,); NaN where the covariances are not known, or the measure is not smooth.
     """
-    n = len(STEPS)
-    latest = np.clip(np.searchsorted(pair.other.stamp_ns, pair.stamp_ns[rows], side="right") - 1, 0, None)
-    here = pair.rows(rows)
-    total = {name: np.zeros(len(rows)) for name in measures}
-    for is_host, covariance in ((True, host_covariance[rows]), (False, other_covariance[latest])):
-        slopes = {name: np.zeros((len(rows), n)) for name in measures}
+    n, rows = len(STEPS), len(pair.stamp_ns)
+    total = {name: np.zeros(rows) for name in measures}
+    for is_host, covariance in zip((True, False), covariances, strict=True):
+        slopes = {name: np.zeros((rows, n)) for name in measures}
         for column in range(n):
-            ends = [_nudged(here, is_host, column, sign * STEPS[column]) for sign in (-1.0, 1.0)]
+            ends = [_nudged(pair, is_host, column, sign * STEPS[column]) for sign in (-1.0, 1.0)]
             for name, measure in measures.items():
                 low, high = (end.value(measure) for end in ends)
                 with np.errstate(invalid="ignore"):

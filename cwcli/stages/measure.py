@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -10,32 +10,25 @@ import numpy as np
 
 from cwcli.channels.binding import bind
 from cwcli.channels.measures import write_measures
-from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
-from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.channels.published import EGO_STATE
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.measures.base import Measure
-from cwcli.measures.evaluate import Covariances, MeasuredPair, measure_pair
-from cwcli.measures.pair import OUTLINE_RANGE_M, ActualTrack, Pair
+from cwcli.measures.evaluate import MeasuredPair, measure_pair
+from cwcli.measures.pair import OUTLINE_RANGE_M
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.result import InputCount, StageResult, Summary
+from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.columns import Columns
-from cwcli.signals.row_order import tracks_of
-from cwcli.stages.inputs.sources import read_bound
-from cwcli.stages.inputs.vehicles import chosen_states
+from cwcli.stages.inputs.tracks import OTHERS, Tracks, add_sigmas, read_tracks
 from cwcli.stages.summaries.measure import encounters_section, extremes_table, series_table
-from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, outline_of
+from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
 
 EXAMPLES = (
     "cwcli measure estimated.mcap -o measured.mcap --metrics measures.parquet",
     "cwcli measure tracked.mcap --measures ttc,pet,drac --json",
 )
-MAX_GAP_S = 0.5
-OTHERS = (REMOTE_STATE.role, TARGETS.role)
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -89,25 +82,23 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     bound = bind(
         log.channels, config.topics, required=(EGO_STATE.role,), optional=OTHERS, where=log.name, command="measure"
     )
-    columns = read_bound(log, bound)
-    if not set(OTHERS) & set(columns):
+    if not set(OTHERS) & set(bound.by_role):
         raise MissingSignalError(
             "no channel holds remote vehicles or targets (needed by `cwcli measure`)",
             where=log.name,
             hint="run `cwcli estimate` or `cwcli track` first",
         )
-    states, count = chosen_states(log, columns[EGO_STATE.role], EGO_STATE.role, config)
-    ego = states.by_stamp()
-    others, counts = _others(log, columns, config)
+    tracks, counts = read_tracks(log, bound, config)
     chosen = {name: entry for name, entry in MEASURES.items() if name in (config.measures or usual())}
-    pairs, notes = _measured(ego, others, chosen, with_sigma=config.with_sigma)
-    ego_id = ego.ids.values[ego.ids.codes[0]]
-    series = series_table(ego_id, pairs, chosen)
-    summary = Summary("measure", (encounters_section(pairs, log.start_ns),), (count, *counts), (*bound.notes, *notes))
+    pairs, notes = _measured(tracks, chosen)
+    if config.with_sigma:
+        pairs = add_sigmas(log, tracks, pairs, chosen)
+    series = series_table(tracks.ego_id, pairs, chosen)
+    summary = Summary("measure", (encounters_section(pairs, log.start_ns),), counts, (*bound.notes, *notes))
     return StageResult(
         stage="measure",
-        channels=(write_measures(ego, series.columns),),
-        tables={"measures": series, "extremes": extremes_table(ego_id, pairs, chosen)},
+        channels=(write_measures(tracks.ego, series.columns),),
+        tables={"measures": series, "extremes": extremes_table(tracks.ego_id, pairs, chosen)},
         summary=summary,
         metadata=run_record("measure", log, config, summary),
     )
@@ -118,40 +109,16 @@ def usual() -> tuple[str, ...]:
     return tuple(name for name, entry in MEASURES.items() if not entry.is_sampled)
 
 
-def _others(
-    log: Log, columns: Mapping[str, Columns], config: MeasureConfig
-) -> tuple[list[VehicleStates], list[InputCount]]:
-    """The states of the remote vehicles and of the targets."""
-    found, counts = [], []
-    for role in OTHERS:
-        if role not in columns:
-            continue
-        if role == TARGETS.role:
-            everything = read_targets(columns[role])
-            states = everything.logged_within(config.start_ns, config.end_ns)
-            count = InputCount(columns[role].topic, role, len(everything), len(states))
-        else:
-            states, count = chosen_states(log, columns[role], role, config)
-        found.append(states)
-        counts.append(count)
-    return found, counts
-
-
-def _measured(
-    ego: VehicleStates, others: Sequence[VehicleStates], chosen: Mapping[str, Measure], *, with_sigma: bool
-) -> tuple[list[MeasuredPair], list[str]]:
+def _measured(tracks: Tracks, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
     """The pairs that come near each other, and notes."""
-    pairs, n_far, n_assumed = [], 0, int(not np.isfinite(ego.length_m).any())
-    for states in others:
-        for other_id, rows in tracks_of(states.ids, states.stamp_ns):
-            theirs = states.rows(rows)
-            pair = _pair(ego, theirs)
-            if not len(pair.near):
-                n_far += 1
-                continue
-            n_assumed += int(not np.isfinite(theirs.length_m).any())
-            covariances = Covariances(ego.covariance, theirs.covariance) if with_sigma else None
-            pairs.append(measure_pair(other_id, pair, chosen, covariances))
+    pairs, n_far, n_assumed = [], 0, int(not np.isfinite(tracks.ego.length_m).any())
+    for other_id, other in tracks.others.items():
+        pair = tracks.pair(other_id)
+        if not len(pair.near):
+            n_far += 1
+            continue
+        n_assumed += int(not np.isfinite(other.length_m).any())
+        pairs.append(measure_pair(other_id, pair, chosen))
     notes = []
     if n_assumed:
         size = f"{DEFAULT_LENGTH_M:g} x {DEFAULT_WIDTH_M:g} m"
@@ -159,13 +126,3 @@ def _measured(
     if n_far:
         notes.append(f"vehicles that never came within {OUTLINE_RANGE_M:g} m, and are not measured: {n_far}")
     return pairs, notes
-
-
-def _pair(ego: VehicleStates, theirs: VehicleStates) -> Pair:
-    return Pair(
-        ActualTrack(ego.stamp_ns, ego.state),
-        ActualTrack(theirs.stamp_ns, theirs.state),
-        outline_of(ego.length_m, ego.width_m),
-        outline_of(theirs.length_m, theirs.width_m),
-        MAX_GAP_S,
-    )

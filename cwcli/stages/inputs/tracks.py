@@ -1,0 +1,162 @@
+"""Tracks of the ego and all others without covariances, which are most of a channel; those only where asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.channels.binding import Bindings
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
+from cwcli.channels.target import read_targets
+from cwcli.channels.vehicle_state import KINEMATICS, VehicleStates, read_states, require_ego
+from cwcli.logs.read.reader import Log
+from cwcli.measures.base import Measure
+from cwcli.measures.evaluate import MeasuredPair, moments, with_sigmas
+from cwcli.measures.pair import ActualTrack, Pair
+from cwcli.pipeline.call import Selection
+from cwcli.pipeline.result import InputCount
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.row_order import tracks_of
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import N_STATES
+from cwcli.warning.types import outline_of
+
+OTHERS = (REMOTE_STATE.role, TARGETS.role)
+MAX_GAP_S = 0.5
+SLICE_NS = 30 * NS_PER_S
+"""Of the log, of which covariances are held at once."""
+WITH_COVARIANCE = (*KINEMATICS, "covariance")
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The ego and the others.
+
+    Attributes:
+        ego: Its states by stamp.
+        others: Vehicle -> its states by stamp.
+        topics: Vehicle -> topic and role of its channel; the ego's own under its id.
+    """
+
+    ego: VehicleStates
+    others: Mapping[str, VehicleStates]
+    topics: Mapping[str, tuple[str, str]]
+
+    @property
+    def ego_id(self) -> str:
+        """Of the ego."""
+        return str(self.ego.ids.values[self.ego.ids.codes[0]])
+
+    def pair(self, other_id: str) -> Pair:
+        """The ego and another vehicle."""
+        own, theirs = self.ego, self.others[other_id]
+        return Pair(
+            ActualTrack(own.stamp_ns, own.state),
+            ActualTrack(theirs.stamp_ns, theirs.state),
+            outline_of(own.length_m, own.width_m),
+            outline_of(theirs.length_m, theirs.width_m),
+            MAX_GAP_S,
+        )
+
+
+def read_tracks(log: Log, bound: Bindings, selection: Selection) -> tuple[Tracks, tuple[InputCount, ...]]:
+    """The tracks in the chosen span, and what became of the messages.
+
+    Raises:
+        MissingSignalError: There is no state of the ego.
+    """
+    counts = []
+    others: dict[str, VehicleStates] = {}
+    topics: dict[str, tuple[str, str]] = {}
+    ego: VehicleStates | None = None
+    for role, bindings in bound.by_role.items():
+        topic = bindings[0].topic
+        everything = _states(log, topic, role)
+        states = everything.logged_within(selection.start_ns, selection.end_ns)
+        counts.append(InputCount(topic, role, len(everything), len(states)))
+        if role == EGO_STATE.role:
+            require_ego(states, log_name=log.name, topic=topic)
+            ego = states.by_stamp()
+            topics[ego.ids.values[ego.ids.codes[0]]] = topic, role
+            continue
+        for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
+            others[vehicle], topics[vehicle] = states.rows(rows), (topic, role)
+    assert ego is not None  # binding requires it
+    return Tracks(ego, others, topics), tuple(counts)
+
+
+def _states(log: Log, topic: str, role: str) -> VehicleStates:
+    if role == TARGETS.role:
+        return read_targets(log.columns(topic))
+    return read_states(log.columns(topic, KINEMATICS), with_covariance=False)
+
+
+def add_sigmas(
+    log: Log, tracks: Tracks, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]
+) -> list[MeasuredPair]:
+    """The pairs with the sigmas of their extremes, by the covariances of the states then."""
+    wanted: dict[str, list[Int64Array]] = {tracks.ego_id: []}
+    at = {pair.other_id: moments(pair, measures) for pair in pairs}
+    for vehicle, stamps in at.items():
+        theirs = tracks.others[vehicle].stamp_ns
+        latest = np.clip(np.searchsorted(theirs, stamps, side="right") - 1, 0, None)
+        wanted[vehicle] = [theirs[latest]]
+        wanted[tracks.ego_id].append(stamps)
+    known = _covariances(log, tracks, {vehicle: np.concatenate(each) for vehicle, each in wanted.items() if each})
+    made = []
+    for pair in pairs:
+        stamps = at[pair.other_id]
+        if not len(stamps):
+            made.append(pair)
+            continue
+        here = tracks.pair(pair.other_id).rows(np.searchsorted(tracks.ego.stamp_ns, stamps))
+        own, theirs_ns = known[tracks.ego_id], wanted[pair.other_id][0]
+        covariances = _of(own, stamps), _of(known[pair.other_id], theirs_ns)
+        made.append(with_sigmas(pair, here, measures, covariances))
+    return made
+
+
+def _of(known: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
+    unknown = np.full((N_STATES, N_STATES), np.nan)
+    return np.array([known.get(stamp, unknown) for stamp in stamps.tolist()])
+
+
+def _covariances(log: Log, tracks: Tracks, wanted: Mapping[str, Int64Array]) -> dict[str, dict[int, FloatArray]]:
+    """Vehicle -> stamp -> covariance of its state; a slice of the log at a time."""
+    found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in wanted}
+    stamps = {vehicle: np.unique(each) for vehicle, each in wanted.items()}
+    for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in wanted):
+        asked = [vehicle for vehicle in wanted if tracks.topics[vehicle] == (topic, role)]
+        for states in _slices(log, topic, role, tracks, asked, stamps):
+            for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
+                if vehicle in asked:
+                    here = rows[np.isin(states.stamp_ns[rows], stamps[vehicle])]
+                    pairs = zip(states.stamp_ns[here].tolist(), states.covariance[here], strict=True)
+                    found[vehicle].update((stamp, covariance.copy()) for stamp, covariance in pairs)
+    return found
+
+
+def _slices(
+    log: Log,
+    topic: str,
+    role: str,
+    tracks: Tracks,
+    vehicles: Sequence[str],
+    stamps: Mapping[str, Int64Array],
+) -> Iterator[VehicleStates]:
+    """The states with covariances around the wanted stamps, slice by slice of the log."""
+    if role == TARGETS.role:
+        yield read_targets(log.columns(topic))
+        return
+    logged = [np.zeros(0, np.int64)]
+    for vehicle in vehicles:
+        states = tracks.ego if vehicle == tracks.ego_id else tracks.others[vehicle]
+        logged.append(states.log_time_ns[np.isin(states.stamp_ns, stamps[vehicle])])
+    times = np.unique(np.concatenate(logged))
+    while len(times):
+        last = int(np.searchsorted(times, times[0] + SLICE_NS))
+        span = (int(times[0]), int(times[last - 1]) + 1)
+        yield read_states(log.load({topic: WITH_COVARIANCE}, logged=span)[topic])
+        times = times[last:]
