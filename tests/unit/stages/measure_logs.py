@@ -33,6 +33,7 @@ def states(
         covariance=np.broadcast_to(COVARIANCE, (n * len(ids), N_STATES, N_STATES)),
         length_m=np.full(n * len(ids), size_m[0]),
         width_m=np.full(n * len(ids), size_m[1]),
+        flags=np.zeros(n * len(ids), np.uint8),
     )
     return made.rows(order)
 
