@@ -12,6 +12,7 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand
 from cwcli.cli.options.respelled import resolved, say_notes
 from cwcli.cli.options.shared import (
+    CalibrationOptions,
     LogArgument,
     MetricsDirOption,
     MetricsOption,
@@ -19,7 +20,7 @@ from cwcli.cli.options.shared import (
     SensorOptions,
     WritingOptions,
 )
-from cwcli.cli.options.stage import StageOptions, call_of, reads_sensors, stage_options
+from cwcli.cli.options.stage import StageOptions, call_of, reads_sensors, stage_options, uses_calibration
 from cwcli.cli.pipeline import Job, run_job
 from cwcli.pipeline.missing import FirstStages
 from cwcli.pipeline.stage import Stage
@@ -39,13 +40,15 @@ def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
         writing: WritingOptions,
         reading: ReadingOptions,
         sensors: SensorOptions,
+        calibration: CalibrationOptions,
         talk: TalkOptions,
         metrics: MetricsOption = None,
         metrics_dir: MetricsDirOption = None,
     ) -> None:
         options, wanted, notes = resolved(stages, (stage.name,))
-        first = {name: call_of(stage_options(name)(**values), sensors) for name, values in stage.first.items()}
-        calls = {name: call_of(options[name], sensors) for name in wanted}
+        known = calibration.load()
+        first = {name: call_of(stage_options(name)(**values), sensors, known) for name, values in stage.first.items()}
+        calls = {name: call_of(options[name], sensors, known) for name in wanted}
         say_notes(talk, notes)
         job = Job(stage.name, log, {**first, **calls}, reading, writing, talk, metrics, metrics_dir, tuple(first))
         if first:
@@ -53,5 +56,8 @@ def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
         run_job(replace(job, lenient=len(calls) > 1))
 
     command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.function) or "")[0]
-    without = () if reads_sensors(stage) else ("sensors",)
+    without = [
+        *([] if reads_sensors(stage) else ["sensors"]),
+        *([] if uses_calibration(stage) else ["calibration"]),
+    ]
     return expand(command, stage.name, stages=(stage_options(stage.name),), without=without), stage.examples

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from cwcli.errors import UsageError
+from cwcli.estimation.calibration import Calibration
 from cwcli.option import Option
 
 ModelName = Literal["cwcli", "song2016"]
@@ -56,6 +57,8 @@ class EstimatorConfig:
             Positive means late: true time = stamp - latency.
         gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 = off.
         reset_after: Consecutive rejections of one source after which its next measurement is used.
+        calibration: What earlier drives say of the sensors. With `causal` it is used as it is, and nothing that the log
+            would only show later; else it is weighed with what the log says.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
         song2016_step_s: Sampling time of the six-state filter (dT of eq. 2).
     """
@@ -88,5 +91,6 @@ class EstimatorConfig:
         ),
     ] = 0.999
     reset_after: int = 20
+    calibration: Calibration | None = None
     rate_hz: float = 20.0
     song2016_step_s: float = 0.05

@@ -9,8 +9,42 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 
+LEAST_GRAVITY_MPS2 = 5.0
+LEVEL_BLOCKS = 10
 INTERPOLATED_RUN = 15  # samples that are looked at together
 INTERPOLATED_PART = 0.02  # of the usual curvature of the signal
+
+
+@dataclass(frozen=True)
+class ImuMounting:
+    """How an IMU is turned against the vertical.
+
+    Attributes:
+        nose_up_rad: Its forward axis above the horizon.
+        left_up_rad: Its left axis, about the forward one.
+        sigma_rad: One sigma of each, by the scatter of the mean specific force over LEVEL_BLOCKS parts of the log.
+    """
+
+    nose_up_rad: float
+    left_up_rad: float
+    sigma_rad: float = float("nan")
+
+    @classmethod
+    def of(cls, force: FloatArray) -> ImuMounting | None:
+        """By the mean direction of the specific force (n, 3); None where there is no gravity in it, or not upward."""
+        up = force.mean(axis=0) if len(force) else np.zeros(3)
+        norm = float(np.linalg.norm(up))
+        if not (norm > LEAST_GRAVITY_MPS2 and up[2] > 0.5 * norm):
+            return None
+        parts = [part.mean(axis=0)[:2] / norm for part in np.array_split(force, LEVEL_BLOCKS) if len(part)]
+        sigma_rad = float(np.mean(np.std(parts, axis=0, ddof=1))) / len(parts) ** 0.5 if len(parts) > 1 else np.nan
+        return cls(float(np.arcsin(up[0] / norm)), float(np.arctan2(up[1], up[2])), sigma_rad)
+
+    @property
+    def up(self) -> FloatArray:
+        """The vertical in the IMU's axes, (3,)."""
+        level = np.cos(self.nose_up_rad)
+        return np.array([np.sin(self.nose_up_rad), level * np.sin(self.left_up_rad), level * np.cos(self.left_up_rad)])
 
 
 @dataclass(frozen=True)
@@ -24,6 +58,7 @@ class LevelledImu:
         yaw_rate_radps: Shape (n,): about the vertical.
         accel_variance, yaw_rate_variance: Shape (n,), NaN where the message does not say.
         n_interpolated: Samples left out because they were interpolated before the log was made.
+        mounting: What it was levelled by; None: the axes as they are.
     """
 
     time_s: FloatArray
@@ -32,9 +67,12 @@ class LevelledImu:
     accel_variance: FloatArray
     yaw_rate_variance: FloatArray
     n_interpolated: int
+    mounting: ImuMounting | None
 
 
-def level_imu(time_s: FloatArray, values: FloatArray, variance: FloatArray | None) -> LevelledImu:
+def level_imu(
+    time_s: FloatArray, values: FloatArray, variance: FloatArray | None, mounting: ImuMounting | None = None
+) -> LevelledImu:
     """Level an IMU by the mean direction of gravity and leave out invented samples.
 
     The yaw rate is the gyroscope's component along the mean specific force: over minutes the accelerations of a drive
@@ -44,12 +82,12 @@ def level_imu(time_s: FloatArray, values: FloatArray, variance: FloatArray | Non
         time_s: Shape (n,), sorted.
         values: Shape (n, 6): accelerometer, gyroscope (forward, left, up).
         variance: Shape (n, 6) or None.
+        mounting: Known from other drives; None: found here.
     """
     invented = interpolated_samples(time_s, values)
-    up = values[:, :3].mean(axis=0) if len(values) else np.zeros(3)
-    norm = float(np.linalg.norm(up))
+    mounting = mounting or ImuMounting.of(values[:, :3])
     # An IMU whose gravity was taken out already, or no accelerometer: trust the mounting.
-    up = up / norm if norm > 5.0 and up[2] > 0.5 * norm else np.array([0.0, 0.0, 1.0])
+    up = np.array([0.0, 0.0, 1.0]) if mounting is None else mounting.up
     keep = ~invented
     if variance is None:
         variance = np.full(values.shape, np.nan)
@@ -60,6 +98,7 @@ def level_imu(time_s: FloatArray, values: FloatArray, variance: FloatArray | Non
         variance[keep, 0],
         variance[keep, 5],
         int(invented.sum()),
+        mounting,
     )
 
 

@@ -23,6 +23,7 @@ class LatencyStatus(StrEnum):
         NOT_SIGNIFICANT: Found, but it may as well be zero: not corrected.
         NOT_OBSERVABLE: The log has too little in it to tell: not corrected.
         GIVEN: Corrected as the user said.
+        CALIBRATED: Corrected as a calibration says, or as it and the log say together.
         OFF: Not looked for.
     """
 
@@ -31,7 +32,11 @@ class LatencyStatus(StrEnum):
     NOT_SIGNIFICANT = "not significant"
     NOT_OBSERVABLE = "not observable"
     GIVEN = "given"
+    CALIBRATED = "calibrated"
     OFF = "off"
+
+
+CORRECTED = (LatencyStatus.APPLIED, LatencyStatus.GIVEN, LatencyStatus.CALIBRATED)
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Latency:
     @property
     def applied_s(self) -> float:
         """What is taken off the stamps, seconds."""
-        return self.found_s if self.status in (LatencyStatus.APPLIED, LatencyStatus.GIVEN) else 0.0
+        return self.found_s if self.status in CORRECTED else 0.0
 
 
 NO_LATENCY = Latency(LatencyStatus.OFF)

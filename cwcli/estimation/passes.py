@@ -64,6 +64,7 @@ class Series:
         pitch_rate: What turns with the body while a SPEED's lever arm is not zero, or None.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
         floor: Least sigma of noise that is found from the log.
+        interval_s: Between two rows, as a rule, where that is known from other drives; else NaN.
     """
 
     source: str
@@ -81,6 +82,7 @@ class Series:
     pitch_rate: PitchRate | None = None
     gate_nis: float = 0.0
     floor: float = 0.0
+    interval_s: float = float("nan")
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -312,9 +314,12 @@ def _patience(s: Series, reset_after: int) -> int:
     """Rejections in a row that a source has to bear: at most `reset_after`, and at most PATIENCE_S of slow sources."""
     if s.kind in RATES:
         return RATE_PATIENCE
-    if len(s) < 2:
-        return reset_after
-    return int(np.clip(PATIENCE_S / max(median(np.diff(s.time_s)), 1e-3), 2, reset_after))
+    interval_s = s.interval_s
+    if not interval_s > 0.0:
+        if len(s) < 2:
+            return reset_after
+        interval_s = median(np.diff(s.time_s))
+    return int(np.clip(PATIENCE_S / max(interval_s, 1e-3), 2, reset_after))
 
 
 def _merge(

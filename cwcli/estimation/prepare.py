@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.imu import level_imu
+from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind, Measurements
 from cwcli.estimation.passes import Series
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
+NOTHING_KNOWN: Mapping[str, ImuMounting] = {}
 CONSTANT_MIN_ROWS = 50
 BURST_ROWS, BURST_PART = 4, 0.5
 ROUGHNESS_PART = 0.5  # an IMU's noise is at least this part of what its second differences show
@@ -30,6 +31,7 @@ class PreparedSeries:
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
         n_held_back: Rows left out because they came in a burst (see `held_back`).
+        mounting: How the IMU was levelled, or None.
     """
 
     series: Series
@@ -38,6 +40,7 @@ class PreparedSeries:
     n_not_finite: int
     n_interpolated: int = 0
     n_held_back: int = 0
+    mounting: ImuMounting | None = None
 
 
 def epoch_ns(measurements: Sequence[Measurements]) -> int:
@@ -50,8 +53,15 @@ def seconds(stamp_ns: Int64Array, epoch: int) -> FloatArray:
     return (stamp_ns - epoch) / NS_PER_S
 
 
-def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[PreparedSeries], list[str]]:
+def prepare(
+    measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting] = NOTHING_KNOWN
+) -> tuple[list[PreparedSeries], list[str]]:
     """Clean, sort and split the measurements.
+
+    Args:
+        measurements: As they came.
+        epoch: The stamp that becomes zero.
+        mountings: Source -> how its IMU is turned, where that is known.
 
     Returns:
         The series, and notes on sources that were left out.
@@ -67,7 +77,7 @@ def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prep
         covariance = None if m.covariance is None else m.covariance[finite][order]
         if m.kind is Kind.IMU:
             variance = None if covariance is None else np.diagonal(covariance, axis1=1, axis2=2)
-            imu = level_imu(time, values, variance)
+            imu = level_imu(time, values, variance, mountings.get(m.source))
             if imu.n_interpolated:
                 notes.append(f"{m.source}: {imu.n_interpolated} interpolated IMU samples left out")
             pairs = (
@@ -76,7 +86,7 @@ def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prep
             )
             for kind, value, var in pairs:
                 series = _with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
-                prepared.append(PreparedSeries(series, True, len(m), lost, imu.n_interpolated))
+                prepared.append(PreparedSeries(series, True, len(m), lost, imu.n_interpolated, mounting=imu.mounting))
             continue
         late = held_back(time)
         if late.any():
@@ -92,6 +102,37 @@ def prepare(measurements: Sequence[Measurements], epoch: int) -> tuple[list[Prep
         series = _with_noise(m.source, m.kind, time, values, covariance)
         prepared.append(PreparedSeries(series, False, len(m), lost, n_held_back=int(late.sum())))
     return prepared, notes
+
+
+def prepare_blind(
+    measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting]
+) -> list[PreparedSeries]:
+    """Sort and split the measurements as somebody must who does not know what comes later: nothing is cleaned.
+
+    Args:
+        measurements, epoch: See `prepare`.
+        mountings: Source -> how its IMU is turned; without one its axes are taken as they are.
+    """
+    prepared = []
+    for m in measurements:
+        finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
+        rows = finite[np.argsort(m.stamp_ns[finite], kind="stable")]
+        time, lost = seconds(m.stamp_ns[rows], epoch), len(m) - len(rows)
+        covariance = None if m.covariance is None else m.covariance[rows]
+        if m.kind is not Kind.IMU:
+            prepared.append(
+                PreparedSeries(_with_noise(m.source, m.kind, time, m.values[rows], covariance), False, len(m), lost)
+            )
+            continue
+        mounting = mountings.get(m.source, ImuMounting(0.0, 0.0))
+        for kind, values, axis in (
+            (Kind.ACCEL, m.values[rows, 0], 0),
+            (Kind.YAW_RATE, m.values[rows, 3:] @ mounting.up, 5),
+        ):
+            variance = None if covariance is None else covariance[:, axis : axis + 1, axis : axis + 1]
+            series = _with_noise(m.source, kind, time, values[:, None], variance)
+            prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting))
+    return prepared
 
 
 def held_back(time_s: FloatArray) -> npt.NDArray[np.bool_]:

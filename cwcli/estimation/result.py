@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, Parameter, SlowError
@@ -36,7 +38,10 @@ class SourceReport:
         sigma: One-sigma measurement noise used (root mean variance over rows and axes).
         noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
             innovations) or "default".
+        noise_scale: What the variance that the messages state was multiplied by; NaN where they state none.
+        interval_s: Between two rows, as a rule.
         latency: What was found or given, its sigma, and what was made of it.
+        compared: What was found against the source that all were compared with, whichever clock counts in the end.
         bias: Additive bias at the middle of the log in the unit of the kind, NaN where none is modelled.
         bias_sigma: One sigma of the bias.
         scale: SPEED: what the source reads for a true 1; a wheel that is taken for larger than it is reads above 1.
@@ -45,6 +50,7 @@ class SourceReport:
         slow_error: POSITION: the coloured part of the noise, m, of each axis. ACCEL: gravity through the road's grade,
             m/s^2 (divided by 9.80665 m/s^2 it is radians).
         follows_pitch_rate: ACCEL: gravity through what the pitch gyroscope turns was taken out first.
+        mounting: ACCEL, YAW_RATE: how the IMU was levelled, or None.
     """
 
     source: str
@@ -62,13 +68,17 @@ class SourceReport:
     nis_inside: bool | None = None
     sigma: float = float("nan")
     noise_origin: str = "default"
+    noise_scale: float = float("nan")
+    interval_s: float = float("nan")
     latency: Latency = NO_LATENCY
+    compared: Latency = NO_LATENCY
     bias: float = float("nan")
     bias_sigma: float = float("nan")
     scale: Parameter = NO_PARAMETER
     lever_arm_m: Parameter = NO_PARAMETER
     slow_error: SlowError = NO_SLOW_ERROR
     follows_pitch_rate: bool = False
+    mounting: ImuMounting | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +94,7 @@ class Track:
         sources: One report per source and kind.
         log_likelihood: Of the innovations of the forward pass.
         notes: One-line remarks for the user (resets, what could not be observed).
+        manoeuvre: Sigma of the motion model -> what was found or given; of `model.ModelParameters`.
     """
 
     stamp_ns: Int64Array
@@ -93,3 +104,4 @@ class Track:
     sources: tuple[SourceReport, ...] = ()
     log_likelihood: float = float("nan")
     notes: tuple[str, ...] = field(default=())
+    manoeuvre: Mapping[str, float] = field(default_factory=dict)

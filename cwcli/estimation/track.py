@@ -11,13 +11,16 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.errors import DataError
+from cwcli.estimation.calibrated import bias_note, check_fits, known_alone, known_mountings
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.gaps import restarts_after_gaps
 from cwcli.estimation.measurements import RATES, Kind, Measurements
+from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Start, old_rows, run_pass
-from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, seconds
+from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Series, Start, old_rows, run_pass
+from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, prepare_blind, seconds
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.song2016 import estimate_song2016
 from cwcli.estimation.start import hold_before_start, start_with_parameters
@@ -58,11 +61,12 @@ def estimate_track(
     if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
         raise DataError("no finite position among the measurements")
     epoch = epoch_ns(measurements)
-    prepared, notes = prepare(measurements, epoch)
+    prepared, notes = _prepared(measurements, epoch, config)
     if output_stamp_ns is None:
         output_stamp_ns = _grid(measurements, config.rate_hz)
     tuned = tune(prepared, config, ModelParameters())
     start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
+    start.state[N_MOTION:] = tuned.mean[N_MOTION:]
     if not config.causal:
         start = _start_again(tuned, start, config.reset_after)
     output_s = seconds(output_stamp_ns, epoch)
@@ -79,6 +83,9 @@ def estimate_track(
         notes += old_rows(tuned.series, result)
     reports = tuple(_report(p, tuned, i, result) for i, p in enumerate(prepared))
     notes += tuned.notes
+    if config.calibration is not None:
+        for s, report in zip(tuned.series, reports, strict=True):
+            notes += bias_note(s, report.bias, report.bias_sigma, config.calibration)
     for r in reports:
         if r.n_resets and r.kind not in RATES:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
@@ -91,7 +98,23 @@ def estimate_track(
         reports,
         result.log_likelihood,
         tuple(notes),
+        {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMAS},
     )
+
+
+def _prepared(
+    measurements: Sequence[Measurements], epoch: int, config: EstimatorConfig
+) -> tuple[list[PreparedSeries], list[str]]:
+    """The series and notes, as far as the calibration goes and nothing may be looked ahead."""
+    calibration = config.calibration
+    if calibration is None:
+        return prepare(measurements, epoch)
+    unknown = check_fits(calibration, measurements, causal=config.causal)
+    mountings = known_mountings(calibration)
+    if config.causal:
+        return known_alone(prepare_blind(measurements, epoch, mountings), calibration), unknown
+    prepared, notes = prepare(measurements, epoch, mountings)
+    return prepared, [*unknown, *notes]
 
 
 def _start_again(tuned: TunedSeries, start: Start, reset_after: int) -> Start:
@@ -160,10 +183,20 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
         noise_origin=s.noise_origin,
+        noise_scale=_noise_scale(p.series, s),
+        interval_s=median(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
         latency=latency,
+        compared=tuned.compared[i],
+        mounting=p.mounting,
         bias=bias,
         bias_sigma=bias_sigma,
     )
+
+
+def _noise_scale(stated: Series, used: Series) -> float:
+    if not stated.noise_origin.startswith("message") or not len(used):
+        return float("nan")
+    return float(used.noise[:, 0].mean() / stated.noise[:, 0].mean())
 
 
 def estimate_tracks(

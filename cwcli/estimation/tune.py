@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cwcli.estimation.calibrated import calibrated_motion, with_bias_priors, with_latencies
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles
-from cwcli.estimation.latency_clock import on_agreed_clock
+from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, references
+from cwcli.estimation.latency_clock import Told, on_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
@@ -31,14 +32,19 @@ class TunedSeries:
     Attributes:
         series, latencies: Parallel to what was prepared.
         motion: Motion model, with the random walks of the parameter states.
-        prior: Shape (n,): prior variances; motion states are zero there.
+        mean, prior: Shape (n,): prior means and variances of the parameter states; motion states are zero there.
+        compared: What the log itself says of each latency, see `SourceReport`.
+        parameters: Of the motion model.
         notes: Remarks for the user.
     """
 
     series: tuple[Series, ...]
     latencies: tuple[Latency, ...]
     motion: ekf.ProcessModel
+    mean: FloatArray
     prior: FloatArray
+    compared: tuple[Latency, ...]
+    parameters: ModelParameters
     notes: tuple[str, ...]
 
 
@@ -51,17 +57,41 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         parameters: Motion model to begin with.
     """
     series, walk, prior = with_bias_states(prepared, parameters)
-    latencies = find_latencies(series, latency_roles(series, config), parameters, walk, prior)
-    latencies, moved = on_agreed_clock(series, latencies)
+    compared = find_latencies(series, latency_roles(series, config), parameters, walk, prior)
+    mean, calibration = np.zeros_like(prior), config.calibration
+    if calibration is None:
+        latencies, moved = on_agreed_clock(_told(series, compared))
+    else:
+        latencies, moved = with_latencies(series, compared, calibration, causal=config.causal)
+        mean, prior = with_bias_priors(series, prior, calibration)
     series = [replace(s, latency_s=latency.applied_s) for s, latency in zip(series, latencies, strict=True)]
-    series, parameters = settle_noise(series, parameters, walk, prior)
+    if calibration is not None and config.causal:
+        parameters = calibrated_motion(parameters, calibration)
+    else:
+        series, parameters = settle_noise(series, parameters, walk, prior)
     gated = tuple(replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
     unknown = (
         f"{s.source}: latency of {s.kind.name.lower()} not observable, not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s)
     )
-    return TunedSeries(gated, tuple(latencies), parameters.motion(walk), prior, (*moved, *unknown))
+    return TunedSeries(
+        gated,
+        tuple(latencies),
+        parameters.motion(walk),
+        mean,
+        prior,
+        tuple(compared),
+        parameters,
+        (*moved, *unknown),
+    )
+
+
+def _told(series: Sequence[Series], latencies: Sequence[Latency]) -> list[Told]:
+    return [
+        Told(s.source, s.kind, is_reference, latency)
+        for s, is_reference, latency in zip(series, references(series), latencies, strict=True)
+    ]
 
 
 def with_bias_states(

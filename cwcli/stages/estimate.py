@@ -13,6 +13,7 @@ from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.published import REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import DataError, UsageError
+from cwcli.estimation.calibration import Calibration, calibration_entry
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.from_signals import EgoSignal, ego_measurements, near_positions, remote_measurements
 from cwcli.estimation.measurements import Measurements
@@ -73,6 +74,7 @@ class EstimateConfig:
         estimator: The filter; remote vehicles run the same one, without a search for latencies, because the
             quantities of one message share its time.
         rate_hz: Rate of `/cwcli/ego/state`. Remote states come at the times of their messages.
+        calibration: Constants of the ego's sensors from other drives, or None.
         truth_origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth channel's origin, or None.
     """
 
@@ -81,6 +83,7 @@ class EstimateConfig:
     rate_hz: Annotated[
         float, Option("--rate", "Rate of the ego's states.", metavar="HZ", above=0.0, at_most=10_000.0)
     ] = 20.0
+    calibration: Calibration | None = None
     truth_origin: Annotated[
         tuple[float, float, float] | None,
         Option(
@@ -142,10 +145,12 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         optional=(*EGO_ROLES[1:], Role.REMOTE, Role.TRUTH),
     )
     _check_latencies(config.estimator, log)
+    if config.calibration is not None and config.estimator.model != "cwcli":
+        raise UsageError(f"--calibration is not for --model {config.estimator.model}")
     local_map = _local_map(sources)
     measurements, apart = near_positions(_ego_measurements(sources, local_map), MAX_BRIDGE_S)
     grid_ns = _output_grid(measurements, config.rate_hz)
-    ego = estimate_track(measurements, config.estimator, grid_ns)
+    ego = estimate_track(measurements, replace(config.estimator, calibration=config.calibration), grid_ns)
     remote = _remote_states(sources, local_map, config.estimator)
     channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags), local_map)
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
@@ -156,7 +161,13 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         tables=estimate_tables(tracks),
         summary=summary,
         metadata=run_record(
-            "estimate", log, config, summary, sources=source_record(tracks), **_origin_record(local_map)
+            "estimate",
+            log,
+            replace(config, calibration=None),
+            summary,
+            sources=source_record(tracks),
+            **_origin_record(local_map),
+            **calibration_entry(config.calibration),
         ),
         made=Made(sources.by_role.get(Role.TRUTH, ()), measurements, ego, local_map),
     )

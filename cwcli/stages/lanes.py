@@ -17,6 +17,7 @@ from cwcli.channels.binding import bind
 from cwcli.channels.lanes import LaneFrames, write_lane_frames, write_lane_lines, write_lanes
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
+from cwcli.estimation.calibration import Calibration, calibration_entry
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
@@ -68,6 +69,7 @@ class LanesConfig(Selection):
         mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.
         field_of_view_rad: Horizontal, for a log without calibration; None: the stated default.
         render: Topic for the frames with the lines burnt in, or None.
+        calibration: Constants of the speed and the gyroscope from other drives, or None.
     """
 
     method: Annotated[str, Option("--method", "{choices}", metavar="NAME", choices="cwcli.vision.methods:METHODS")] = (
@@ -92,6 +94,7 @@ class LanesConfig(Selection):
             parse=math.radians,
         ),
     ] = None
+    calibration: Calibration | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a log.
@@ -132,7 +135,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     mount = mounting_source(log, _frame_id(log, topic), config.mounting)
     config = replace(config, mounting=mount.mounting)
     source = camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
-    motion = read_motion(log, config.topics) if method.uses_motion else Motion()
+    motion = read_motion(log, config.topics, config.calibration) if method.uses_motion else Motion()
     is_rectified = method.is_rectified and source.needs_rectifying()
     run = _Run(method, config.seed, source, motion, is_rectified=is_rectified)
     images = decode_frames(
@@ -165,7 +168,9 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         notes=(*bound.notes, *source.notes, *mount.notes, *motion.notes, *_notes_of(source, is_rectified), *run.notes),
     )
     table: Table = lanes_table(frames)
-    return StageResult("lanes", tuple(channels), {"lanes": table}, summary, run_record("lanes", log, config, summary))
+    known = calibration_entry(config.calibration)
+    record = run_record("lanes", log, replace(config, calibration=None), summary, **known)
+    return StageResult("lanes", tuple(channels), {"lanes": table}, summary, record)
 
 
 def _notes_of(source: CameraSource, is_rectified: bool) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from cwcli.dynamics.samples import FrameStatus, LateralTrack
 from cwcli.dynamics.single_track import critical_speed_mps
 from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.estimation.calibration import Calibration, calibration_entry
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
@@ -25,6 +26,7 @@ from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.columns import Columns
 from cwcli.signals.role import Role
+from cwcli.stages.inputs.calibrated import calibrated_sources
 from cwcli.stages.inputs.observer import Inputs, inputs_of, lane_samples
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.summaries.observe import observer_section, observer_table
@@ -48,6 +50,7 @@ class ObserveConfig(Selection):
         observer: Method and its options; the preview distance is that of the lanes.
         use_gyro: Fuse a measured yaw rate, if the log has one.
         use_steer: Use a measured steering angle, if the log has one.
+        calibration: Constants of the sensors from other drives, or None.
     """
 
     vehicle: Annotated[
@@ -68,6 +71,7 @@ class ObserveConfig(Selection):
     use_steer: Annotated[
         bool, Option("--steering/--no-steering", "Use the measured steering angle, if there is one.")
     ] = True
+    calibration: Calibration | None = None
 
     def __post_init__(self) -> None:
         """Read the car's file: who runs the stage may be another machine.
@@ -129,6 +133,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     )
     lanes = lane_samples(sources.columns[LANES.role], where=log.name)
     ego_state = sources.columns.get(EGO_STATE.role)
+    sources = calibrated_sources(sources, config.calibration)
     inputs = inputs_of(sources, ego_state, use_gyro=config.use_gyro, use_steer=config.use_steer)
     if inputs.speed is None:
         raise _no_speed(log, config)
@@ -154,7 +159,8 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         inputs=(lanes.count, *inputs.counts),
         notes=_notes(own, inputs, track, vehicle, config),
     )
-    record = run_record("observe", log, config, summary, **vehicle_entry(vehicle))
+    known = {**vehicle_entry(vehicle), **calibration_entry(config.calibration)}
+    record = run_record("observe", log, replace(config, calibration=None), summary, **known)
     return StageResult(
         "observe",
         (write_observed(Observed(lanes.log_time_ns, track, lanes.preview_m)),),

@@ -11,6 +11,7 @@ import typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.respelled import resolved, say_notes
 from cwcli.cli.options.shared import (
+    CalibrationOptions,
     LogsArgument,
     MetricsDirOption,
     ReadingOptions,
@@ -100,7 +101,7 @@ class AllOptions:
     """The options of every stage.
 
     Attributes:
-        pipeline, reading, sensors: Those that the stages share.
+        pipeline, reading, sensors, calibration: Those that the stages share.
         of_stages: Stage -> its own.
         wanted: The stages that are to run, in order.
         notes: What replaces old spellings that were given.
@@ -109,6 +110,7 @@ class AllOptions:
     pipeline: PipelineOptions
     reading: ReadingOptions
     sensors: SensorOptions
+    calibration: CalibrationOptions
     of_stages: dict[str, StageOptions]
     wanted: tuple[str, ...]
     notes: tuple[str, ...]
@@ -123,11 +125,12 @@ class AllOptions:
 
         for gate in self.pipeline.gates:
             parse(gate)
-        return {name: call_of(self.of_stages[name], self.sensors) for name in self.wanted}
+        known = self.calibration.load()
+        return {name: call_of(self.of_stages[name], self.sensors, known) for name in self.wanted}
 
     def document(self) -> dict[str, Any]:
         """Every option and its value, as a configuration file has them."""
-        shared = {**asdict(self.reading), **asdict(self.sensors)}
+        shared = {**asdict(self.reading), **asdict(self.sensors), **asdict(self.calibration)}
         shared["gates"] = list(self.pipeline.gates)
         run = {"stages": list(self.calls()), "tables": self.pipeline.tables}
         return {**shared, "run": run, **{name: options.values() for name, options in self.of_stages.items()}}
@@ -153,7 +156,11 @@ class AllOptions:
 
 
 def all_options(
-    pipeline: PipelineOptions, reading: ReadingOptions, sensors: SensorOptions, stages: dict[str, StageOptions]
+    pipeline: PipelineOptions,
+    reading: ReadingOptions,
+    sensors: SensorOptions,
+    calibration: CalibrationOptions,
+    stages: dict[str, StageOptions],
 ) -> AllOptions:
     """The options of every stage, old spellings replaced.
 
@@ -167,13 +174,13 @@ def all_options(
         if name not in STAGES:
             raise UsageError(f"there is no stage {name}", hint=closest(name, list(STAGES)))
     wanted = [name for name in STAGES if name in (asked or DEFAULT_STAGES)]
-    return AllOptions(pipeline, reading, sensors, *resolved(stages, wanted))
+    return AllOptions(pipeline, reading, sensors, calibration, *resolved(stages, wanted))
 
 
 def default_options() -> AllOptions:
     """Every option as it is when nobody says otherwise."""
     stages = {kind.stage: kind() for kind in every_stage()}
-    return all_options(PipelineOptions(), ReadingOptions(), SensorOptions(), stages)
+    return all_options(PipelineOptions(), ReadingOptions(), SensorOptions(), CalibrationOptions(), stages)
 
 
 def command(
@@ -183,6 +190,7 @@ def command(
     writing: WritingOptions,
     reading: ReadingOptions,
     sensors: SensorOptions,
+    calibration: CalibrationOptions,
     talk: TalkOptions,
     stages: dict[str, StageOptions],
     metrics_dir: MetricsDirOption = None,
@@ -197,7 +205,7 @@ def command(
     second run does what is missing or has changed. The exit code is 0 if every log is done, else the highest of those
     that failed.
     """
-    options = all_options(pipeline, reading, sensors, stages)
+    options = all_options(pipeline, reading, sensors, calibration, stages)
     if fleet.directory is not None:
         from cwcli.cli.fleet import run_many
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import typer
+
+if TYPE_CHECKING:
+    from cwcli.estimation.calibration import Calibration
 
 MEGABYTE = 1_000_000
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
@@ -88,6 +91,35 @@ class SensorOptions:
             help="V2X station id of the ego vehicle, so that its own messages are not a remote vehicle.",
         ),
     ] = None
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """What is known of the sensors beforehand: for the commands that use it."""
+
+    heading: ClassVar[str] = _INPUT
+    calibration: Annotated[
+        str | None,
+        typer.Option(
+            "--calibration",
+            metavar="FILE",
+            show_default=False,
+            help="Constants of the car's sensors from other drives, made by `cwcli calibrate`.",
+        ),
+    ] = None
+
+    def load(self) -> Calibration | None:
+        """The calibration, if one was named.
+
+        Raises:
+            UsageError: The file's content is wrong.
+            InputError: The file can't be read.
+        """
+        if self.calibration is None:
+            return None
+        from cwcli.estimation.calibration import load_calibration
+
+        return load_calibration(self.calibration)
 
 
 OutputOption = Annotated[

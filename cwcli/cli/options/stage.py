@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
@@ -18,6 +18,9 @@ from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.stage import Stage
 from cwcli.registry import named
 from cwcli.stages import STAGES
+
+if TYPE_CHECKING:
+    from cwcli.estimation.calibration import Calibration
 
 
 class StageOptions:
@@ -79,7 +82,7 @@ def _typer_option(entry: Entry) -> Any:
     )
 
 
-def call_of(options: StageOptions, sensors: SensorOptions) -> StageCall:
+def call_of(options: StageOptions, sensors: SensorOptions, calibration: Calibration | None = None) -> StageCall:
     """The stage with these options.
 
     Raises:
@@ -95,6 +98,8 @@ def call_of(options: StageOptions, sensors: SensorOptions) -> StageCall:
     if hasattr(config, "sources"):
         sources = dataclasses.replace(config.sources, clock=sensors.clock, ego_station=sensors.ego_station)
         config = dataclasses.replace(config, sources=sources)
+    if calibration is not None and hasattr(config, "calibration"):
+        config = dataclasses.replace(config, calibration=calibration)
     return StageCall(stage, config)
 
 
@@ -114,6 +119,11 @@ def _configured(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
         inside = {path[1:]: value for path, value in given.items() if len(path) > 1 and path[0] == name}
         changes[name] = _configured(getattr(default, name), inside)
     return dataclasses.replace(default, **changes) if changes else default
+
+
+def uses_calibration(stage: Stage) -> bool:
+    """Whether the stage, or one that its command runs first, uses what is known of the sensors beforehand."""
+    return any(hasattr(STAGES[name].configuration(), "calibration") for name in (stage.name, *stage.first))
 
 
 def reads_sensors(stage: Stage) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.channels.binding import bind
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import read_states
+from cwcli.estimation.calibration import Calibration
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount
@@ -20,6 +21,7 @@ from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
+from cwcli.stages.inputs.calibrated import calibrated_sources
 from cwcli.stages.inputs.sources import read_sources
 
 MAX_AGE_S = 0.5
@@ -62,7 +64,7 @@ class Motion:
     notes: tuple[str, ...] = ()
 
 
-def read_motion(log: Log, topics: Mapping[str, str]) -> Motion:
+def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | None = None) -> Motion:
     """The estimated state if `cwcli estimate` has run; else the speed channel and the gyroscope, as far as there are
     any."""
     bound = bind(log.channels, topics, required=(), optional=(EGO_STATE.role,), where=log.name)
@@ -74,6 +76,7 @@ def read_motion(log: Log, topics: Mapping[str, str]) -> Motion:
         stamp_ns, state = states.stamp_ns[rows], states.state[rows]
         return Motion(Series(stamp_ns, state[:, SPEED]), Series(stamp_ns, state[:, YAW_RATE]), (count,))
     sources = read_sources(log, Selection(topics=topics), command="lanes", optional=(Role.EGO_SPEED, Role.IMU))
+    sources = calibrated_sources(sources, calibration)
     speed, yaw_rate = NOTHING, NOTHING
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal):

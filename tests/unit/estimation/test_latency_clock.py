@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus
-from cwcli.estimation.latency_clock import on_agreed_clock
-from cwcli.estimation.passes import Series
+from cwcli.estimation.latency_clock import Told, on_agreed_clock
 
 KINDS = {"imu": Kind.ACCEL, "gnss": Kind.POSITION, "wheel": Kind.SPEED, "compass": Kind.HEADING}
 
@@ -28,13 +26,8 @@ def said(**ms: tuple[float, float]) -> dict[str, Latency]:
 def agreed(latencies: dict[str, Latency]) -> tuple[dict[str, Latency], list[str]]:
     """On the agreed clock, by source; the IMU is what the search compared with."""
     all_of = {"imu": Latency(LatencyStatus.REFERENCE), **latencies}
-    series = [
-        Series(
-            name, KINDS[name], np.arange(2.0), np.zeros((2, 2)), np.ones((2, 3)), bias_state=8 if name == "imu" else -1
-        )
-        for name in all_of
-    ]
-    moved, notes = on_agreed_clock(series, list(all_of.values()))
+    told = [Told(name, KINDS[name], name == "imu", latency) for name, latency in all_of.items()]
+    moved, notes = on_agreed_clock(told)
     return dict(zip(all_of, moved, strict=True)), notes
 
 

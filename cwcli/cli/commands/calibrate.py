@@ -1,0 +1,158 @@
+"""`cwcli calibrate`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cwcli.cli.console import Console
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption, ReadingOptions, SensorOptions
+from cwcli.cli.progress import Progress
+from cwcli.cli.report import print_written
+from cwcli.cli.tables import Cell, table
+from cwcli.cli.text import count, finite
+from cwcli.errors import EXIT_DONE, CwcliError, UsageError
+
+if TYPE_CHECKING:
+    from cwcli.estimation.calibration import Calibration
+    from cwcli.estimation.pooling import Drive
+
+EXAMPLES = (
+    "cwcli calibrate monday.mcap tuesday.mcap wednesday.mcap -o car.toml",
+    "cwcli estimate drive.mcap --calibration car.toml --causal -o estimated.mcap",
+)
+COLUMNS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
+TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "noise_sigma", "noise_scale", "slow_sigma", "slow_time_s",
+        "nose_up_rad", "left_up_rad")  # fmt: skip
+"""What the table shows; the file has some more."""
+NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "nose_up_rad", "left_up_rad")
+
+
+def command(
+    logs: Annotated[
+        list[str], typer.Argument(metavar="LOG", show_default=False, help="MCAP files of drives of one car.")
+    ],
+    reading: ReadingOptions,
+    sensors: SensorOptions,
+    talk: TalkOptions,
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="FILE", show_default=False, help="Write the calibration here (.toml)."),
+    ] = None,
+    force: ForceOption = False,
+) -> int:
+    """Find the constants of a car's sensors from many drives: latencies, biases, mounting, noise.
+
+    Each log is estimated by itself, one after the other. What they say of each constant is pooled, weighted by its
+    uncertainty; where the logs disagree by more than that, it is said and the interval is wider. `--calibration
+    car.toml` of estimate, lanes, observe and run uses the file. A log that fails is told and left out; the exit code is
+    then its.
+    """
+    from cwcli.estimation.calibration import calibration_text
+    from cwcli.estimation.pooling import calibrated
+    from cwcli.output import check_targets, write_file
+
+    if output is not None and not output.endswith(".toml"):
+        raise UsageError(f"-o {output} must end in .toml")
+    if len(set(logs)) < len(logs):
+        raise UsageError("a log is named twice: it would count twice")
+    check_targets([output] if output is not None else [], force=force, inputs=logs)
+    console = Console(quiet=talk.quiet)
+    drives: list[Drive] = []
+    worst: CwcliError | None = None
+    with Progress(quiet=talk.quiet) as progress:
+        for log in logs:
+            progress.step(f"estimating {log}")
+            try:
+                drives.append(_drive(log, reading, sensors))
+            except CwcliError as error:
+                if len(logs) == 1:
+                    raise
+                worst = error if worst is None or error.exit_code > worst.exit_code else worst
+                console.note(f"{error.where or log}: {error.what}; left out")
+    if not drives:
+        assert worst is not None
+        raise worst
+    found = calibrated(drives, output or "")
+    if output is not None:
+        write_file(output, calibration_text(found).encode(), force=force)
+    if talk.json:
+        console.data(json.dumps(_document(found), indent=2, allow_nan=False))
+    else:
+        _show(console, found)
+        print_written(console, [output] if output is not None else [])
+    return EXIT_DONE if worst is None else worst.exit_code
+
+
+def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
+    """One log, estimated from the whole of it.
+
+    Raises:
+        CwcliError: As reading and estimating do.
+    """
+    from cwcli.cli.options.stage import call_of, stage_options
+    from cwcli.estimation.pooling import Drive
+    from cwcli.logs.read.reader import Log
+    from cwcli.pipeline.call import with_selection
+    from cwcli.pipeline.execute import Outcome, refuse_faults
+    from cwcli.pipeline.selection import select
+
+    call = call_of(stage_options("estimate")(), sensors)
+    with Log.open(name, recover=reading.recover) as log:
+        selection = select(log, reading.topic, reading.start, reading.end)
+        result = call.stage.function(log, with_selection(call.config, selection))
+        if reading.strict:
+            refuse_faults(Outcome(log.name, results=[result], faults=log.faults.counts()), log.start_ns)
+    return Drive(Path(name).name, result.made.ego)
+
+
+def _rows(found: Calibration) -> list[tuple[Cell, ...]]:
+    from cwcli.estimation.calibration import ConstantStatus
+
+    rows: list[tuple[Cell, ...]] = []
+    for source, quantities in found.sensors.items():
+        for quantity, constants in quantities.items():
+            for name, constant in constants.items():
+                if name not in TOLD:
+                    continue
+                status = "" if constant.status is ConstantStatus.FOUND else constant.status.value
+                rows.append(
+                    (source, quantity.replace("_", " "), name, constant.value, 1.96 * constant.sigma, constant.n_logs,
+                     constant.chi_square, status)
+                )  # fmt: skip
+    return rows
+
+
+def _show(console: Console, found: Calibration) -> None:
+    """Print the table, and what the logs disagree on."""
+    console.heading(f"Calibration from {count(len(found.logs), 'log')}, {found.minutes:.1f} minutes")
+    evidence = [f"{name} {value:.3g}" for name, value in found.evidence.items()]
+    if evidence:
+        console.summary(f"evidence: {', '.join(evidence)}")
+    console.summary(table(COLUMNS, _rows(found)))
+    for source, quantities in found.sensors.items():
+        for quantity, constants in quantities.items():
+            for name, constant in constants.items():
+                if name in NOTED and constant.spread > 0.0:
+                    what = f"{source}: {name} of {quantity.replace('_', ' ')}"
+                    console.note(f"{what}: the logs disagree, one drive differs from the next by {constant.spread:.3g}")
+    if len(found.logs) == 1:
+        console.note("one log: nothing tells how much the next drive will differ")
+
+
+def _document(found: Calibration) -> dict[str, Any]:
+    """What `--json` prints: the file's content; a number that there is not is null."""
+    return {"command": "calibrate", **{key: _finite(value) for key, value in asdict(found).items()}}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return finite(value) if isinstance(value, float) else value

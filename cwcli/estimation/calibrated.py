@@ -1,0 +1,181 @@
+"""An estimate with a calibration: what earlier drives say is used as it is, or weighed with what the log itself says.
+
+The filter alone (`causal`) uses it as it is, and nothing that the log would only show later. With the smoother it is a
+prior. Either way the log is compared with it, and a contradiction is told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.estimation.calibration import UNKNOWN, Calibration, Constant
+from cwcli.estimation.imu import ImuMounting
+from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references
+from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.passes import Series
+from cwcli.estimation.prepare import PreparedSeries
+from cwcli.signals.columns import FloatArray
+
+FOUND = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
+
+
+def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *, causal: bool) -> list[str]:
+    """Refuse the calibration of a car with other sources; returns notes on sources that it does not know.
+
+    Raises:
+        UsageError: It knows none of the sources, or, where nothing else may be used, no position.
+    """
+    sources = list(dict.fromkeys(m.source for m in measurements))
+    known = [source for source in sources if source in calibration.sensors]
+    positions = [m.source for m in measurements if m.kind is Kind.POSITION]
+    lacking = not known or (causal and not any(calibration.knows(source, Kind.POSITION) for source in positions))
+    if lacking:
+        what = "a position" if known else "any source"
+        raise UsageError(
+            f"this is not the calibration of this car: it does not know {what} of the log ({', '.join(sources)})",
+            where=calibration.name,
+            hint=f"it knows {', '.join(calibration.sensors)}",
+        )
+    told = "left out" if causal else "used as without a calibration"
+    return [
+        f"{source}: the calibration {calibration.name} does not know it; {told}"
+        for source in sources
+        if source not in known
+    ]
+
+
+def known_mountings(calibration: Calibration) -> dict[str, ImuMounting]:
+    """Source -> how its IMU is turned, of those whose mounting is known."""
+    angles = {
+        source: [calibration.of(source, "imu", name) for name in ("nose_up_rad", "left_up_rad")]
+        for source in calibration.sensors
+    }
+    return {
+        source: ImuMounting(nose.value, left.value, max(nose.drive_sigma, left.drive_sigma))
+        for source, (nose, left) in angles.items()
+        if nose.is_known and left.is_known
+    }
+
+
+def known_alone(prepared: Sequence[PreparedSeries], calibration: Calibration) -> list[PreparedSeries]:
+    """The series with the noise of the calibration; those that it does not know are empty."""
+    return [
+        replace(p, series=with_noise(p.series, calibration))
+        if calibration.knows(p.series.source, p.series.kind)
+        else replace(p, series=p.series.at(np.zeros(len(p.series), np.bool_)))
+        for p in prepared
+    ]
+
+
+def with_noise(s: Series, calibration: Calibration) -> Series:
+    """The series with the calibration's noise and interval."""
+    sigma, scale = (calibration.of(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale"))
+    s = replace(s, interval_s=calibration.of(s.source, s.kind, "interval_s").value)
+    if scale.is_known:
+        return replace(s.scaled(scale.value), noise_origin="calibration")
+    variance = sigma.value**2 if sigma.is_known else QUANTITIES[s.kind].default_sigma ** 2
+    noise = np.zeros_like(s.noise)
+    noise[:, 0] = variance
+    if s.width == 2:
+        noise[:, 2] = variance
+    return replace(s, noise=noise, noise_origin="calibration" if sigma.is_known else "default")
+
+
+def calibrated_motion(parameters: ModelParameters, calibration: Calibration) -> ModelParameters:
+    """The motion model with the driver's usual manoeuvres."""
+    jerk, yaw_accel = (calibration.motion.get(name, UNKNOWN).value for name in MANOEUVRE_SIGMAS)
+    return replace(
+        parameters,
+        jerk_sigma_mps3=jerk if jerk > 0.0 else parameters.jerk_sigma_mps3,
+        yaw_accel_sigma_radps2=yaw_accel if yaw_accel > 0.0 else parameters.yaw_accel_sigma_radps2,
+    )
+
+
+def with_bias_priors(
+    series: Sequence[Series], prior: FloatArray, calibration: Calibration
+) -> tuple[FloatArray, FloatArray]:
+    """Means and variances of the parameter states, (n,) each, biases from the calibration."""
+    mean, prior = np.zeros_like(prior), prior.copy()
+    for s in series:
+        bias = calibration.of(s.source, s.kind, "bias")
+        if s.bias_state >= 0 and bias.is_known:
+            mean[s.bias_state] = bias.value
+            prior[s.bias_state] = max(bias.drive_sigma, 1e-9) ** 2
+    return mean, prior
+
+
+def with_latencies(
+    series: Sequence[Series], found: Sequence[Latency], calibration: Calibration, *, causal: bool
+) -> tuple[list[Latency], list[str]]:
+    """The latencies on the calibration's clock, and notes on those that the log contradicts.
+
+    Args:
+        series: All series.
+        found: Parallel, what the log says, against the reference of `references`.
+        calibration: Of the car.
+        causal: The calibration's as they are; else weighed with what the log says, unless the log contradicts.
+    """
+    reference = next(
+        (
+            calibration.of(s.source, s.kind, "latency_s")
+            for s, is_reference in zip(series, references(series), strict=True)
+            if is_reference and calibration.of(s.source, s.kind, "latency_s").is_known
+        ),
+        Constant(value=0.0, sigma=0.0),
+    )
+    latencies, notes = [], []
+    for s, latency in zip(series, found, strict=True):
+        constant = calibration.of(s.source, s.kind, "latency_s")
+        if latency.status in (LatencyStatus.GIVEN, LatencyStatus.OFF):
+            latencies.append(latency)
+            continue
+        is_found = latency.status in FOUND
+        own_s = latency.found_s + reference.value
+        if not constant.is_known:
+            latencies.append(replace(latency, found_s=own_s) if is_found and not causal else latency)
+            continue
+        known = Latency(LatencyStatus.CALIBRATED, constant.value, constant.drive_sigma, latency.bound_s)
+        if not is_found:
+            latencies.append(known)
+            continue
+        sigma_s = math.hypot(latency.sigma_s, reference.drive_sigma)
+        is_contradicted = abs(own_s - known.found_s) > SIGNIFICANT_SIGMAS * math.hypot(sigma_s, known.sigma_s)
+        if is_contradicted:
+            notes.append(
+                f"{s.source}: {s.kind.name.lower()} is late by {_ms(own_s, sigma_s)} in this log, by "
+                f"{_ms(known.found_s, known.sigma_s)} in the calibration {calibration.name}; "
+                f"{'the calibration counts' if causal else 'the log counts'}"
+            )
+        if causal:
+            latencies.append(known)
+        elif is_contradicted:
+            latencies.append(replace(latency, found_s=own_s, sigma_s=sigma_s))
+        else:
+            weight, prior_weight = sigma_s**-2, max(known.sigma_s, 1e-9) ** -2
+            fused_s = (weight * own_s + prior_weight * known.found_s) / (weight + prior_weight)
+            latencies.append(replace(known, found_s=fused_s, sigma_s=(weight + prior_weight) ** -0.5))
+    return latencies, notes
+
+
+def bias_note(s: Series, bias: float, sigma: float, calibration: Calibration) -> list[str]:
+    """A remark where the bias that the log shows is not that of the calibration."""
+    constant = calibration.of(s.source, s.kind, "bias")
+    allowed = SIGNIFICANT_SIGMAS * math.hypot(sigma, constant.drive_sigma) if constant.is_known else math.inf
+    if not abs(bias - constant.value) > allowed:
+        return []
+    unit, quantity = QUANTITIES[s.kind].unit, s.kind.name.lower().replace("_", " ")
+    return [
+        f"{s.source}: the bias of {quantity} is {bias:.3g} +- {sigma:.2g} {unit} in this log, "
+        f"{constant.value:.3g} +- {constant.drive_sigma:.2g} {unit} in the calibration {calibration.name}"
+    ]
+
+
+def _ms(value_s: float, sigma_s: float) -> str:
+    return f"{1e3 * value_s:.0f} +- {1e3 * sigma_s:.0f} ms"

@@ -1,0 +1,244 @@
+"""From what each of many logs of one car says to its calibration.
+
+Each constant is the mean of the logs, weighted by their inverse variances. Where they scatter by more than their sigmas
+allow (a chi-square test), the drives really differ: what is left of the scatter is a variance of its own, in the
+weights, too (DerSimonian and Laird, 1986), and is told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
+from cwcli.estimation.latency import Latency, LatencyStatus
+from cwcli.estimation.latency_clock import Told, on_agreed_clock
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.parameter import Parameter, ParameterStatus
+from cwcli.estimation.result import SourceReport, Track
+from cwcli.metrics.chi_square import chi_square_quantile
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
+
+AGREE = 0.99
+"""Logs whose chi-square lies within this part of its distribution agree."""
+OBSERVABLE_S = 0.05
+FITTED = 0.1
+"""Part to which a fitted sigma of the motion, or a usual interval, is known."""
+SECONDS_PER_MINUTE = 60.0
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What one log says.
+
+    Attributes:
+        log: Its name.
+        track: Estimated from the whole of it.
+    """
+
+    log: str
+    track: Track
+
+    @property
+    def minutes(self) -> float:
+        """Between the first and the last state."""
+        stamp_ns = self.track.stamp_ns
+        return float(stamp_ns[-1] - stamp_ns[0]) / NS_PER_S / SECONDS_PER_MINUTE if len(stamp_ns) else 0.0
+
+
+@dataclass(frozen=True)
+class Said:
+    """A constant as one log has it: its value, one sigma and the log's length."""
+
+    value: float
+    sigma: float
+    minutes: float
+
+
+def pooled(said: Sequence[Said]) -> Constant:
+    """The constant from what the logs say of it; those without a value do not count."""
+    said = [each for each in said if math.isfinite(each.value) and math.isfinite(each.sigma) and each.sigma > 0.0]
+    minutes = sum(each.minutes for each in said)
+    if not said:
+        return Constant()
+    value, variance = (np.array([getattr(each, name) for each in said]) for name in ("value", "sigma"))
+    variance = variance**2
+    mean, sigma, chi_square = _weighted(value, variance)
+    dof, spread = len(said) - 1, 0.0
+    status = ConstantStatus.FOUND
+    if dof and chi_square > chi_square_quantile(AGREE, dof):
+        weight = 1.0 / variance
+        left = (chi_square - dof) / float(weight.sum() - (weight**2).sum() / weight.sum())
+        spread = math.sqrt(max(left, 0.0))
+        mean, sigma, _ = _weighted(value, variance + spread**2)
+        status = ConstantStatus.DISAGREE
+    reduced = chi_square / dof if dof else math.nan
+    return Constant(status, mean, sigma, spread, reduced, len(said), minutes)
+
+
+def _weighted(value: np.ndarray, variance: np.ndarray) -> tuple[float, float, float]:
+    """Mean, its sigma, and the chi-square of the values about it."""
+    weight = 1.0 / variance
+    mean = float(weight @ value / weight.sum())
+    return mean, float(weight.sum() ** -0.5), float((value - mean) ** 2 @ weight)
+
+
+def calibrated(drives: Sequence[Drive], name: str = "") -> Calibration:
+    """The calibration of a car from its drives.
+
+    Args:
+        drives: At least one; their tracks have been found with latencies.
+        name: Of the calibration, for messages.
+    """
+    reports = [(report, drive) for drive in drives for report in drive.track.sources if report.n_used]
+    keys = dict.fromkeys((report.source, report.kind) for report, _ in reports)
+    latencies = _latencies(keys, reports)
+    sensors: dict[str, dict[str, dict[str, Constant]]] = {}
+    for key in keys:
+        own = [(report, drive.minutes) for report, drive in reports if (report.source, report.kind) == key]
+        constants = {"latency_s": latencies[key]}
+        for constant, of in OF_REPORT.items():
+            said = [each for report, minutes in own for each in of(report, minutes)]
+            if said:
+                constants[constant] = pooled(said)
+        sensors.setdefault(key[0], {})[key[1].name.lower()] = constants
+    for source, mounting in _mountings(drives).items():
+        sensors[source]["imu"] = mounting
+    total_s = sum(drive.minutes for drive in drives) * SECONDS_PER_MINUTE
+    return Calibration(
+        name=name,
+        sensors=sensors,
+        motion={
+            name: pooled([Said(d.track.manoeuvre[name], FITTED * d.track.manoeuvre[name], d.minutes) for d in drives])
+            for name in MANOEUVRE_SIGMAS
+        },
+        logs=tuple(drive.log for drive in drives),
+        minutes=total_s / SECONDS_PER_MINUTE,
+        evidence=_evidence(drives),
+    )
+
+
+def _noise(report: SourceReport, minutes: float) -> Iterator[Said]:
+    """Noise that the log shows itself. A sigma from n rows is known to one part in the root of 2 n."""
+    if report.noise_origin == "log":
+        yield Said(report.sigma, report.sigma / math.sqrt(2.0 * report.n_used), minutes)
+
+
+def _noise_scale(report: SourceReport, minutes: float) -> Iterator[Said]:
+    """What the messages' own variances are multiplied by."""
+    if report.noise_origin.startswith("message"):
+        yield Said(report.noise_scale, report.noise_scale * math.sqrt(2.0 / report.n_used), minutes)
+
+
+def _interval(report: SourceReport, minutes: float) -> Iterator[Said]:
+    yield Said(report.interval_s, FITTED * report.interval_s, minutes)
+
+
+def _bias(report: SourceReport, minutes: float) -> Iterator[Said]:
+    if math.isfinite(report.bias):
+        yield Said(report.bias, report.bias_sigma, minutes)
+
+
+def _parameter(of: Callable[[SourceReport], Parameter]) -> Callable[[SourceReport, float], Iterator[Said]]:
+    def said(report: SourceReport, minutes: float) -> Iterator[Said]:
+        parameter = of(report)
+        if parameter.status in (ParameterStatus.USED, ParameterStatus.NOT_BETTER):
+            yield Said(parameter.value, parameter.sigma, minutes)
+
+    return said
+
+
+def _slow(name: str) -> Callable[[SourceReport, float], Iterator[Said]]:
+    def said(report: SourceReport, minutes: float) -> Iterator[Said]:
+        value, time_s = getattr(report.slow_error, name), report.slow_error.time_s
+        if report.slow_error.status is ParameterStatus.USED:
+            # Each of the time constants of a drive is one independent value of the error.
+            n = max(minutes * SECONDS_PER_MINUTE / time_s, 1.0)
+            yield Said(value, value / math.sqrt(2.0 * n) if name == "sigma" else value * math.sqrt(2.0 / n), minutes)
+
+    return said
+
+
+OF_REPORT: dict[str, Callable[[SourceReport, float], Iterator[Said]]] = {
+    "noise_sigma": _noise,
+    "noise_scale": _noise_scale,
+    "interval_s": _interval,
+    "slow_sigma": _slow("sigma"),
+    "slow_time_s": _slow("time_s"),
+    "bias": _bias,
+    "scale": _parameter(lambda report: report.scale),
+    "lever_arm_m": _parameter(lambda report: report.lever_arm_m),
+}
+"""Name of a constant -> what a log's report says of it, if anything."""
+
+
+def _latencies(
+    keys: Collection[tuple[str, Kind]],
+    reports: Sequence[tuple[SourceReport, Drive]],
+) -> dict[tuple[str, Kind], Constant]:
+    """The latencies against the search's reference, pooled, and then on the clock on which the sources agree."""
+    found: dict[tuple[str, Kind], Constant] = {}
+    told = []
+    for key in keys:
+        own = [(r.compared, drive.minutes) for r, drive in reports if (r.source, r.kind) == key]
+        constant = pooled([Said(latency.found_s, latency.sigma_s, minutes) for latency, minutes in own])
+        if constant.is_known and constant.sigma > OBSERVABLE_S:
+            constant = replace(constant, status=ConstantStatus.NOT_OBSERVABLE, value=math.nan)
+        is_reference = any(latency.status is LatencyStatus.REFERENCE for latency, _ in own)
+        if is_reference:
+            minutes = sum(minutes for _, minutes in own)
+            constant = Constant(ConstantStatus.FOUND, 0.0, 0.0, 0.0, math.nan, len(own), minutes)
+        found[key] = constant
+        told.append(Told(*key, is_reference=is_reference, latency=_as_latency(constant, is_reference)))
+    moved, _ = on_agreed_clock(told)
+    for each, latency in zip(told, moved, strict=True):
+        key = (each.source, each.kind)
+        if latency == each.latency or not found[key].is_known:
+            continue
+        value = 0.0 if latency.status is LatencyStatus.REFERENCE else latency.found_s
+        sigma = found[key].sigma if latency.status is LatencyStatus.REFERENCE else latency.sigma_s
+        found[key] = replace(found[key], value=value, sigma=sigma)
+    return found
+
+
+def _as_latency(constant: Constant, is_reference: bool) -> Latency:
+    if is_reference:
+        return Latency(LatencyStatus.REFERENCE)
+    if not constant.is_known:
+        return Latency(LatencyStatus.NOT_OBSERVABLE)
+    is_clear = abs(constant.value) > 3.0 * constant.sigma
+    status = LatencyStatus.APPLIED if is_clear else LatencyStatus.NOT_SIGNIFICANT
+    return Latency(status, constant.value, constant.sigma, constant.sigma)
+
+
+def _mountings(drives: Sequence[Drive]) -> dict[str, dict[str, Constant]]:
+    """Source -> how its IMU is turned against the vertical."""
+    found: dict[str, dict[str, list[Said]]] = {}
+    for drive in drives:
+        for report in drive.track.sources:
+            if report.mounting is not None and report.kind is Kind.ACCEL and report.n_used:
+                mine = found.setdefault(report.source, {"nose_up_rad": [], "left_up_rad": []})
+                mine["nose_up_rad"].append(Said(report.mounting.nose_up_rad, report.mounting.sigma_rad, drive.minutes))
+                mine["left_up_rad"].append(Said(report.mounting.left_up_rad, report.mounting.sigma_rad, drive.minutes))
+    return {source: {name: pooled(said) for name, said in angles.items()} for source, angles in found.items()}
+
+
+def _evidence(drives: Sequence[Drive]) -> dict[str, float]:
+    """How far the car went, and how much it accelerated and turned."""
+    state = [drive.track.state for drive in drives if len(drive.track.stamp_ns) > 1]
+    if not state:
+        return {}
+    way_m = sum(
+        float(np.abs(drive.track.state[1:, SPEED]) @ np.diff(drive.track.stamp_ns)) / NS_PER_S for drive in drives
+    )
+    whole = np.concatenate(state)
+    return {
+        "distance_km": way_m / 1000.0,
+        "accel_rms_mps2": float(np.sqrt(np.mean(whole[:, ACCEL] ** 2))),
+        "yaw_rate_rms_radps": float(np.sqrt(np.mean(whole[:, YAW_RATE] ** 2))),
+    }

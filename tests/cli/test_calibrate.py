@@ -1,0 +1,125 @@
+"""`cwcli calibrate`, and `--calibration` of the commands that use it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cwcli.cli.main import run
+from cwcli.estimation.calibration import load_calibration
+
+LATENCY_S = 0.15
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Two simulated drives of a car with a late receiver, and its calibration."""
+    folder = tmp_path_factory.mktemp("calibrate")
+    logs = [str(folder / f"drive{seed}.mcap") for seed in (1, 2)]
+    for seed, log in enumerate(logs, 1):
+        late = f"sensors.gnss.latency_s={LATENCY_S}"
+        assert run(["simulate", "city", "--seed", str(seed), "--set", late, "-o", log, "-q"]) == 0
+    car = str(folder / "car.toml")
+    assert run(["calibrate", *logs, "-o", car, "-q"]) == 0
+    return [*logs, car]
+
+
+def test_calibration_of_two_drives_has_what_was_planted(drives: list[str]) -> None:
+    car = load_calibration(drives[-1])
+    latency = car.of("/gps/fix", "position", "latency_s")
+    assert latency.n_logs == 2
+    assert abs(latency.value - LATENCY_S) < 3.0 * latency.sigma < 0.05
+    assert car.logs == ("drive1.mcap", "drive2.mcap")
+
+
+def test_order_of_the_logs_does_not_matter_and_the_file_is_the_same_again(drives: list[str], tmp_path: Path) -> None:
+    again, other = str(tmp_path / "again.toml"), str(tmp_path / "other.toml")
+    assert run(["calibrate", *drives[:2], "-o", again, "-q"]) == 0
+    assert Path(again).read_bytes() == Path(drives[-1]).read_bytes()
+    assert run(["calibrate", *drives[1::-1], "-o", other, "-q"]) == 0
+    assert load_calibration(other).sensors["/gps/fix"] == load_calibration(again).sensors["/gps/fix"]
+
+
+def test_table_and_json(drives: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["calibrate", drives[0]]) == 0
+    shown = capsys.readouterr()
+    assert "latency_s" in shown.out
+    assert "one log: nothing tells how much the next drive will differ" in shown.err
+    assert max(map(len, shown.out.splitlines())) <= 80
+    assert run(["calibrate", drives[0], "--json", "-q"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["sensors"]["/gps/fix"]["position"]["latency_s"]["n_logs"] == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "more"), [("estimate", ["--causal"]), ("run", ["--estimate-causal", "--stage", "estimate"])]
+)
+def test_calibration_is_used(
+    command: str, more: list[str], drives: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "out.mcap")
+    assert run([command, drives[0], "--calibration", drives[-1], *more, "--json", "-q", "-o", out]) == 0
+    assert "calibrated" in json.dumps(json.loads(capsys.readouterr().out)["stages"]["estimate"])
+    assert run(["info", out, "--json", "-q"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "message"),
+    [
+        (None, 3, "can't be read"),
+        ("[[[", 2, "not TOML"),
+        ("a = 1", 2, "this is no calibration"),
+        ('cwcli_calibration = 1\n["/gps/fix".position]\nlatency_s = { value = nan }', 2, "value is nan; permitted"),
+        ('cwcli_calibration = 1\n["/gps/fix".position]\ncolour = { value = 1 }', 2, "colour is unknown; permitted"),
+        (
+            'cwcli_calibration = 1\n["/her/gps".position]\nlatency_s = { value = 1 }',
+            2,
+            "not the calibration of this car",
+        ),
+    ],
+    ids=["none", "no TOML", "another file", "not a number", "unknown key", "another car"],
+)
+def test_calibration_that_can_not_be_used_is_told_in_one_line(
+    content: str | None, code: int, message: str, drives: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    car, out = tmp_path / "her.toml", tmp_path / "out.mcap"
+    if content is not None:
+        car.write_text(content)
+    assert run(["estimate", drives[0], "--calibration", str(car), "-o", str(out)]) == code
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.startswith(f"error: {car}")
+    assert not out.exists()
+
+
+def test_log_that_fails_is_told_and_left_out(
+    drives: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    none, car = str(tmp_path / "none.mcap"), tmp_path / "car.toml"
+    assert run(["calibrate", drives[0], none, "-o", str(car)]) == 3
+    assert "left out" in capsys.readouterr().err
+    assert load_calibration(car).logs == ("drive1.mcap",)
+    assert run(["calibrate", none, "-o", str(tmp_path / "other.toml")]) == 3
+    assert not (tmp_path / "other.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["{0}", "{0}"], 2, "named twice"),
+        (["{0}", "-o", "car.json"], 2, "must end in .toml"),
+        (["{0}", "-o", "{2}"], 6, "exists"),
+    ],
+)
+def test_wrong_arguments(
+    arguments: list[str], code: int, message: str, drives: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["calibrate", *(each.format(*drives) for each in arguments)]) == code
+    assert message in capsys.readouterr().err
+
+
+def test_papers_filter_takes_no_calibration(drives: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["estimate", drives[0], "--calibration", drives[-1], "--model", "song2016"]) == 2
+    assert "--calibration is not for --model song2016" in capsys.readouterr().err

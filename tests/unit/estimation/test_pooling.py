@@ -1,0 +1,153 @@
+"""Pooling of logs, and estimates with what they say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.errors import UsageError
+from cwcli.estimation import EstimatorConfig, Kind, LatencyStatus, Measurements, estimate_track
+from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
+from cwcli.estimation.pooling import Drive, Said, calibrated, pooled
+from tests.studies.city_drive import EPOCH_NS, city_drive, measure
+
+LATE = {"gnss": 0.12, "speed": 0.04}
+DURATION_S = 120.0
+
+
+def test_logs_that_agree_are_weighted_by_their_variances() -> None:
+    """10 +- 1 and 13 +- 2: weights 4 to 1, so 10.6 +- 0.894; chi-square 0.36 + 1.44."""
+    found = pooled([Said(10.0, 1.0, 5.0), Said(13.0, 2.0, 7.0)])
+    assert (found.status, found.n_logs, found.minutes) == (ConstantStatus.FOUND, 2, 12.0)
+    assert (found.value, found.sigma, found.chi_square) == pytest.approx((10.6, math.sqrt(0.8), 1.8))
+    assert found.spread == 0.0
+
+
+def test_logs_that_disagree_have_a_spread_and_are_weighted_alike() -> None:
+    """0 and 10, each +- 1: chi-square 50, allowed are 6.6; tau^2 = (50 - 1) / (2 - 1), sigma^2 = (1 + 49) / 2."""
+    found = pooled([Said(0.0, 1.0, 5.0), Said(10.0, 1.0, 5.0)])
+    assert found.status is ConstantStatus.DISAGREE
+    assert (found.value, found.spread, found.sigma) == pytest.approx((5.0, 7.0, 5.0))
+
+
+def test_logs_that_say_nothing_do_not_count() -> None:
+    found = pooled([Said(math.nan, 1.0, 5.0), Said(1.0, math.nan, 5.0), Said(2.0, 0.5, 5.0)])
+    assert (found.value, found.sigma, found.n_logs) == (2.0, 0.5, 1)
+    assert not pooled([]).is_known
+    assert pooled([]).status is ConstantStatus.NOT_OBSERVABLE
+
+
+@pytest.fixture(scope="module")
+def car() -> Calibration:
+    """Three drives."""
+    drives = [measure(city_drive(seed, DURATION_S), seed, LATE) for seed in range(3)]
+    return calibrated([Drive(f"{k}", estimate_track(m, EstimatorConfig())) for k, m in enumerate(drives)], "car.toml")
+
+
+def test_constants_of_a_simulated_car_are_within_three_sigma(car: Calibration) -> None:
+    truth = {
+        ("gnss", Kind.POSITION, "latency_s"): 0.12,
+        ("speed", Kind.SPEED, "latency_s"): 0.04,
+        ("heading", Kind.HEADING, "latency_s"): 0.0,
+        ("imu", Kind.ACCEL, "bias"): -0.4,
+        ("imu", Kind.YAW_RATE, "bias"): 0.004,
+        ("gnss", Kind.POSITION, "noise_sigma"): 0.6,
+    }
+    for (source, kind, name), value in truth.items():
+        constant = car.of(source, kind, name)
+        assert abs(constant.value - value) < 3.0 * constant.sigma, name
+        assert constant.n_logs == 3
+    assert car.of("gnss", Kind.POSITION, "latency_s").sigma < 0.006
+    assert car.minutes == pytest.approx(6.0, abs=0.1)
+    assert car.evidence["accel_rms_mps2"] > 0.5
+
+
+def test_an_imu_that_is_late_in_every_drive_is_found_late() -> None:
+    """In drives of a minute each alone is hardly sure of 50 ms; all together are."""
+    drives = [measure(city_drive(seed, 90.0), seed, {"imu": 0.05}) for seed in range(4)]
+    car = calibrated([Drive("", estimate_track(m, EstimatorConfig())) for m in drives])
+    late = car.of("imu", Kind.YAW_RATE, "latency_s")
+    assert late.value == pytest.approx(0.05, abs=max(3.0 * late.sigma, 0.005))
+    assert car.of("gnss", Kind.POSITION, "latency_s").value == pytest.approx(0.0, abs=0.02)
+
+
+def test_causal_estimate_with_a_calibration_knows_nothing_of_what_comes_later(car: Calibration) -> None:
+    """Leaving the log's second half out, or spoiling it, changes no state of the first half."""
+    whole = measure(city_drive(9, DURATION_S), 9, LATE)
+    half_ns = EPOCH_NS + 60_000_000_000
+    first = [m.at(m.stamp_ns < half_ns) for m in whole]
+    rng = np.random.default_rng(0)
+    spoilt = [replace(m, values=m.values.copy()) for m in whole]
+    for m in spoilt:
+        m.values[m.stamp_ns >= half_ns] *= 3.0 * rng.random()
+    output_ns = EPOCH_NS + np.arange(1_000_000_000, 59_500_000_000, 50_000_000)
+    config = EstimatorConfig(causal=True, calibration=car)
+    tracks = [estimate_track(measurements, config, output_ns) for measurements in (whole, first, spoilt)]
+    for other in tracks[1:]:
+        np.testing.assert_array_equal(other.state, tracks[0].state)
+        np.testing.assert_array_equal(other.covariance, tracks[0].covariance)
+    # Without one the noise and the latencies come from the whole log.
+    looked_ahead = [estimate_track(m, EstimatorConfig(causal=True), output_ns).state for m in (whole, first)]
+    assert not np.array_equal(*looked_ahead)
+
+
+def test_with_the_smoother_the_calibration_is_weighed_with_the_log(car: Calibration) -> None:
+    measurements = measure(city_drive(9, DURATION_S), 9, LATE)
+    alone = estimate_track(measurements, EstimatorConfig()).sources[0].latency
+    both = estimate_track(measurements, EstimatorConfig(calibration=car)).sources[0].latency
+    prior = car.of("gnss", Kind.POSITION, "latency_s")
+    assert both.status is LatencyStatus.CALIBRATED
+    assert both.sigma_s == pytest.approx((alone.sigma_s**-2 + prior.sigma**-2) ** -0.5)
+    assert min(alone.found_s, prior.value) <= both.found_s <= max(alone.found_s, prior.value)
+
+
+@pytest.mark.parametrize("causal", [False, True])
+def test_log_that_contradicts_is_told(car: Calibration, causal: bool) -> None:
+    """The receiver is 300 ms later than ever before, and the accelerometer reads 1 m/s^2 more."""
+    measurements = measure(city_drive(9, DURATION_S), 9, {**LATE, "gnss": 0.42})
+    more = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    measurements = [replace(m, values=m.values + more) if m.kind is Kind.IMU else m for m in measurements]
+    track = estimate_track(measurements, EstimatorConfig(causal=causal, calibration=car))
+    (note,) = (note for note in track.notes if note.startswith("gnss: position is late"))
+    assert ("the calibration counts" if causal else "the log counts") in note
+    assert any(note.startswith("imu: the bias of accel") for note in track.notes)
+    assert track.sources[0].latency.applied_s == pytest.approx(0.12 if causal else 0.42, abs=0.03)
+
+
+def test_calibration_of_another_car_is_refused(car: Calibration) -> None:
+    measurements = [replace(m, source=f"/other/{m.source}") for m in measure(city_drive(9, 60.0), 9, LATE)]
+    for causal in (False, True):
+        with pytest.raises(UsageError, match="not the calibration of this car") as found:
+            estimate_track(measurements, EstimatorConfig(causal=causal, calibration=car))
+        assert "car.toml" in str(found.value)
+
+
+def test_source_that_the_calibration_does_not_know_is_told(car: Calibration) -> None:
+    measurements = measure(city_drive(9, 60.0), 9, LATE)
+    more = Measurements("compass", Kind.HEADING, measurements[2].stamp_ns, measurements[2].values)
+    for causal, used in ((False, True), (True, False)):
+        track = estimate_track([*measurements, more], EstimatorConfig(causal=causal, calibration=car))
+        assert any("compass: the calibration car.toml does not know it" in note for note in track.notes)
+        assert (track.sources[-1].n_used > 0) == used
+
+
+def test_given_latency_counts_before_the_calibration(car: Calibration) -> None:
+    measurements = measure(city_drive(9, 60.0), 9, LATE)
+    config = EstimatorConfig(causal=True, calibration=car, latency={"gnss": 0.2})
+    assert estimate_track(measurements, config).sources[0].latency.applied_s == 0.2
+
+
+def test_constant_that_no_log_shows_is_not_observable() -> None:
+    rng = np.random.default_rng(0)
+    stamp_ns = EPOCH_NS + np.arange(0, 100_000_000_000, 50_000_000)
+    at_rest = np.tile([0.1, 0.0, 9.81, 0.0, 0.0, 0.0], (len(stamp_ns), 1))
+    parked = [
+        Measurements("gnss", Kind.POSITION, stamp_ns, rng.standard_normal((len(stamp_ns), 2))),
+        Measurements("imu", Kind.IMU, stamp_ns, at_rest + 0.01 * rng.standard_normal(at_rest.shape)),
+    ]
+    car = calibrated([Drive("", estimate_track(parked, EstimatorConfig()))])
+    assert car.of("gnss", Kind.POSITION, "latency_s").status is ConstantStatus.NOT_OBSERVABLE
+    assert car.of("gnss", Kind.POSITION, "latency_s") == replace(Constant(), n_logs=0)
