@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from cwcli.errors import DataError
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.signals.canonical import (
     HeadingSignal,
@@ -16,10 +17,11 @@ from cwcli.signals.canonical import (
     SpeedSignal,
     VelocitySignal,
 )
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_S
 
+MAX_STATES = 20_000_000
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
@@ -146,3 +148,47 @@ def _given(
 def _symmetric(packed: FloatArray) -> FloatArray:
     """(n, 3) columns xx, xy, yy as (n, 2, 2) matrices."""
     return packed[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def output_grid(measurements: Sequence[Measurements], rate_hz: float, max_bridge_s: float) -> Int64Array:
+    """Stamps of the ego's states: from its first position to its last measurement, at the given rate.
+
+    Where nothing is measured for longer than `max_bridge_s` the recorder stood still: there are no states in between.
+
+    Raises:
+        DataError: The span is so long that a stamp must be wrong.
+    """
+    first_ns, last_ns = int(measurements[0].stamp_ns[0]), int(measurements[0].stamp_ns[-1])
+    last_ns = max(int(m.stamp_ns[-1]) for m in measurements if len(m) and int(m.stamp_ns[0]) <= last_ns)
+    step_ns = round(NS_PER_S / rate_hz)
+    n = (last_ns - first_ns) // step_ns + 1
+    if n > MAX_STATES:
+        raise DataError(
+            f"the measurements span {(last_ns - first_ns) / NS_PER_S:.0f} s, {n} states at {rate_hz:g} Hz",
+            where=measurements[0].source,
+            hint="check the stamps with `cwcli info`, use --clock log, or cut with --start and --end",
+        )
+    grid_ns = np.asarray(first_ns + step_ns * np.arange(n), dtype=np.int64)
+    measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
+    for k in np.flatnonzero(np.diff(measured_ns) > max_bridge_s * NS_PER_S):
+        grid_ns = grid_ns[(grid_ns <= measured_ns[k]) | (grid_ns >= measured_ns[k + 1])]
+    return grid_ns
+
+
+def merged_remotes(signals: list[RemoteSignal]) -> RemoteSignal:
+    """Several V2X channels as one signal in stamp order; a station heard on two of them is one vehicle."""
+    if len(signals) == 1:
+        return signals[0]
+    stamp_ns = np.concatenate([s.stamp_ns for s in signals])
+    order = np.argsort(stamp_ns, kind="stable")
+    names = list(dict.fromkeys(name for s in signals for name in s.station.values))
+    codes = np.concatenate(
+        [np.array([names.index(name) for name in s.station.values], np.int32)[s.station.codes] for s in signals]
+    )
+    columns = {
+        name: np.concatenate([getattr(s, name) for s in signals])[order]
+        for name in RemoteSignal.__dataclass_fields__
+        if name not in {"source", "station"}
+    }
+    source = ", ".join(s.source for s in signals)
+    return RemoteSignal(source=source, station=Strings(codes[order], tuple(names)), **columns)

@@ -157,6 +157,20 @@ def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: Float
     )
 
 
+def body_of(paths: Paths) -> Paths:
+    """Published paths in the body frame of their start: their first point is the car, their first heading its axis."""
+    cos, sin = np.cos(paths.heading_rad[:, :1]), np.sin(paths.heading_rad[:, :1])
+    dx, dy = paths.x_m - paths.x_m[:, :1], paths.y_m - paths.y_m[:, :1]
+    return Paths(
+        paths.time_s,
+        cos * dx + sin * dy,
+        -sin * dx + cos * dy,
+        paths.heading_rad - paths.heading_rad[:, :1],
+        paths.speed_mps,
+        turned(paths.position_covariance_m2, paths.heading_rad[:, :1]),
+    )
+
+
 def dead_reckon(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
     """x, y and heading of the observed motion itself, shape (n,) each, from (0, 0, 0) at the first frame.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -12,6 +14,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 Method = Literal["linear", "previous", "nearest"]
+MAX_AGE_S = 0.5
 
 
 def resample(
@@ -94,3 +97,26 @@ def _nearest(stamps: Int64Array, at_ns: Int64Array, before: npt.NDArray[np.intp]
 
 def _clip(index: npt.NDArray[np.intp], stamps: Int64Array) -> npt.NDArray[np.intp]:
     return np.clip(index, 0, len(stamps) - 1)
+
+
+@dataclass(frozen=True)
+class Series:
+    """Values at increasing stamps; empty where the log tells nothing."""
+
+    stamp_ns: Int64Array
+    values: FloatArray
+
+    def at(self, stamp_ns: int) -> float:
+        """The value at a time, linear between two samples that are both near; NaN elsewhere."""
+        if not len(self.stamp_ns):
+            return float("nan")
+        i = bisect_left(self.stamp_ns, stamp_ns)  # not NumPy's, which waits for the decoding threads each time
+        if i < len(self.stamp_ns) and self.stamp_ns[i] == stamp_ns:
+            return float(self.values[i])
+        if i == 0 or i == len(self.stamp_ns):
+            return float("nan")
+        before, after = int(self.stamp_ns[i - 1]), int(self.stamp_ns[i])
+        if max(stamp_ns - before, after - stamp_ns) > MAX_AGE_S * NS_PER_S:
+            return float("nan")
+        part = (stamp_ns - before) / (after - before)
+        return float((1.0 - part) * self.values[i - 1] + part * self.values[i])

@@ -12,10 +12,17 @@ import numpy as np
 from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.published import REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, write_states
-from cwcli.errors import DataError, UsageError
+from cwcli.errors import UsageError
 from cwcli.estimation.calibration import Calibration, calibration_entry
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.from_signals import EgoSignal, ego_measurements, near_positions, remote_measurements
+from cwcli.estimation.from_signals import (
+    EgoSignal,
+    ego_measurements,
+    merged_remotes,
+    near_positions,
+    output_grid,
+    remote_measurements,
+)
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.track import estimate_track, estimate_tracks
@@ -24,11 +31,10 @@ from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal, Signal, TimedSignal
-from cwcli.signals.columns import Int64Array, OutputChannel, Strings
+from cwcli.signals.columns import OutputChannel
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_id
-from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
 from cwcli.stages.summaries.estimate import (
@@ -45,7 +51,6 @@ EXAMPLES = (
     "cwcli estimate drive.mcap --latency /gps/vel=300 --causal -o estimated.mcap",
 )
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
-MAX_STATES = 20_000_000
 MAX_BRIDGE_S = 60
 STATIONS_AT_ONCE = 4
 
@@ -149,7 +154,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         raise UsageError(f"--calibration is not for --model {config.estimator.model}")
     local_map = _local_map(sources)
     measurements, apart = near_positions(_ego_measurements(sources, local_map), MAX_BRIDGE_S)
-    grid_ns = _output_grid(measurements, config.rate_hz)
+    grid_ns = output_grid(measurements, config.rate_hz, MAX_BRIDGE_S)
     ego = estimate_track(measurements, replace(config.estimator, calibration=config.calibration), grid_ns)
     remote = _remote_states(sources, local_map, config.estimator)
     channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags), local_map)
@@ -209,31 +214,6 @@ def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
             raise UsageError(f"--latency {name}: the log has no topic {name}", where=log.name)
 
 
-def _output_grid(measurements: list[Measurements], rate_hz: float) -> Int64Array:
-    """Stamps of the ego's states: from its first position to its last measurement, at the given rate.
-
-    Where nothing is measured for longer than MAX_BRIDGE_S the recorder stood still: there are no states in between.
-
-    Raises:
-        DataError: The span is so long that a stamp must be wrong.
-    """
-    first_ns, last_ns = int(measurements[0].stamp_ns[0]), int(measurements[0].stamp_ns[-1])
-    last_ns = max(int(m.stamp_ns[-1]) for m in measurements if len(m) and int(m.stamp_ns[0]) <= last_ns)
-    step_ns = round(NS_PER_S / rate_hz)
-    n = (last_ns - first_ns) // step_ns + 1
-    if n > MAX_STATES:
-        raise DataError(
-            f"the measurements span {(last_ns - first_ns) / NS_PER_S:.0f} s, {n} states at {rate_hz:g} Hz",
-            where=measurements[0].source,
-            hint="check the stamps with `cwcli info`, use --clock log, or cut with --start and --end",
-        )
-    grid_ns = np.asarray(first_ns + step_ns * np.arange(n), dtype=np.int64)
-    measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
-    for k in np.flatnonzero(np.diff(measured_ns) > MAX_BRIDGE_S * NS_PER_S):
-        grid_ns = grid_ns[(grid_ns <= measured_ns[k]) | (grid_ns >= measured_ns[k + 1])]
-    return grid_ns
-
-
 def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates | None:
     """Estimate the remote vehicles, some at a time, and put their states where they belong in the channel at once.
 
@@ -242,7 +222,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
     signals = [s for s in sources.by_role.get(Role.REMOTE, ()) if isinstance(s, RemoteSignal)]
     if not signals or local_map is None:
         return None
-    signal = merged(signals)
+    signal = merged_remotes(signals)
     n = len(signal.stamp_ns)
     order = np.argsort(signal.log_time_ns, kind="stable")
     place = np.empty(n, np.intp)
@@ -270,25 +250,6 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
         flags,
     )
     return RemoteStates(write_states(REMOTE_STATE, states, local_map), tracks)
-
-
-def merged(signals: list[RemoteSignal]) -> RemoteSignal:
-    """Several V2X channels as one signal in stamp order; a station heard on two of them is one vehicle."""
-    if len(signals) == 1:
-        return signals[0]
-    stamp_ns = np.concatenate([s.stamp_ns for s in signals])
-    order = np.argsort(stamp_ns, kind="stable")
-    names = list(dict.fromkeys(name for s in signals for name in s.station.values))
-    codes = np.concatenate(
-        [np.array([names.index(name) for name in s.station.values], np.int32)[s.station.codes] for s in signals]
-    )
-    columns = {
-        name: np.concatenate([getattr(s, name) for s in signals])[order]
-        for name in RemoteSignal.__dataclass_fields__
-        if name not in {"source", "station"}
-    }
-    source = ", ".join(s.source for s in signals)
-    return RemoteSignal(source=source, station=Strings(codes[order], tuple(names)), **columns)
 
 
 def _summary(sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary]) -> Summary:

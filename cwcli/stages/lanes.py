@@ -28,9 +28,8 @@ from cwcli.pipeline.run_record import run_record
 from cwcli.signals.clocks import NO_STAMP
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.camera import CameraSource, camera_source
+from cwcli.stages.inputs.camera import CameraSource, camera_source, mounting_source
 from cwcli.stages.inputs.frame_motion import Motion, read_motion
-from cwcli.stages.inputs.mounting import MountingChoice, check_mounting, mounting_source
 from cwcli.stages.summaries.lanes import lanes_section, lanes_table
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
 from cwcli.vision.encoded import Image
@@ -39,6 +38,7 @@ from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.mounting import MountingChoice, check_mounting
 from cwcli.vision.rectify import Rectifier, rectified
 from cwcli.vision.video import VIDEO_FORMATS
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -15,20 +16,31 @@ from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.measures.base import Measure
-from cwcli.measures.evaluate import MeasuredPair, measure_pair
+from cwcli.measures.evaluate import WHOLE, Extreme, MeasuredPair, measure_pair
 from cwcli.measures.pair import OUTLINE_RANGE_M
+from cwcli.measures.tables import extremes_table, series_table
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.result import StageResult, Summary
+from cwcli.pipeline.result import Cell, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
+from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.tracks import OTHERS, Tracks, add_sigmas, read_tracks
-from cwcli.stages.summaries.measure import encounters_section, extremes_table, series_table
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
 
 EXAMPLES = (
     "cwcli measure estimated.mcap -o measured.mcap --metrics measures.parquet",
     "cwcli measure tracked.mcap --measures ttc,pet,drac --json",
 )
+SHOWN = {
+    "gap": "gap [m]",
+    "ttc": "TTC [s]",
+    "pet": "PET [s]",
+    "drac": "DRAC [m/s^2]",
+    "thw": "THW [s]",
+    "ttr": "TTR [s]",
+    "delta-v": "Delta v [m/s]",
+}
+MAX_SHOWN = 20
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -94,7 +106,7 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     if config.with_sigma:
         pairs = add_sigmas(log, tracks, pairs, chosen)
     series = series_table(tracks.ego_id, pairs, chosen)
-    summary = Summary("measure", (encounters_section(pairs, log.start_ns),), counts, (*bound.notes, *notes))
+    summary = Summary("measure", (_encounters_section(pairs, log.start_ns),), counts, (*bound.notes, *notes))
     return StageResult(
         stage="measure",
         channels=(write_measures(tracks.ego, series.columns),),
@@ -126,3 +138,30 @@ def _measured(tracks: Tracks, chosen: Mapping[str, Measure]) -> tuple[list[Measu
     if n_far:
         notes.append(f"vehicles that never came within {OUTLINE_RANGE_M:g} m, and are not measured: {n_far}")
     return pairs, notes
+
+
+def _encounters_section(pairs: Sequence[MeasuredPair], start_ns: int) -> Section:
+    """The most critical encounters, those with the least time to collision first, then the nearest."""
+    found = [row for pair in pairs for row in _encounters(pair, start_ns)]
+    order = [row for _, row in sorted(found, key=lambda each: each[0])]
+    columns = ("vehicle", "from [s]", "to [s]", *SHOWN.values())
+    title = "Most critical encounters (within 50 m; times from the log's start)"
+    if len(order) > MAX_SHOWN:
+        title = f"{MAX_SHOWN} most critical of {len(order)} encounters (within 50 m; times from the log's start)"
+    return Section("encounters", title, columns, tuple(order[:MAX_SHOWN]))
+
+
+def _encounters(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float, ...], tuple[Cell, ...]]]:
+    """What they are ordered by, and the row."""
+    by_number: dict[int, dict[str, Extreme]] = {}
+    for extreme in pair.extremes:
+        if extreme.encounter != WHOLE:
+            by_number.setdefault(extreme.encounter, {})[extreme.measure] = extreme
+    rows: list[tuple[tuple[float, ...], tuple[Cell, ...]]] = []
+    for extremes in by_number.values():
+        first = next(iter(extremes.values()))
+        span = ((each - start_ns) / NS_PER_S for each in (first.begin_ns, first.end_ns))
+        values = {name: extremes[name].value if name in extremes else math.nan for name in SHOWN}
+        order = tuple(math.inf if math.isnan(values[name]) else values[name] for name in ("ttc", "gap"))
+        rows.append(((*order, float(first.begin_ns)), (pair.other_id, *span, *values.values())))
+    return rows

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -24,23 +24,21 @@ from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.summaries.track import detection_counts, sections, track_tables
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Detections, EgoStates, SensorModel
+from cwcli.tracking.detections import EgoStates
 from cwcli.tracking.from_signals import (
     check_carriers,
     detections_of,
+    scan_times,
     sensor_models,
 )
 from cwcli.tracking.sensor_setting import SensorSetting, parse_sensors
-from cwcli.tracking.tracker import TrackResult, track_many, track_one
+from cwcli.tracking.tracker import Targets, TrackResult, track_targets
 
 EXAMPLES = (
     "cwcli track drive.mcap -o tracked.mcap --filter ukf --metrics tracks.parquet",
     "cwcli track drive.mcap --filter ekf --causal",
     "cwcli track drive.mcap --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30",
 )
-Targets = Literal["auto", "one", "many"]
-MAX_GATED_SHARE = 0.1
-"""Of the detections: with more outside the gate, one target is not all that there is."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +117,8 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     models, notes = sensor_models(signals, config.sensors)
     in_map = check_carriers(models, has_ego=ego is not None, where=log.name)
     detections = [detections_of(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
-    result, how = _tracks(detections, models, config, ego)
-    known_ns = _known(signals)
+    result, how = track_targets(config.targets, detections, models, config.tracker, ego)
+    known_ns = scan_times(signals)
     n_of_sensors = len(sources.notes) + len(notes)
     kinds = {d.source: d.kind for d in detections}
     notes.extend(_notes(result, signals, how, config))
@@ -166,36 +164,6 @@ def _ego(log: Log, config: SourceConfig) -> tuple[EgoStates | None, tuple[InputC
     count = InputCount(topic, EGO_STATE.role, len(states), len(states))
     states = states.by_stamp()
     return EgoStates.of(states.stamp_ns, states.state), (count,)
-
-
-def _tracks(
-    detections: Sequence[Detections], models: Mapping[str, SensorModel], config: TrackConfig, ego: EgoStates | None
-) -> tuple[TrackResult, str]:
-    """The tracks, and whether they were made for `one` target or `many`."""
-    one_a_scan = all(_most_in_a_scan(data) <= 1 for data in detections)
-    if config.targets == "one" or (config.targets == "auto" and one_a_scan):
-        result = track_one(detections, models, config.tracker, ego)
-        gated = sum(count.rejected.get("outside the gate", 0) for count in result.counts.values())
-        used = sum(count.used for count in result.counts.values())
-        if config.targets == "one" or gated <= MAX_GATED_SHARE * (gated + used):
-            return result, "one"
-    return track_many(detections, models, config.tracker, ego), "many"
-
-
-def _most_in_a_scan(data: Detections) -> int:
-    """The largest number of finite detections that share a stamp."""
-    stamps = data.stamp_ns[np.isfinite(data.values[:, :2]).all(axis=1)]
-    return int(np.unique(stamps, return_counts=True)[1].max(initial=0))
-
-
-def _known(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
-    """Stamps of all scans, increasing, and when each was known: its log time."""
-    stamp_ns = np.concatenate([signal.stamp_ns for signal in signals])
-    log_time_ns = np.concatenate([signal.log_time_ns for signal in signals])
-    order = np.lexsort((log_time_ns, stamp_ns))
-    stamp_ns, log_time_ns = stamp_ns[order], log_time_ns[order]
-    last = np.append(np.diff(stamp_ns) != 0, True)
-    return stamp_ns[last], log_time_ns[last]
 
 
 def _notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:

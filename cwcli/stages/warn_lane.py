@@ -16,9 +16,9 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
+from cwcli.prediction.lateral import body_of
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.covariances import turned
 from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
@@ -97,20 +97,6 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
     tables = (result.events, result.series)
     outcome = RuleOutcome(RULE, result.rows, tables, _sections(result, log.start_ns))
     return warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
-
-
-def body_of(paths: Paths) -> Paths:
-    """Published paths in the body frame of their start: their first point is the car, their first heading its axis."""
-    cos, sin = np.cos(paths.heading_rad[:, :1]), np.sin(paths.heading_rad[:, :1])
-    dx, dy = paths.x_m - paths.x_m[:, :1], paths.y_m - paths.y_m[:, :1]
-    return Paths(
-        paths.time_s,
-        cos * dx + sin * dy,
-        -sin * dx + cos * dy,
-        paths.heading_rad - paths.heading_rad[:, :1],
-        paths.speed_mps,
-        turned(paths.position_covariance_m2, paths.heading_rad[:, :1]),
-    )
 
 
 def _frames(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, Boundaries]:

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.builders.motion import MAP_FRAMES
 from cwcli.signals.canonical import DetectionSignal
-from cwcli.signals.columns import Strings
+from cwcli.signals.columns import Int64Array, Strings
 from cwcli.signals.elements import taken
 from cwcli.tracking.convert import polar_from_cartesian
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
@@ -114,3 +114,13 @@ def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: s
             hint=f"run `cwcli estimate LOG -o estimated.mcap` first, or say --sensor {fixed[0]}:carrier=body",
         )
     return has_ego or not moving
+
+
+def scan_times(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
+    """Stamps of all scans, increasing, and when each was known: its log time."""
+    stamp_ns = np.concatenate([signal.stamp_ns for signal in signals])
+    log_time_ns = np.concatenate([signal.log_time_ns for signal in signals])
+    order = np.lexsort((log_time_ns, stamp_ns))
+    stamp_ns, log_time_ns = stamp_ns[order], log_time_ns[order]
+    last = np.append(np.diff(stamp_ns) != 0, True)
+    return stamp_ns[last], log_time_ns[last]

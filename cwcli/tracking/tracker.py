@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from cwcli.tracking.prepare import PreparedDetections, Rows, prepare
 from cwcli.tracking.scan_loop import Association
 from cwcli.tracking.single import Consistency, FilterOutput, consistency, run_filter
 from cwcli.tracking.tune import TunedFilter, rescale, tune
+
+Targets = Literal["auto", "one", "many"]
+MAX_GATED_SHARE = 0.1
+"""Of the detections: with more outside the gate, one target is not all that there is."""
 
 
 @dataclass(frozen=True)
@@ -205,3 +210,33 @@ def _pooled(sources: tuple[str, ...], pool: Sequence[tuple[Int64Array, FilterOut
         np.concatenate([output.n_values for _, output in pool]),
         np.concatenate([output.status for _, output in pool]),
     )
+
+
+def track_targets(
+    targets: Targets,
+    detections: Sequence[Detections],
+    models: Mapping[str, SensorModel],
+    config: TrackerConfig,
+    ego: EgoStates | None = None,
+) -> tuple[TrackResult, str]:
+    """The tracks, and whether they were made for `one` target or `many`.
+
+    Args:
+        targets: `one`, `many`, or `auto`: one where no scan holds two detections and a single track takes nine in ten
+            of them, else many.
+        detections, models, config, ego: As for `track_one` and `track_many`.
+    """
+    one_a_scan = all(_most_in_a_scan(data) <= 1 for data in detections)
+    if targets == "one" or (targets == "auto" and one_a_scan):
+        result = track_one(detections, models, config, ego)
+        gated = sum(count.rejected.get("outside the gate", 0) for count in result.counts.values())
+        used = sum(count.used for count in result.counts.values())
+        if targets == "one" or gated <= MAX_GATED_SHARE * (gated + used):
+            return result, "one"
+    return track_many(detections, models, config, ego), "many"
+
+
+def _most_in_a_scan(data: Detections) -> int:
+    """The largest number of finite detections that share a stamp."""
+    stamps = data.stamp_ns[np.isfinite(data.values[:, :2]).all(axis=1)]
+    return int(np.unique(stamps, return_counts=True)[1].max(initial=0))

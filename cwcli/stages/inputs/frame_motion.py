@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,39 +15,14 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.resample import Series
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_stamp
-from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.calibrated import calibrated_sources
 from cwcli.stages.inputs.sources import read_sources
 
-MAX_AGE_S = 0.5
 UP = 2
-
-
-@dataclass(frozen=True)
-class Series:
-    """Values at increasing stamps; empty where the log tells nothing."""
-
-    stamp_ns: Int64Array
-    values: FloatArray
-
-    def at(self, stamp_ns: int) -> float:
-        """The value at a time, linear between two samples that are both near; NaN elsewhere."""
-        if not len(self.stamp_ns):
-            return float("nan")
-        i = bisect_left(self.stamp_ns, stamp_ns)  # not NumPy's, which waits for the decoding threads each time
-        if i < len(self.stamp_ns) and self.stamp_ns[i] == stamp_ns:
-            return float(self.values[i])
-        if i == 0 or i == len(self.stamp_ns):
-            return float("nan")
-        before, after = int(self.stamp_ns[i - 1]), int(self.stamp_ns[i])
-        if max(stamp_ns - before, after - stamp_ns) > MAX_AGE_S * NS_PER_S:
-            return float("nan")
-        part = (stamp_ns - before) / (after - before)
-        return float((1.0 - part) * self.values[i - 1] + part * self.values[i])
 
 
 NOTHING = Series(np.zeros(0, np.int64), np.zeros(0))

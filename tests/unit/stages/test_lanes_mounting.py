@@ -17,8 +17,9 @@ from scipy.spatial.transform import Rotation
 from cwcli.logs.read.reader import Log
 from cwcli.signals.transforms import Transform, body_from_frame, camera_pose
 from cwcli.simulate.road_log import CAMERA_FRAME, plan, road_config, write_road
-from cwcli.stages.inputs.mounting import MountingChoice, mounting_source
+from cwcli.stages.inputs.camera import mounting_source
 from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.mounting import MountingChoice
 
 TF_MESSAGE = """geometry_msgs/TransformStamped[] transforms
 ================================================================================

@@ -13,12 +13,12 @@ from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
 from cwcli.pipeline.result import StageResult
+from cwcli.prediction.lateral import body_of
 from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
 from cwcli.stages import STAGES
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
-from cwcli.stages.warn_lane import body_of
 from tests.unit.stages.lateral_logs import EGO_TRUTH, START_NS, TRUTH, drive, ego_state_channel, write_lane_log
 
 DRIVE = drive(seconds=30.0)

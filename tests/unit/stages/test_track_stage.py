@@ -12,11 +12,11 @@ from cwcli.pipeline.records import map_of
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Columns, Strings, constant_strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.stages.track import TrackConfig, _tracks
+from cwcli.stages.track import TrackConfig
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.from_signals import SensorSetting, check_carriers, detections_of, sensor_models
-from cwcli.tracking.tracker import track_many, track_one
+from cwcli.tracking.tracker import track_many, track_one, track_targets
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
@@ -96,7 +96,8 @@ def lidar(xy, stamps=None):
 
 
 def run(data, **config):
-    return _tracks([data], {}, TrackConfig(tracker=PLAIN, **config), None)
+    made = TrackConfig(tracker=PLAIN, **config)
+    return track_targets(made.targets, [data], {}, made.tracker)
 
 
 def test_auto_takes_one_target_where_no_scan_holds_two():

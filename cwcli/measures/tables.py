@@ -1,29 +1,15 @@
-"""What `cwcli measure` says: the measures as tables, and the most critical encounters."""
+"""What was measured of the pairs of a log, as tables: each moment, and the most critical values."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.evaluate import WHOLE, Extreme, MeasuredPair
+from cwcli.measures.evaluate import MeasuredPair
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.columns import Strings, constant_strings, strings_from
-from cwcli.signals.units import NS_PER_S
-
-SHOWN = {
-    "gap": "gap [m]",
-    "ttc": "TTC [s]",
-    "pet": "PET [s]",
-    "drac": "DRAC [m/s^2]",
-    "thw": "THW [s]",
-    "ttr": "TTR [s]",
-    "delta-v": "Delta v [m/s]",
-}
-MAX_SHOWN = 20
 
 
 def series_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]) -> Table:
@@ -73,30 +59,3 @@ def extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping
             "sigma": ColumnDoc(doc="of the value, to first order by the states' covariances"),
         },
     )
-
-
-def encounters_section(pairs: Sequence[MeasuredPair], start_ns: int) -> Section:
-    """The most critical encounters, those with the least time to collision first, then the nearest."""
-    found = [row for pair in pairs for row in _encounters(pair, start_ns)]
-    order = [row for _, row in sorted(found, key=lambda each: each[0])]
-    columns = ("vehicle", "from [s]", "to [s]", *SHOWN.values())
-    title = "Most critical encounters (within 50 m; times from the log's start)"
-    if len(order) > MAX_SHOWN:
-        title = f"{MAX_SHOWN} most critical of {len(order)} encounters (within 50 m; times from the log's start)"
-    return Section("encounters", title, columns, tuple(order[:MAX_SHOWN]))
-
-
-def _encounters(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float, ...], tuple[Cell, ...]]]:
-    """What they are ordered by, and the row."""
-    by_number: dict[int, dict[str, Extreme]] = {}
-    for extreme in pair.extremes:
-        if extreme.encounter != WHOLE:
-            by_number.setdefault(extreme.encounter, {})[extreme.measure] = extreme
-    rows: list[tuple[tuple[float, ...], tuple[Cell, ...]]] = []
-    for extremes in by_number.values():
-        first = next(iter(extremes.values()))
-        span = ((each - start_ns) / NS_PER_S for each in (first.begin_ns, first.end_ns))
-        values = {name: extremes[name].value if name in extremes else math.nan for name in SHOWN}
-        order = tuple(math.inf if math.isnan(values[name]) else values[name] for name in ("ttc", "gap"))
-        rows.append(((*order, float(first.begin_ns)), (pair.other_id, *span, *values.values())))
-    return rows
