@@ -15,6 +15,7 @@ from cwcli.estimation.calibrated import bias_note, check_fits, known_alone, know
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.gaps import restarts_after_gaps
+from cwcli.estimation.latency import CORRECTED
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
@@ -28,8 +29,9 @@ from cwcli.estimation.trust import state_flags
 from cwcli.estimation.tune import TunedSeries, tune
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import mean_bounds
-from cwcli.signals.columns import Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import HEADING, SPEED
 
 MIN_NIS_ROWS = 20
 LONG_LEAD_IN_S = 3.0  # without a position
@@ -90,16 +92,38 @@ def estimate_track(
         if r.n_resets and r.kind not in RATES:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} believed again after rejections, {often}")
+    state = np.ascontiguousarray(result.state[:, :N_MOTION])
     return Track(
         output_stamp_ns,
-        np.ascontiguousarray(result.state[:, :N_MOTION]),
-        np.ascontiguousarray(result.covariance[:, :N_MOTION, :N_MOTION]),
+        state,
+        result.covariance[:, :N_MOTION, :N_MOTION] + _of_latency(state, tuned),
         state_flags(tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal),
         reports,
         result.log_likelihood,
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMAS},
     )
+
+
+def _of_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
+    """What the positions' latency adds to the covariance, (m, 8, 8): v v' sigma^2 where x and y are.
+
+    A fix at p(t) that is stamped t + tau, corrected by tau + e, is taken for p at t - e: it lies v e ahead. All fixes
+    of a source have the same e, so no filter averages it out, and the positions of the states lie v e ahead like
+    them. Of several sources the one that is known best counts.
+    """
+    sigma_s = min(
+        (
+            latency.sigma_s if latency.status in CORRECTED and latency.sigma_s > 0.0 else 0.0
+            for s, latency in zip(tuned.series, tuned.latencies, strict=True)
+            if s.kind is Kind.POSITION and len(s)
+        ),
+        default=0.0,
+    )
+    velocity = state[:, SPEED, None] * np.column_stack([np.cos(state[:, HEADING]), np.sin(state[:, HEADING])])
+    grown = np.zeros((len(state), N_MOTION, N_MOTION))
+    grown[:, :2, :2] = sigma_s**2 * velocity[:, :, None] * velocity[:, None, :]
+    return grown
 
 
 def _prepared(

@@ -216,3 +216,17 @@ def test_states_are_on_the_positions_clock_where_the_imu_is_late() -> None:
     truth = drive.at((track.stamp_ns[inside] - EPOCH_NS) / 1e9)
     error = np.hypot(track.state[inside, 0] - truth["x_m"], track.state[inside, 1] - truth["y_m"])
     assert np.sqrt((error**2).mean()) < 0.2
+
+
+def test_position_is_no_surer_along_the_way_than_its_latency() -> None:
+    """Along the way its variance grows by (v sigma)^2 against that with the same latency given as exact."""
+    measurements = measure(city_drive(6, 60.0), 6, {"gnss": 0.25})
+    found = estimate_track(measurements, EstimatorConfig())
+    latency = found.sources[0].latency
+    assert latency.status is LatencyStatus.APPLIED
+    exact = estimate_track(measurements, EstimatorConfig(latency={"gnss": latency.found_s}))
+    heading = found.state[:, 3]
+    along, across = np.stack([np.cos(heading), np.sin(heading)]), np.stack([-np.sin(heading), np.cos(heading)])
+    for axis, grown in ((along, (found.state[:, 2] * latency.sigma_s) ** 2), (across, 0.0)):
+        before, after = (np.einsum("in,nij,jn->n", axis, t.covariance[:, :2, :2], axis) for t in (exact, found))
+        np.testing.assert_allclose(after, before + grown, rtol=0.02, atol=1e-4)
