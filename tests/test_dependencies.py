@@ -17,8 +17,6 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PAGE = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
 NOT_INSTALLED = {"stonesoup": "stonesoup"}
 """Modules of benchmarks that run without the package too -> the package."""
-DEVELOPER_ONLY = {"grpcio-tools"}
-"""What only a module imports that compiles what is shipped compiled."""
 RUN = {
     "build": ".ci/run: -m build",
     "import-linter": ".ci/run: lint-imports",
@@ -62,7 +60,7 @@ def imported(*folders: str) -> set[str]:
     """The packages that the files below some folders import, our own and Python's aside."""
     packages = {name: {*map(str.lower, found)} for name, found in packages_distributions().items()}
     files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
-    ours = {"cwcli", "tests", *(path.stem for path in files)}
+    ours = {"cwcli", "tests", "tools", *(path.stem for path in files)}
     names = {name.partition(".")[0] for path in files for name in modules(path)} - ours - {*sys.stdlib_module_names}
     assert names
     return {one for name in names for one in packages.get(name, {NOT_INSTALLED.get(name, name)})}
@@ -77,7 +75,7 @@ def listed(heading: str, column: int) -> list[list[str]]:
 
 def test_what_is_imported_is_declared_and_what_is_declared_is_imported() -> None:
     needed = RUNTIME.union(*(packages for extra, packages in EXTRAS.items() if extra != "bench"))
-    found = imported("cwcli") - DEVELOPER_ONLY
+    found = imported("cwcli")
     assert found == needed - {*RUN}
 
 
@@ -101,7 +99,7 @@ def listed_text(heading: str) -> str:
 
 def test_what_tests_import_is_declared_for_them_and_nothing_else() -> None:
     dev = declared("dev")
-    found = imported("tests")
+    found = imported("tests", "tools")
     assert found - RUNTIME <= dev | EXTRAS["bench"]
     assert dev - found - {*RUN} - imported("cwcli") == set()
 

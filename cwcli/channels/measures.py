@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,45 +11,17 @@ import numpy as np
 from cwcli.channels.output import output
 from cwcli.channels.published import MEASURED
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.logs.write.schemas import message_schema
 from cwcli.signals.columns import OutputChannel
 
-COLUMNS = (
-    "distance_m",
-    "gap_m",
-    "ttc_s",
-    "mttc_s",
-    "ttc_star_s",
-    "ttce_s",
-    "dce_m",
-    "headway_m",
-    "thw_s",
-    "wttc_s",
-    "ttb_s",
-    "ttk_s",
-    "tts_s",
-    "ttr_s",
-    "ppet_s",
-    "gap_time_s",
-    "drac_mps2",
-    "mdrac_mps2",
-    "a_long_req_mps2",
-    "a_lat_req_mps2",
-    "a_req_mps2",
-    "btn",
-    "stn",
-    "dst_mps2",
-    "msd_m",
-    "psd",
-    "delta_v_mps",
-    "long_jerk_mps3",
-    "lat_jerk_mps3",
-    "rss_long_m",
-    "rss_lat_m",
-    "rss_response_mps2",
-    "pfs",
-    "cfs",
-)
-"""The measures of the message. Others, a package's or those that are sampled, are in the table alone."""
+OF_A_PAIR = ("stamp_ns", "ego_id", "other_id")
+
+
+@cache
+def measured() -> tuple[str, ...]:
+    """The measures of the message, as it has them. Those without a field of their own are in the table alone."""
+    names = [field.name for field in message_schema(MEASURED.schema).descriptor.fields]
+    return tuple(name for name in names if name not in OF_A_PAIR)
 
 
 def write_measures(ego: VehicleStates, columns: Mapping[str, Any]) -> OutputChannel:
@@ -60,6 +33,6 @@ def write_measures(ego: VehicleStates, columns: Mapping[str, Any]) -> OutputChan
     """
     stamp_ns = columns["stamp_ns"]
     unknown = np.full(len(stamp_ns), np.nan)
-    fields = {name: columns[name] for name in ("stamp_ns", "ego_id", "other_id")}
-    fields.update({name: columns.get(name, unknown) for name in COLUMNS})
+    fields = {name: columns[name] for name in OF_A_PAIR}
+    fields.update({name: columns.get(name, unknown) for name in measured()})
     return output(MEASURED, ego.log_time_ns[np.searchsorted(ego.stamp_ns, stamp_ns)], fields)

@@ -49,9 +49,9 @@ class ControlConfig(Selection):
     """Settings of the stage.
 
     Attributes:
-        predictor: A key of `prediction.MODELS`; None: the default one.
-        rule: A key of `warning.RULES`, which finds the warnings; None: the paper's with a predictor that was chosen,
-            else the default one.
+        predictor: A key of `cwcli.prediction.models.MODELS`; None: the default one.
+        rule: A key of `cwcli.warning.rules.RULES`, which finds the warnings; None: the paper's with a predictor that
+            was chosen, else the default one.
         horizon_s, distance_m: Of the rule, as in `WarningConfig`.
         span: How much of the drive is replayed after each warning.
     """

@@ -33,7 +33,7 @@ class PredictConfig(Selection):
     """Settings of the stage.
 
     Attributes:
-        model: A key of `prediction.MODELS`.
+        model: A key of `cwcli.prediction.models.MODELS`.
         horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
         discretisation: "exact", or "paper" for song2016's recursion.
     """

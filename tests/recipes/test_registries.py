@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 from cwcli.logs.read.reader import Log
 from tests.recipes.conftest import Built
@@ -22,10 +23,17 @@ def spaced(text: str) -> str:
 
 def test_a_measure_is_a_column_a_conflict_and_a_section_of_the_docs(built: Built, tmp_path: Path) -> None:
     house = built("A measure")
+    house.python("-m", "tools.compile_schemas")
     house.run("run", INTERSECTION, "-o", "out.mcap", "--metrics-dir", "m", "--warn-conflict", "closing > 10")
     (pair,) = pq.read_table(house.folder / "m" / "pairs.parquet").to_pylist()
     assert 10.0 < pair["max_closing_mps"] < 19.0  # the cars drive 9 and 10 m/s
     assert pq.read_table(house.folder / "m" / "conflicts.parquet").num_rows == 1
+    house.run("measure", "out.mcap", "-o", "measured.mcap", "--measures", "closing", "--metrics-dir", "n")
+    with Log.open(house.folder / "measured.mcap") as log:
+        closing_mps = np.asarray(log.columns("/cwcli/measures").fields["closing_mps"])
+    assert closing_mps.max() == pytest.approx(pair["max_closing_mps"], rel=0.01)
+    assert "closing_mps" in pq.read_schema(house.folder / "n" / "measures.parquet").names
+    assert "closing" in house.run("measure", "--help")
     (house.folder / "p.toml").write_text('[warn]\nconflict = "closing > 10"\n')
     assert 'conflict = "closing > 10"' in house.run("config", "p.toml")
     house.run("report", "out.mcap", "-o", "out.html")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.measures import COLUMNS
+from cwcli.channels.measures import measured
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.write.schemas import schema_folder
 from cwcli.measures import MEASURES
@@ -171,5 +171,5 @@ def test_blocks_are_the_whole(tmp_path: Path) -> None:
 def test_the_message_has_the_fields_that_are_written() -> None:
     text = (schema_folder() / "cwcli" / "v1" / "measures.proto").read_text(encoding="utf-8")
     fields = [line.split()[1] for line in text.splitlines() if line.strip().startswith("double ")]
-    assert tuple(fields) == COLUMNS
-    assert set(fields) <= {measure.column for measure in MEASURES.values() if measure.is_series}
+    assert tuple(fields) == measured()
+    assert set(fields) == {each.column for each in MEASURES.values() if each.is_series and not each.is_sampled}
