@@ -1,0 +1,248 @@
+"""Whether a careful driver would have avoided a crash: four driver models in a closed loop with a recorded other.
+
+The models are those that UN Regulation 157 and the European Commission's study of it compare: the careful and competent
+human (annex 4, appendix 3), the regulation's own criterion (5.2.5.2), RSS (Shalev-Shwartz et al. 2017) and the fuzzy
+safety model (Mattas et al. 2020). Each keeps the ego's speed until it sees danger, reacts after its reaction time, and
+brakes in the ego's own way; the other drives as recorded. Rows of every array are cases, which are run at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.measures import fuzzy
+from cwcli.measures.outlines import Size, overlap_margin
+from cwcli.signals.columns import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+GRAVITY_MPS2 = 9.81
+HUMAN_BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
+HUMAN_JERK_MPS3 = 12.65
+CRITICAL_TTC_S = 2.0
+R157_BRAKING_MPS2, R157_REACTION_S, R157_LATERAL_M, R157_STEP_S = 6.0, 0.35, 0.5, 0.1
+RSS_REACTION_S, RSS_ACCEL_MPS2, RSS_BRAKING_MPS2 = 0.75, 3.0, 6.0
+RSS_LATERAL_MPS2, RSS_FLUCTUATION_M = 1.0, 0.3
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a driver sees at one moment, (n,) each, along and across the ego's heading.
+
+    Attributes:
+        gap_m, lateral_gap_m: Between the outlines; negative where they overlap in that direction.
+        reach_m: Half of both lengths together.
+        speed_mps, accel_mps2: Of the ego.
+        other_speed_mps: Of the other, along.
+        approach_mps: Of the other, across and towards the ego.
+        is_behind: The other is behind the ego.
+    """
+
+    gap_m: FloatArray
+    lateral_gap_m: FloatArray
+    reach_m: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    other_speed_mps: FloatArray
+    approach_mps: FloatArray
+    is_behind: BoolArray
+
+    @property
+    def closing_mps(self) -> FloatArray:
+        """How fast the ego comes nearer."""
+        return self.speed_mps - self.other_speed_mps
+
+    @property
+    def ttc_s(self) -> FloatArray:
+        """Gap over closing speed, its size."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.abs(self.gap_m / self.closing_mps)
+
+
+@dataclass(frozen=True)
+class Driver:
+    """A driver model.
+
+    Attributes:
+        summary: What it is, in words.
+        wants: Situation -> the deceleration it asks for, (n,): 0 where it sees no danger.
+        reaction_s: From seeing danger to braking.
+        release_mps2: Deceleration while it reacts: the foot leaves the pedal.
+        jerk_mps3: How fast the deceleration grows.
+        gives_up: Situation -> where it need not judge any more, (n,): the cut-in came with time enough.
+    """
+
+    summary: str
+    wants: Callable[[Situation], FloatArray]
+    reaction_s: float
+    release_mps2: float = 0.0
+    jerk_mps3: float = np.inf
+    gives_up: Callable[[Situation], BoolArray] | None = None
+
+
+def _human(seen: Situation) -> FloatArray:
+    """The careful human at a cut-in: the other is in the way and nearer than 2 s."""
+    danger = ~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s <= CRITICAL_TTC_S)
+    return np.where(danger, HUMAN_BRAKING_MPS2, 0.0)
+
+
+def _human_gives_up(seen: Situation) -> BoolArray:
+    return np.asarray(~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s > CRITICAL_TTC_S))
+
+
+def _human_behind(seen: Situation) -> FloatArray:
+    """The careful human behind one that brakes, or stands: it brakes."""
+    return np.full(len(seen.gap_m), HUMAN_BRAKING_MPS2)
+
+
+def _regulation(seen: Situation) -> FloatArray:
+    bound_s = seen.closing_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
+    danger = ~seen.is_behind & (seen.lateral_gap_m <= R157_LATERAL_M) & (seen.ttc_s <= bound_s)
+    return np.where(danger, R157_BRAKING_MPS2, 0.0)
+
+
+def _rss(seen: Situation) -> FloatArray:
+    after = seen.speed_mps + RSS_REACTION_S * RSS_ACCEL_MPS2
+    safe_m = seen.speed_mps * RSS_REACTION_S + RSS_ACCEL_MPS2 * RSS_REACTION_S**2 / 2.0
+    safe_m = safe_m + (after**2 - seen.other_speed_mps**2) / (2.0 * RSS_BRAKING_MPS2)
+    across = np.abs(seen.approach_mps)
+    across_after = across + RSS_LATERAL_MPS2 * RSS_REACTION_S
+    beside_m = (2.0 * across + RSS_LATERAL_MPS2 * RSS_REACTION_S) * RSS_REACTION_S / 2.0
+    beside_m = RSS_FLUCTUATION_M + beside_m + across_after**2 / (2.0 * RSS_LATERAL_MPS2)
+    danger = ~seen.is_behind & (seen.gap_m < safe_m) & (seen.lateral_gap_m < beside_m)
+    return np.where(danger, HUMAN_BRAKING_MPS2, 0.0)
+
+
+def _fuzzy(seen: Situation) -> FloatArray:
+    beside = seen.lateral_gap_m > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lateral_s = seen.lateral_gap_m / seen.approach_mps
+        passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_mps
+    goes_by = beside & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
+    now = fuzzy.critical(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
+    ahead = fuzzy.proactive(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
+    hard = fuzzy.HARD_MPS2 - fuzzy.COMFORTABLE_MPS2
+    wanted = np.where(now > 0.0, fuzzy.COMFORTABLE_MPS2 + now * hard, ahead * fuzzy.COMFORTABLE_MPS2)
+    return np.where(seen.is_behind | goes_by, 0.0, wanted)
+
+
+HUMAN = Driver("careful and competent human", _human, 0.75, 0.4, HUMAN_JERK_MPS3, _human_gives_up)
+HUMAN_BEHIND = Driver("careful and competent human, behind", _human_behind, 0.75, 0.4, HUMAN_JERK_MPS3)
+R157 = Driver("driver of UN R157", _regulation, R157_REACTION_S)
+RSS = Driver("RSS", _rss, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)
+FSM = Driver("fuzzy safety model", _fuzzy, fuzzy.RESPONSE_S, 0.0, HUMAN_JERK_MPS3)
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Of one vehicle in every case, (n,) each, map frame: centre, heading, speed along it, speed across it (left)."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    across_mps: FloatArray
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of each case, (n,) each.
+
+    Attributes:
+        crashed: The outlines overlapped.
+        crash_s: When first, from the start; NaN if never.
+        impact_mps: The relative speed then; NaN if never.
+        braked_s: When the driver first braked; NaN if never.
+        least_gap_m: Least distance by which the outlines were apart on the separating axes; negative in a crash.
+    """
+
+    crashed: BoolArray
+    crash_s: FloatArray
+    impact_mps: FloatArray
+    braked_s: FloatArray
+    least_gap_m: FloatArray
+
+
+def drive(
+    driver: Driver,
+    *,
+    start_mps: FloatArray,
+    ego_at: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]],
+    other_at: Callable[[int], tuple[Poses, BoolArray, Size]],
+    ego_size: Size,
+    n_steps: int,
+    step_s: float,
+    offset_m: FloatArray | None = None,
+) -> Outcome:
+    """Drive every case with one driver model.
+
+    Args:
+        driver: Who drives.
+        start_mps: The ego's speed at first, (n,).
+        ego_at: Way along the ego's path, (n,) -> x_m, y_m, heading_rad there.
+        other_at: Step -> the other, where it is to be minded, and its size.
+        ego_size: Of the ego.
+        n_steps: How many.
+        step_s: How long each; positions follow from the speed at its end.
+        offset_m: The ego's way at the start, (n,); None: 0.
+    """
+    n = len(start_mps)
+    speed, way = start_mps.astype(np.float64), np.zeros(n) if offset_m is None else offset_m.astype(np.float64)
+    before, decel = speed.copy(), np.zeros(n)
+    left_s = np.full(n, driver.reaction_s)
+    crash_s, impact, braked_s = (np.full(n, np.nan) for _ in range(3))
+    least, over = np.full(n, np.inf), np.zeros(n, dtype=bool)
+    for step in range(n_steps):
+        own = ego_at(way)
+        other, minded, other_size = other_at(step)
+        seen = _seen(own, speed, (speed - before) / step_s, other, ego_size, other_size)
+        if driver.gives_up is not None:
+            over |= minded & driver.gives_up(seen)
+        wanted = np.where(minded, driver.wants(seen), 0.0)
+        acts, waits = wanted > 0.0, left_s > 0.0
+        braked_s = np.where(acts & ~waits & np.isnan(braked_s), step * step_s, braked_s)
+        grown = np.minimum(decel + driver.jerk_mps3 * step_s, wanted)
+        decel = np.where(acts, np.where(waits, driver.release_mps2, grown), decel)
+        left_s = np.where(acts & waits, left_s - step_s, left_s)
+        margin = overlap_margin(other.x_m - own[0], other.y_m - own[1], own[2], other.heading_rad, ego_size, other_size)
+        least = np.where(over, least, np.minimum(least, margin))
+        hits = (margin < 0.0) & minded & np.isnan(crash_s) & ~over
+        crash_s = np.where(hits, step * step_s, crash_s)
+        impact = np.where(hits, np.hypot(seen.closing_mps, seen.approach_mps), impact)
+        before = speed
+        speed = np.where(acts, np.maximum(speed - decel * step_s, 0.0), speed)
+        way = way + speed * step_s
+    return Outcome(~np.isnan(crash_s), crash_s, impact, braked_s, least)
+
+
+def _seen(
+    own: tuple[FloatArray, FloatArray, FloatArray],
+    speed: FloatArray,
+    accel: FloatArray,
+    other: Poses,
+    ego_size: Size,
+    other_size: Size,
+) -> Situation:
+    cosine, sine = np.cos(own[2]), np.sin(own[2])
+    dx, dy = other.x_m - own[0], other.y_m - own[1]
+    ahead, left = dx * cosine + dy * sine, dy * cosine - dx * sine
+    turn = other.heading_rad - own[2]
+    along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    reach = 0.5 * (ego_size[0] + other_size[0] * along + other_size[1] * across)
+    beside = 0.5 * (ego_size[1] + other_size[0] * across + other_size[1] * along)
+    velocity_ahead = other.speed_mps * np.cos(turn) - other.across_mps * np.sin(turn)
+    velocity_left = other.speed_mps * np.sin(turn) + other.across_mps * np.cos(turn)
+    return Situation(
+        gap_m=np.abs(ahead) - reach,
+        lateral_gap_m=np.abs(left) - beside,
+        reach_m=reach,
+        speed_mps=speed,
+        accel_mps2=accel,
+        other_speed_mps=velocity_ahead,
+        approach_mps=-np.sign(left) * velocity_left,
+        is_behind=ahead < 0.0,
+    )
