@@ -25,6 +25,7 @@ from cwcli.estimation.from_signals import (
 )
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
+from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise
 from cwcli.estimation.track import estimate_track, estimate_tracks
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
@@ -37,14 +38,7 @@ from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
-from cwcli.stages.summaries.estimate import (
-    TrackSummary,
-    estimate_tables,
-    gap_notes,
-    sections,
-    source_record,
-    summarise,
-)
+from cwcli.stages.summaries.estimate import gap_notes, sections
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",

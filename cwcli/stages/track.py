@@ -15,16 +15,16 @@ from cwcli.channels.vehicle_state import read_states
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import map_of, run_records
-from cwcli.pipeline.result import InputCount, StageResult, Summary
+from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import DetectionSignal, Signal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
-from cwcli.stages.summaries.track import detection_counts, sections, track_tables
+from cwcli.stages.summaries import NIS_WORDS, bounds_text
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import EgoStates
+from cwcli.tracking.detections import Counts, DetectionKind, EgoStates
 from cwcli.tracking.from_signals import (
     check_carriers,
     detections_of,
@@ -32,6 +32,8 @@ from cwcli.tracking.from_signals import (
     sensor_models,
 )
 from cwcli.tracking.sensor_setting import SensorSetting, parse_sensors
+from cwcli.tracking.single import Consistency
+from cwcli.tracking.tables import VALUES, median_sigma_m, noise_of, noise_unit, track_tables, turn_noise_of
 from cwcli.tracking.tracker import Targets, TrackResult, track_targets
 
 EXAMPLES = (
@@ -39,6 +41,10 @@ EXAMPLES = (
     "cwcli track drive.mcap --filter ekf --causal",
     "cwcli track drive.mcap --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30",
 )
+ASSOCIATION = ("outside the gate", "belongs to no confirmed track")
+"""Reasons that lie in the scene and not in the data: they are no faults."""
+MAX_TARGETS_SHOWN = 20
+S_PER_NS = 1e-9
 
 
 @dataclass(frozen=True)
@@ -124,8 +130,8 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     notes.extend(_notes(result, signals, how, config))
     summary = Summary(
         title="track",
-        sections=sections(result, kinds, in_map=in_map),
-        inputs=(*sources.counts(), *ego_count, *detection_counts(result.counts)),
+        sections=_sections(result, kinds, in_map=in_map),
+        inputs=(*sources.counts(), *ego_count, *_detection_counts(result.counts)),
         notes=(*sources.notes, *notes),
     )
     return StageResult(
@@ -185,3 +191,75 @@ def _notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, co
     if not result.tracks:
         notes.append("no target was found")
     return notes
+
+
+def _detection_counts(counts: Mapping[str, Counts]) -> tuple[InputCount, ...]:
+    """What became of the detections, by sensor. One that fits no track is used all the same: it was weighed."""
+    found = []
+    for source, count in counts.items():
+        faults = {reason: n for reason, n in count.rejected.items() if reason not in ASSOCIATION}
+        used = count.read - sum(faults.values())
+        found.append(InputCount(source, "each detection", count.read, used, faults, dict(count.repaired)))
+    return tuple(found)
+
+
+def _sections(result: TrackResult, kinds: Mapping[str, DetectionKind], *, in_map: bool) -> tuple[Section, ...]:
+    """The stage's tables for the terminal."""
+    found = [_sensors_section(result), _noise_section(result, kinds), _targets_section(result, in_map)]
+    return tuple(item for item in found if item.rows)
+
+
+def _sensors_section(result: TrackResult) -> Section:
+    rows: list[tuple[Cell, ...]] = []
+    for source, count in result.counts.items():
+        check = result.consistency.get(source)
+        free = sum(count.rejected.get(reason, 0) for reason in ASSOCIATION)
+        faulty = count.read - count.used - free
+        rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
+    columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "inside")
+    return Section("sensors", "Detections, and consistency of the innovations", columns, tuple(rows))
+
+
+def _nis_cells(check: Consistency | None) -> tuple[Cell, ...]:
+    if check is None or not check.dof > 0.0:
+        return None, "", ""
+    bounds = bounds_text(check.low / check.dof, check.high / check.dof)
+    return check.nis_mean / check.dof, bounds, NIS_WORDS[check.is_inside]
+
+
+def _noise_section(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> Section:
+    if result.tuned is None:
+        return Section("noise", "", (), ())
+    rows: list[tuple[Cell, ...]] = [
+        (source, name, factor)
+        for source, factors in result.tuned.scale.items()
+        for (name, _), factor in zip(VALUES[kinds[source]], factors, strict=False)
+    ]
+    tuned = result.tuned.config
+    rows.append(("process", f"acceleration [{noise_unit(tuned)}]", noise_of(tuned)))
+    if tuned.motion.turn_noise > 0.0:
+        rows.append(("process", "turn rate [rad/s^1.5]", turn_noise_of(tuned)))
+    title = "Noise by maximum likelihood: factor on each given sigma, process noise"
+    return Section("noise", title, ("source", "quantity", "found"), tuple(rows))
+
+
+def _targets_section(result: TrackResult, in_map: bool) -> Section:
+    start_ns = min((int(track.stamp_ns[0]) for track in result.tracks), default=0)
+    longest = sorted(result.tracks, key=len, reverse=True)[:MAX_TARGETS_SHOWN]
+    rows: list[tuple[Cell, ...]] = []
+    for track in sorted(longest, key=lambda one: one.id):
+        speed = np.hypot(track.state[:, 2], track.state[:, 3])
+        rows.append(
+            (
+                str(track.id),
+                float(track.stamp_ns[0] - start_ns) * S_PER_NS,
+                float(track.stamp_ns[-1] - track.stamp_ns[0]) * S_PER_NS,
+                len(track),
+                100.0 * float((track.source >= 0).mean()),
+                float(speed.max()),
+                median_sigma_m(track),
+            )
+        )
+    shown = "" if len(longest) == len(result.tracks) else f" (the {len(longest)} longest of {len(result.tracks)})"
+    columns = ("target", "from [s]", "for [s]", "states", "seen [%]", "max speed [m/s]", "median sigma [m]")
+    return Section("targets", f"Targets in the {'map' if in_map else 'frame of the car'}{shown}", columns, tuple(rows))

@@ -8,7 +8,8 @@ import math
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus, SourceReport
-from cwcli.stages.summaries.estimate import TrackSummary, estimate_tables, sections, source_record
+from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record
+from cwcli.stages.summaries.estimate import sections
 
 NAN = math.nan
 CASES = {

@@ -1,0 +1,84 @@
+"""Tracked targets and their sensors as a table of metrics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from cwcli.metrics.table import MetricRow, Table, metric_table
+from cwcli.tracking.config import FilterConfig
+from cwcli.tracking.detections import Counts, DetectionKind
+from cwcli.tracking.tracker import TargetTrack, TrackResult
+
+VALUES: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
+    DetectionKind.POSITION: (("position", "m"),),
+    DetectionKind.RADAR: (("range", "m"), ("azimuth", "rad"), ("range rate", "m/s")),
+}
+
+
+def track_tables(result: TrackResult, single: FilterConfig, kinds: Mapping[str, DetectionKind]) -> dict[str, Table]:
+    """One table; its vehicle is the id of a target, or "" for all, its source a sensor."""
+    rows: list[MetricRow] = []
+    for source, count in result.counts.items():
+        rows.extend(_sensor_rows(source, count, result, kinds[source]))
+    tuned = single if result.tuned is None else result.tuned.config
+    rows.append(("", "", "process", "noise", noise_of(tuned), noise_unit(tuned)))
+    if tuned.motion.turn_noise > 0.0:
+        rows.append(("", "", "process", "turn_noise", turn_noise_of(tuned), "rad/s^1.5"))
+    rows.append(("", "", "targets", "count", float(len(result.tracks)), ""))
+    for track in result.tracks:
+        rows.append((str(track.id), "", "state", "count", float(len(track)), ""))
+        rows.append((str(track.id), "", "state", "seen_count", float((track.source >= 0).sum()), ""))
+        rows.append((str(track.id), "", "position", "median_sigma", median_sigma_m(track), "m"))
+    return {"track": metric_table("track", rows)}
+
+
+def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: DetectionKind) -> list[MetricRow]:
+    quantity = "position" if kind == DetectionKind.POSITION else "radar"
+    rows: list[MetricRow] = [("", source, quantity, "read_count", float(count.read), "")]
+    rows.append(("", source, quantity, "used_count", float(count.used), ""))
+    for reason, n in (*count.rejected.items(), *count.repaired.items()):
+        rows.append(("", source, reason, "count", float(n), ""))
+    check = result.consistency.get(source)
+    if check is not None:
+        per = check.dof or math.nan
+        for metric, value in (
+            ("nis_mean", check.nis_mean),
+            ("nis_dof", check.dof),
+            ("nis_per_dof", check.nis_mean / per),
+            ("nis_lower", check.low / per),
+            ("nis_upper", check.high / per),
+            ("nis_inside", float(check.is_inside)),
+        ):
+            rows.append(("", source, quantity, metric, value, ""))
+    if result.tuned is not None:
+        names = [name for name, _ in VALUES[kind]]
+        rows.extend(
+            ("", source, name, "noise_factor", factor, "")
+            for name, factor in zip(names, result.tuned.scale.get(source, ()), strict=False)
+        )
+    if source in result.clutter_density:
+        rows.append(("", source, quantity, "clutter_density", result.clutter_density[source], ""))
+    return rows
+
+
+def noise_of(config: FilterConfig) -> float:
+    """Of the acceleration or the jerk: as given, else the motion model's."""
+    return config.motion.noise if config.noise is None else config.noise
+
+
+def turn_noise_of(config: FilterConfig) -> float:
+    """Of the turn rate, likewise."""
+    return config.motion.turn_noise if config.turn_noise is None else config.turn_noise
+
+
+def noise_unit(config: FilterConfig) -> str:
+    """Of `noise_of`."""
+    return "m/s^2.5" if "ax_mps2" in config.motion.states else "m/s^1.5"
+
+
+def median_sigma_m(track: TargetTrack) -> float:
+    """Median of the horizontal one-sigma per axis."""
+    return float(np.median(np.sqrt(0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1]))))
