@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -143,7 +144,7 @@ def _refit_sigma(
 ) -> tuple[ModelParameters, float]:
     """Move one sigma of the motion towards the largest likelihood; returns the model and its likelihood."""
     now, first = float(getattr(parameters, name)), float(getattr(begin, name))
-    likelihood = [trials.likelihood(replace(parameters, **{name: now * f})) for f in (0.5, 2.0)]
+    likelihood = [trials.likelihood(_with(parameters, name, now * f)) for f in (0.5, 2.0)]
     left, right = likelihood
     bend = left - 2.0 * base + right
     if bend < 0.0:
@@ -152,13 +153,18 @@ def _refit_sigma(
     else:
         move = SCALE_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
-    better = replace(parameters, **{name: first * float(np.exp(scale))})
+    better = _with(parameters, name, first * float(np.exp(scale)))
     reached = trials.likelihood(better)
     options = [(base, parameters), (reached, better)]
-    options += [(v, replace(parameters, **{name: now * f})) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
+    options += [(v, _with(parameters, name, now * f)) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
     best = max(options, key=lambda option: option[0])
     limited = float(np.clip(np.log(float(getattr(best[1], name)) / first), *np.log(limits)))
-    return replace(best[1], **{name: first * float(np.exp(limited))}), best[0]
+    return _with(best[1], name, first * float(np.exp(limited))), best[0]
+
+
+def _with(parameters: ModelParameters, name: str, value: float) -> ModelParameters:
+    change: dict[str, Any] = {name: value}
+    return replace(parameters, **change)
 
 
 def _from_first_position(series: Sequence[Series]) -> list[Series]:

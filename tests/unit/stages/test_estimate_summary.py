@@ -25,7 +25,7 @@ CASES = {
 @pytest.fixture
 def tracks() -> dict[str, TrackSummary]:
     reports = tuple(SourceReport(source, Kind.POSITION, latency=case[0]) for source, case in CASES.items())
-    return {"ego": TrackSummary(10, 1.0, 5.0, 0.1, reports, ())}
+    return {"ego": TrackSummary(10, 1.0, 5.0, 0.1, {}, reports, ())}
 
 
 def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSummary]) -> None:
