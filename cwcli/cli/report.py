@@ -24,6 +24,9 @@ def print_result(console: Console, summary: Summary) -> None:
         console.summary("")
         console.summary("Input messages")
         console.summary(input_table(summary.inputs))
+    if summary.verdict:
+        console.summary("")
+        console.summary(paragraph(printable(summary.verdict), first="verdict: ", rest="  "))
     console.summary("")
     for note in summary.notes:
         console.note(note)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.result import SourceReport, Track
+from cwcli.estimation.verdict import Nees, verdict
 from cwcli.metrics.table import MetricRow, Table, metric_table
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
@@ -50,6 +51,11 @@ def summarise(track: Track) -> TrackSummary:
         sources=track.sources,
         notes=track.notes,
     )
+
+
+def verdict_of(ego: TrackSummary, nees: Sequence[Nees] = ()) -> str:
+    """The sentence on the ego's track; with `nees` where there is a truth."""
+    return verdict(ego.sources, n_states=ego.n_states, n_flagged=ego.n_flagged, nees=nees)
 
 
 def estimate_tables(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:
@@ -104,6 +110,12 @@ def _report_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
         ("latency_sigma", report.latency.sigma_s, "s"),
         ("bias", report.bias, unit),
         ("bias_sigma", report.bias_sigma, unit),
+        ("scale", report.scale.value, ""),
+        ("scale_sigma", report.scale.sigma, ""),
+        ("lever_arm", report.lever_arm_m.value, "m"),
+        ("lever_arm_sigma", report.lever_arm_m.sigma, "m"),
+        ("slow_sigma", report.slow_error.sigma, unit),
+        ("slow_time", report.slow_error.time_s, "s"),
     )
     return [(vehicle, report.source, quantity_of(report), metric, value, u) for metric, value, u in values]
 

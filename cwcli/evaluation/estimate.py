@@ -13,9 +13,10 @@ from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.estimation.consistency import effective_count, nees
+from cwcli.estimation.summary import summarise, verdict_of
 from cwcli.evaluation.records import sources_of
 from cwcli.evaluation.subject import Ego, EgoTruth, Subject
-from cwcli.evaluation.truth import against_truth, truth_rows, truth_section, truth_xy
+from cwcli.evaluation.truth import against_truth, nees_section, truth_rows, truth_section, truth_xy
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.metrics.headline import Headline, metric_of
@@ -47,7 +48,12 @@ def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> Stage
     if errors is None:
         return result.judged()
     table = with_rows(result.tables["estimate"], truth_rows(errors))
-    return result.judged(sections=(truth_section(errors),), tables={"estimate": table}, notes=errors.notes)
+    return result.judged(
+        sections=(truth_section(errors), nees_section(errors)),
+        tables={"estimate": table},
+        notes=errors.notes,
+        verdict=verdict_of(summarise(made.ego), errors.nees),
+    )
 
 
 def add_metrics(subject: Subject) -> None:

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.estimation.consistency import ErrorRow, error_rows, nees
+from cwcli.estimation.consistency import ErrorRow, effective_count, error_rows, nees
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
+from cwcli.estimation.verdict import Nees
+from cwcli.metrics.chi_square import mean_bounds
 from cwcli.metrics.table import MetricRow
 from cwcli.pipeline.result import Cell, Section
+from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
-from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
+from cwcli.stages.summaries import NIS_WORDS, bounds_text
 
 MAX_GAP_S = 0.5
 MIN_ROWS = 20
+DOF = {"position": 2, "speed": 1, "heading": 1}
+STATE_OF = {"position": X, "speed": SPEED, "heading": HEADING}
 
 
 @dataclass(frozen=True)
@@ -29,14 +36,14 @@ class TruthErrors:
     Attributes:
         topic: The truth channel.
         rows: Per quantity: measured and estimated, as in song2016's table 1.
-        position_nees_mean: Mean normalised error squared of the position; its expectation is 2.
+        nees: Of position, speed and heading, as far as the truth has them.
         n: Truth rows compared.
         notes: How the frames were aligned.
     """
 
     topic: str
     rows: tuple[ErrorRow, ...]
-    position_nees_mean: float
+    nees: tuple[Nees, ...]
     n: int
     notes: tuple[str, ...]
 
@@ -48,8 +55,16 @@ def truth_section(errors: TruthErrors) -> Section:
         for row in errors.rows
     ]
     columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
-    title = f"1-sigma errors against {errors.topic} (position NEES {errors.position_nees_mean:.2f}, expected 2)"
-    return Section("errors", title, columns, tuple(rows))
+    return Section("errors", f"1-sigma errors against {errors.topic}", columns, tuple(rows))
+
+
+def nees_section(errors: TruthErrors) -> Section:
+    """How the errors compare with the covariance, for the summary."""
+    rows: list[tuple[Cell, ...]] = [
+        (each.name, each.per_dof, bounds_text(*each.bounds), NIS_WORDS[each.is_inside]) for each in errors.nees
+    ]
+    title = "Consistency of the errors (NEES, 1 per degree of freedom expected)"
+    return Section("nees", title, ("error of", "NEES/dof", "95 % bounds", "inside"), tuple(rows))
 
 
 def truth_rows(errors: TruthErrors) -> list[MetricRow]:
@@ -66,7 +81,13 @@ def truth_rows(errors: TruthErrors) -> list[MetricRow]:
             ("error_count", float(error.n), ""),
         )
     ]
-    values.append(("position", "nees_mean", errors.position_nees_mean, ""))
+    for each in errors.nees:
+        dof = DOF[each.name]
+        values += [
+            (each.name, "nees_mean", each.per_dof * dof, ""),
+            (each.name, "nees_lower", each.bounds[0] * dof, ""),
+            (each.name, "nees_upper", each.bounds[1] * dof, ""),
+        ]
     return [(EGO_ID, errors.topic, *each) for each in values]
 
 
@@ -107,11 +128,25 @@ def against_truth(
             if raw is not None:
                 measured[name] = _at(stamp_ns, *raw, MAX_GAP_S)
     covariance = _nearest_covariance(stamp_ns, ego)
-    error = estimated_xy - xy
-    known = np.isfinite(error).all(axis=1)
-    consistency = nees(error[known], covariance[known]) if known.any() else np.array([np.nan])
     rows = tuple(error_rows(truth, measured, estimated))
-    return TruthErrors(signal.source, rows, float(consistency.mean()), int(known.sum()), notes)
+    known = np.isfinite(estimated_xy - xy).all(axis=1)
+    consistency = tuple(
+        _nees(name, estimated[name] - truth[name], covariance) for name in DOF if name in truth and name in estimated
+    )
+    return TruthErrors(signal.source, rows, consistency, int(known.sum()), notes)
+
+
+def _nees(name: str, error: FloatArray, covariance: FloatArray) -> Nees:
+    """Of one quantity; error (n,) or (n, 2), covariance (n, 8, 8)."""
+    first, dof = STATE_OF[name], DOF[name]
+    error = (wrap_angle(error) if name == "heading" else error).reshape(len(error), dof)
+    known = np.isfinite(error).all(axis=1)
+    if not known.any():
+        return Nees(name, math.nan, (math.nan, math.nan))
+    own = covariance[known, first : first + dof, first : first + dof]
+    values = nees(error[known], own)
+    low, high = mean_bounds(dof, effective_count(values))
+    return Nees(name, float(values.mean()) / dof, (low / dof, high / dof))
 
 
 def _raw(measurements: Sequence[Measurements], kind: Kind) -> tuple[Int64Array, FloatArray] | None:
@@ -176,4 +211,4 @@ def _at(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArray, max_gap_s: 
 def _nearest_covariance(stamp_ns: Int64Array, ego: Track) -> FloatArray:
     after = np.clip(np.searchsorted(ego.stamp_ns, stamp_ns), 1, len(ego.stamp_ns) - 1)
     nearer = np.where(stamp_ns - ego.stamp_ns[after - 1] < ego.stamp_ns[after] - stamp_ns, after - 1, after)
-    return ego.covariance[nearer][:, :2, :2]
+    return ego.covariance[nearer]

@@ -56,12 +56,19 @@ class InputCount:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the user is told at the end of a stage."""
+    """What the user is told at the end of a stage.
+
+    Attributes:
+        title: The stage.
+        sections, inputs, notes: Its tables, what became of the input, and remarks.
+        verdict: One sentence on the result, "" where the stage has none.
+    """
 
     title: str
     sections: tuple[Section, ...] = ()
     inputs: tuple[InputCount, ...] = ()
     notes: tuple[str, ...] = ()
+    verdict: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """The summary as JSON-ready values; NaN and infinity become null."""
@@ -84,6 +91,7 @@ class Summary:
                 for count in self.inputs
             ],
             "notes": list(self.notes),
+            **({"verdict": self.verdict} if self.verdict else {}),
         }
 
 
@@ -114,6 +122,7 @@ class StageResult:
         tables: Mapping[str, Table] | None = None,
         notes: tuple[str, ...] = (),
         at: int | None = None,
+        verdict: str | None = None,
         entries: Mapping[str, str] | None = None,
     ) -> StageResult:
         """The result with what its evaluation says of it.
@@ -121,6 +130,7 @@ class StageResult:
         Args:
             sections, notes: Come after those of the stage; notes behind the first `at` of them.
             tables: Come after, or replace those of the same name.
+            verdict: Replaces that of the stage.
             entries: Further ones of the record.
         """
         own = self.summary.notes
@@ -132,6 +142,7 @@ class StageResult:
                 self.summary,
                 sections=(*self.summary.sections, *sections),
                 notes=(*own[:at], *(note for note in notes if note not in own), *own[at:]),
+                verdict=self.summary.verdict if verdict is None else verdict,
             ),
             metadata=ChainMap(dict(entries or {}), self.metadata),  # type: ignore[arg-type]
             made=None,

@@ -25,7 +25,7 @@ from cwcli.estimation.from_signals import (
 )
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
-from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise
+from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
 from cwcli.estimation.track import estimate_track, estimate_tracks
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
@@ -255,7 +255,9 @@ def _summary(sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackS
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
     notes.extend(_remote_notes(tracks))
-    return Summary("estimate", sections(tracks), sources.counts(), tuple(dict.fromkeys(notes)))
+    return Summary(
+        "estimate", sections(tracks), sources.counts(), tuple(dict.fromkeys(notes)), verdict_of(tracks[EGO_ID])
+    )
 
 
 def _remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from cwcli.estimation.latency import Latency
-from cwcli.estimation.measurements import QUANTITIES
-from cwcli.estimation.result import SourceReport
+from cwcli.estimation.measurements import QUANTITIES, Kind
+from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.summary import TrackSummary, quantity_of
 from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.canonical import TimedSignal
@@ -24,7 +23,8 @@ MAX_GAP_NOTES = 5
 def sections(tracks: Mapping[str, TrackSummary]) -> tuple[Section, ...]:
     """The stage's tables for the terminal."""
     ego = tracks[EGO_ID]
-    return _sources_section(ego), _noise_section(ego), _vehicles_section(tracks)
+    found = _parameters_section(ego)
+    return (_sources_section(ego), *([found] if found.rows else []), _noise_section(ego), _vehicles_section(tracks))
 
 
 def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:
@@ -58,14 +58,34 @@ def _sources_section(ego: TrackSummary) -> Section:
             quantity_of(report),
             report.n_used,
             report.n_gated,
-            _latency_text(report.latency),
+            _with_sigma(1e3 * report.latency.found_s, 1e3 * report.latency.sigma_s, ".0f"),
             report.latency.status.value,
-            _bias_text(report),
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status", "bias")
+    columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status")
     return Section("sources", "Ego sources: what was used and corrected", columns, tuple(rows))
+
+
+def _parameters_section(ego: TrackSummary) -> Section:
+    """A line for each parameter that was looked for."""
+    rows: list[tuple[Cell, ...]] = []
+    for report in ego.sources:
+        unit = QUANTITIES[report.kind].unit
+        name = (report.source, quantity_of(report))
+        if not math.isnan(report.bias):
+            rows.append((*name, "bias", _with_sigma(report.bias, report.bias_sigma, ".3g"), unit, "used"))
+        for label, found, own_unit in (("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m")):
+            if found.status is not ParameterStatus.OFF:
+                value = _with_sigma(found.value, found.sigma, ".4g")
+                rows.append((*name, label, value, own_unit, found.status.value))
+        slow = report.slow_error
+        if slow.status is not ParameterStatus.OFF:
+            value = "" if math.isnan(slow.sigma) else f"{slow.sigma:.3g} for {slow.time_s:.3g} s"
+            label = "grade" if report.kind is Kind.ACCEL else "slow error"
+            rows.append((*name, label, value, unit, slow.status.value))
+    columns = ("source", "quantity", "parameter", "value", "unit", "status")
+    return Section("parameters", "Ego sources: parameters found from the log", columns, tuple(rows))
 
 
 def _noise_section(ego: TrackSummary) -> Section:
@@ -81,7 +101,7 @@ def _noise_section(ego: TrackSummary) -> Section:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "noise", "from", "NIS/dof", "95 % bounds", "inside")
+    columns = ("source", "quantity", "white noise", "from", "NIS/dof", "95 % bounds", "inside")
     return Section("noise", "Ego sources: noise and consistency of the innovations", columns, tuple(rows))
 
 
@@ -110,14 +130,12 @@ def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
     return Section("vehicles", "Estimated tracks", columns, tuple(rows))
 
 
-def _latency_text(latency: Latency) -> str:
-    if math.isnan(latency.found_s):
+def _with_sigma(value: float, sigma: float, digits: str) -> str:
+    """A value with its sigma where it has one, "" without a value."""
+    if math.isnan(value):
         return ""
-    value = f"{1e3 * latency.found_s:.0f}"
-    return value if math.isnan(latency.sigma_s) else f"{value} +- {1e3 * latency.sigma_s:.0f}"
-
-
-def _bias_text(report: SourceReport) -> str:
-    if math.isnan(report.bias):
-        return ""
-    return f"{report.bias:.3g} {QUANTITIES[report.kind].unit}"
+    return (
+        f"{value:{digits}}"
+        if math.isnan(sigma)
+        else f"{value:{digits}} +- {sigma:{'.0f' if digits == '.0f' else '.2g'}}"
+    )

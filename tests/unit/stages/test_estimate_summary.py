@@ -8,10 +8,12 @@ import math
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus, SourceReport
+from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record
 from cwcli.stages.summaries.estimate import sections
 
 NAN = math.nan
+FLAGGED = {"starting": 2, "after_reset": 0, "bridged": 1}
 CASES = {
     "/applied": (Latency(LatencyStatus.APPLIED, 0.4551, 0.0882), "455 +- 88", 0.4551),
     "/insignificant": (Latency(LatencyStatus.NOT_SIGNIFICANT, -0.0042, 0.0071), "-4 +- 7", 0.0),
@@ -25,7 +27,7 @@ CASES = {
 @pytest.fixture
 def tracks() -> dict[str, TrackSummary]:
     reports = tuple(SourceReport(source, Kind.POSITION, latency=case[0]) for source, case in CASES.items())
-    return {"ego": TrackSummary(10, 1.0, 5.0, 0.1, {}, reports, ())}
+    return {"ego": TrackSummary(10, 1.0, 5.0, 0.1, FLAGGED, reports, ())}
 
 
 def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSummary]) -> None:
@@ -58,3 +60,26 @@ def test_record_holds_what_was_applied_and_why(tracks: dict[str, TrackSummary]) 
     )
     assert record["/unobservable"]["latency_found_s"] is None
     assert record["/given"]["latency_sigma_s"] is None
+
+
+def test_table_of_parameters_has_a_line_for_each_that_was_looked_for() -> None:
+    used, little = ParameterStatus.USED, ParameterStatus.NOT_OBSERVABLE
+    reports = (
+        SourceReport("/gps", Kind.POSITION, slow_error=SlowError(0.8, 12.0, used)),
+        SourceReport("/wheel", Kind.SPEED, scale=Parameter(0.9866, 0.0012, used), lever_arm_m=Parameter(status=little)),
+        SourceReport("/imu", Kind.ACCEL, bias=-1.75, bias_sigma=0.022, slow_error=SlowError(0.3, 30.0, used)),
+        SourceReport("/imu", Kind.YAW_RATE),
+    )
+    found = sections({"ego": TrackSummary(10, 1.0, 5.0, 0.1, FLAGGED, reports, ())})
+    table = next(section for section in found if section.key == "parameters")
+    assert table.rows == (
+        ("/gps", "position", "slow error", "0.8 for 12 s", "m", "used"),
+        ("/wheel", "speed", "scale", "0.9866 +- 0.0012", "", "used"),
+        ("/wheel", "speed", "lever arm", "", "m", "not observable"),
+        ("/imu", "accel", "bias", "-1.75 +- 0.022", "m/s^2", "used"),
+        ("/imu", "accel", "grade", "0.3 for 30 s", "m/s^2", "used"),
+    )
+
+
+def test_tables_have_no_parameters_where_none_was_looked_for(tracks: dict[str, TrackSummary]) -> None:
+    assert [section.key for section in sections(tracks)] == ["sources", "noise", "vehicles"]

@@ -1,0 +1,77 @@
+"""The sentence on an estimate follows its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.result import SourceReport
+from cwcli.estimation.verdict import Nees, verdict
+
+GOOD = SourceReport(
+    "/gps", Kind.POSITION, n_read=1000, n_used=998, n_gated=2, nis_mean=2.0, nis_dof=2, nis_bounds=(1.8, 2.2),
+    nis_inside=True, noise_origin="message",
+)  # fmt: skip
+IMU = replace(GOOD, source="/imu", kind=Kind.YAW_RATE, nis_mean=1.0, nis_dof=1, nis_bounds=(0.9, 1.1))
+FLAGS = {"starting": 40, "after_reset": 0, "bridged": 0}
+TRUE = Nees("position", 1.0, (0.6, 1.5))
+
+
+def _said(*sources: SourceReport, bridged: int = 0, nees: tuple[Nees, ...] = (TRUE,)) -> str:
+    return verdict(sources, n_states=1000, n_flagged={**FLAGS, "bridged": bridged}, nees=nees)
+
+
+def test_what_lies_in_its_bounds_is_consistent() -> None:
+    assert _said(GOOD, IMU) == "consistent"
+    assert _said(GOOD, IMU, nees=()) == "consistent"
+
+
+@pytest.mark.parametrize(
+    ("nis_per_dof", "expected"),
+    [
+        (1.4, "consistent within a factor of 2 in variance: /imu yaw rate outside the 95 % bounds"),
+        (0.6, "consistent within a factor of 2 in variance: /imu yaw rate outside the 95 % bounds"),
+        (0.4, "consistent, and more careful than need be: less of /imu yaw rate than the covariance says"),
+        (
+            4.0,
+            "not consistent: /imu yaw rate scatters by 2.0 times its sigma: its messages understate its noise, "
+            "so trust the states less than their covariance",
+        ),
+    ],
+)
+def test_a_source_that_leaves_its_bounds_changes_the_verdict(nis_per_dof: float, expected: str) -> None:
+    assert _said(GOOD, replace(IMU, nis_mean=nis_per_dof, nis_inside=False)) == expected
+
+
+def test_noise_found_from_the_log_that_is_too_small_lasts() -> None:
+    source = replace(IMU, nis_mean=9.0, nis_inside=False, noise_origin="log")
+    assert "scatters by 3.0 times its sigma: its errors last" in _said(source)
+
+
+def test_errors_that_are_larger_than_the_covariance_says_come_first() -> None:
+    found = _said(replace(IMU, nis_mean=9.0, nis_inside=False), nees=(Nees("speed", 16.0, (0.7, 1.3)), TRUE))
+    assert found.startswith("not consistent: the speed errs by 4.0 times its sigma: take its covariance times 16; /imu")
+
+
+def test_rejected_rows_resets_and_bridged_gaps_are_told() -> None:
+    assert "6 % of /gps position contradict the rest" in _said(replace(GOOD, n_used=940, n_gated=60))
+    assert _said(replace(GOOD, n_used=960, n_gated=40)) == "consistent"
+    assert "/gps position jumped 2 x" in _said(replace(GOOD, n_resets=2))
+    assert _said(replace(IMU, n_resets=2)) == "consistent"  # of an inertial sensor a manoeuvre
+    assert "21 % of the states bridge gaps" in _said(GOOD, bridged=210)
+    assert _said(GOOD, bridged=190) == "consistent"
+
+
+def test_the_worst_two_are_told_and_the_others_counted() -> None:
+    wrong = replace(GOOD, n_used=900, n_gated=100, nis_mean=8.0, nis_inside=False)
+    found = _said(wrong, bridged=500)
+    assert found.count(";") == 1
+    assert found.endswith(", and 1 more")
+
+
+def test_without_enough_rows_nothing_is_claimed() -> None:
+    few = replace(GOOD, nis_inside=None)
+    assert _said(few, nees=()) == "too little was measured to tell whether the estimate is consistent"
+    assert verdict((GOOD,), n_states=0, n_flagged={}) == "nothing was estimated"
