@@ -12,6 +12,7 @@ import numpy as np
 from cwcli.channels.binding import bind
 from cwcli.channels.measures import write_measures
 from cwcli.channels.published import EGO_STATE
+from cwcli.control.preventable import JudgedConflict, preventability, preventability_table
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
@@ -41,6 +42,7 @@ SHOWN = {
     "delta-v": "Delta v [m/s]",
 }
 MAX_SHOWN = 20
+CONFLICT_TTC_S = 1.0
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -86,7 +88,8 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     """Measure how critical the ego and each other vehicle were to each other, at each state of the ego.
 
     Needs the states of `cwcli estimate`, and those of remote vehicles or the targets of `cwcli track`. A pair is
-    measured where the centres are within 200 m; an encounter is a stretch within 50 m.
+    measured where the centres are within 200 m; an encounter is a stretch within 50 m. Where the two were less than 1 s
+    from contact, four driver models drive it again: who would have avoided it, and until when.
 
     Raises:
         MissingSignalError: The log lacks the ego's states, or has neither remote vehicles nor targets.
@@ -106,11 +109,17 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     if config.with_sigma:
         pairs = add_sigmas(log, tracks, pairs, chosen)
     series = series_table(tracks.ego_id, pairs, chosen)
-    summary = Summary("measure", (_encounters_section(pairs, log.start_ns),), counts, (*bound.notes, *notes))
+    judged = _judged(tracks, pairs)
+    sections = (_encounters_section(pairs, log.start_ns), *_drivers_section(judged, log.start_ns))
+    summary = Summary("measure", sections, counts, (*bound.notes, *notes))
     return StageResult(
         stage="measure",
         channels=(write_measures(tracks.ego, series.columns),),
-        tables={"measures": series, "extremes": extremes_table(tracks.ego_id, pairs, chosen)},
+        tables={
+            "measures": series,
+            "extremes": extremes_table(tracks.ego_id, pairs, chosen),
+            "preventability": preventability_table(tracks.ego_id, judged),
+        },
         summary=summary,
         metadata=run_record("measure", log, config, summary),
     )
@@ -138,6 +147,38 @@ def _measured(tracks: Tracks, chosen: Mapping[str, Measure]) -> tuple[list[Measu
     if n_far:
         notes.append(f"vehicles that never came within {OUTLINE_RANGE_M:g} m, and are not measured: {n_far}")
     return pairs, notes
+
+
+def _judged(tracks: Tracks, pairs: Sequence[MeasuredPair]) -> list[JudgedConflict]:
+    """Each encounter in which the outlines touched, or were less than `CONFLICT_TTC_S` from it."""
+    judged = []
+    for pair in pairs:
+        if not {"gap", "ttc"} <= set(pair.values):
+            continue
+        for extreme in pair.extremes:
+            if extreme.encounter == WHOLE or extreme.measure != "ttc" or not extreme.value < CONFLICT_TTC_S:
+                continue
+            rows = (pair.stamp_ns >= extreme.begin_ns) & (pair.stamp_ns <= extreme.end_ns)
+            touching = pair.stamp_ns[rows & (pair.values["gap"] <= 0.0)]
+            at_ns = int(touching[0]) if len(touching) else extreme.stamp_ns
+            verdicts = tuple(preventability(tracks.pair(pair.other_id), at_ns))
+            judged.append(JudgedConflict(pair.other_id, at_ns, verdicts))
+    return sorted(judged, key=lambda each: each.conflict_ns)
+
+
+def _drivers_section(judged: Sequence[JudgedConflict], start_ns: int) -> tuple[Section, ...]:
+    """What each driver model would have made of the conflicts."""
+    rows: list[tuple[Cell, ...]] = []
+    for conflict in judged[:MAX_SHOWN]:
+        at_s = (conflict.conflict_ns - start_ns) / NS_PER_S
+        for each in conflict.verdicts:
+            outcome = "avoids it" if each.avoided else "crashes"
+            brakes_s, chance_s = at_s - each.braked_s, at_s - each.last_chance_s
+            rows.append((conflict.other_id, at_s, each.driver, outcome, brakes_s, each.impact_mps, chance_s))
+    if not rows:
+        return ()
+    columns = ("vehicle", "at [s]", "driver", "outcome", "brakes at [s]", "impact [m/s]", "last chance [s]")
+    return (Section("preventability", "What other drivers would have made of the conflicts", columns, tuple(rows)),)
 
 
 def _encounters_section(pairs: Sequence[MeasuredPair], start_ns: int) -> Section:

@@ -82,6 +82,19 @@ def test_one_that_comes_near_twice_has_two_encounters(tmp_path: Path) -> None:
     assert spans == [pytest.approx((0.0, 12.0), abs=0.11), pytest.approx((28.0, 39.9), abs=0.11)]
 
 
+def test_a_crash_is_driven_again(tmp_path: Path) -> None:
+    time_s = np.arange(0.0, 10.0, 0.05)
+    ego = states(["ego"], [straight(0.0, 0.0, 20.0, 0.0, time_s)], time_s)
+    stands = states(["car"], [straight(164.5, 0.0, 0.0, 0.0, time_s)], time_s)
+    result = measure(state_log(tmp_path / "log.mcap", ego, stands), MeasureConfig())
+    rows = {row["driver"]: row for row in result.tables["preventability"].records()}
+    assert (rows["RSS"]["conflict_stamp_ns"] - ego.stamp_ns[0]) / 1e9 == pytest.approx(8.0)
+    assert rows["RSS"]["avoided"]
+    assert not rows["careful human"]["avoided"]
+    assert [section.key for section in result.summary.sections] == ["encounters", "preventability"]
+    assert not follower(tmp_path).tables["preventability"].records()
+
+
 def test_nobody_near_is_said(tmp_path: Path) -> None:
     ego = states(["ego"], [straight(0.0, 0.0, 20.0, 0.0, TIME_S)], TIME_S)
     far = states(["far"], [straight(5000.0, 0.0, 10.0, 0.0, TIME_S)], TIME_S)

@@ -1,0 +1,166 @@
+"""Whether each driver model would have avoided a recorded conflict, and until when it could have taken over.
+
+The ego keeps to its recorded path and drives as recorded until the model takes over, which keeps that speed and brakes
+when it sees danger. The other drives as recorded, and goes on as it last did beyond the end of its track.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.control.preventability import FSM, HUMAN, R157, RSS, BoolArray, Driver, Outcome, Poses, drive
+from cwcli.measures.outlines import Size
+from cwcli.measures.pair import ActualTrack, Pair
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.signals.columns import FloatArray, constant_strings, strings_from
+from cwcli.signals.units import NS_PER_S
+
+BEFORE_S, AFTER_S = 8.0, 6.0
+STEP_S = 0.1
+DRIVERS: Mapping[str, Driver] = {
+    "careful human": replace(HUMAN, gives_up=None),  # here the whole conflict is judged, not a cut-in alone
+    "UN R157": R157,
+    "RSS": RSS,
+    "fuzzy": FSM,
+}
+"""Name -> model. The human of the regulation brakes for what is in its way and less than 2 s from it."""
+
+
+@dataclass(frozen=True)
+class Preventability:
+    """What one driver model would have made of a conflict; times are seconds before it, negative after.
+
+    Attributes:
+        driver: Its name.
+        avoided: It would have avoided a crash, taking over at the earliest moment that is judged.
+        braked_s: When it would have braked first; NaN: never.
+        impact_mps: The relative speed of the crash; NaN: none.
+        least_gap_m: Least distance of the outlines; negative: a crash.
+        last_chance_s: The latest moment at which it could have taken over and avoided a crash; NaN: none was.
+    """
+
+    driver: str
+    avoided: bool
+    braked_s: float
+    impact_mps: float
+    least_gap_m: float
+    last_chance_s: float
+
+
+def preventability(pair: Pair, conflict_ns: int) -> list[Preventability]:
+    """Of each of `DRIVERS`; none where the two are not both known right before the conflict.
+
+    Args:
+        pair: Both.
+        conflict_ns: When they crashed, or were most critical.
+    """
+    host, other = (_seconds(track, conflict_ns) for track in (pair.host, pair.other))
+    first = max(host[0][0], other[0][0], -BEFORE_S) if len(host[0]) and len(other[0]) else np.inf
+    starts = np.arange(np.ceil(first / STEP_S - 1e-9), 1.0) * STEP_S if np.isfinite(first) else np.zeros(0)
+    if not len(starts):
+        return []
+    time, state = host
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(state[:, :2], axis=0).T))])
+    n_steps = round((AFTER_S - float(starts[0])) / STEP_S)
+    found = []
+    for name, driver in DRIVERS.items():
+        outcome = drive(
+            driver,
+            start_mps=np.maximum(np.interp(starts, time, state[:, 2]), 0.0),
+            ego_at=_path(way, state),
+            other_at=_recorded(other, starts, pair.other_size),
+            ego_size=pair.host_size,
+            n_steps=n_steps,
+            step_s=STEP_S,
+            offset_m=np.interp(starts, time, way),
+        )
+        found.append(_verdict(name, outcome, starts))
+    return found
+
+
+def _verdict(name: str, outcome: Outcome, starts: FloatArray) -> Preventability:
+    in_time = np.flatnonzero(~outcome.crashed)
+    return Preventability(
+        driver=name,
+        avoided=not bool(outcome.crashed[0]),
+        braked_s=-float(starts[0] + outcome.braked_s[0]),
+        impact_mps=float(outcome.impact_mps[0]),
+        least_gap_m=float(outcome.least_gap_m[0]),
+        last_chance_s=-float(starts[in_time[-1]]) if len(in_time) else float("nan"),
+    )
+
+
+def _seconds(track: ActualTrack, zero_ns: int) -> tuple[FloatArray, FloatArray]:
+    """Times, and x, y, speed, unwrapped heading, of the finite states."""
+    rows = np.flatnonzero(np.isfinite(track.state[:, :4]).all(axis=1))
+    state = track.state[rows, :4].copy()
+    state[:, 3] = np.unwrap(state[:, 3])
+    return (track.stamp_ns[rows] - zero_ns) / NS_PER_S, state
+
+
+def _path(way_m: FloatArray, state: FloatArray) -> Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
+    """The recorded path by the way along it, straight on beyond its end."""
+
+    def at(asked_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        x, y, heading = (np.interp(asked_m, way_m, state[:, column]) for column in (0, 1, 3))
+        beyond = np.maximum(asked_m - way_m[-1], 0.0)
+        return x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading
+
+    return at
+
+
+def _recorded(
+    other: tuple[FloatArray, FloatArray], starts: FloatArray, size: Size
+) -> Callable[[int], tuple[Poses, BoolArray, Size]]:
+    """The other at each step of each case."""
+    time, state = other
+
+    def at(step: int) -> tuple[Poses, BoolArray, Size]:
+        now = starts + step * STEP_S
+        x, y, speed, heading = (np.interp(now, time, state[:, column]) for column in range(4))
+        beyond = np.maximum(now - time[-1], 0.0) * speed
+        pose = Poses(x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading, speed, np.zeros(len(now)))
+        return pose, np.ones(len(now), dtype=bool), size
+
+    return at
+
+
+@dataclass(frozen=True)
+class JudgedConflict:
+    """A conflict of the ego with another vehicle, and what each driver model would have made of it."""
+
+    other_id: str
+    conflict_ns: int
+    verdicts: tuple[Preventability, ...]
+
+
+def preventability_table(ego_id: str, judged: Sequence[JudgedConflict]) -> Table:
+    """One row a driver model of a conflict."""
+    rows = [(conflict, each) for conflict in judged for each in conflict.verdicts]
+
+    def numbers(name: str) -> FloatArray:
+        return np.array([getattr(each, name) for _, each in rows], np.float64)
+
+    return Table(
+        "preventability",
+        {
+            "ego_id": constant_strings(ego_id, len(rows)),
+            "other_id": strings_from([conflict.other_id for conflict, _ in rows]),
+            "conflict_stamp_ns": np.array([conflict.conflict_ns for conflict, _ in rows], np.int64),
+            "driver": strings_from([each.driver for _, each in rows]),
+            "avoided": np.array([each.avoided for _, each in rows], np.bool_),
+            "braked_before_s": numbers("braked_s"),
+            "impact_mps": numbers("impact_mps"),
+            "least_gap_m": numbers("least_gap_m"),
+            "last_chance_before_s": numbers("last_chance_s"),
+        },
+        docs={
+            "avoided": ColumnDoc(doc="taking over 8 s before the conflict, or when the two are first known"),
+            "braked_before_s": ColumnDoc(doc="when it would have braked first, before the conflict; empty: never"),
+            "impact_mps": ColumnDoc(doc="relative speed of its crash; empty: none"),
+            "last_chance_before_s": ColumnDoc(doc="latest take-over that avoids a crash, before the conflict"),
+        },
+    )
