@@ -35,6 +35,7 @@ class Measure:
         undefined: When there is no value: NaN, an empty cell, never a large number.
         misleads: When its value says less, or something else, than it seems to.
         is_pointwise: The value of a moment follows from the two states of that moment.
+        is_stepped: Its value comes in steps, by which no sigma can be told.
         is_of_host: It is about the host alone, whatever the other does.
         is_sampled: It takes thousands of samples a moment: `cwcli measure` computes it when it is asked for by name.
         with_warnings: `cwcli warn` writes its extreme to the table of pairs, too.
@@ -56,6 +57,7 @@ class Measure:
     undefined: str = ""
     misleads: str = ""
     is_pointwise: bool = False
+    is_stepped: bool = False
     is_of_host: bool = False
     is_sampled: bool = False
     with_warnings: bool = True

@@ -142,7 +142,9 @@ def with_sigmas(
 
 
 def _is_smooth(extreme: Extreme, measures: Mapping[str, Measure]) -> bool:
-    return extreme.stamp_ns >= 0 and measures[extreme.measure].is_pointwise and bool(np.isfinite(extreme.value))
+    measure = measures[extreme.measure]
+    is_smooth = measure.is_pointwise and not measure.is_stepped
+    return extreme.stamp_ns >= 0 and is_smooth and bool(np.isfinite(extreme.value))
 
 
 def _worst(series: FloatArray, measure: Measure) -> int:

@@ -38,5 +38,6 @@ MEASURE = Measure(
     undefined="as of rss_long",
     misleads="at a cut-in: RSS then asks for braking across, which the host can't see as its own duty",
     is_pointwise=True,
+    is_stepped=True,
     with_warnings=False,
 )

@@ -31,5 +31,6 @@ MEASURE = Measure(
     undefined="the two are not on a collision course, or nothing helps any more",
     misleads="as its parts",
     is_pointwise=True,
+    is_stepped=True,
     with_warnings=False,
 )

@@ -28,5 +28,6 @@ MEASURE = Measure(
     undefined="the two are not on a collision course, or the manoeuvre does not help",
     misleads="where there is no room, or the road is wet",
     is_pointwise=True,
+    is_stepped=True,
     with_warnings=False,
 )
