@@ -67,6 +67,7 @@ PLACEHOLDERS = {
     "<model>": "[a-z0-9][a-z0-9-]*",
     "<horizon>": r"\d+\.\d",
     "<rule>": "[a-z0-9][a-z0-9-]*",
+    "<measure>": "[a-z][a-z0-9_]*",
 }
 
 
@@ -157,6 +158,9 @@ METRICS: tuple[Metric, ...] = (
     Metric("warnings.<rule>.false_alarms_per_hour", "warn", "1/h", "mean", "lower", "of one of several rules",
            interval="rate"),
     Metric("warnings.lane_departure_count", "warn", "", "sum", "", "warnings of leaving the lane"),
+    Metric("measures.min_<measure>", "measure", "", "min", "higher",
+           "the least value over all pairs of a measure for which low is critical (docs/measures.md), in its unit"),
+    Metric("measures.max_<measure>", "measure", "", "max", "lower", "the greatest of one for which high is critical"),
     Metric("lanes.found_share", "lanes", "", "mean", "higher", "share of the frames with both boundaries",
            is_compared=True),
     Metric("lanes.left_found_share", "lanes", "", "mean", "higher", "share of the frames with a left boundary"),

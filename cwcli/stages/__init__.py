@@ -82,6 +82,7 @@ STAGES: dict[str, Stage] = {
             required=("ego_state",),
             one_of=(("remote_state", "targets"),),
             on_request=True,
+            evaluation="cwcli.evaluation.measure",
         ),
         Stage(
             "control",

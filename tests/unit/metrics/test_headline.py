@@ -9,7 +9,7 @@ from cwcli.metrics.headline import METRICS, Headline, Metric, metric_of, place_o
 from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pooled, pooled_rows, rows_of, run_table
 from cwcli.metrics.table import UNITS
 
-FILLED = {"<quantity>": "yaw_rate", "<model>": "cj-cya", "<horizon>": "1.5", "<rule>": "path-ttc"}
+FILLED = {"<quantity>": "yaw_rate", "<model>": "cj-cya", "<horizon>": "1.5", "<rule>": "path-ttc", "<measure>": "ttc_s"}
 
 
 def filled(name: str) -> str:
