@@ -10,6 +10,9 @@ and smooth each quantity in its own way, and then one source's misfit pulls at t
 The motion model is kept loose where the reference is an IMU: the acceleration then is what the accelerometer
 reads, and a driver who is quicker than the model does not look like a latency.
 
+The errors of fixes are slow. Where the log is likelier with a slow error of the positions (Gauss-Markov), the search
+goes on with one; the bound on the latency's sigma then is that with coloured noise.
+
 What was found is applied only where it is clearly there: more than three sigma from zero, with the sigma of the scatter
 over the blocks of the log, and better than zero at predicting rows from which it was not found.
 """
@@ -24,7 +27,7 @@ import numpy as np
 from cwcli.estimation.coarse_latency import coarse_latency
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references
 from cwcli.estimation.latency_evidence import Evidence
-from cwcli.estimation.measurements import RATES
+from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE, noise_factor
 from cwcli.estimation.passes import PassResult, Series, Start, run_pass
@@ -37,7 +40,8 @@ from cwcli.signals.columns import FloatArray
 PRIOR_S = 0.2  # one sigma about the coarse guess
 MIN_GUESS_S = 0.15  # nearer to zero the filter gets there by itself
 TRUST_S = 0.5  # farther from the guess the filter's linearisation is not believed
-OBSERVABLE_S = 0.05  # a latency whose formal sigma is larger is not looked at
+OBSERVABLE_S = 0.05  # a latency whose bound is larger is told only where it is clearly there
+TOLD_S = 0.1  # and with a larger one not at all
 THINNED_HZ = 25.0
 WINDOW_S = 300.0
 GATE_PROBABILITY = 1.0 - 1e-5
@@ -45,6 +49,9 @@ NEAR_S = 0.02  # near enough for the evidence to be weighed
 SMALL = 1.1  # noise whose variance has to grow by more than this made the gate reject good rows
 LARGE = 0.25  # noise whose variance has to shrink below this part hid too much
 SETTLED = 2.0
+SLOW_SIGMAS_M = (0.3, 1.0, 3.0)
+SLOW_TIMES_S = (1.0, 3.0, 10.0)
+SLOW_GAIN = 9.0  # in the log-likelihood, for two more numbers
 MAX_PASSES = 6
 MAX_WEIGHINGS = 4
 LEAD_IN_S = 2.5  # the reference before the target: the longest latency of the coarse search, and a little
@@ -157,14 +164,62 @@ class _Search:
         if not reached:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
         found = max(reached, key=lambda f: f.result.log_likelihood)
-        weighed = self._weighed(found) if found.sigma_s < OBSERVABLE_S else None
-        bound_s = found.sigma_s if weighed is None else weighed.evidence.formal_s
-        if weighed is None or not bound_s < OBSERVABLE_S:
+        slow = self._with_slow_error(found)
+        if slow is not None:
+            return slow._decided(slow._approached(found.target.latency_s))
+        return self._decided(found)
+
+    def _decided(self, found: _Found | None) -> Latency:
+        """What is made of the latency that the filter came to."""
+        if found is None:
+            return Latency(LatencyStatus.NOT_OBSERVABLE)
+        weighed = self._weighed(found) if found.sigma_s < TOLD_S else None
+        if weighed is None:
+            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=found.sigma_s)
+        found_s, sigma_s, bound_s = weighed.evidence.latency_s, weighed.evidence.sigma_s, weighed.evidence.formal_s
+        if bound_s < TOLD_S and abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(weighed):
+            return Latency(LatencyStatus.APPLIED, found_s, sigma_s, bound_s)
+        if not bound_s < OBSERVABLE_S:
             return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
-        found_s, sigma_s = weighed.evidence.latency_s, weighed.evidence.sigma_s
-        is_there = abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(weighed)
-        status = LatencyStatus.APPLIED if is_there else LatencyStatus.NOT_SIGNIFICANT
-        return Latency(status, found_s, sigma_s, bound_s)
+        return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s, bound_s)
+
+    def _with_slow_error(self, found: _Found) -> _Search | None:
+        """The same search with a slow error of the positions, where the log is clearly likelier with one.
+
+        Errors of fixes last for seconds. Taken for white noise they make the filter follow them, and the latency is as
+        sure as it is wrong. Of a few sizes and time constants the likeliest counts.
+        """
+        if self.target.kind is not Kind.POSITION:
+            return None
+        white = replace(found.target, latency_state=-1, gate_nis=gate_nis(GATE_PROBABILITY, self.target.width))
+        likeliest, search = self._likelihood(white), None
+        least = likeliest + SLOW_GAIN
+        for time_s in SLOW_TIMES_S:
+            for sigma_m in SLOW_SIGMAS_M:
+                trial = self._slower(white, sigma_m, time_s)
+                likelihood = trial._likelihood(trial.target)
+                if likelihood > max(likeliest, least):
+                    likeliest, search = likelihood, trial
+        return search
+
+    def _slower(self, target: Series, sigma_m: float, time_s: float) -> _Search:
+        """With a slow error of this sigma on each axis and this time constant, and the noise that then is left."""
+        n = len(self.walk)
+        slower = replace(
+            self,
+            target=replace(target, slow_state=n),
+            parameters=replace(self.parameters, time_constant_s={n: time_s, n + 1: time_s}),
+            walk=np.append(self.walk, [2.0 * sigma_m**2 / time_s] * 2),
+            prior=np.append(self.prior, [sigma_m**2] * 2),
+        )
+        series = [slower.target, *self.reference]
+        result = slower._pass(series, slower._start(series, slower.prior), slower.walk)
+        return replace(slower, target=slower.target.scaled(noise_factor(slower.target, result.nis[0])))
+
+    def _likelihood(self, target: Series) -> float:
+        """The log-likelihood with the latency and the noise as they are."""
+        series = [target, *self.reference]
+        return self._pass(series, self._start(series, self.prior), self.walk).log_likelihood
 
     def _approached(self, guess: float) -> _Found | None:
         """Run the filter with the latency among its states until the stamps stay; None where it breaks down."""

@@ -71,7 +71,7 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         series, parameters = settle_noise(series, parameters, walk, prior)
     gated = tuple(replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
     unknown = (
-        f"{s.source}: latency of {s.kind.name.lower()} not observable, not corrected"
+        f"{s.source}: latency of {s.kind.name.lower()} not observable{_bound(latency)}, not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s)
     )
@@ -85,6 +85,10 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         parameters,
         (*moved, *unknown),
     )
+
+
+def _bound(latency: Latency) -> str:
+    return f" (to {1e3 * latency.bound_s:.0f} ms at best)" if np.isfinite(latency.bound_s) else ""
 
 
 def _told(series: Sequence[Series], latencies: Sequence[Latency]) -> list[Told]:

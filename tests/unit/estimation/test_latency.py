@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.estimation import EstimatorConfig, Kind, Latency, LatencyStatus, Measurements, estimate_track
 from tests.studies.city_drive import EPOCH_NS, Sensors, city_drive, measure
-from tests.studies.latency import SOURCES, TOLERANCE_S, one_run
+from tests.studies.latency import SOURCES, TOLERANCE_S, one_run, with_slow_error
 
 DURATION_S = 300.0
 
@@ -230,3 +230,23 @@ def test_position_is_no_surer_along_the_way_than_its_latency() -> None:
     for axis, grown in ((along, (found.state[:, 2] * latency.sigma_s) ** 2), (across, 0.0)):
         before, after = (np.einsum("in,nij,jn->n", axis, t.covariance[:, :2, :2], axis) for t in (exact, found))
         np.testing.assert_allclose(after, before + grown, rtol=0.02, atol=1e-4)
+
+
+def test_slow_errors_of_the_fixes_are_told_from_a_latency_and_bound_it() -> None:
+    """1.5 m over 3 s: the bound is near the errors of 24 drives, 24 ms; white noise would promise 6 ms."""
+    measurements = measure(city_drive(3, 300.0), 3, {})
+    slow = [with_slow_error(m, 1.5, 3.0, 3) if m.kind is Kind.POSITION else m for m in measurements]
+    white, coloured = (estimate_track(m, EstimatorConfig()).sources[0].latency for m in (measurements, slow))
+    assert white.bound_s < 0.005
+    assert 0.01 < coloured.bound_s < 0.03
+    assert coloured.status is LatencyStatus.NOT_SIGNIFICANT
+    assert abs(coloured.found_s) < 2.0 * coloured.sigma_s < 0.1
+    (few,) = (
+        report
+        for report in estimate_track(
+            [m.at(m.stamp_ns < EPOCH_NS + 30 * 10**9) for m in slow], EstimatorConfig()
+        ).sources
+        if report.kind is Kind.POSITION
+    )
+    assert few.latency.status is LatencyStatus.NOT_OBSERVABLE
+    assert few.latency.bound_s > 0.05
