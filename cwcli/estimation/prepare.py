@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind, Measurements
+from cwcli.estimation.odd_sensors import first_row_is_apart, in_si_units, stuck_rows
 from cwcli.estimation.passes import Series
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -75,8 +76,20 @@ def prepare(
         order = np.argsort(time, kind="stable")
         time, values = time[order], m.values[finite][order]
         covariance = None if m.covariance is None else m.covariance[finite][order]
+        stuck = stuck_rows(m.kind, time, values)
+        if stuck.any():
+            told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one number for long: stuck, left out"
+            notes.append(f"{m.source}: {told}")
+            time, values = time[~stuck], values[~stuck]
+            covariance = None if covariance is None else covariance[~stuck]
+        if first_row_is_apart(m.kind, time, values):
+            notes.append(f"{m.source}: the first {m.kind.name.lower()} row contradicts those after it, left out")
+            time, values = time[1:], values[1:]
+            covariance = None if covariance is None else covariance[1:]
         if m.kind is Kind.IMU:
             variance = None if covariance is None else np.diagonal(covariance, axis1=1, axis2=2)
+            values, variance, words = in_si_units(values, variance)
+            notes += [f"{m.source}: {each}" for each in words]
             imu = level_imu(time, values, variance, mountings.get(m.source))
             if imu.n_interpolated:
                 notes.append(f"{m.source}: {imu.n_interpolated} interpolated IMU samples left out")
