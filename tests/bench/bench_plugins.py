@@ -4,7 +4,7 @@
 
 Each round runs `cwcli info` twice, as processes of their own: with no plug-in installed, and beside a package with one
 of each kind. Every call of the registries' search is timed within the process, as whole processes differ by more than
-the search takes. Prints the best and the median as a Markdown table, and exits with 1 when a best one is above the bound.
+the search takes. Prints a Markdown table, and exits with 1 when the best of the rounds is above the bound.
 """
 
 from __future__ import annotations
