@@ -22,6 +22,7 @@ from cwcli.pipeline.result import Cell, Section, StageResult
 from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
+from cwcli.prediction.record import measured_acted
 from cwcli.prediction.rollout import Discretisation
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.row_order import rows_by_id, tracks_of
@@ -160,6 +161,7 @@ def error_horizons(horizon_s: float) -> list[float]:
 def model_errors(states: VehicleStates, asked: Asked) -> list[dict[str, Any]]:
     """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
     horizons = error_horizons(asked.horizon_s)
+    acted = measured_acted(states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance)
     records = []
     for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
         stamp_ns = states.stamp_ns[rows]
@@ -174,6 +176,7 @@ def model_errors(states: VehicleStates, asked: Asked) -> list[dict[str, Any]]:
             step_s=asked.step_s,
             max_gap_s=MAX_GAP_S,
             discretisation=asked.discretisation,
+            acted=acted[rows],
         )
         columns = horizon_table(compared)
         for i in range(len(columns["model"])):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.prediction.calibrate import Calibration, calibrated, outcomes
+from cwcli.prediction.calibrate import beginning, calibrated, knots_s, outcomes
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
@@ -43,17 +43,19 @@ def compare_models(
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
     calibrate: bool = True,
+    acted: FloatArray | None = None,
 ) -> dict[str, HorizonErrors]:
     """`horizon_errors` of each model from the same starts; constant velocity comes first, asked for or not.
 
     The starts are of one vehicle in time order. "paper" applies to the models that the paper has; the others stay
     exact. With `calibrate` each model's covariance follows its own record (`prediction.calibrate`).
+    `acted`: the measured gains of the starts, for a model that learns (`record.measured_acted`); None: no record.
     """
     errors: dict[str, HorizonErrors] = {}
     actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
     time_s = time_grid(max(horizons_s), step_s)
     outcome = outcomes(float(time_s[-1]), start_stamp_ns, state[:, :2]) if calibrate else None
-    points = needed_points(time_s, [*horizons_s, min(Calibration.horizon_s, float(time_s[-1]))])
+    points = needed_points(time_s, [*horizons_s, *knots_s(float(time_s[-1]))])
     names = list(dict.fromkeys([BASELINE, *models]))
     n = len(state)
     at_once = max(PATHS_AT_ONCE // max(n, 1), 1)
@@ -70,12 +72,14 @@ def compare_models(
                     discretisation=discretisation if name not in MODELS or MODELS[name].in_paper else "exact",
                     prior=prior,
                     points=points,
+                    acted=acted,
                 )
                 for name in some
             ]
         )
         if calibrate:
-            paths = calibrated(paths, start_stamp_ns, state[:, :2], outcome=outcome)
+            begin = np.stack([beginning(name, float(time_s[-1])) for name in some])
+            paths = calibrated(paths, start_stamp_ns, state[:, :2], outcome=outcome, begin=begin)
         starts_ns = np.tile(start_stamp_ns, len(some))
         together = horizon_errors(
             paths, starts_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, tiled(actual, len(some))

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import paths as kernel
 from cwcli.prediction.driver import DriverPrior
+from cwcli.prediction.fleet import acted_at
 from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
@@ -54,6 +55,8 @@ class _Motion:
         time_s: Shape (k,): the path's times.
         hold_s: Shape (m, 2) or None: see `Model.hold`.
         points: Shape (p,): which of the times are wanted; None: all.
+        acted: Shape (m, 2, k) or None: for how long acceleration and yaw rate act by each knot, instead of the model's
+            responses to them (`prediction.fleet.acted_s`).
     """
 
     model: Model
@@ -62,11 +65,13 @@ class _Motion:
     is_paper: bool
     hold_s: FloatArray | None
     points: npt.NDArray[np.intp] | None = None
+    acted: FloatArray | None = None
 
     def of(self, rows: npt.NDArray[np.bool_ | np.intp]) -> _Motion:
         """The same for some of the starts."""
         hold_s = None if self.hold_s is None else self.hold_s[rows]
-        return _Motion(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points)
+        acted = None if self.acted is None else self.acted[rows]
+        return _Motion(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points, acted)
 
     def wanted(self, values: FloatArray) -> FloatArray:
         """The columns of (..., k) that are wanted."""
@@ -76,6 +81,9 @@ class _Motion:
         """Responses at times (1 or m, ...)."""
         if self.is_paper:
             return _paper_at(self.model, moving, self.time_s)
+        if self.acted is not None:
+            none = np.zeros_like(moving)
+            return Responses(acted_at(self.acted[:, 0], moving), none, acted_at(self.acted[:, 1], moving), none)
         if self.hold_s is None:
             return self.model.responses(moving, self.prior)
         shape = (-1,) + (1,) * (moving.ndim - 1)
@@ -104,13 +112,14 @@ def integrate(
     prior: DriverPrior,
     discretisation: str,
     points: npt.NDArray[np.intp] | None = None,
+    acted: FloatArray | None = None,
 ) -> Integral:
     """The path of m starts, shape (m, 8), over the times (k,), which start at 0 and have a common step.
 
-    With `points` the integral holds these of the times only: the same numbers as without.
+    With `points` the integral holds these of the times only: the same numbers as without. `acted`: see `_Motion`.
     """
     hold_s = None if model.hold is None else model.hold(state, prior)
-    motion = _Motion(model, prior, time_s, discretisation == "paper", hold_s, points)
+    motion = _Motion(model, prior, time_s, discretisation == "paper", hold_s, points, acted)
     grid = motion.at(time_s[None, :])
     stop_s = _stop_time(motion, state, _speed(state, grid))
     stops = np.isfinite(stop_s)

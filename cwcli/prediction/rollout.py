@@ -54,6 +54,7 @@ def rollout(
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
     points: npt.NDArray[np.intp] | None = None,
+    acted: FloatArray | None = None,
 ) -> Paths:
     """Predict the paths of n starts.
 
@@ -70,6 +71,8 @@ def rollout(
         prior: What drivers do; None: the default.
         points: Shape (p,), increasing: which points of `time_grid` are wanted; None: all. They are the same numbers,
             and come sooner.
+        acted: Shape (n, 2, k): for how long acceleration and yaw rate act, by `record.measured_acted`; for a model that
+            learns, others ignore it. None: no record.
 
     Returns:
         Paths of shape (n, k). A row that is not finite in its state gives a row of NaN.
@@ -91,8 +94,10 @@ def rollout(
         rows = slice(first, first + ROWS_AT_ONCE)
         start = state[rows]
         start_covariance = None if covariance is None else covariance[rows]
-        trust = chosen.trust(start, start_covariance, prior) * np.array(chosen.uses)
-        path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation, points)
+        own = acted[rows] if acted is not None and chosen.learns else None
+        trust = np.ones((len(start), 4)) if own is not None else chosen.trust(start, start_covariance, prior)
+        trust = trust * np.array(chosen.uses)
+        path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation, points, own)
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
         out = _driver_noise(path, start, start_covariance, prior.trust(start, start_covariance), driver, prior)
         if start_covariance is not None:
@@ -192,6 +197,8 @@ def _driver_variance(model: Model, horizon_s: float, prior: DriverPrior) -> _Dri
     time_s = np.linspace(0.0, horizon_s, DRIVER_POINTS)
     out = model.responses(time_s, prior)
     along, cross = (_running_integral(r, time_s) for r in (out.speed_to_accel, out.heading_to_yaw_rate))
+    if model.learns:  # what it leaves out did not follow
+        along, cross = held_displacement(time_s, prior.accel_time_s), held_displacement(time_s, prior.yaw_time_s)
     return _DriverVariance(
         time_s,
         along_added=added_variance(time_s, prior.accel_time_s),

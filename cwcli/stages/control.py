@@ -173,6 +173,7 @@ def _predicted(model: str, states: VehicleStates, horizon_s: float) -> Predicted
         states.covariance,
         horizon_s=horizon_s,
         step_s=PATH_STEP_S,
+        log_time_ns=states.log_time_ns,
     )
     return PredictedPaths.of(states, model, paths)
 

@@ -96,6 +96,7 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
             horizon_s=config.horizon_s + extra_s,
             step_s=config.step_s,
             discretisation=config.discretisation,
+            log_time_ns=states.log_time_ns,
         )
         predicted.append(PredictedPaths.of(states, config.model, paths))
         channels.append(write_paths(path_channel, predicted[-1]))

@@ -53,6 +53,8 @@ class Model:
             when jerk and yaw acceleration act; they then stop, and acceleration and yaw rate stay as they are. Only
             for hypotheses: the Jacobian takes these times as given.
         in_paper: Whether song2016's recursion (eq. 2, 9, 10) covers it.
+        learns: Whether a record of the vehicle's states says for how long its derivatives act (`prediction.record`);
+            the responses and the trust then hold where there is no record.
     """
 
     summary: str
@@ -61,6 +63,7 @@ class Model:
     trust: Trust
     hold: Hold | None = None
     in_paper: bool = False
+    learns: bool = False
 
 
 def full_trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:

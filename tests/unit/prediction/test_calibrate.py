@@ -4,7 +4,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.calibrate import Calibration, calibrated, predict_vehicles, variance_scale
+from cwcli.prediction.calibrate import Calibration, calibrated, log_variance_scale, predict_vehicles
+from cwcli.prediction.fleet import fleet_prior
+from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, horizon_errors
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
@@ -29,12 +31,18 @@ def white(n: int, sigma_m: float, seed: int) -> FloatArray:
     return np.random.default_rng(seed).normal(size=(n, 2)) * sigma_m
 
 
+def variance_scale(paths: Paths, stamp_ns: npt.NDArray[np.int64], xy: FloatArray, *settings: Calibration) -> FloatArray:
+    """At 2.5 s, the last knot."""
+    return np.exp(log_variance_scale(paths, stamp_ns, xy, *settings)[:, -1])
+
+
 @pytest.mark.parametrize("true_sigma", [0.3, 1.0, 2.5])
-def test_coverage_reaches_its_level_whatever_the_claimed_sigma(true_sigma: float) -> None:
+@pytest.mark.parametrize("horizon_s", [0.5, 1.0, 1.5, 2.5])
+def test_coverage_reaches_its_level_whatever_the_claimed_sigma(true_sigma: float, horizon_s: float) -> None:
     n = 12_000  # 20 min
     positions = white(n, true_sigma, 0)
     paths = calibrated(standing(n, 1.0), stamps(n), positions)
-    errors = horizon_errors(paths, stamps(n), stamps(n), positions, [2.5])
+    errors = horizon_errors(paths, stamps(n), stamps(n), positions, [horizon_s])
     inside = errors.mahalanobis2[errors.is_known[:, 0], 0] <= ELLIPSE_90
     assert inside[2000:].mean() == pytest.approx(0.9, abs=0.02)
 
@@ -71,12 +79,31 @@ def test_scale_stays_within_its_limit() -> None:
     assert low == pytest.approx(1.0 / Calibration().limit)
 
 
-def test_start_of_a_path_is_left_alone() -> None:
-    paths = standing(300, 1.0)
-    found = calibrated(paths, stamps(300), np.full((300, 2), 100.0))
+def test_scale_is_linear_between_the_knots_and_nothing_at_the_start() -> None:
+    paths, far = standing(300, 1.0), np.full((300, 2), 100.0)
+    found = calibrated(paths, stamps(300), far)
     np.testing.assert_array_equal(found.position_covariance_m2[:, 0], paths.position_covariance_m2[:, 0])
-    ratio = found.position_covariance_m2[-1, :, 0] / paths.position_covariance_m2[-1, :, 0]
-    np.testing.assert_allclose(np.log(ratio), np.log(ratio[-1]) * paths.time_s / 2.5, atol=1e-12)
+    ratio = np.log(found.position_covariance_m2[60, :, 0] / paths.position_covariance_m2[60, :, 0])
+    at_knots = log_variance_scale(paths, stamps(300), far)[60]
+    assert at_knots[0] > at_knots[-1] > 0.0  # the first outcomes are known sooner at 0.5 s than at 2.5 s
+    np.testing.assert_allclose(ratio, np.interp(paths.time_s, [0.0, 0.5, 1.0, 2.5], [0.0, *at_knots]), atol=1e-12)
+
+
+def test_path_shorter_than_a_knot_is_judged_at_its_end() -> None:
+    paths = rollout("cv", np.zeros((50, 8)), np.tile(np.eye(8), (50, 1, 1)), horizon_s=0.3)
+    scale = log_variance_scale(paths, stamps(50), np.full((50, 2), 100.0))
+    assert scale.shape == (50, 1)
+    assert np.flatnonzero(scale[:, 0])[0] == 4  # the outcome of start 1 is known at start 4; the first one's step is 0
+
+
+def test_default_begins_with_the_ellipse_of_the_fleet() -> None:
+    state, covariance = np.zeros((3, 8)), np.tile(np.eye(8), (3, 1, 1))
+    args = (np.zeros(3, dtype=np.int64), stamps(3), state, covariance)
+    for name, factor in (("auto", np.exp(fleet_prior().log_scale)), ("cv", np.ones(4))):
+        assert MODELS[name].learns == (name == "auto")
+        bare = rollout(name, state, covariance, horizon_s=5.0).position_covariance_m2[:, [10, 20, 50, 100], 0]
+        found = predict_vehicles(name, *args, horizon_s=5.0).position_covariance_m2[:, [10, 20, 50, 100], 0]
+        np.testing.assert_allclose(found / bare, np.tile(factor, (3, 1)))
 
 
 def test_vehicles_are_kept_apart_and_rows_may_be_mixed() -> None:

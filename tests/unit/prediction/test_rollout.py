@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from cwcli.errors import UsageError
 from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
+from cwcli.prediction.fleet import KNOTS_S
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.rollout import Paths, rollout, time_grid
 
@@ -83,27 +84,33 @@ def test_constant_jerk_and_yaw_acceleration_against_scipy() -> None:
     assert (paths.speed_mps[0, -1], paths.heading_rad[0, -1]) == pytest.approx(solution[2:4], abs=1e-8)
 
 
-def test_fading_model_against_scipy() -> None:
-    prior = DriverPrior()
-    state = one(v=12.0, heading=0.4, a=-1.0, w=0.3, j=0.8, dw=-0.25)[0]
+def test_measured_gains_against_scipy() -> None:
+    # acceleration acts 0.5 s in full by 1 s and nothing more; the yaw rate is taken back after 2.5 s
+    state = one(v=12.0, heading=0.4, a=-1.0, w=0.3, j=0.8, dw=-0.25)
+    acted = np.array([[[0.25, 0.5, 0.5, 0.5], [0.5, 1.0, 2.0, 0.0]]])
+    knots = [0.0, *KNOTS_S]
 
-    def slope(_: float, s: FloatArray) -> list[float]:
-        v, heading, a, w, j, dw = s[2:8]
-        return [
-            v * math.cos(heading),
-            v * math.sin(heading),
-            a,
-            w,
-            j - a / prior.accel_time_s,
-            dw - w / prior.yaw_time_s,
-            -j / prior.jerk_time_s,
-            -dw / prior.yaw_accel_time_s,
-        ]
+    def slope(t: float, _: FloatArray) -> list[float]:
+        speed = 12.0 - np.interp(t, knots, [0.0, *acted[0, 0]])
+        heading = 0.4 + 0.3 * np.interp(t, knots, [0.0, *acted[0, 1]])
+        return [speed * math.cos(heading), speed * math.sin(heading)]
 
-    solution = solve_ivp(slope, (0.0, 2.5), state, rtol=1e-11, atol=1e-11).y[:, -1]
-    paths = rollout("auto", state[None], None)
-    assert end(paths) == pytest.approx(solution[:2], abs=1e-8)
-    assert (paths.speed_mps[0, -1], paths.heading_rad[0, -1]) == pytest.approx(solution[2:4], abs=1e-8)
+    solution = solve_ivp(slope, (0.0, 4.0), state[0, :2], rtol=1e-11, atol=1e-11, max_step=0.01).y[:, -1]
+    paths = rollout("auto", state, None, horizon_s=4.0, acted=acted)
+    assert end(paths) == pytest.approx(solution, abs=1e-6)
+    assert paths.speed_mps[0, -1] == pytest.approx(11.5)
+    assert paths.heading_rad[0, -1] == pytest.approx(0.4 + 0.3 * 0.8)  # 2 s at 2.5 s, 0 at 5 s
+
+
+def test_gains_of_cars_that_stop_are_those_of_each_alone() -> None:
+    rng = np.random.default_rng(5)
+    state = rng.normal(size=(40, 8)) * [5.0, 5.0, 4.0, 1.0, 3.0, 0.3, 1.0, 0.1]
+    acted = np.sort(rng.uniform(0.0, 3.0, size=(40, 2, 4)), axis=2)
+    together = rollout("auto", state, None, acted=acted)
+    for i in range(40):
+        alone = rollout("auto", state[i : i + 1], None, acted=acted[i : i + 1])
+        np.testing.assert_allclose(alone.x_m[0], together.x_m[i], atol=ATOL_M)
+        np.testing.assert_allclose(alone.speed_mps[0], together.speed_mps[i], atol=ATOL_M)
 
 
 def paper_recursion(state: FloatArray, n_steps: int, step_s: float) -> FloatArray:
@@ -166,22 +173,25 @@ def test_auto_trusts_nothing_that_drowns_in_noise() -> None:
     np.testing.assert_allclose(rollout("auto", state, covariance).x_m, rollout("cv", state, covariance).x_m, atol=1e-5)
 
 
-def test_auto_with_certain_lasting_derivatives_is_the_jerk_model() -> None:
+def test_auto_whose_derivatives_go_on_is_the_turn_rate_and_acceleration_model() -> None:
     state = one(v=12.0, heading=0.4, a=-1.0, w=0.3, j=0.8, dw=-0.25)
-    lasting = DriverPrior(accel_time_s=1e7, jerk_time_s=1e6, yaw_time_s=1e7, yaw_accel_time_s=1e6)
-    expected = rollout("cj-cya", state, None)
-    found = rollout("auto", state, np.zeros((1, 8, 8)), prior=lasting)
-    np.testing.assert_allclose(found.x_m, expected.x_m, atol=1e-4)
-    np.testing.assert_allclose(found.y_m, expected.y_m, atol=1e-4)
+    expected = rollout("ctra", state, None, horizon_s=5.0)
+    found = rollout("auto", state, np.zeros((1, 8, 8)), horizon_s=5.0, acted=np.tile(KNOTS_S, (1, 2, 1)))
+    np.testing.assert_allclose(found.x_m, expected.x_m, atol=ATOL_M)
+    np.testing.assert_allclose(found.y_m, expected.y_m, atol=ATOL_M)
 
 
-def test_auto_halves_what_is_as_noisy_as_the_prior() -> None:
-    prior = DriverPrior()
+def test_auto_whose_derivatives_carry_nothing_is_constant_velocity() -> None:
+    state = one(v=12.0, heading=0.4, a=-1.0, w=0.3, j=0.8, dw=-0.25)
+    found = rollout("auto", state, np.zeros((1, 8, 8)), acted=np.zeros((1, 2, 4)))
+    np.testing.assert_array_equal(found.x_m, rollout("cv", state, None).x_m)
+
+
+def test_auto_without_a_record_half_trusts_what_is_as_large_as_five_sigmas() -> None:
     covariance = np.zeros((1, 8, 8))
-    covariance[0, 4, 4] = prior.accel_sigma_mps2**2
-    covariance[0, 6, 6] = 3.0 * prior.jerk_sigma_mps3**2
-    trust = MODELS["auto"].trust(one(v=20.0), covariance, prior)
-    np.testing.assert_allclose(trust, [[0.5, 0.25, 1.0, 1.0]])
+    covariance[0, 4, 4] = (1.0 / 5.0) ** 2
+    trust = MODELS["auto"].trust(one(v=20.0, a=-1.0, w=0.1), covariance, DriverPrior())
+    np.testing.assert_allclose(trust, [[0.5, 0.0, 1.0, 0.0]])
 
 
 def test_displacement_variance_against_a_simulated_process() -> None:

@@ -1,0 +1,92 @@
+"""What earlier drives taught about derivatives: the prior of every vehicle's own record (`prediction.record`).
+
+It ships as `fleet_prior.toml`, which says what it was learned from; `python -m tests.studies.fleet_prior` makes it.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+FILE = "fleet_prior.toml"
+KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
+"""Horizons at which gains and ellipses are measured; between them they are interpolated."""
+PARTS = ("unclear", "lasting", "new")
+"""A derivative's parts, see `prediction.record.parts_of`."""
+
+
+@dataclass(frozen=True)
+class FleetPrior:
+    """What a vehicle's record begins with; axes are (along: acceleration, across: yaw rate).
+
+    Attributes:
+        gain: Shape (2, k, 3): the share of each part that moves the car, by each knot of `KNOTS_S`.
+        error_m: Shape (2, k): what is left over, mean of its size.
+        log_scale: Shape (k,): logarithm of the factor on the variance of `auto` with which an ellipse begins.
+    """
+
+    gain: FloatArray
+    error_m: FloatArray
+    log_scale: FloatArray
+
+
+@lru_cache(maxsize=1)
+def fleet_prior() -> FleetPrior:
+    """The one that ships with the package."""
+    table = tomllib.loads(files("cwcli.prediction").joinpath(FILE).read_text(encoding="utf-8"))
+    axes = (table["along"], table["across"])
+    return FleetPrior(
+        gain=np.array([[axis[part] for part in PARTS] for axis in axes], dtype=np.float64).transpose(0, 2, 1),
+        error_m=np.array([axis["error_m"] for axis in axes], dtype=np.float64),
+        log_scale=np.log(np.array(table["ellipse"]["variance_factor"], dtype=np.float64)),
+    )
+
+
+def acted_s(share: FloatArray) -> FloatArray:
+    """For how long a derivative has acted in full by each knot, so that its displacement is `share` t^2/2 there.
+
+    The derivative changes speed (heading) at a rate that is constant between knots. It may fade and be taken back, but
+    never changes the car's speed (heading) against its own sign, nor faster than it said itself: a share that asks for
+    that is met as far as this allows.
+
+    Args:
+        share: Shape (..., k), in [0, 1]: of the displacement that the derivative would cause if it went on.
+
+    Returns:
+        Shape (..., k), seconds: change of speed over acceleration, or of heading over yaw rate. Linear between 0 and
+        the knots, constant after the last.
+    """
+    out = np.empty_like(share)
+    moved = acted = np.zeros(share.shape[:-1])
+    before_s = 0.0
+    for k, knot_s in enumerate(KNOTS_S.tolist()):
+        step_s = knot_s - before_s
+        missing = share[..., k] * knot_s**2 / 2.0 - moved - acted * step_s
+        rate = np.clip(2.0 * missing / step_s**2, -acted / step_s, 1.0)
+        moved = moved + acted * step_s + rate * step_s**2 / 2.0
+        acted = acted + rate * step_s
+        out[..., k] = acted
+        before_s = knot_s
+    return out
+
+
+def acted_at(acted: FloatArray, time_s: FloatArray) -> FloatArray:
+    """`acted_s` at other times: (k,) gives the shape of `time_s`; (m, k) and times (1 or m, ...) give (m, ...)."""
+    if acted.ndim == 1:
+        return np.asarray(np.interp(time_s, [0.0, *KNOTS_S], [0.0, *acted]))
+    before_s = np.concatenate([[0.0], KNOTS_S[:-1]])
+    shape = (-1,) + (1,) * (time_s.ndim - 1)
+    slopes = np.diff(acted, axis=1, prepend=0.0) / (KNOTS_S - before_s)
+    if len(time_s) == 1:  # the same times for all cars: one product of matrices
+        inside = np.clip(time_s.reshape(1, -1) - before_s[:, None], 0.0, (KNOTS_S - before_s)[:, None])
+        return np.asarray((slopes @ inside).reshape(len(acted), *time_s.shape[1:]))
+    out = np.zeros(time_s.shape)
+    for k, (start_s, knot_s) in enumerate(zip(before_s.tolist(), KNOTS_S.tolist(), strict=True)):
+        out += slopes[:, k].reshape(shape) * np.clip(time_s - start_s, 0.0, knot_s - start_s)
+    return out

@@ -1,0 +1,232 @@
+"""Make `cwcli/prediction/fleet_prior.toml`: `python -m tests.studies.fleet_prior [--write]`.
+
+What a vehicle's record begins with, learned from the bundled scenarios (`--seeds`, which `prediction_bounds` need not
+share) and the logs named in `LEARNED_FROM`; the other development logs stay aside and show whether it holds elsewhere.
+
+A group is one class of vehicles (ego, remote) of one scenario, its seeds together, or of one log. It counts once
+however long it is, and twice: as its filter sees it, and with half the sigmas, for filters that are too sure of
+themselves. From the shortest knot to the longest the gains of all parts but the unclear one, which a vehicle can only
+learn from its own record, are searched in steps of 0.05 for the least
+
+    mean(r) + 5 mean(max(r - 1, 0)) + 4 mean(max(r95 - 1, 0)),
+
+r and r95 the ratios of the mean error and of its 95th percentile to those of constant velocity: never to be worse is
+worth more than to be better. The ellipse's factor is the one with which 90 % of all outcomes are inside, each group
+weighing the same, before any record.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.prediction import fleet
+from cwcli.prediction.fleet import KNOTS_S, PARTS, FleetPrior, acted_s
+from cwcli.prediction.models import DEFAULT_MODEL
+from cwcli.prediction.outcome import ELLIPSE_90, horizon_errors
+from cwcli.prediction.record import followed_m, known_tracks, measured_acted, parts_of, promised_m
+from cwcli.prediction.rollout import rollout
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import SPEED
+from cwcli.simulation.catalogue import scenario_names
+from tests.studies.prediction_bounds import LOGS, causal_states, scenario_states
+
+LEARNED_FROM = ("balzer-dresden-2014-03-26.ros2", "openacc-dynamic-part23.ros2")
+SEEDS = (11, 12, 13, 14)
+TARGET = Path(fleet.__file__).with_name(fleet.FILE)
+TOO_SURE = 0.5
+STEPS = (0.25, 0.1, 0.05)
+MIN_OUTCOMES = 20
+WORSE, WORSE_P95 = 5.0, 4.0
+
+
+@dataclass(frozen=True)
+class Group:
+    """Starts of one class of vehicles, n in all.
+
+    Attributes:
+        speed_mps: Shape (n,).
+        promised_m: Shape (n, 2, k): see `record`.
+        parts: Shape (n, 2, k, 3).
+        followed_m: Shape (n, 2, k).
+    """
+
+    speed_mps: FloatArray
+    promised_m: FloatArray
+    parts: FloatArray
+    followed_m: FloatArray
+
+    def errors_m(self, share: FloatArray, k: int) -> FloatArray:
+        """Distances at knot k of the known starts, if `share` (n, 2) of what was promised follows."""
+        is_known = np.isfinite(self.followed_m[:, 0, k])
+        reach_m = self.speed_mps[is_known] * KNOTS_S[k]
+
+        def point(added_m: FloatArray) -> FloatArray:
+            along = reach_m + added_m[:, 0]
+            arc = np.where(reach_m < 0.0, np.minimum(along, 0.0), np.maximum(along, 0.0))
+            angle = added_m[:, 1] / np.maximum(np.abs(reach_m), 1e-3)
+            return arc * np.sinc(angle / np.pi) * np.exp(1j * angle)
+
+        predicted = point(share[is_known] * self.promised_m[is_known, :, k])
+        return np.asarray(np.abs(predicted - point(self.followed_m[is_known, :, k])))
+
+
+def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
+    """All vehicles of some states, their sigmas multiplied."""
+    tracks = [
+        track
+        for states in several
+        for track in known_tracks(
+            states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance * too_sure**2
+        )
+        if len(track.rows) > 1
+    ]
+    return Group(
+        np.concatenate([track.state[:, SPEED] for track in tracks]),
+        np.concatenate([promised_m(track.state) for track in tracks]),
+        np.concatenate([parts_of(track) for track in tracks]),
+        np.concatenate([followed_m(track) for track in tracks]),
+    )
+
+
+def learned_gains(groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:
+    """Gains (2, k, 3) and what they leave over (2, k)."""
+    gain, error_m = np.zeros((2, len(KNOTS_S), 3)), np.zeros((2, len(KNOTS_S)))
+    for k in range(len(KNOTS_S)):
+        some = [each for each in groups if np.isfinite(each.followed_m[:, 0, k]).sum() > MIN_OUTCOMES]
+        still = [each.errors_m(np.zeros((len(each.speed_mps), 2)), k) for each in some]
+        baseline = [(float(errors.mean()), float(np.quantile(errors, 0.95))) for errors in still]
+
+        gain[:, k, 1:] = (0.5, 0.3)
+        gain = _searched(gain, k, partial(_cost, k=k, groups=some, baseline=baseline))
+        for axis in (0, 1):
+            left = [np.abs(_left(each, gain)[:, axis, k]) for each in some]
+            error_m[axis, k] = np.mean([np.nanmean(each) for each in left])
+    return gain, error_m
+
+
+def _cost(gain: FloatArray, k: int, groups: Sequence[Group], baseline: Sequence[tuple[float, float]]) -> float:
+    ratios = []
+    for each, (mean_m, p95_m) in zip(groups, baseline, strict=True):
+        errors = each.errors_m(reached(each, gain, k), k)
+        ratios.append((errors.mean() / mean_m, np.quantile(errors, 0.95) / p95_m))
+    worse, worse_p95 = np.maximum(np.array(ratios) - 1.0, 0.0).mean(axis=0)
+    return float(np.mean(ratios, axis=0)[0] + WORSE * worse + WORSE_P95 * worse_p95)
+
+
+def _left(group: Group, gain: FloatArray) -> FloatArray:
+    return group.followed_m - group.promised_m * np.einsum("naki,aki->nak", group.parts, gain)
+
+
+def reached(group: Group, gain: FloatArray, k: int) -> FloatArray:
+    """The share of what is promised at knot k after what a path can reach, (n, 2)."""
+    asked = np.einsum("naki,aki->nak", group.parts[:, :, : k + 1], gain[:, : k + 1])
+    acted = acted_s(np.concatenate([asked, np.zeros((*asked.shape[:2], len(KNOTS_S) - k - 1))], axis=2))[:, :, : k + 1]
+    steps_s = np.diff(KNOTS_S[: k + 1], prepend=0.0)
+    before = np.concatenate([np.zeros((*acted.shape[:2], 1)), acted[:, :, :-1]], axis=2)
+    return np.asarray(((before + acted) * steps_s / 2.0).sum(axis=2) / (KNOTS_S[k] ** 2 / 2.0))
+
+
+def _searched(gain: FloatArray, k: int, cost: Callable[[FloatArray], float]) -> FloatArray:
+    """Steepest descent along the axes, with shrinking steps."""
+    best = cost(gain)
+    for step in STEPS:
+        while True:
+            trials = []
+            for axis, part, move in product((0, 1), (1, 2), (-step, step)):
+                trial = gain.copy()
+                trial[axis, k, part] = np.clip(round(trial[axis, k, part] + move, 2), 0.0, 1.0)
+                trials.append(trial)
+            costs = [cost(trial) for trial in trials]
+            least = int(np.argmin(costs))
+            if costs[least] > best - 1e-6:
+                break
+            best, gain = costs[least], trials[least]
+    return gain
+
+
+def learned_factors(classes: Sequence[Sequence[VehicleStates]], prior: FleetPrior) -> FloatArray:
+    """The factor on the variance at each knot with which 90 % are inside."""
+    ratios: list[FloatArray] = []
+    weights: list[FloatArray] = []
+    for several in classes:
+        squared = np.concatenate([_squared(states, prior) for states in several])
+        ratios.append(squared)
+        weights.append(1.0 / np.maximum(np.isfinite(squared).sum(axis=0), 1) * np.ones_like(squared))
+    out = []
+    for k in range(len(KNOTS_S)):
+        value, weight = np.concatenate([r[:, k] for r in ratios]), np.concatenate([w[:, k] for w in weights])
+        value, weight = value[np.isfinite(value)], weight[np.isfinite(value)]
+        order = np.argsort(value)
+        share = np.cumsum(weight[order]) / weight.sum()
+        out.append(value[order][np.searchsorted(share, 0.9)] / ELLIPSE_90)
+    return np.array(out)
+
+
+def _squared(states: VehicleStates, prior: FleetPrior) -> FloatArray:
+    """Squared Mahalanobis distances before any scale, (n, k)."""
+    acted = measured_acted(
+        states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance, prior
+    )
+    paths = rollout(DEFAULT_MODEL, states.state, states.covariance, horizon_s=KNOTS_S[-1], acted=acted)
+    tracks = known_tracks(states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance)
+    out = [
+        horizon_errors(paths.take(t.rows), t.stamp_ns, t.stamp_ns, t.state[:, :2], KNOTS_S.tolist())
+        for t in tracks
+        if len(t.rows) > 1
+    ]
+    return np.concatenate([np.where(each.is_known, each.mahalanobis2, np.nan) for each in out])
+
+
+def classes_of(logs: Sequence[Mapping[str, VehicleStates]]) -> list[list[VehicleStates]]:
+    """The states of each class, those of several logs together."""
+    found: dict[str, list[VehicleStates]] = {}
+    for states in logs:
+        for who, each in states.items():
+            found.setdefault(who, []).append(each)
+    return list(found.values())
+
+
+def written(prior: FleetPrior, source: str) -> str:
+    """The file."""
+    out = ["# Made by `python -m tests.studies.fleet_prior --write`. Learned from", f"# {source}.", ""]
+    out.append(f"knots_s = {KNOTS_S.tolist()}")
+    for name, gain, error_m in zip(("along", "across"), prior.gain, prior.error_m, strict=True):
+        out += ["", f"[{name}]", *(f"{part} = {gain[:, i].round(2).tolist()}" for i, part in enumerate(PARTS))]
+        out.append(f"error_m = {error_m.round(3).tolist()}")
+    out += ["", "[ellipse]", f"variance_factor = {np.exp(prior.log_scale).round(2).tolist()}"]
+    return "\n".join(out) + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Learn, print, and with `--write` put it into the package."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
+    parser.add_argument("--logs", nargs="*", default=list(LEARNED_FROM))
+    parser.add_argument("--write", action="store_true")
+    asked = parser.parse_args(arguments)
+    classes = [group for name in asked.logs for group in classes_of([causal_states(LOGS / f"{name}.mcap")])]
+    for name in scenario_names():
+        classes += classes_of([scenario_states(name, seed) for seed in asked.seeds])
+    gain, error_m = learned_gains([group_of(each, sure) for sure in (1.0, TOO_SURE) for each in classes])
+    prior = FleetPrior(gain, error_m, np.zeros(len(KNOTS_S)))
+    prior = replace(prior, log_scale=np.log(learned_factors(classes, prior)))
+    names = ", ".join(scenario_names())
+    source = f"scenarios {names} (seeds {', '.join(map(str, asked.seeds))})\n# and logs {', '.join(asked.logs)}"
+    text = written(prior, source)
+    print(text, end="")
+    if asked.write:
+        TARGET.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,213 @@
+"""Is the default prediction ever worse than constant velocity? `python -m tests.studies.prediction_bounds [LOG...]`.
+
+For each log and the bundled scenarios (`--seeds 1 2 3`; none: `--seeds`): `estimate --causal`, then `predict`, judged
+1, 2.5 and 5 s ahead against the vehicle's own later track. One line per log, class and horizon: mean errors of constant
+velocity and of the default, their ratio, that of the 95th percentiles, and what the 50 and 90 % ellipses held. The exit
+code is 1 if one of the bounds below is broken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE
+from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.errors import MissingSignalError
+from cwcli.estimation import EstimatorConfig
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import run_stage
+from cwcli.prediction.calibrate import predict_vehicles
+from cwcli.prediction.models import DEFAULT_MODEL
+from cwcli.prediction.outcome import ELLIPSE_50, ELLIPSE_90, HorizonErrors, horizon_errors
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.row_order import rows_by_id, rows_by_stamp
+from cwcli.signals.units import NS_PER_S
+from cwcli.simulate.sensor_log import write_log
+from cwcli.simulation.catalogue import scenario_names
+from cwcli.simulation.drive import simulate
+from cwcli.simulation.scenario import load_scenario
+from cwcli.stages import STAGES
+from cwcli.stages.estimate import EstimateConfig
+
+LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
+BASELINE = "cv"
+HORIZONS_S = (1.0, 2.5, 5.0)
+WORSE_MEAN, WORSE_P95, BETTER = 1.02, 1.05, 0.8
+POOLED_90, LONG_90, LONG_S = (0.85, 0.95), (0.80, 0.97), 60.0
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The vehicles of one class of one log, 1, 2.5 or 5 s ahead.
+
+    Attributes:
+        log, who: Its name; "ego" or "remote".
+        duration_s: Of the log.
+        horizon_s: How far ahead.
+        baseline_m, default_m: Shape (n,): errors of all starts whose outcome is known.
+        mahalanobis2: Shape (n,): of the default.
+    """
+
+    log: str
+    who: str
+    duration_s: float
+    horizon_s: float
+    baseline_m: FloatArray
+    default_m: FloatArray
+    mahalanobis2: FloatArray
+
+    @property
+    def mean_ratio(self) -> float:
+        """Of the default's mean error to that of constant velocity."""
+        return float(self.default_m.mean() / self.baseline_m.mean())
+
+    @property
+    def p95_ratio(self) -> float:
+        """Of the 95th percentiles."""
+        return float(np.quantile(self.default_m, 0.95) / np.quantile(self.baseline_m, 0.95))
+
+    def inside(self, limit: float) -> float:
+        """The share of outcomes within an ellipse."""
+        return float(np.mean(self.mahalanobis2 <= limit))
+
+
+def causal_states(path: Path) -> dict[str, VehicleStates]:
+    """States of the ego and of the others as `estimate --causal` gives them; none where the log has no position."""
+    with Log.open(path) as log:
+        try:
+            result = run_stage(STAGES["estimate"], log, EstimateConfig(estimator=EstimatorConfig(causal=True)))
+        except MissingSignalError:
+            return {}
+        made = log.with_channels(result.channels)
+        topics = {channel.topic for channel in made.channels}
+        found = {"ego": EGO_STATE.topic, "remote": REMOTE_STATE.topic}
+        return {who: read_states(made.columns(topic)) for who, topic in found.items() if topic in topics}
+
+
+def scenario_states(name: str, seed: int) -> dict[str, VehicleStates]:
+    """The same of a simulated log."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.mcap"
+        write_log(simulate(load_scenario(name, ()), seed), path)
+        return causal_states(path)
+
+
+def judged(log: str, states: dict[str, VehicleStates]) -> Iterator[Judged]:
+    """All classes and horizons of a log."""
+    stamps = np.concatenate([each.stamp_ns for each in states.values()]) if states else np.zeros(0, np.int64)
+    duration_s = float(np.ptp(stamps)) / NS_PER_S if len(stamps) else 0.0
+    for who, each in states.items():
+        if not len(each):
+            continue
+        baseline, default = (_errors(model, each) for model in (BASELINE, DEFAULT_MODEL))
+        for k, horizon_s in enumerate(HORIZONS_S):
+            known = [errors.is_known[:, k] for errors in default]
+            if not any(rows.any() for rows in known):
+                continue
+            yield Judged(
+                log,
+                who,
+                duration_s,
+                horizon_s,
+                np.concatenate([e.distance_m[rows, k] for e, rows in zip(baseline, known, strict=True)]),
+                np.concatenate([e.distance_m[rows, k] for e, rows in zip(default, known, strict=True)]),
+                np.concatenate([e.mahalanobis2[rows, k] for e, rows in zip(default, known, strict=True)]),
+            )
+
+
+def _errors(model: str, states: VehicleStates) -> list[HorizonErrors]:
+    """One per vehicle, each against its own later track."""
+    paths = predict_vehicles(
+        model,
+        states.ids.codes,
+        states.stamp_ns,
+        states.state,
+        states.covariance,
+        horizon_s=HORIZONS_S[-1],
+        log_time_ns=states.log_time_ns,
+    )
+    found = []
+    for _, unordered in rows_by_id(states.ids):
+        rows = rows_by_stamp(states.stamp_ns, unordered)
+        stamp_ns = states.stamp_ns[rows]
+        found.append(horizon_errors(paths.take(rows), stamp_ns, stamp_ns, states.state[rows, :2], HORIZONS_S))
+    return found
+
+
+def broken(rows: Sequence[Judged]) -> list[str]:
+    """Which bounds are not kept, in words."""
+    out = []
+    for row in rows:
+        where = f"{row.log} {row.who} {row.horizon_s:g} s"
+        if row.mean_ratio > WORSE_MEAN:
+            out.append(f"{where}: mean error {row.mean_ratio:.2f} of constant velocity's")
+        if row.p95_ratio > WORSE_P95:
+            out.append(f"{where}: 95th percentile {row.p95_ratio:.2f} of constant velocity's")
+        if row.duration_s >= LONG_S and not LONG_90[0] <= row.inside(ELLIPSE_90) <= LONG_90[1]:
+            out.append(f"{where}: {row.inside(ELLIPSE_90):.0%} in the 90 % ellipse")
+    for horizon_s in HORIZONS_S:
+        some = [row for row in rows if row.horizon_s == horizon_s]
+        inside = float(np.mean(np.concatenate([row.mahalanobis2 for row in some]) <= ELLIPSE_90))
+        if not POOLED_90[0] <= inside <= POOLED_90[1]:
+            out.append(f"all at {horizon_s:g} s: {inside:.0%} in the 90 % ellipse")
+    mean = float(np.mean([row.mean_ratio for row in rows]))
+    if mean > BETTER:
+        out.append(f"all: {mean:.2f} of constant velocity's mean error")
+    return out
+
+
+def lines(rows: Sequence[Judged]) -> Iterator[str]:
+    """The table, and pooled lines for real logs, scenarios and all."""
+    yield (
+        f"{'log':36} {'class':6} {'s':>4} {'starts':>6} {'cv m':>7} {'auto m':>7} {'ratio':>6} {'p95':>6} "
+        f"{'50 %':>5} {'90 %':>5}"
+    )
+    for row in rows:
+        yield (
+            f"{row.log:36} {row.who:6} {row.horizon_s:4.1f} {len(row.default_m):6d} {row.baseline_m.mean():7.2f} "
+            f"{row.default_m.mean():7.2f} {row.mean_ratio:6.2f} {row.p95_ratio:6.2f} "
+            f"{row.inside(ELLIPSE_50):5.0%} {row.inside(ELLIPSE_90):5.0%}"
+        )
+    groups = {"logs": False, "scenarios": True}
+    for title, is_scenario in groups.items():
+        for horizon_s in HORIZONS_S:
+            some = [r for r in rows if r.horizon_s == horizon_s and r.log.startswith("scenario ") == is_scenario]
+            if some:
+                squared = np.concatenate([row.mahalanobis2 for row in some])
+                mean = np.mean([row.mean_ratio for row in some])
+                worst, p95 = max(row.mean_ratio for row in some), max(row.p95_ratio for row in some)
+                yield (
+                    f"all {title} {horizon_s:g} s: mean ratio {mean:.3f}, worst {worst:.3f}, worst p95 {p95:.3f}, "
+                    f"inside {np.mean(squared <= ELLIPSE_50):.1%} / {np.mean(squared <= ELLIPSE_90):.1%}"
+                )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; the exit code says whether every bound is kept."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("logs", nargs="*", type=Path, help="MCAP files; none: the development logs")
+    parser.add_argument("--seeds", nargs="*", type=int, default=[1, 2, 3])
+    asked = parser.parse_args(arguments)
+    rows: list[Judged] = []
+    for path in asked.logs or sorted(LOGS.glob("*.mcap")):
+        rows += judged(path.stem, causal_states(path))
+    for seed in asked.seeds:
+        for name in scenario_names():
+            rows += judged(f"scenario {name} {seed}", scenario_states(name, seed))
+    for line in lines(rows):
+        print(line)
+    failures = broken(rows)
+    for line in failures:
+        print("broken:", line)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
