@@ -19,8 +19,11 @@ from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus,
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import Series
 from cwcli.estimation.prepare import PreparedSeries
+from cwcli.estimation.sensor_model import SensorModel, Slow
+from cwcli.estimation.sensor_search import FoundModel
 from cwcli.signals.columns import FloatArray
 
 FOUND = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
@@ -98,16 +101,35 @@ def calibrated_motion(parameters: ModelParameters, calibration: Calibration) -> 
     )
 
 
-def with_bias_priors(
-    series: Sequence[Series], prior: FloatArray, calibration: Calibration
-) -> tuple[FloatArray, FloatArray]:
-    """Means and variances of the parameter states, (n,) each, biases from the calibration."""
+def calibrated_model(series: Sequence[Series], calibration: Calibration) -> FoundModel:
+    """The sensors' errors of the calibration; gravity follows the pitch gyroscope where there is one."""
+    slow: dict[int, Slow] = {}
+    follows, scaled, levered = set(), set(), set()
+    for i, s in enumerate(series):
+        sigma, time_s = (calibration.of(s.source, s.kind, name) for name in ("slow_sigma", "slow_time_s"))
+        if sigma.is_known and time_s.is_known and sigma.value > 0.0 and time_s.value > 0.0:
+            slow[i] = Slow(sigma.value, time_s.value)
+            if s.pitch_rate is not None:
+                follows.add(i)
+        if s.kind is Kind.SPEED and calibration.of(s.source, s.kind, "scale").is_known:
+            scaled.add(i)
+        if s.kind is Kind.SPEED and calibration.of(s.source, s.kind, "lever_arm_m").is_known:
+            levered.add(i)
+    model = SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered))
+    return FoundModel(model, dict.fromkeys(model.parts, ParameterStatus.GIVEN))
+
+
+def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibration) -> tuple[FloatArray, FloatArray]:
+    """Means and variances of the parameter states, (n,) each: biases, scales and lever arms from the calibration."""
     mean, prior = np.zeros_like(prior), prior.copy()
     for s in series:
-        bias = calibration.of(s.source, s.kind, "bias")
-        if s.bias_state >= 0 and bias.is_known:
-            mean[s.bias_state] = bias.value
-            prior[s.bias_state] = max(bias.drive_sigma, 1e-9) ** 2
+        for name, state, none in (
+            ("bias", s.bias_state, 0.0), ("scale", s.scale_state, 1.0), ("lever_arm_m", s.lever_state, 0.0),
+        ):  # fmt: skip
+            known = calibration.of(s.source, s.kind, name) if state >= 0 else UNKNOWN
+            if known.is_known:
+                mean[state] = known.value - none
+                prior[state] = max(known.drive_sigma, 1e-9) ** 2
     return mean, prior
 
 

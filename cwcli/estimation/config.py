@@ -12,6 +12,7 @@ from cwcli.estimation.calibration import Calibration
 from cwcli.option import Option
 
 ModelName = Literal["cwcli", "song2016"]
+SensorModelOption = Literal["auto", "none"]
 LatencyOption = Literal["auto", "none"] | Mapping[str, float]
 MS_PER_S = 1000.0
 MAX_LATENCY_S = 3600.0
@@ -55,6 +56,8 @@ class EstimatorConfig:
         latency: "auto" finds each source's latency from the log; "none" trusts the stamps; a mapping from
             source (or "source:kind", e.g. "/gps/vel:velocity") to seconds fixes those and finds the others.
             Positive means late: true time = stamp - latency.
+        sensor_model: "auto" finds slow errors of the fixes, gravity through the road's grade, and scale and lever arm
+            of a speed, and uses what the log is predicted better with; "none" takes all for biases and white noise.
         gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 = off.
         reset_after: Consecutive rejections of one source after which its next measurement is used.
         calibration: What earlier drives say of the sensors. With `causal` it is used as it is, and nothing that the log
@@ -78,6 +81,14 @@ class EstimatorConfig:
             default="auto",
             kind=list[str],
             parse=parse_latency,
+        ),
+    ] = "auto"
+    sensor_model: Annotated[
+        SensorModelOption,
+        Option(
+            "--sensor-model",
+            "Find slow errors, scales and lever arms from the log and use what predicts better, or biases and white "
+            "noise alone.",
         ),
     ] = "auto"
     gate_probability: Annotated[

@@ -46,6 +46,11 @@ class ImuMounting:
         level = np.cos(self.nose_up_rad)
         return np.array([np.sin(self.nose_up_rad), level * np.sin(self.left_up_rad), level * np.cos(self.left_up_rad)])
 
+    @property
+    def left(self) -> FloatArray:
+        """The level left axis in the IMU's axes, (3,)."""
+        return np.array([0.0, np.cos(self.left_up_rad), -np.sin(self.left_up_rad)])
+
 
 @dataclass(frozen=True)
 class LevelledImu:
@@ -56,6 +61,7 @@ class LevelledImu:
         accel_mps2: Shape (n,): along the body's forward axis, gravity through a pitched mount still in it (it is
             the bias that the filter finds).
         yaw_rate_radps: Shape (n,): about the vertical.
+        pitch_rate_radps: Shape (n,): about the left axis, nose down positive; see `_pitch_rate`.
         accel_variance, yaw_rate_variance: Shape (n,), NaN where the message does not say.
         n_interpolated: Samples left out because they were interpolated before the log was made.
         mounting: What it was levelled by; None: the axes as they are.
@@ -64,6 +70,7 @@ class LevelledImu:
     time_s: FloatArray
     accel_mps2: FloatArray
     yaw_rate_radps: FloatArray
+    pitch_rate_radps: FloatArray
     accel_variance: FloatArray
     yaw_rate_variance: FloatArray
     n_interpolated: int
@@ -85,21 +92,39 @@ def level_imu(
         mounting: Known from other drives; None: found here.
     """
     invented = interpolated_samples(time_s, values)
-    mounting = mounting or ImuMounting.of(values[:, :3])
+    known, mounting = mounting, mounting or ImuMounting.of(values[:, :3])
     # An IMU whose gravity was taken out already, or no accelerometer: trust the mounting.
     up = np.array([0.0, 0.0, 1.0]) if mounting is None else mounting.up
     keep = ~invented
+    yaw_rate = values[keep, 3:] @ up
     if variance is None:
         variance = np.full(values.shape, np.nan)
     return LevelledImu(
         time_s[keep],
         values[keep, 0],
-        values[keep, 3:] @ up,
+        yaw_rate,
+        _pitch_rate(values[keep, 4], yaw_rate) if known is None else values[keep, 3:] @ known.left,
         variance[keep, 0],
         variance[keep, 5],
         int(invented.sum()),
         mounting,
     )
+
+
+def _pitch_rate(left: FloatArray, yaw_rate: FloatArray) -> FloatArray:
+    """The left axis' turn rate without its bias and without what it has of the yaw rate.
+
+    A road's and a body's pitching come and go whatever the car's turning, so what goes with the yaw rate is a mount
+    that is rolled: least squares find it without the accelerometer, whose left axis has the bends' accelerations.
+
+    Args:
+        left, yaw_rate: Shape (n,), rad/s.
+    """
+    turning = yaw_rate - np.mean(yaw_rate) if len(yaw_rate) else yaw_rate
+    power = float(np.einsum("i,i", turning, turning))
+    share = float(np.einsum("i,i", left, turning)) / power if power > 0.0 else 0.0
+    rest = left - share * yaw_rate
+    return rest - np.median(rest) if len(rest) else rest
 
 
 def interpolated_samples(time_s: FloatArray, values: FloatArray) -> npt.NDArray[np.bool_]:

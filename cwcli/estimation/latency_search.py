@@ -208,7 +208,9 @@ class _Search:
         slower = replace(
             self,
             target=replace(target, slow_state=n),
-            parameters=replace(self.parameters, time_constant_s={n: time_s, n + 1: time_s}),
+            parameters=replace(
+                self.parameters, time_constant_s={**self.parameters.time_constant_s, n: time_s, n + 1: time_s}
+            ),
             walk=np.append(self.walk, [2.0 * sigma_m**2 / time_s] * 2),
             prior=np.append(self.prior, [sigma_m**2] * 2),
         )

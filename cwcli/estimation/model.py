@@ -38,6 +38,7 @@ class ModelParameters:
         accel_bias_walk: Random walk of the forward accelerometer's bias, m/s^2 per square root of a second.
         yaw_rate_bias_walk: Random walk of the gyroscope's bias, rad/s per square root of a second.
         time_constant_s: Of the parameter states that fade to zero (Gauss-Markov), by their index; the others walk.
+        turn_noise: Further white noise behind parameter states, variance by radian turned, by their index.
     """
 
     accel_decay_s: float = 3.0
@@ -54,12 +55,14 @@ class ModelParameters:
     accel_bias_walk: float = 0.005
     yaw_rate_bias_walk: float = 1e-5
     time_constant_s: Mapping[int, float] = field(default_factory=dict)
+    turn_noise: Mapping[int, float] = field(default_factory=dict)
 
     def motion(self, walk: FloatArray) -> ekf.ProcessModel:
         """Return the kernel's model; walk (n,): white noise behind the parameter states, variance per second."""
-        time_constant_s = np.zeros(len(walk))
-        for i, value in self.time_constant_s.items():
-            time_constant_s[i] = value
+        time_constant_s, turn_noise = np.zeros(len(walk)), np.zeros(len(walk))
+        for array, given in ((time_constant_s, self.time_constant_s), (turn_noise, self.turn_noise)):
+            for i, value in given.items():
+                array[i] = value
         jerk_rate, yaw_accel_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
         return ekf.ProcessModel.damped(
             {
@@ -76,5 +79,6 @@ class ModelParameters:
                 "reverse_speed": self.reverse_mps,
             },
             walk,
+            turn_noise,
             time_constant_s,
         )

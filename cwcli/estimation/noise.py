@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import PassResult, Series, TimeOrder, pass_input
+from cwcli.estimation.prepare import thinned_to
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import matching_factor
@@ -20,7 +21,8 @@ MIN_ROWS_FOR_NOISE = 50
 MAX_FACTOR = 64.0
 BISECTIONS = 16
 MAX_NIS = 9.0
-MAX_UPDATES = 8_000  # of the window that is looked at, with an IMU
+THINNED_HZ = 10.0  # of what comes more often: manoeuvres are slower
+MAX_UPDATES = 30_000  # of the window that is looked at, with an IMU: ten minutes
 MAX_UPDATES_SLOW = 1_500  # without one: a remote vehicle's messages, and there are many vehicles
 ENOUGH_ROWS = 300  # in the window: then the whole log shows nothing new of the noise
 SCALE_STEP = np.log(2.0)
@@ -30,6 +32,7 @@ MANOEUVRE_SIGMAS: dict[str, tuple[float, float]] = {
 }
 """What is fitted, and how far from its first value it may go: what a car and its driver can do."""
 ROUNDS = 2
+SETTLED = 1.05
 LEAD_IN_S = 2.5
 
 
@@ -39,26 +42,33 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
     The equation is mean(min(nu^2 / (h P h' + factor r), 9)) = 1 over all rows, gated ones too: an outlier counts, but
     no more than three sigma. One call moves the variance by at most a factor of 64, because the predicted
     covariance answers to it. A message's own covariance is only ever raised: errors that are slow look small
-    from one innovation to the next, and are there all the same.
+    from one innovation to the next, and are there all the same. Where they have a state of their own (`slow_state`)
+    the noise is what is left of the message's, the white part, and free.
 
     Args:
         s: The series with its present noise.
-        nis: Shape (n, 3): normalised innovation squared, mean nu^2 over axes, mean h P h' over axes.
+        nis: Shape (n, 4): see `PassResult.nis`.
     """
     if len(nis) < MIN_ROWS_FOR_NOISE:
         return 1.0
     nu2, prior = nis[:, 1], nis[:, 2]
     r = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
     factor = matching_factor(nu2, prior, np.ascontiguousarray(r), most=MAX_FACTOR, n_steps=BISECTIONS, limit=MAX_NIS)
-    if s.noise_origin == "message":
-        return factor if factor > 1.1 else 1.0
-    if s.noise_origin == "message, scaled":
-        return max(factor, 0.5)
+    if s.slow_state < 0:
+        if s.noise_origin == "message":
+            return factor if factor > 1.1 else 1.0
+        if s.noise_origin == "message, scaled":
+            return max(factor, 0.5)
     return max(factor, s.floor**2 / float(r.mean()))
 
 
 def settle_noise(
-    series: Sequence[Series], parameters: ModelParameters, walk: FloatArray, prior: FloatArray
+    series: Sequence[Series],
+    parameters: ModelParameters,
+    walk: FloatArray,
+    prior: FloatArray,
+    *,
+    every_row: bool = True,
 ) -> tuple[list[Series], ModelParameters]:
     """Find the noise of the series that do not state it, and how strongly the car manoeuvres.
 
@@ -69,6 +79,7 @@ def settle_noise(
         series: All series, latencies corrected.
         parameters: Motion model to begin with.
         walk, prior: Shape (n,): see `run_pass`, `start_with_parameters`.
+        every_row: End with passes over all rows; else the noise is that which the thinned window shows.
 
     Returns:
         The series with settled noise; the motion model.
@@ -96,19 +107,23 @@ def settle_noise(
         for name, limits in MANOEUVRE_SIGMAS.items():
             parameters, base = _refit_sigma(trials, parameters, name, limits, base, begin)
     settled = [replace(s.scaled(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
-    # The window shows the motion; the noise of the slow sources needs the whole log.
-    whole = any(
+    # The window shows the motion; the noise of single rows and of the slow sources needs the whole log.
+    whole = every_row and any(
         len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_ROWS))
         for s, w in zip(series, window, strict=True)
     )
     late = _from_first_position(settled)
-    again = _Trials(late, walk, prior, {}).result(parameters) if whole else None
-    for i, s in enumerate(settled):
-        factor = noise_factor(late[i], again.nis[i]) if again is not None else 1.0
-        origin = s.noise_origin
-        if factor * factors[i] != 1.0:
-            origin = "message, scaled" if origin == "message" else "log"
-        settled[i] = replace(s.scaled(factor), noise_origin=origin)
+    for _ in range(ROUNDS if whole else 0):
+        result = _Trials(late, walk, prior, {}).result(parameters)
+        change = [noise_factor(s, nis) for s, nis in zip(late, result.nis, strict=True)]
+        late = [s.scaled(f) for s, f in zip(late, change, strict=True)]
+        settled = [s.scaled(f) for s, f in zip(settled, change, strict=True)]
+        factors *= change
+        if max(np.abs(np.log(change))) < np.log(SETTLED):
+            break
+    for i, (s, factor) in enumerate(zip(settled, factors.tolist(), strict=True)):
+        if factor != 1.0:
+            settled[i] = replace(s, noise_origin="message, scaled" if s.noise_origin == "message" else "log")
     return settled, parameters
 
 
@@ -175,7 +190,8 @@ def _from_first_position(series: Sequence[Series]) -> list[Series]:
 
 
 def _window(series: Sequence[Series]) -> list[Series]:
-    """Cut the series to a window of about MAX_UPDATES updates, from where the vehicle has begun to move."""
+    """Thin the series and cut them to a window of about MAX_UPDATES updates, where the vehicle goes farthest."""
+    series = [thinned_to(s, THINNED_HZ) for s in series]
     total = sum(len(s) for s in series)
     most = MAX_UPDATES if any(s.bias_state >= 0 for s in series) else MAX_UPDATES_SLOW
     if total <= most:
@@ -186,7 +202,7 @@ def _window(series: Sequence[Series]) -> list[Series]:
     # A slow source needs enough rows in it to show its noise.
     slowest = max((float(np.median(np.diff(s.time_s))) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
     span = min(max(span, 2.0 * MIN_ROWS_FOR_NOISE * slowest), end - begin)
-    left = _busiest_window(series, begin, end, span)
+    left = busiest_window(series, begin, end, span)
     cut = []
     for s in series:
         time = s.time_s - s.latency_s
@@ -194,7 +210,7 @@ def _window(series: Sequence[Series]) -> list[Series]:
     return cut
 
 
-def _busiest_window(series: Sequence[Series], begin: float, end: float, span: float) -> float:
+def busiest_window(series: Sequence[Series], begin: float, end: float, span: float) -> float:
     """Return where a window of `span` seconds covers the longest way, by the positions."""
     position = next((s for s in series if s.kind is Kind.POSITION and len(s) > 2), None)
     if position is None:

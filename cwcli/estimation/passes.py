@@ -31,7 +31,7 @@ class PitchRate:
     """The turn rate about the body's left axis.
 
     Attributes:
-        time_s: Shape (n,), since the common epoch, sorted; corrected for the IMU's latency.
+        time_s: Shape (n,), since the common epoch, sorted; at a SPEED corrected for the IMU's latency.
         value_radps: Shape (n,): nose down positive.
     """
 
@@ -61,7 +61,7 @@ class Series:
         bias_state, latency_state: Index of the parameter state, or -1.
         slow_state: Of its slow error (Gauss-Markov), or -1; a POSITION's are two, this one and the next.
         scale_state, lever_state: Of a SPEED's scale (minus 1) and lever arm, or -1.
-        pitch_rate: What turns with the body while a SPEED's lever arm is not zero, or None.
+        pitch_rate: An IMU's, at its ACCEL; at a SPEED with a lever arm the one that goes with it. None: unknown.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
         floor: Least sigma of noise that is found from the log.
         interval_s: Between two rows, as a rule, where that is known from other drives; else NaN.
@@ -119,7 +119,8 @@ class PassResult:
         covariance: Shape (m, n, n).
         last_state, last_covariance: Filter state after the last event, (n,), (n, n).
         log_likelihood: Sum over used innovations.
-        nis: Per series: shape (k, 3): normalised innovation squared, mean nu^2, mean h P h'.
+        nis: Per series: shape (k, 4): normalised innovation squared, mean nu^2, mean h P h', determinant of the
+            innovation's covariance.
         status: Per series: shape (k,): an `ekf.UpdateStatus`, or BEFORE_START (its nis is NaN).
     """
 
@@ -229,7 +230,7 @@ class PassInput:
                 found_nis.append(nis[i:j])
                 found_status.append(status[i:j])
                 continue
-            found_nis.append(np.full((len(rows), 3), np.nan))
+            found_nis.append(np.full((len(rows), 4), np.nan))
             found_status.append(np.full(len(rows), BEFORE_START, np.int8))
             found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
         return PassResult(

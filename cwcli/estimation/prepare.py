@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind, Measurements
 from cwcli.estimation.odd_sensors import first_row_is_apart, in_si_units, stuck_rows
-from cwcli.estimation.passes import Series
+from cwcli.estimation.passes import PitchRate, Series
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -99,6 +99,8 @@ def prepare(
             )
             for kind, value, var in pairs:
                 series = _with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
+                if kind is Kind.ACCEL and len(series):
+                    series = replace(series, pitch_rate=PitchRate(imu.time_s, imu.pitch_rate_radps))
                 prepared.append(PreparedSeries(series, True, len(m), lost, imu.n_interpolated, mounting=imu.mounting))
             continue
         late = held_back(time)
@@ -231,3 +233,10 @@ def thinned(series: Series, factor: int) -> Series:
         values=series.values[:n].reshape(*shape, 2).mean(axis=1)[whole],
         noise=series.noise[:n].reshape(*shape, 3).mean(axis=1)[whole] / factor,
     )
+
+
+def thinned_to(series: Series, rate_hz: float) -> Series:
+    """An inertial series or a speed averaged down to about `rate_hz`; another series as it is."""
+    if series.kind not in (*RATES, Kind.SPEED) or len(series) < 3:
+        return series
+    return thinned(series, int(1.0 / (rate_hz * max(float(np.median(np.diff(series.time_s))), 1e-4)) + 0.25))

@@ -20,9 +20,12 @@ from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Series, Start, old_rows, run_pass
 from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, prepare_blind, seconds
 from cwcli.estimation.result import SourceReport, Track
+from cwcli.estimation.sensor_model import Part
+from cwcli.estimation.sensor_search import FoundModel
 from cwcli.estimation.song2016 import estimate_song2016
 from cwcli.estimation.start import hold_before_start, start_with_parameters
 from cwcli.estimation.trust import state_flags
@@ -190,6 +193,7 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         middle = len(result.state) // 2
         bias = float(result.state[middle, s.bias_state])
         bias_sigma = float(np.sqrt(max(result.covariance[middle, s.bias_state, s.bias_state], 0.0)))
+    found, slow = tuned.sensors, tuned.sensors.model.slow.get(i)
     variance = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
     return SourceReport(
         source=s.source,
@@ -214,6 +218,14 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         mounting=p.mounting,
         bias=bias,
         bias_sigma=bias_sigma,
+        scale=_parameter(found, (i, "scale"), s.scale_state, result, 1.0),
+        lever_arm_m=_parameter(found, (i, "lever"), s.lever_state, result, 0.0),
+        slow_error=SlowError(
+            float("nan") if slow is None else slow.sigma,
+            float("nan") if slow is None else slow.time_s,
+            found.status.get((i, "slow"), ParameterStatus.OFF),
+        ),
+        follows_pitch_rate=i in found.model.follows,
     )
 
 
@@ -221,6 +233,15 @@ def _noise_scale(stated: Series, used: Series) -> float:
     if not stated.noise_origin.startswith("message") or not len(used):
         return float("nan")
     return float(used.noise[:, 0].mean() / stated.noise[:, 0].mean())
+
+
+def _parameter(found: FoundModel, part: Part, state: int, result: PassResult, offset: float) -> Parameter:
+    """A constant of a source, as it is at the end; `offset` is what its state 0 stands for."""
+    status = found.status.get(part, ParameterStatus.OFF)
+    if state < 0:
+        return Parameter(status=status)
+    sigma = float(np.sqrt(max(result.last_covariance[state, state], 0.0)))
+    return Parameter(offset + float(result.last_state[state]), sigma, status)
 
 
 def estimate_tracks(

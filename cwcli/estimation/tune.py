@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.estimation.calibrated import calibrated_motion, with_bias_priors, with_latencies
+from cwcli.estimation.calibrated import calibrated_model, calibrated_motion, with_latencies, with_priors
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, references
 from cwcli.estimation.latency_clock import Told, on_agreed_clock
@@ -17,6 +17,8 @@ from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import settle_noise
 from cwcli.estimation.passes import N_MOTION, Series
 from cwcli.estimation.prepare import PreparedSeries
+from cwcli.estimation.sensor_model import Layout, lay_out
+from cwcli.estimation.sensor_search import FoundModel, find_sensor_model, if_better
 from cwcli.kernels import ekf
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
@@ -35,6 +37,7 @@ class TunedSeries:
         mean, prior: Shape (n,): prior means and variances of the parameter states; motion states are zero there.
         compared: What the log itself says of each latency, see `SourceReport`.
         parameters: Of the motion model.
+        sensors: What else than white noise was found of each series.
         notes: Remarks for the user.
     """
 
@@ -45,6 +48,7 @@ class TunedSeries:
     prior: FloatArray
     compared: tuple[Latency, ...]
     parameters: ModelParameters
+    sensors: FoundModel
     notes: tuple[str, ...]
 
 
@@ -57,18 +61,16 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         parameters: Motion model to begin with.
     """
     series, walk, prior = with_bias_states(prepared, parameters)
-    compared = find_latencies(series, latency_roles(series, config), parameters, walk, prior)
-    mean, calibration = np.zeros_like(prior), config.calibration
-    if calibration is None:
-        latencies, moved = on_agreed_clock(_told(series, compared))
+    base = Layout(series, parameters, walk, prior)
+    compared, latencies, moved, sensors = _latencies_and_sensors(base, config)
+    layout = lay_out(_corrected(base, latencies), sensors.model)
+    mean, prior = np.zeros_like(layout.prior), layout.prior
+    if config.calibration is not None:
+        mean, prior = with_priors(layout.series, prior, config.calibration)
+    if config.calibration is not None and config.causal:
+        series, parameters = layout.series, calibrated_motion(layout.parameters, config.calibration)
     else:
-        latencies, moved = with_latencies(series, compared, calibration, causal=config.causal)
-        mean, prior = with_bias_priors(series, prior, calibration)
-    series = [replace(s, latency_s=latency.applied_s) for s, latency in zip(series, latencies, strict=True)]
-    if calibration is not None and config.causal:
-        parameters = calibrated_motion(parameters, calibration)
-    else:
-        series, parameters = settle_noise(series, parameters, walk, prior)
+        series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, prior)
     gated = tuple(replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
     unknown = (
         f"{s.source}: latency of {s.kind.name.lower()} not observable{_bound(latency)}, not corrected"
@@ -78,11 +80,12 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
     return TunedSeries(
         gated,
         tuple(latencies),
-        parameters.motion(walk),
+        parameters.motion(layout.walk),
         mean,
         prior,
         tuple(compared),
         parameters,
+        sensors,
         (*moved, *unknown),
     )
 
@@ -96,6 +99,61 @@ def _told(series: Sequence[Series], latencies: Sequence[Latency]) -> list[Told]:
         Told(s.source, s.kind, is_reference, latency)
         for s, is_reference, latency in zip(series, references(series), latencies, strict=True)
     ]
+
+
+def _latencies_and_sensors(
+    base: Layout, config: EstimatorConfig
+) -> tuple[list[Latency], list[Latency], list[str], FoundModel]:
+    """Find the latencies and the sensors' errors: each as well as the other is known, then each once more.
+
+    Args:
+        base: Series with their biases alone; stamps as they are.
+        config: Settings.
+
+    Returns:
+        What the log says of the latencies; what is made of them; notes; the sensors' errors.
+    """
+    roles = latency_roles(base.series, config)
+    told = _latencies(base, roles, config)
+    if config.sensor_model == "none":
+        return *told, FoundModel()
+    if config.calibration is not None and config.causal:
+        return *told, calibrated_model(base.series, config.calibration)
+    found = find_sensor_model(_settled(_corrected(base, told[1])))
+    if found.model.parts and None in roles:
+        again = _latencies(lay_out(base, found.model), roles, config)
+        if [a.applied_s for a in again[1]] != [a.applied_s for a in told[1]]:
+            found = find_sensor_model(_settled(_corrected(base, again[1])), found)
+        told = again
+    plain = _corrected(base, told[1])
+    return *told, if_better(found, _settled(plain), _settled(lay_out(plain, found.model)))
+
+
+def _latencies(
+    layout: Layout, roles: Sequence[Latency | None], config: EstimatorConfig
+) -> tuple[list[Latency], list[Latency], list[str]]:
+    """What the log says of the latencies, what is made of them, and notes.
+
+    A slow error of the fixes takes no part: it would hide a latency, and the scatter over the log's blocks, which is a
+    latency's sigma, has it already.
+    """
+    series = [replace(s, slow_state=-1) if s.kind is Kind.POSITION else s for s in layout.series]
+    compared = find_latencies(series, roles, layout.parameters, layout.walk, layout.prior)
+    if config.calibration is None:
+        return compared, *on_agreed_clock(_told(series, compared))
+    return compared, *with_latencies(series, compared, config.calibration, causal=config.causal)
+
+
+def _corrected(layout: Layout, latencies: Sequence[Latency]) -> Layout:
+    """The layout with its stamps corrected."""
+    series = [replace(s, latency_s=latency.applied_s) for s, latency in zip(layout.series, latencies, strict=True)]
+    return replace(layout, series=series)
+
+
+def _settled(layout: Layout) -> Layout:
+    """The layout with the noise that goes with it, roughly."""
+    series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, layout.prior, every_row=False)
+    return replace(layout, series=series, parameters=parameters)
 
 
 def with_bias_states(

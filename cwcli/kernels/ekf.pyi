@@ -41,12 +41,13 @@ class ProcessModel:
     """What the state does between measurements: a motion model with its numbers."""
 
     @staticmethod
-    def damped(numbers: DampedMotion, walk_noise: _F, time_constant_s: _F) -> ProcessModel:
+    def damped(numbers: DampedMotion, walk_noise: _F, turn_noise: _F, time_constant_s: _F) -> ProcessModel:
         """Eight states and parameters, see `cwcli.estimation.model.ModelParameters`.
 
         Args:
             numbers: As the struct says.
             walk_noise: (n,): white noise behind the parameter states, variance per second (first eight unused).
+            turn_noise: (n,): the same by radian turned.
             time_constant_s: (n,): of parameters that fade to zero (Gauss-Markov); 0: it walks (first eight unused).
 
         Raises:
@@ -102,7 +103,8 @@ class Pass:
     Attributes:
         state, covariance: (m, n), (m, n, n): filtered or smoothed, at the output rows.
         last_state, last_covariance: (n,), (n, n): of the filter after the last step.
-        nis: (U, 3): squared normalised innovation, mean nu^2 over the axes, mean h P h' over the axes.
+        nis: (U, 4): squared normalised innovation, mean nu^2 over the axes, mean h P h' over the axes, determinant of
+            the innovation's covariance.
         status: (U,): an `UpdateStatus`.
         log_likelihood: Of the used innovations.
     """

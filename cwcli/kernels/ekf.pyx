@@ -40,6 +40,7 @@ from cwcli.kernels.ekf_motion cimport (
     times_f,
     times_ft,
     turn_round,
+    yaw_rate_of,
 )
 from cwcli.kernels.ekf_sensors cimport Parameters, count_slots, expect, inflate, tells_heading
 
@@ -59,7 +60,8 @@ cdef class ProcessModel:
     cdef Model model
 
     @staticmethod
-    def damped(DampedMotion numbers, const double[::1] walk_noise, const double[::1] time_constant_s):
+    def damped(DampedMotion numbers, const double[::1] walk_noise, const double[::1] turn_noise,
+               const double[::1] time_constant_s):
         if walk_noise.shape[0] > NMAX:
             raise ValueError(f"{walk_noise.shape[0]} states, more than {NMAX}")
         cdef ProcessModel motion = ProcessModel()
@@ -69,6 +71,7 @@ cdef class ProcessModel:
         motion.model.damped = numbers
         for i in range(N_MOTION, motion.model.n):
             motion.model.walk_noise[i] = walk_noise[i]
+            motion.model.turn_noise[i] = turn_noise[i]
             if time_constant_s[i] > 0.0:
                 motion.model.fading[motion.model.n_fading] = i
                 motion.model.fade_rate[motion.model.n_fading] = 1.0 / time_constant_s[i]
@@ -130,7 +133,7 @@ cdef class Pass:
     def __init__(self, Events events, ProcessModel motion, int n_output, bint keep):
         cdef int n = motion.model.n, n_updates = <int>events.source.shape[0]
         self.state, self.covariance = np.empty((n_output, n)), np.empty((n_output, n, n))
-        self.nis, self.status = np.empty((n_updates, 3)), np.zeros(n_updates, np.int8)
+        self.nis, self.status = np.empty((n_updates, 4)), np.zeros(n_updates, np.int8)
         if keep:
             self.x_post = np.empty((events.time_s.shape[0], n))
             self.flip = np.zeros(events.time_s.shape[0], np.int8)
@@ -207,7 +210,7 @@ cdef int forward(
                     if keep:
                         noise_speed2[k] = speed2
                         noise_astray[k] = lost
-                    add_noise(p, speed2, lost, dt, model)
+                    add_noise(p, speed2, lost, yaw_rate_of(x), dt, model)
                     propagate(x, &f)
                     for i in range(n):                        # round-off makes the two products differ in the last bit
                         for j in range(i):
@@ -241,6 +244,7 @@ cdef int forward(
                 if width == 1:
                     nis[u, 1] = nu[0] * nu[0]
                     nis[u, 2] = s00
+                    nis[u, 3] = s00 + r0
                     d2 = nu[0] * nu[0] / (s00 + r0)
                 else:
                     s01 = 0.0
@@ -255,6 +259,7 @@ cdef int forward(
                     s11 += r2
                     det = s00 * s11 - s01 * s01
                     d2 = (s11 * nu[0] * nu[0] - 2.0 * s01 * nu[0] * nu[1] + s00 * nu[1] * nu[1]) / det
+                    nis[u, 3] = det
                 nis[u, 0] = d2
                 quiet = 1.0 + (time_s[k] - last_used_s[s]) / GATE_WIDENS_S
                 if gate_nis[s] > 0.0 and not d2 <= gate_nis[s] * quiet * quiet:

@@ -1,7 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the vehicle-state kernel: the motion model, its Jacobian and its noise."""
 
-from libc.math cimport M_PI, cos, exp, expm1, round, sin
+from libc.math cimport M_PI, cos, exp, expm1, fabs, round, sin
 
 from cwcli.kernels.ekf cimport MotionModel
 
@@ -40,6 +40,7 @@ cdef struct Model:
     int n                      # states
     DampedMotion damped
     double walk_noise[NMAX]    # DAMPED: white noise behind each parameter, variance per second
+    double turn_noise[NMAX]    # DAMPED: the same by radian turned
     int n_fading               # DAMPED: parameters that fade to zero (Gauss-Markov); the others walk
     int fading[NMAX]           # their states
     double fade_rate[NMAX]     # 1/s, of each of `fading`
@@ -110,6 +111,10 @@ cdef inline void companion(double dt, double rate1, double rate2, double* out) n
 cdef inline double speed_squared(const double* x, const double* p) noexcept nogil:
     """Its expectation."""
     return x[SPEED] * x[SPEED] + p[SPEED * NMAX + SPEED]
+
+
+cdef inline double yaw_rate_of(const double* x) noexcept nogil:
+    return x[YAW_RATE]
 
 
 cdef inline double decay_of_yaw_rate(double v2, const Model* model) noexcept nogil:
@@ -278,10 +283,11 @@ cdef inline double astray(double v2, const double* p, double untold_s, const Mod
     return v2 * (1.0 - (1.0 + spread) * exp(-spread)) * (untold_s if untold_s < lasts_s else lasts_s)
 
 
-cdef inline void add_noise(double* p, double v2, double lost, double dt, const Model* model) noexcept nogil:
+cdef inline void add_noise(double* p, double v2, double lost, double yaw_rate, double dt,
+                           const Model* model) noexcept nogil:
     """Continuous white noise behind jerk and yaw acceleration, random walks for the parameters.
 
-    v2: `speed_squared`, lost: `astray`, both of before.
+    v2: `speed_squared`, lost: `astray`, yaw_rate: all of before.
     """
     cdef int i, j
     cdef double q, v0, t2 = dt * dt, t3 = t2 * dt, t4 = t3 * dt, t5 = t4 * dt
@@ -315,7 +321,7 @@ cdef inline void add_noise(double* p, double v2, double lost, double dt, const M
     add_sym(p, X, X, q)
     add_sym(p, Y, Y, q)
     for i in range(N_MOTION, model.n):
-        p[i * NMAX + i] += model.walk_noise[i] * dt
+        p[i * NMAX + i] += (model.walk_noise[i] + model.turn_noise[i] * fabs(yaw_rate)) * dt
     for j in range(model.n_fading):                       # what fading takes off again: q (1 - exp(-2 dt/T)) T/2 in all
         i = model.fading[j]
         q = 2.0 * model.fade_rate[j]

@@ -60,7 +60,7 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
             if k > 0:
                 dt = time_s[k] - time_s[k - 1]
                 if dt > 0.0:
-                    add_noise(q, noise_speed2[k], noise_astray[k], dt, model)
+                    add_noise(q, noise_speed2[k], noise_astray[k], yaw_rate_of(&x_post[k - 1, 0]), dt, model)
                     forget(y, big, q, n)
                     linearise(&x_post[k - 1, 0], dt, yaw_decay[k], model, &f, cached)
                     times_ft(y, &f, n, 1, 0, 1)

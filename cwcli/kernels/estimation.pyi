@@ -15,6 +15,9 @@ def matching_factor(nu2: _F, prior: _F, noise: _F, *, most: float, n_steps: int,
         limit: No squared, normalised innovation counts more than this.
     """
 
+def fading_integral(time_s: _F, rate: _F, *, decay_s: float, max_gap_s: float) -> _F:
+    """(n,): u at times (n,), increasing, of u' = -u / decay_s + rate from u = 0 on; in longer gaps the rate is 0."""
+
 def lay_steps(update_s: _F, output_s: _F, *, start_s: float, max_step_s: float, max_pieces: int) -> tuple[_F, _I, _I]:
     """Lay a pass's steps: the start, each time of an update, and each output behind the updates of the same time.
 

@@ -3,7 +3,7 @@
 than to compute. The plain twins are in tests/unit/estimation/naive_estimation.py.
 """
 
-from libc.math cimport ceil, sqrt
+from libc.math cimport ceil, exp, sqrt
 
 import numpy as np
 
@@ -25,6 +25,21 @@ def matching_factor(const double[:] nu2, const double[:] prior, const double[::1
             else:
                 high = middle
     return sqrt(low * high)
+
+
+def fading_integral(const double[::1] time_s, const double[::1] rate, *, double decay_s, double max_gap_s):
+    cdef Py_ssize_t n = time_s.shape[0], i
+    cdef double keep, gap
+    found = np.zeros(n)
+    cdef double[::1] value = found
+    with nogil:
+        for i in range(1, n):
+            gap = time_s[i] - time_s[i - 1]
+            keep = exp(-gap / decay_s)
+            value[i] = keep * value[i - 1]
+            if gap < max_gap_s:
+                value[i] += (1.0 - keep) * decay_s * 0.5 * (rate[i - 1] + rate[i])
+    return found
 
 
 def lay_steps(const double[::1] update_s, const double[::1] output_s, *, double start_s, double max_step_s,

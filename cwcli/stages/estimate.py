@@ -71,7 +71,7 @@ class EstimateConfig:
     Attributes:
         sources: Which channels are read, and how.
         estimator: The filter; remote vehicles run the same one, without a search for latencies, because the
-            quantities of one message share its time.
+            quantities of one message share its time, and without one for the sensors' errors.
         rate_hz: Rate of `/cwcli/ego/state`. Remote states come at the times of their messages.
         calibration: Constants of the ego's sensors from other drives, or None.
         truth_origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth channel's origin, or None.
@@ -223,7 +223,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
     place[order] = np.arange(n)
     state, covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
     flags = np.zeros(n, np.uint8)
-    config = replace(estimator, latency="none")
+    config = replace(estimator, latency="none", sensor_model="none")
     stations = list(rows_by_id(signal.station))
     tracks: dict[str, TrackSummary] = {}
     for first in range(0, len(stations), STATIONS_AT_ONCE):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
+from cwcli.estimation.consistency import nees
 from cwcli.estimation.from_signals import ego_measurements
 from cwcli.logs.read.reader import Log
 from cwcli.signals.geodesy import LocalMap
@@ -81,18 +82,38 @@ def test_kitti_smoothed_position_is_as_good_as_the_gnss_itself(kitti) -> None:
     assert rms <= 1.02 * gnss_rms
 
 
-def test_kitti_with_every_second_20_s_of_gnss_withheld_stays_within_2_m(kitti) -> None:
+def test_kitti_with_every_second_20_s_of_gnss_withheld_stays_within_3_m_and_says_how_well(kitti) -> None:
+    """Moved by 0 and 10 s: one choice of the windows is luck. 0.83 m RMS before the sensor model, NEES 3 by degree."""
     measurements, truth_ns, truth_xy = kitti
     gps = next(m for m in measurements if m.kind is Kind.POSITION)
     rest = [m for m in measurements if m.kind is not Kind.POSITION]
-    seen = ((gps.stamp_ns - gps.stamp_ns[0]) // 20_000_000_000) % 2 == 0
-    some = Measurements(gps.source, gps.kind, gps.stamp_ns[seen], gps.values[seen])
-    track = estimate_track([some, *rest], EstimatorConfig(), truth_ns)
-    error = np.hypot(*(track.state[:, :2] - truth_xy).T)
-    withheld = ((truth_ns - gps.stamp_ns[0]) // 20_000_000_000) % 2 == 1
-    between = withheld & (truth_ns < some.stamp_ns[-1])
-    assert between.sum() > 900
-    assert error[between].max() < 2.0
+    errors, surprise = [], []
+    for moved_ns in (0, 10_000_000_000):
+        begin = gps.stamp_ns[0] + moved_ns
+        seen = (gps.stamp_ns < begin) | (((gps.stamp_ns - begin) // 20_000_000_000) % 2 == 0)
+        some = Measurements(gps.source, gps.kind, gps.stamp_ns[seen], gps.values[seen])
+        track = estimate_track([some, *rest], EstimatorConfig(), truth_ns)
+        withheld = (truth_ns >= begin) & (((truth_ns - begin) // 20_000_000_000) % 2 == 1)
+        between = withheld & (truth_ns < some.stamp_ns[-1])
+        assert between.sum() > 700
+        error = (track.state[:, :2] - truth_xy)[between]
+        errors.append(np.hypot(*error.T))
+        surprise.append(nees(error, track.covariance[between][:, :2, :2]) / 2)
+    error = np.concatenate(errors)
+    assert error.max() < 3.0
+    assert np.sqrt((error**2).mean()) < 0.9
+    assert np.concatenate(surprise).mean() < 2.0
+
+
+def test_kitti_states_are_as_good_as_they_say(kitti) -> None:
+    """NEES by degree of freedom; before the sensor model 13 (position) and 12 (speed), which was 0.17 m/s off."""
+    measurements, truth_ns, truth_xy = kitti
+    track = estimate_track(measurements, EstimatorConfig(), truth_ns)
+    position = track.state[:, :2] - truth_xy
+    speed = track.state[:, 2] - np.hypot(*np.gradient(truth_xy, truth_ns / 1e9, axis=0).T)
+    assert nees(position, track.covariance[:, :2, :2]).mean() / 2 < 2.0
+    assert (speed**2 / track.covariance[:, 2, 2]).mean() < 2.0
+    assert np.sqrt((speed**2).mean()) < 0.15
 
 
 @pytest.mark.parametrize("part", ["22", "23"])

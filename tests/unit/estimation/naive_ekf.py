@@ -69,6 +69,7 @@ def process_noise(x: F, cov: F, dt: float, untold_s: float, p: ModelParameters, 
     for i in range(8, n):
         t = p.time_constant_s.get(i)
         q[i, i] += walk[i] * dt if t is None else walk[i] * t / 2 * (1 - np.exp(-2 * dt / t))
+        q[i, i] += p.turn_noise.get(i, 0.0) * abs(x[5]) * dt
     return q
 
 

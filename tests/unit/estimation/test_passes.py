@@ -67,7 +67,7 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
 def test_pass_equals_twin_on_mixed_sensors(seed: int) -> None:
     series, start, walk = mixed_series(seed)
     output = np.linspace(0.0, 4.2, 23)
-    parameters = ModelParameters(time_constant_s={12: 2.0, 13: 2.0, 14: 0.7})
+    parameters = ModelParameters(time_constant_s={12: 2.0, 13: 2.0, 14: 0.7}, turn_noise={14: 0.3})
     naive = naive_ekf.run(series, start, parameters, walk, output)
     filtered = run_pass(series, start, parameters.motion(walk), output, smooth=False, reset_after=10)
     smoothed = run_pass(series, start, parameters.motion(walk), output, smooth=True, reset_after=10)

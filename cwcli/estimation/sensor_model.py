@@ -1,0 +1,166 @@
+"""What a source's errors are made of beside white noise: slow errors, a scale, a lever arm. Laid out as states.
+
+- A POSITION's errors stay for seconds (multipath, the atmosphere): a Gauss-Markov error of each axis.
+- A forward accelerometer has gravity in it where the road rises: z = a + bias - g pitch. The pitch is a Gauss-Markov
+  process with the time constant T that the pitch gyroscope q drives, p' = -p / T + q + w. By superposition it is the
+  sum of u' = -u / T + q, which is computed beforehand and taken out of the values, and of a Gauss-Markov rest, which is
+  a state. A bias stays far longer than T, so that the two part. A car that turns on a slope changes its pitch without
+  a pitch rate, p' = q - yaw rate * roll; the roll is not known, and counts as noise by radian turned.
+- A SPEED has a scale (the wheels' circumference) and, where the IMU has a pitch gyroscope, a lever arm: wheels a height
+  l below the IMU move by l q slower while the body turns nose down. z = scale (v - l q).
+
+`sensor_search` says which of them a log shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.passes import MAX_PITCH_GAP_S, PitchRate, Series
+from cwcli.kernels.estimation import fading_integral
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
+
+SCALE_PRIOR = 0.02
+"""One sigma: tyres differ by wear, pressure and size by a couple of percent."""
+LEVER_PRIOR_M = 1.0
+"""One sigma: an IMU lies between the axles' height and a truck's roof."""
+TURN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
+"""By which gravity's forward part changes where a car turns by a radian: the road across is sloped like the one ahead,
+by 2 degrees (one sigma), and turning from one to the other is no pitch rate."""
+MAX_STATES = 23
+"""The kernel's 24 but for one, which the search for a latency adds."""
+
+
+Part = tuple[int, Literal["slow", "scale", "lever"]]
+"""One error: the index of its series and its name."""
+
+
+@dataclass(frozen=True)
+class Slow:
+    """A Gauss-Markov error.
+
+    Attributes:
+        sigma: Stationary sigma in the unit of the source's kind.
+        time_s: Time constant.
+    """
+
+    sigma: float
+    time_s: float
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """Which errors are modelled, by the index of the series.
+
+    Attributes:
+        slow: Slow errors of POSITION and ACCEL series.
+        follows: ACCEL series from which gravity by the pitch gyroscope is taken out; they have a slow error, too.
+        scaled, levered: SPEED series with a scale, with a lever arm.
+    """
+
+    slow: Mapping[int, Slow] = field(default_factory=dict)
+    follows: frozenset[int] = frozenset()
+    scaled: frozenset[int] = frozenset()
+    levered: frozenset[int] = frozenset()
+
+    @property
+    def parts(self) -> list[Part]:
+        """Every single error."""
+        return [
+            *((i, "slow") for i in sorted(self.slow)),
+            *((i, "scale") for i in sorted(self.scaled)),
+            *((i, "lever") for i in sorted(self.levered)),
+        ]
+
+    def without(self, part: Part) -> SensorModel:
+        """The model without one of its errors."""
+        i, name = part
+        if name == "slow":
+            slow = {k: v for k, v in self.slow.items() if k != i}
+            return replace(self, slow=slow, follows=self.follows - {i})
+        if name == "scale":
+            return replace(self, scaled=self.scaled - {i})
+        return replace(self, levered=self.levered - {i})
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Series and their parameter states.
+
+    Attributes:
+        series: With the indices of their states.
+        parameters: Motion model with the states' time constants.
+        walk, prior: Shape (n,): white noise behind the states (variance per second) and prior variances; zero for
+            motion states.
+    """
+
+    series: list[Series]
+    parameters: ModelParameters
+    walk: FloatArray
+    prior: FloatArray
+
+
+def lay_out(base: Layout, model: SensorModel) -> Layout:
+    """Add the states of a sensor model; what does not fit into the kernel is left out.
+
+    Args:
+        base: Series with their biases alone.
+        model: By the index of `base.series`.
+    """
+    series, walk, prior = list(base.series), base.walk.tolist(), base.prior.tolist()
+    time_constant_s, turn_noise = dict(base.parameters.time_constant_s), dict(base.parameters.turn_noise)
+    imu_rate = pitch_rate_of(series)
+
+    def add(n: int, prior_variance: float, walk_variance: float, time_s: float = 0.0) -> int:
+        """Lay n states of one kind behind each other; returns the first one's index, -1 where there is no room."""
+        first = len(walk)
+        if first + n > MAX_STATES:
+            return -1
+        walk.extend([walk_variance] * n)
+        prior.extend([prior_variance] * n)
+        if time_s > 0.0:
+            time_constant_s.update({first + k: time_s for k in range(n)})
+        return first
+
+    for i, s in enumerate(series):
+        if i in model.slow and len(s):
+            slow = model.slow[i]
+            n = 2 if s.kind is Kind.POSITION else 1
+            state = add(n, slow.sigma**2, 2.0 * slow.sigma**2 / slow.time_s, slow.time_s)
+            series[i] = replace(s, slow_state=state)
+            if s.kind is Kind.ACCEL and state >= 0:
+                turn_noise[state] = TURN_MPS2**2
+            if i in model.follows and s.pitch_rate is not None:
+                series[i] = without_gravity(series[i], slow.time_s)
+        if i in model.scaled and len(s):
+            series[i] = replace(series[i], scale_state=add(1, SCALE_PRIOR**2, 0.0))
+        if i in model.levered and len(s) and imu_rate is not None:
+            series[i] = replace(series[i], lever_state=add(1, LEVER_PRIOR_M**2, 0.0), pitch_rate=imu_rate)
+    parameters = replace(base.parameters, time_constant_s=time_constant_s, turn_noise=turn_noise)
+    return Layout(series, parameters, np.array(walk), np.array(prior))
+
+
+def pitch_rate_of(series: Sequence[Series]) -> PitchRate | None:
+    """The first IMU's pitch rate on the clock of the corrected stamps; None without one."""
+    for s in series:
+        if s.kind is Kind.ACCEL and s.pitch_rate is not None:
+            return PitchRate(s.pitch_rate.time_s - s.latency_s, s.pitch_rate.value_radps)
+    return None
+
+
+def without_gravity(s: Series, time_s: float) -> Series:
+    """An ACCEL series without the gravity of the pitch that its gyroscope shows within `time_s`."""
+    if s.pitch_rate is None:
+        return s
+    rate = s.pitch_rate
+    pitch = fading_integral(rate.time_s, rate.value_radps, decay_s=time_s, max_gap_s=MAX_PITCH_GAP_S)
+    values = s.values.copy()
+    values[:, 0] += STANDARD_GRAVITY_MPS2 * np.interp(s.time_s, s.pitch_rate.time_s, pitch)
+    return replace(s, values=values)
