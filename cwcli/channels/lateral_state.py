@@ -8,12 +8,11 @@ import numpy as np
 
 from cwcli.channels.output import output
 from cwcli.channels.published import OBSERVER
-from cwcli.dynamics.samples import PREVIEW_M, FrameStatus, LateralTrack, count_statuses
+from cwcli.dynamics.samples import PREVIEW_M, STATE_NAMES, FrameStatus, LateralTrack, count_statuses
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaf_fields import matrix, numbers, unusable, whole_numbers
 from cwcli.signals.row_order import rows_by_stamp
 
-STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
 N_STATES = len(STATE_NAMES)
 TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES)
 FIRST_STATUS = 1

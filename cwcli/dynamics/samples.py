@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array
 
+STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
+"""Columns of `LateralTrack.state`."""
 PREVIEW_M = 33.5
 """D_L of zhang2011."""
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lateral_state import STATE_NAMES, read_lateral_truth, read_observed
+from cwcli.channels.lateral_state import read_lateral_truth, read_observed
 from cwcli.channels.published import OBSERVER
-from cwcli.dynamics.samples import FrameStatus, LateralTrack
+from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
 from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn

@@ -15,6 +15,7 @@ from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import FrameStatus, LateralTrack
 from cwcli.dynamics.single_track import critical_speed_mps
+from cwcli.dynamics.table import observer_table
 from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.estimation.calibration import Calibration, calibration_entry
@@ -22,14 +23,14 @@ from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_entry
-from cwcli.pipeline.result import StageResult, Summary
+from cwcli.pipeline.result import Cell, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.columns import Columns
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.calibrated import calibrated_sources
 from cwcli.stages.inputs.observer import Inputs, inputs_of, lane_samples
 from cwcli.stages.inputs.sources import read_sources
-from cwcli.stages.summaries.observe import observer_section, observer_table
+from cwcli.stages.summaries import largest, median
 
 FIELDS: dict[str, tuple[str, ...]] = {LANES.role: PREVIEW_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
 EXAMPLES = (
@@ -155,7 +156,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     table = observer_table(track)
     summary = Summary(
         title=f"observe ({config.observer.method})",
-        sections=(observer_section(track, inputs),),
+        sections=(_section(track, inputs),),
         inputs=(lanes.count, *inputs.counts),
         notes=_notes(own, inputs, track, vehicle, config),
     )
@@ -196,3 +197,25 @@ def _notes(
     if not np.isfinite(track.state[:, 0]).any():
         notes.append("no frame has a state")
     return tuple(notes)
+
+
+def _section(track: LateralTrack, inputs: Inputs) -> Section:
+    """How many frames have a state, and what the states are like."""
+    n = len(track)
+    rows: list[tuple[Cell, ...]] = [("frames", n)]
+    rows += [(f"frames {name.replace('_', ' ')}", count) for name, count in track.counts.items() if count]
+    rows += [
+        ("speed from", inputs.speed_source),
+        ("yaw rate from", inputs.yaw_rate_source or "-"),
+        ("steering angle from", inputs.steer_source or "the lanes"),
+        ("largest yaw rate (deg/s)", largest(np.degrees(track.state[:, 1]))),
+        ("largest lateral speed (m/s)", largest(track.state[:, 0])),
+        ("sigma of the yaw rate, median (deg/s)", median(np.degrees(np.sqrt(np.abs(track.covariance[:, 1, 1]))))),
+        ("sigma of the lateral speed, median (m/s)", median(np.sqrt(np.abs(track.covariance[:, 0, 0])))),
+    ]
+    known = np.flatnonzero(np.isfinite(track.mass_sigma_kg))
+    if len(known):
+        last = known[-1]
+        rows.append(("mass at the end (kg)", float(track.mass_kg[last])))
+        rows.append(("its sigma (kg)", float(track.mass_sigma_kg[last])))
+    return Section("observer", "Lateral motion", ("quantity", "value"), tuple(rows))

@@ -15,7 +15,6 @@ from cwcli.channels.control_step import SERIES, ReplayedSteps, write_replays
 from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.image_lines import LINE_LOOP, Shape, write_image_lines
 from cwcli.channels.lanes import LaneFrames, LaneRows, read_lanes, write_lane_lines, write_lanes
-from cwcli.channels.lateral_state import STATE_NAMES as LATERAL_NAMES
 from cwcli.channels.lateral_state import Observed, read_lateral_truth, read_observed, write_observed
 from cwcli.channels.measures import write_measures
 from cwcli.channels.path_scene import write_path_scene
@@ -31,6 +30,7 @@ from cwcli.channels.target import read_targets, write_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
 from cwcli.channels.warning import read_warnings, write_warnings
 from cwcli.control.encounter import POLICIES
+from cwcli.dynamics.samples import STATE_NAMES as LATERAL_NAMES
 from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_statuses
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import Columns, OutputChannel, Strings, strings_from

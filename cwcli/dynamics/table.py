@@ -1,15 +1,11 @@
-"""The tables and the summary of the stage `observe`."""
+"""The observed lateral motion as a table."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.lateral_state import STATE_NAMES
-from cwcli.dynamics.samples import FrameStatus, LateralTrack
+from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
-from cwcli.pipeline.result import Cell, Section
-from cwcli.stages.inputs.observer import Inputs
-from cwcli.stages.summaries import largest, median
 
 SIGMA_NAMES = (
     "lateral_speed_sigma_mps",
@@ -49,25 +45,3 @@ def observer_table(track: LateralTrack) -> Table:
         "mass_sigma_kg": ColumnDoc(doc="NaN: the mass is assumed"),
     }
     return Table("observer", columns, docs)
-
-
-def observer_section(track: LateralTrack, inputs: Inputs) -> Section:
-    """How many frames have a state, and what the states are like."""
-    n = len(track)
-    rows: list[tuple[Cell, ...]] = [("frames", n)]
-    rows += [(f"frames {name.replace('_', ' ')}", count) for name, count in track.counts.items() if count]
-    rows += [
-        ("speed from", inputs.speed_source),
-        ("yaw rate from", inputs.yaw_rate_source or "-"),
-        ("steering angle from", inputs.steer_source or "the lanes"),
-        ("largest yaw rate (deg/s)", largest(np.degrees(track.state[:, 1]))),
-        ("largest lateral speed (m/s)", largest(track.state[:, 0])),
-        ("sigma of the yaw rate, median (deg/s)", median(np.degrees(np.sqrt(np.abs(track.covariance[:, 1, 1]))))),
-        ("sigma of the lateral speed, median (m/s)", median(np.sqrt(np.abs(track.covariance[:, 0, 0])))),
-    ]
-    known = np.flatnonzero(np.isfinite(track.mass_sigma_kg))
-    if len(known):
-        last = known[-1]
-        rows.append(("mass at the end (kg)", float(track.mass_kg[last])))
-        rows.append(("its sigma (kg)", float(track.mass_sigma_kg[last])))
-    return Section("observer", "Lateral motion", ("quantity", "value"), tuple(rows))
