@@ -15,6 +15,11 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() or char == " " else _escape(char) for char in text)
 
 
+def shown(text: str, most: int = 1000) -> str:
+    """As `printable`, and cut where it is longer than anybody reads: a log may hold a name of megabytes."""
+    return printable(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
+
+
 def _escape(char: str) -> str:
     code = ord(char)
     if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8, as Python keeps it in a file name

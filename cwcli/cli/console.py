@@ -12,10 +12,14 @@ import sys
 from dataclasses import dataclass
 from typing import TextIO
 
-from cwcli.cli.text import join_names, paragraph, printable
+from cwcli.cli.text import join_names, paragraph, printable, shown
 from cwcli.errors import CwcliError
 
 MAX_FOUND_WIDTH = 100  # paths and topics are long; a terminal wraps them
+MAX_FOUND = 200
+"""Entries behind `found:`."""
+MAX_ENTRY = 300
+"""Characters of one."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Console:
     def note(self, text: str) -> None:
         """Something the user should know, which is not the result."""
         if not self.quiet:
-            write(sys.stderr, paragraph(printable(text), first="note: ", rest="      "))
+            write(sys.stderr, paragraph(shown(text), first="note: ", rest="      "))
 
 
 def write(stream: TextIO | None, text: str) -> None:
@@ -93,12 +97,14 @@ def format_error(error: CwcliError) -> str:
       hint:  run `cwcli estimate drive.mcap -o estimated.mcap` first
     ```
     """
-    where = f"{printable(error.where)}: " if error.where else ""
-    lines = [f"error: {where}{printable(error.what)}"]
+    where = f"{shown(error.where)}: " if error.where else ""
+    lines = [f"error: {where}{shown(error.what)}"]
     if error.found:
-        lines.extend(_found_lines([printable(entry) for entry in error.found]))
+        more = len(error.found) - MAX_FOUND
+        entries = [shown(entry, MAX_ENTRY) for entry in error.found[:MAX_FOUND]]
+        lines.extend(_found_lines([*entries, f"and {more:,} more"] if more > 0 else entries))
     if error.hint:
-        lines.append(f"  hint:  {printable(error.hint)}")
+        lines.append(f"  hint:  {shown(error.hint)}")
     return "\n".join(lines)
 
 

@@ -78,7 +78,13 @@ def execute(job: Job) -> Outcome:
 
     with Progress(quiet=job.talk.quiet) as progress:
         progress.step(f"reading {job.source}")
-        with Log.open(job.source, recover=job.reading.recover, max_chunk_bytes=job.reading.max_chunk_bytes) as log:
+        reading = job.reading
+        with Log.open(
+            job.source,
+            recover=reading.recover,
+            max_chunk_bytes=reading.max_chunk_bytes,
+            max_pipe_bytes=reading.max_pipe_bytes,
+        ) as log:
             outcome, annotated = run_stages(
                 log,
                 job.stages,

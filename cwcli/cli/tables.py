@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cwcli.cli.text import WIDTH, display_width, number, pad, printable, wrap
+from cwcli.cli.text import WIDTH, display_width, number, pad, printable, shown, wrap
 
 Cell = str | float | int | None
 
 GAP = "  "
 MIN_TEXT_WIDTH = 12
 
+MAX_CELL = 300
+"""Characters of a cell."""
 _NUMBER_LIKE = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ?%)?|-")
 
 
@@ -35,7 +37,7 @@ def _cell(value: Cell) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return number(value)
-    return printable(str(value))
+    return shown(str(value), MAX_CELL)
 
 
 def _narrowest(head: str, column: Sequence[str], right: bool) -> int:

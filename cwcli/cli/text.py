@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 
-from cwcli.text import count, duration, finite, interval, join_names, number, printable, size
+from cwcli.text import count, duration, finite, interval, join_names, number, printable, shown, size
 
 __all__ = [
     "WIDTH",
@@ -18,6 +18,7 @@ __all__ = [
     "pad",
     "paragraph",
     "printable",
+    "shown",
     "size",
     "wrap",
 ]

@@ -10,7 +10,7 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions
 from cwcli.cli.options.values import utc
 from cwcli.cli.tables import Cell, table
-from cwcli.cli.text import count, duration, join_names, paragraph, printable, size
+from cwcli.cli.text import count, duration, join_names, paragraph, shown, size
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 EXAMPLES = ("cwcli info drive.mcap", "cwcli info drive.mcap --json | jq .commands")
 
 Document = dict[str, Any]
+MAX_NAMES = 100
+MAX_FACT = 5000
+"""Characters."""
 
 
 def command(log: LogArgument, reading: ReadingOptions, sensors: SensorOptions, talk: TalkOptions) -> None:
@@ -30,7 +33,12 @@ def command(log: LogArgument, reading: ReadingOptions, sensors: SensorOptions, t
     from cwcli.logs.read.reader import Log
 
     console = Console(quiet=talk.quiet)
-    with Log.open(log, recover=reading.recover, max_chunk_bytes=reading.max_chunk_bytes) as opened:
+    with Log.open(
+        log,
+        recover=reading.recover,
+        max_chunk_bytes=reading.max_chunk_bytes,
+        max_pipe_bytes=reading.max_pipe_bytes,
+    ) as opened:
         document = describe(opened, reading, sensors)
     if talk.json:
         console.data(json.dumps(document, indent=2, allow_nan=False))
@@ -69,7 +77,7 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
         "compression": list(log.compressions),
         "channels": [_channel(channel, duration_s, roles.get(channel.topic, [])) for channel in log.channels],
         "attachments": [{"name": entry.name, "size_bytes": entry.size} for entry in log.attachments],
-        "metadata": [name for name, _ in log.metadata],
+        "metadata": list(log.metadata_names),
         "commands": _commands(set(map(str, bindings.by_role))),
         "notes": list(bindings.notes),
         "faults": log.faults.counts(),
@@ -108,7 +116,7 @@ def show(console: Console, document: Document) -> None:
     """The document as tables of at most 80 columns."""
     console.heading(document["name"])
     for name, text in _facts(document):
-        console.summary(paragraph(printable(text), first=f"{name:<12}", rest=" " * 12))
+        console.summary(paragraph(shown(text, MAX_FACT), first=f"{name:<12}", rest=" " * 12))
     console.summary("")
     rows: list[tuple[Cell, ...]] = [
         (
@@ -141,11 +149,21 @@ def _facts(document: Document) -> list[tuple[str, str]]:
         ("library", document["library"] or "-"),
     ]
     if document["attachments"]:
-        names = [f"{entry['name']} ({size(entry['size_bytes'])})" for entry in document["attachments"]]
-        facts.append(("attachments", ", ".join(names)))
+        facts.append(
+            (
+                "attachments",
+                _first([f"{each['name']} ({size(each['size_bytes'])})" for each in document["attachments"]]),
+            )
+        )
     if document["metadata"]:
-        facts.append(("metadata", ", ".join(document["metadata"])))
+        facts.append(("metadata", _first(document["metadata"])))
     return facts
+
+
+def _first(names: list[str]) -> str:
+    """The first of many names."""
+    more = len(names) - MAX_NAMES
+    return ", ".join(names[:MAX_NAMES]) + (f" and {more:,} more" if more > 0 else "")
 
 
 def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:

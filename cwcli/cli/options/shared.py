@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration
 
 MEGABYTE = 1_000_000
+GIGABYTE = 1_000_000_000
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="MCAP file; - is standard input.")]
@@ -63,6 +64,15 @@ class ReadingOptions:
             help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
         ),
     ] = 256
+    max_input: Annotated[
+        float,
+        typer.Option(
+            "--max-input",
+            metavar="GB",
+            min=0,
+            help="Most that is taken from a pipe, which is copied to a temporary file.",
+        ),
+    ] = 64
     strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
         False
     )
@@ -71,6 +81,11 @@ class ReadingOptions:
     def max_chunk_bytes(self) -> int:
         """`--max-chunk`."""
         return self.max_chunk * MEGABYTE
+
+    @property
+    def max_pipe_bytes(self) -> int:
+        """`--max-input`."""
+        return int(self.max_input * GIGABYTE)
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,41 @@ from dataclasses import dataclass, field
 
 from cwcli.errors import InputError
 
+MAX_RECORDS = 1 << 16
+"""Beside messages and chunks."""
 RECOVER_HINT = "--recover reads what is intact"
 
 
 def damaged(name: str, at: int, why: object) -> InputError:
     """The error that a file is damaged at an offset; `why` may have a hint of its own."""
     return InputError(f"damaged at byte {at}: {why}", where=name, hint=getattr(why, "hint", RECOVER_HINT))
+
+
+def no_mcap(name: str, head: bytes) -> InputError:
+    """The error that a file that begins like this is something else."""
+    return InputError("it is not an MCAP file", where=name, hint=_hint_for(head))
+
+
+def _hint_for(head: bytes) -> str:
+    """What a file that is not MCAP may be."""
+    if head.startswith(b"#ROSBAG"):
+        return "it is a ROS 1 bag; `mcap convert` makes an MCAP file of it"
+    if head.startswith(b"SQLite format 3"):
+        return "it is a ROS 2 database; `ros2 bag convert` or `mcap convert` makes an MCAP file of it"
+    if head.startswith((b"\x28\xb5\x2f\xfd", b"\x1f\x8b")):
+        return "it is compressed as a whole; decompress it first, or pipe it in (`zstdcat FILE | cwcli ... -`)"
+    return ""
+
+
+def check_record_count(name: str, n: int) -> None:
+    """Check the number of records beside messages and chunks.
+
+    Raises:
+        InputError: It is more than any recorder writes; each costs time whenever the log is opened.
+    """
+    if n > MAX_RECORDS:
+        what = f"it holds more than {MAX_RECORDS:,} schemas, channels, attachments and metadata records"
+        raise InputError(what, where=name, hint="`mcap filter` makes a log without them")
 
 
 @dataclass
@@ -25,6 +54,7 @@ class Faults:
         broken_indexes: Chunks whose message index does not fit what they hold; they are read without it.
         bytes_lost: Bytes of the file that hold nothing readable.
         messages_lost: Messages in lost chunks and behind damaged records, as far as the file tells.
+        miscounted: Channels of which the file holds other numbers of messages than its summary says.
         data_crc_mismatch: Messages outside chunks were read, and the CRC over all of them does not fit: one of them may
             be wrong.
         truncated: The file ends before its end.
@@ -38,6 +68,7 @@ class Faults:
     broken_indexes: int = 0
     bytes_lost: int = 0
     messages_lost: int = 0
+    miscounted: set[int] = field(default_factory=set)
     data_crc_mismatch: bool = False
     truncated: bool = False
     summary_damaged: bool = False
@@ -62,6 +93,7 @@ class Faults:
             "of these with a wrong CRC": self.crc_mismatches,
             "chunks read in part": self.chunks_partial,
             "message indexes that do not fit": self.broken_indexes,
+            "channels whose messages the summary counts wrongly": len(self.miscounted),
             "bytes lost": self.bytes_lost,
             "messages lost": self.messages_lost,
         }

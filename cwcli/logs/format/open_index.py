@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.logs.format.faults import RECOVER_HINT, Faults
+from cwcli.logs.format.faults import RECOVER_HINT, Faults, no_mcap
 from cwcli.logs.format.index import Index
 from cwcli.logs.format.records import HEADER, MAGIC, RecordError, read_header, read_prefix
 from cwcli.logs.format.summary import find_footer, is_complete, read_summary
@@ -62,7 +62,7 @@ def _read_head(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, 
     """Where the data section begins; profile, library and the length of magic and header (0 where it is damaged)."""
     at = len(MAGIC)
     if file[:at] != MAGIC:
-        raise InputError("it is not an MCAP file", where=file.name, hint=_hint_for(bytes(file[:16])))
+        raise no_mcap(file.name, bytes(file[:16]))
     try:
         opcode, start, end = read_prefix(file, at, len(file))
         if opcode != HEADER:
@@ -113,14 +113,3 @@ def _check_count(name: str, index: Index, summary: Index | None, faults: Faults,
 def _cut_short(file: InputFile) -> InputError:
     what = f"the file is cut short: it ends at byte {len(file)} without a footer"
     return InputError(what, where=file.name, hint=RECOVER_HINT)
-
-
-def _hint_for(head: bytes) -> str:
-    """What a file that is not MCAP may be."""
-    if head.startswith(b"#ROSBAG"):
-        return "it is a ROS 1 bag; `mcap convert` makes an MCAP file of it"
-    if head.startswith(b"SQLite format 3"):
-        return "it is a ROS 2 database; `ros2 bag convert` or `mcap convert` makes an MCAP file of it"
-    if head.startswith((b"\x28\xb5\x2f\xfd", b"\x1f\x8b")):
-        return "it is compressed as a whole; decompress it first, or pipe it in (`zstdcat FILE | cwcli ... -`)"
-    return ""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import zlib
 from operator import itemgetter
 
+from cwcli.input import InputFile
+from cwcli.logs.format.faults import check_record_count
 from cwcli.logs.format.index import Index, Span
 from cwcli.logs.format.records import (
     ATTACHMENT_INDEX,
@@ -50,11 +52,11 @@ def find_footer(data: Data) -> tuple[Footer, int] | None:
         return None
 
 
-def read_summary(data: Data, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> Index | None:
+def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> Index | None:
     """What the file holds, from its summary.
 
     Args:
-        data: The file.
+        file: The log.
         footer, footer_at: From `find_footer`.
         data_start: Where the data section begins.
         verify: Check the summary's CRC.
@@ -64,23 +66,26 @@ def read_summary(data: Data, footer: Footer, footer_at: int, data_start: int, *,
 
     Raises:
         RecordError: The summary is damaged.
+        InputError: It holds too many records.
     """
     start = footer.summary_start
     if start == 0:
         return None
     if not data_start <= start <= footer_at:
         raise RecordError("the footer points to no summary")
-    summary = data[start : footer_at + FOOTER_BYTES - 4]
+    summary = file[start : footer_at + FOOTER_BYTES - 4]
     if verify and footer.summary_crc and footer.summary_crc != zlib.crc32(summary):
         raise RecordError("the summary's CRC does not fit")
     index = Index(has_end=True)
-    at = 0
+    at = n = 0
     while at < footer_at - start:
         opcode, begin, end = read_prefix(summary, at, footer_at - start)
+        n += opcode not in (CHUNK_INDEX, SUMMARY_OFFSET)
+        check_record_count(file.name, n)
         _take(index, opcode, summary, begin, end)
         at = end
     data_end = start - DATA_END_BYTES
-    if data_end < data_start or data[data_end : data_end + 1] != bytes([DATA_END]):
+    if data_end < data_start or file[data_end : data_end + 1] != bytes([DATA_END]):
         data_end = start  # a longer end record: the walk will come upon it
     else:
         index.data_end = data_end

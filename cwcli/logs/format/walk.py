@@ -6,7 +6,7 @@ import struct
 
 from cwcli.input import InputFile
 from cwcli.logs.format.chunks import DECOMPRESSORS, ChunkError, chunk_payload, partial_payload
-from cwcli.logs.format.faults import Faults, damaged
+from cwcli.logs.format.faults import Faults, check_record_count, damaged
 from cwcli.logs.format.index import Index, LooseRecord, Span
 from cwcli.logs.format.records import (
     ATTACHMENT,
@@ -70,6 +70,7 @@ class _Walk:
         self._counts: dict[int, int] = {}
         self._first_ns: int | None = None
         self._last_ns = 0
+        self._n_records = 0
 
     def run(self, at: int, *, define_all: bool) -> Index:
         file, index = self._file, self._index
@@ -107,9 +108,12 @@ class _Walk:
                 items[-1] = Span(before.start, end)
             else:
                 items.append(Span(at, end))
-        elif opcode == CHUNK:
+            return end
+        if opcode == CHUNK:
             return self._take_chunk(at, start, end)
-        elif opcode in (SCHEMA, CHANNEL):
+        self._n_records += opcode != MESSAGE_INDEX
+        check_record_count(file.name, self._n_records)
+        if opcode in (SCHEMA, CHANNEL):
             items.append(LooseRecord(at, end - at, opcode, self._note_definition(opcode, file, start, end)))
         elif opcode == ATTACHMENT:
             items.append(read_attachment(file, start, end))

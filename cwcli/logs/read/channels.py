@@ -33,7 +33,10 @@ class ChannelInfo:
 
 def channels_of(index: Index) -> tuple[ChannelInfo, ...]:
     """The channels of a file, by id."""
-    counted = index.statistics.channel_counts if index.statistics else None
+    statistics = index.statistics
+    counted = statistics.channel_counts if statistics else None
+    if statistics and statistics.n_messages and not counted:
+        counted = None  # the format's way to say that nobody has counted
     found = []
     for channel in sorted(index.channels.values()):
         schema = index.schemas.get(channel.schema_id)

@@ -52,6 +52,16 @@ class _Topic:
         nothing = Payloads(np.zeros(0, np.uint8), empty, empty)
         self.batches.append(Batch(nothing, batch.channel_id, batch.sequence, batch.log_time_ns, batch.publish_time_ns))
 
+    def miscounted(self) -> set[int]:
+        """The channels of which there are other numbers of messages than the file says."""
+        ids = np.concatenate([np.zeros(0, np.uint16), *(each.channel_id for each in self.batches)])
+        found = np.bincount(ids, minlength=1)
+        return {
+            each.id
+            for each in self.channels
+            if each.message_count is not None and each.message_count != (found[each.id] if each.id < len(found) else 0)
+        }
+
     def columns(self, faults: Faults) -> Columns:
         """In log-time order, in file order where the times are equal."""
         log_time_ns = np.concatenate([np.zeros(0, np.int64), *(each.log_time_ns for each in self.batches)])
@@ -97,6 +107,24 @@ def load_columns(
         InputError: An encoding or a schema is unknown or unusable, or the file is damaged and `recover` is off.
         DataError: A topic has several schemas.
     """
+    loaded, miscounted = _load(reader, channels, wanted, faults, name, logged)
+    was_damaged = faults.chunks_lost or faults.bytes_lost or faults.truncated
+    if miscounted and not was_damaged and reader.distrust_indexes():  # an index may leave a channel out
+        loaded, miscounted = _load(reader, channels, wanted, faults, name, logged)
+    if not was_damaged:
+        faults.miscounted |= miscounted
+    return loaded
+
+
+def _load(
+    reader: MessageReader,
+    channels: Mapping[str, Sequence[ChannelInfo]],
+    wanted: Mapping[str, Collection[str] | None],
+    faults: Faults,
+    name: str,
+    logged: tuple[int, int] | None,
+) -> tuple[dict[str, Columns], set[int]]:
+    """As `load_columns`, and the channels of which the file has other numbers of messages than it says."""
     topics: list[_Topic] = []
     topic_of = np.zeros(1 << 16, np.int64)
     for topic_name, fields in wanted.items():
@@ -117,7 +145,7 @@ def load_columns(
     was_damaged = faults.chunks_lost or faults.bytes_lost or faults.truncated
     if logged is None and topics and was_damaged and not any(len(topic.batches) for topic in topics):
         raise InputError(f"nothing of {', '.join(loaded)} can be read", where=name, found=faults_found(faults))
-    return loaded
+    return loaded, set().union(*(topic.miscounted() for topic in topics)) if logged is None else set()
 
 
 def give_back_memory(loaded: Mapping[str, Columns]) -> None:

@@ -100,6 +100,7 @@ class MessageReader:
         self._verify = verify
         self._counted: set[int] = set()
         self._verified: set[int] = set()
+        self._trusts_indexes = True
         self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), wanted_ids(())
 
     def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
@@ -118,13 +119,19 @@ class MessageReader:
                 yield from self.chunk_batches(chunk, payload, channel_ids)
         yield from self.loose_batches(channel_ids, loose)
 
+    def distrust_indexes(self) -> bool:
+        """Open every chunk from now on, whatever its index says is in it; returns whether that is new."""
+        was_trusted, self._trusts_indexes = self._trusts_indexes, False
+        return was_trusted
+
     def chunks(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
         """The chunks that hold, or may hold, messages of these channels, in file order."""
         wanted = frozenset(channel_ids)
         return [
             chunk
             for chunk in self._chunks
-            if chunk.uncompressed_size and (not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids))
+            if chunk.uncompressed_size
+            and (not self._trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids))
         ]
 
     def _wanted(self, channel_ids: Collection[int]) -> ByteArray:

@@ -40,7 +40,7 @@ from cwcli.logs.format.records import (
 )
 from cwcli.logs.read.channels import ChannelInfo, channels_of
 from cwcli.logs.read.column_cache import ColumnCache
-from cwcli.logs.read.source import open_source
+from cwcli.logs.read.source import MAX_PIPE_BYTES, open_source
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -123,6 +123,7 @@ class Log:
         recover: bool = False,
         verify: bool = True,
         max_chunk_bytes: int = MAX_CHUNK_BYTES,
+        max_pipe_bytes: int = MAX_PIPE_BYTES,
     ) -> Log:
         """Open a log.
 
@@ -132,13 +133,14 @@ class Log:
             recover: Read what is intact of a damaged file, and count the rest.
             verify: Check CRCs and message indexes.
             max_chunk_bytes: A chunk that unpacks to more counts as damaged.
+            max_pipe_bytes: What comes out of a pipe at most.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
             OutputError: The temporary copy of standard input can't be written.
             UsageError: Standard input is a terminal.
         """
-        file = source if isinstance(source, InputFile) else open_source(source)
+        file = source if isinstance(source, InputFile) else open_source(source, max_pipe_bytes=max_pipe_bytes)
         file.max_chunk_bytes = max_chunk_bytes
         try:
             faults = Faults()
@@ -147,6 +149,11 @@ class Log:
         except BaseException as error:
             file.__exit__(type(error), error, None)
             raise
+
+    @property
+    def metadata_names(self) -> tuple[str, ...]:
+        """The names of the metadata records alone, as `metadata` has them; the records are not read."""
+        return (*(index.name for index in self._index.items_of(MetadataIndex)), *self.added_metadata)
 
     @property
     def metadata(self) -> tuple[tuple[str, Mapping[str, str]], ...]:

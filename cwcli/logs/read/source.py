@@ -11,19 +11,26 @@ from typing import IO
 
 from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.input import InputFile
+from cwcli.logs.format.faults import no_mcap
+from cwcli.logs.format.records import MAGIC
 
 STDIN = "-"
+GIGABYTE = 1_000_000_000
+MAX_PIPE_BYTES = 64 * GIGABYTE
 STDIN_NAME = "<stdin>"
 COPY_BYTES = 1 << 20
 
 
-def open_source(source: str | Path, name: str | None = None, *, pipes: bool = True) -> InputFile:
+def open_source(
+    source: str | Path, name: str | None = None, *, pipes: bool = True, max_pipe_bytes: int = MAX_PIPE_BYTES
+) -> InputFile:
     """Open a log's bytes.
 
     Args:
         source: File name, or `-` for standard input. Named pipes are read like standard input.
         name: For messages, where the file is a copy of something with another name.
         pipes: Read what is no file, too.
+        max_pipe_bytes: What comes out of a pipe at most: it may have no end.
 
     Raises:
         InputError: It does not exist, is a directory, is empty, or can't be read.
@@ -31,7 +38,7 @@ def open_source(source: str | Path, name: str | None = None, *, pipes: bool = Tr
         UsageError: Standard input is a terminal.
     """
     if str(source) == STDIN:
-        return _standard_input()
+        return _standard_input(max_pipe_bytes)
     path = Path(source)
     name = str(source) if name is None else name
     try:
@@ -43,12 +50,12 @@ def open_source(source: str | Path, name: str | None = None, *, pipes: bool = Tr
         if not pipes:  # it may never end, and can't be read twice
             raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
         with path.open("rb") as pipe:
-            return _spooled(pipe, name)
+            return _spooled(pipe, name, max_pipe_bytes)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
 
 
-def _standard_input() -> InputFile:
+def _standard_input(max_bytes: int) -> InputFile:
     if sys.stdin is None or sys.stdin.closed:
         raise InputError("standard input is closed", where=STDIN_NAME)
     if sys.stdin.isatty():
@@ -58,11 +65,11 @@ def _standard_input() -> InputFile:
         is_file = stat.S_ISREG(os.fstat(descriptor).st_mode)
         if is_file and os.lseek(descriptor, 0, os.SEEK_CUR) == 0:
             return InputFile(os.dup(descriptor), STDIN_NAME)
-    return _spooled(sys.stdin.buffer, STDIN_NAME)
+    return _spooled(sys.stdin.buffer, STDIN_NAME, max_bytes)
 
 
-def _spooled(pipe: IO[bytes], name: str) -> InputFile:
-    """Everything that comes out of a pipe, in a temporary file.
+def _spooled(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
+    """Everything that comes out of a pipe, in a temporary file: of something else than a log only its beginning.
 
     Its name is gone before it is filled, so that not even a killed run leaves it behind.
     """
@@ -71,7 +78,12 @@ def _spooled(pipe: IO[bytes], name: str) -> InputFile:
     try:
         with tempfile.TemporaryFile(prefix="cwcli-", suffix=".mcap") as spool:
             while block := _block(pipe, name):
+                if not spool.tell() and not block.startswith(MAGIC[: len(block)]):
+                    raise no_mcap(name, block[:16])
                 spool.write(block)
+                if spool.tell() > max_bytes:
+                    what = f"more than {max_bytes / GIGABYTE:g} GB came in"
+                    raise InputError(what, where=name, hint="--max-input reads more; a file has no such bound")
             spool.flush()
             if not spool.tell():
                 raise InputError("nothing came in", where=name)

@@ -1,0 +1,189 @@
+"""Too many records, names that are too long, large attachments, indexes that lie, and endless pipes."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from cwcli.logs.format import record_bytes
+from cwcli.logs.format.records import (
+    CHANNEL,
+    CHUNK_INDEX,
+    MAGIC,
+    PREFIX,
+    STATISTICS,
+    Channel,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    read_channel,
+    read_chunk_index,
+    read_footer,
+    read_prefix,
+)
+from cwcli.logs.read.reader import Log
+from tests.cli.bounded import bounded
+
+T0_NS = 1_700_000_000_000_000_000
+N_RECORDS = 1_000_000
+HEAD = MAGIC + record_bytes.header("", "test")
+END = record_bytes.data_end() + record_bytes.footer(0, 0, b"") + MAGIC
+SCHEMA = record_bytes.schema(Schema(1, "a/B", "ros2msg", b"float64 x"))
+ATTACHED_BYTES = 500_000_000
+INFO_CPU_S = 2.0
+"""On a loaded machine; one of its own takes half of it."""
+
+
+def with_summary(data: bytes, summary: bytes) -> bytes:
+    start = len(data) + len(record_bytes.data_end())
+    return data + record_bytes.data_end() + summary + record_bytes.footer(start, 0, summary) + MAGIC
+
+
+def metadata_records() -> bytes:
+    return HEAD + record_bytes.metadata("m", {"a": "b"}) * N_RECORDS
+
+
+def indexed_metadata() -> bytes:
+    one = record_bytes.metadata("m", {"a": "b"})
+    places = (MetadataIndex(len(HEAD) + k * len(one), len(one), "m") for k in range(N_RECORDS))
+    counted = Statistics(0, 0, 0, 0, N_RECORDS, 0, 0, 0, {})
+    summary = record_bytes.statistics(counted) + b"".join(map(record_bytes.metadata_index, places))
+    return with_summary(metadata_records(), summary)
+
+
+def channel_records() -> bytes:
+    channels = [record_bytes.channel(Channel(k + 1, 1, f"/t{k}", "cdr", {})) for k in range(10)]
+    return HEAD + SCHEMA + b"".join(channels) * (N_RECORDS // 10)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [lambda: metadata_records() + END, indexed_metadata, lambda: channel_records() + END],
+    ids=["metadata", "metadata and a summary", "channels"],
+)
+def test_a_million_records_are_told_at_once(tmp_path: Path, data: object) -> None:
+    assert callable(data)
+    (tmp_path / "in.mcap").write_bytes(data())
+    for options in ([], ["--recover"]):
+        ended = bounded(tmp_path, "info", "in.mcap", *options, most_cpu_s=INFO_CPU_S, most_mb=200)
+        assert ended.code == 3
+        assert "it holds more than 65,536 schemas, channels, attachments and metadata records" in ended.shown
+
+
+def test_name_of_three_megabytes(tmp_path: Path) -> None:
+    channel = record_bytes.channel(Channel(1, 1, "/" + "n" * 3_000_000, "cdr", {}))
+    (tmp_path / "in.mcap").write_bytes(
+        with_summary(HEAD + SCHEMA + channel, SCHEMA + channel + record_bytes.statistics(Statistics(*[0] * 8, {})))
+    )
+    ended = bounded(tmp_path, "info", "in.mcap", most_cpu_s=INFO_CPU_S, most_mb=200)
+    assert ended.code == 0
+    assert "(3,000,001 characters)" in ended.printed.replace("\n", "").replace(" ", "").replace("(3", " (3").replace(
+        "1c", "1 c"
+    )
+    assert len(ended.printed) < 5000
+    ended = bounded(tmp_path, "estimate", "in.mcap", most_mb=200)
+    assert ended.code == 4
+    assert len(ended.shown) < 2000
+
+
+def test_large_attachment_is_copied_by_range(intersection: Path, tmp_path: Path) -> None:
+    """Its data are a hole in the file, so that the test needs no disk."""
+    data = intersection.read_bytes()
+    footer_at = len(data) - len(MAGIC) - len(record_bytes.footer(0, 0, b""))
+    _, start, end = read_prefix(memoryview(data), footer_at, len(data))
+    summary_at = read_footer(memoryview(data), start, end).summary_start
+    fields = struct.pack("<QQ", 1, 1) + b"\1\0\0\0a\1\0\0\0b" + struct.pack("<Q", ATTACHED_BYTES)
+    with (tmp_path / "in.mcap").open("wb") as file:
+        file.write(data[: summary_at - len(record_bytes.data_end())])
+        file.write(PREFIX.pack(9, len(fields) + ATTACHED_BYTES + 4) + fields)
+        file.seek(ATTACHED_BYTES, 1)
+        file.write(bytes(4) + END)
+    ended = bounded(tmp_path, "estimate", "in.mcap", "-o", "out.mcap", most_mb=150, most_cpu_s=30)
+    assert ended.code == 0, ended.shown
+    with Log.open(tmp_path / "out.mcap") as log:
+        assert [(each.name, each.size) for each in log.attachments] == [("a", ATTACHED_BYTES)]
+
+
+def test_index_that_leaves_a_channel_out_costs_no_message(tmp_path: Path) -> None:
+    """The summary's entry of the second chunk does not tell of the channel in it; the Statistics count its messages."""
+    whole = tmp_path / "whole.mcap"
+    with whole.open("wb") as stream:
+        writer = Writer(stream, chunk_size=2000)
+        writer.start()
+        channels = [writer.register_channel(topic, "json", 0) for topic in ("/fix", "/other")]
+        for k in range(200):
+            writer.add_message(channels[k % 2], T0_NS + k, b'{"k": %d}' % k, T0_NS + k)
+        writer.finish()
+    data = whole.read_bytes()
+    view = memoryview(data)
+    footer_at = len(data) - len(MAGIC) - len(record_bytes.footer(0, 0, b""))
+    _, start, end = read_prefix(view, footer_at, len(data))
+    at = summary_at = read_footer(view, start, end).summary_start
+    summary, chunks, fix = b"", 0, 0
+    while at < footer_at:
+        opcode, start, end = read_prefix(view, at, footer_at)
+        record = bytes(view[at:end])
+        if opcode == CHANNEL:
+            channel = read_channel(view, start, end)
+            fix = channel.id if channel.topic == "/fix" else fix
+        if opcode == CHUNK_INDEX:
+            index = read_chunk_index(view, start, end)
+            chunks += fix in index.index_offsets
+            if chunks == 2 and fix in index.index_offsets:
+                kept = {each: offset for each, offset in index.index_offsets.items() if each != fix}
+                record = record_bytes.chunk_index(index._replace(index_offsets=kept))
+        if opcode in (3, CHANNEL, STATISTICS, CHUNK_INDEX, 10, 13):
+            summary += record
+        at = end
+    assert chunks >= 2
+    (tmp_path / "in.mcap").write_bytes(with_summary(data[: summary_at - 13], summary))
+    with Log.open(tmp_path / "in.mcap") as log:
+        found = log.columns("/fix")
+        assert log.faults.counts() == {"message indexes that do not fit": 1}
+    assert found.log_time_ns.tolist() == [T0_NS + k for k in range(0, 200, 2)]
+
+
+def test_statistics_that_count_other_messages_are_a_fault(tmp_path: Path) -> None:
+    content = struct.pack("<HIQQ", 1, 0, 5, 5) + b"\0\1\0\0" + bytes(8)
+    channel = record_bytes.channel(Channel(1, 1, "/x", "cdr", {}))
+    counted = Statistics(3, 1, 1, 0, 0, 0, 5, 5, {1: 3})
+    data = HEAD + SCHEMA + channel + (PREFIX.pack(5, len(content)) + content) * 2
+    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.statistics(counted)))
+    with Log.open(tmp_path / "in.mcap") as log:
+        assert len(log.columns("/x")) == 2
+        assert log.faults.counts() == {"channels whose messages the summary counts wrongly": 1}
+
+
+def test_statistics_without_counts_are_no_fault(tmp_path: Path) -> None:
+    """An empty map says that nobody has counted."""
+    content = struct.pack("<HIQQ", 1, 0, 5, 5) + b"\0\1\0\0" + bytes(8)
+    channel = record_bytes.channel(Channel(1, 1, "/x", "cdr", {}))
+    counted = Statistics(2, 1, 1, 0, 0, 0, 5, 5, {})
+    data = HEAD + SCHEMA + channel + (PREFIX.pack(5, len(content)) + content) * 2
+    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.statistics(counted)))
+    with Log.open(tmp_path / "in.mcap") as log:
+        assert log.channels[0].message_count is None
+        assert len(log.columns("/x")) == 2
+        assert log.faults.counts() == {}
+
+
+def test_endless_zeros_are_no_log(tmp_path: Path) -> None:
+    ended = bounded(tmp_path, "info", "/dev/zero", most_mb=200)
+    assert ended.code == 3
+    assert ended.shown == "error: /dev/zero: it is not an MCAP file\n"
+
+
+def test_endless_pipe_that_begins_as_a_log(tmp_path: Path) -> None:
+    endless = (
+        "import sys\nsys.stdout.buffer.write(b'\\x89MCAP0\\r\\n')\nwhile True: sys.stdout.buffer.write(bytes(1 << 16))"
+    )
+    with subprocess.Popen([sys.executable, "-c", endless], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as source:
+        ended = bounded(tmp_path, "info", "-", "--max-input", "0.05", most_mb=200, stdin=source.stdout)
+        source.kill()
+    assert ended.code == 3
+    assert "error: <stdin>: more than 0.05 GB came in" in ended.shown
