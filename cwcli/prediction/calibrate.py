@@ -24,7 +24,7 @@ from cwcli.kernels.paths import adapt_scale
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.fleet import KNOTS_S, fleet_prior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horizon_errors, tiled
+from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horizon_errors, needed_points, tiled
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.record import known_tracks, measured_acted
 from cwcli.prediction.rollout import Discretisation, rollout
@@ -180,9 +180,10 @@ def predict_vehicles(
     )
     begin = beginning(model, float(paths.time_s[-1]))[None]
     known_ns = stamp_ns if log_time_ns is None else log_time_ns
+    judged = paths.at(needed_points(paths.time_s, knots_s(float(paths.time_s[-1])).tolist()))
     log_scale = np.repeat(begin, len(state), axis=0)
     for track in known_tracks(vehicle, stamp_ns, known_ns, state, None):
-        own = log_variance_scale(paths.take(track.rows), track.stamp_ns, track.state[:, :2], calibration, None, begin)
+        own = log_variance_scale(judged.take(track.rows), track.stamp_ns, track.state[:, :2], calibration, None, begin)
         rows = np.flatnonzero(vehicle == vehicle[track.rows[0]])  # one that was overtaken goes by the newest before it
         newest = np.searchsorted(track.known_ns, known_ns[rows], side="right") - 1
         log_scale[rows] = np.where((newest >= 0)[:, None], own[np.maximum(newest, 0)], begin)

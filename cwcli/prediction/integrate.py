@@ -134,15 +134,22 @@ def integrate(
 
 def _speed(state: FloatArray, at: Responses) -> FloatArray:
     """v(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    start, accel, jerk = (_column(state, index, at.speed_to_accel.ndim) for index in (SPEED, ACCEL, JERK))
-    return np.asarray(start + accel * at.speed_to_accel + jerk * at.speed_to_jerk)
+    return _responded(state, (SPEED, ACCEL, JERK), at.speed_to_accel, at.speed_to_jerk)
 
 
 def _heading(state: FloatArray, at: Responses) -> FloatArray:
     """phi(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    ndim = at.speed_to_accel.ndim
-    start, rate, rate2 = (_column(state, index, ndim) for index in (HEADING, YAW_RATE, YAW_ACCEL))
-    return np.asarray(start + rate * at.heading_to_yaw_rate + rate2 * at.heading_to_yaw_accel)
+    return _responded(state, (HEADING, YAW_RATE, YAW_ACCEL), at.heading_to_yaw_rate, at.heading_to_yaw_accel)
+
+
+def _responded(state: FloatArray, columns: tuple[int, int, int], first: FloatArray, second: FloatArray) -> FloatArray:
+    """A quantity with the responses to its derivative and to that one's; a response of 0 costs nothing."""
+    start, rate, rate2 = (_column(state, column, first.ndim) for column in columns)
+    out = np.asarray(rate * first)
+    out += start
+    if second.any():
+        out += rate2 * second
+    return out
 
 
 def _column(state: FloatArray, index: int, ndim: int) -> FloatArray:

@@ -32,6 +32,17 @@ class Paths:
     def __len__(self) -> int:
         return len(self.x_m)
 
+    def at(self, points: npt.NDArray[np.intp]) -> Paths:
+        """The paths at some of their times."""
+        return Paths(
+            self.time_s[points],
+            self.x_m[:, points],
+            self.y_m[:, points],
+            self.heading_rad[:, points],
+            self.speed_mps[:, points],
+            self.position_covariance_m2[:, points],
+        )
+
     def take(self, rows: npt.NDArray[np.intp]) -> Paths:
         """The paths of some starts."""
         return Paths(
