@@ -206,7 +206,7 @@ def measured_gains(tracks: Sequence[Track], prior: FleetPrior) -> list[FloatArra
 
 
 def _running_sums(track: Track, promised: FloatArray, prior: FleetPrior) -> FloatArray:
-    """q x x' (above the diagonal) and q x y of the first 0, 1, ..., n outcomes, shape (n + 1, 2, k, 9)."""
+    """q x x' (above the diagonal) and q x y of the first 0, 1, ..., n outcomes, shape (k, n + 1, 2, 9)."""
     followed = followed_m(track)
     is_known = np.isfinite(followed)
     y = np.where(is_known, followed, 0.0)
@@ -220,42 +220,43 @@ def _running_sums(track: Track, promised: FloatArray, prior: FleetPrior) -> Floa
         out[1:, ..., column] = weight * x[i] * x[j]
     for i in range(3):
         out[1:, ..., 6 + i] = weight * x[i] * y
-    return np.asarray(np.cumsum(out, axis=0, out=out))
+    return np.ascontiguousarray(np.moveaxis(np.cumsum(out, axis=0, out=out), 2, 0))
 
 
 def _gathered(sums: FloatArray, counts: Sequence[npt.NDArray[np.intp]]) -> FloatArray:
-    """The sums over the first so many outcomes, which differ by knot: (n, 2, k, 9)."""
-    return np.stack([sums[count, :, k] for k, count in enumerate(counts)], axis=2)
+    """The sums over the first so many outcomes, which differ by knot: (k, n, 2, 9)."""
+    return np.stack([of_knot[count] for of_knot, count in zip(sums, counts, strict=True)])
 
 
 def _others(
     tracks: Sequence[Track], sums: Sequence[FloatArray], known_ns: Sequence[Int64Array], own: Sequence[FloatArray]
 ) -> list[FloatArray | None]:
-    """What was known of the log's other vehicles at each state of each track: their sums, (n, 2, k, 9)."""
-    steps = np.concatenate([np.diff(each, axis=0) for each in sums])
-    when_ns = np.concatenate(known_ns)
-    total = np.zeros((len(steps) + 1, *steps.shape[1:]))
-    order = np.argsort(when_ns, axis=0, kind="stable")
+    """What was known of the log's other vehicles at each state of each track: their sums, (k, n, 2, 9)."""
+    steps = np.concatenate([np.diff(each, axis=1) for each in sums], axis=1)
+    when_ns = np.concatenate(known_ns).T
+    order = np.argsort(when_ns, axis=1, kind="stable")
+    total = np.zeros((len(KNOTS_S), steps.shape[1] + 1, *steps.shape[2:]))
     for k in range(len(KNOTS_S)):
-        np.cumsum(steps[order[:, k], :, k], axis=0, out=total[1:, :, k])
+        np.cumsum(steps[k, order[k]], axis=0, out=total[k, 1:])
+    when_ns = np.take_along_axis(when_ns, order, axis=1)
     out: list[FloatArray | None] = []
     for track, mine in zip(tracks, own, strict=True):
-        counts = [np.searchsorted(when_ns[order[:, k], k], track.known_ns, side="right") for k in range(len(KNOTS_S))]
-        out.append(_gathered(total, counts) - mine)
+        out.append(_gathered(total, [np.searchsorted(each, track.known_ns, side="right") for each in when_ns]) - mine)
     return out
 
 
 def _posterior(own: FloatArray, others: FloatArray | None, prior: FleetPrior) -> FloatArray:
     """The gains (n, 2, k, 3), from the shortest knot to the longest."""
-    out = np.empty((*own.shape[:-1], 3))
+    n = own.shape[1]
+    out = np.empty((n, 2, len(KNOTS_S), 3))
     for k in range(len(KNOTS_S)):
-        gain = np.broadcast_to(prior.gain[:, k], (len(own), 2, 3))
+        gain = np.broadcast_to(prior.gain[:, k], (n, 2, 3))
         if k:
             gain = _carried_on(out[:, :, k - 1], prior, k)
         ridge = PRIOR_OUTCOMES * prior.error_m[:, k, None] ** 2
         for sums in (others, own):
             if sums is not None:
-                gain = np.clip(_ridge_solution(sums[:, :, k], ridge, gain), 0.0, 1.0)
+                gain = np.clip(_ridge_solution(sums[k], ridge, gain), 0.0, 1.0)
         out[:, :, k] = gain
     return out
 
