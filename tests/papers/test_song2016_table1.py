@@ -26,7 +26,7 @@ def findings() -> dict[str, dict[tuple[str, str], Finding]]:
             for method in LABELS
             for quantity in PAPER_CHANGE_PERCENT
         }
-        assert len(by_text) == len(found[scenario]) == 15
+        assert len(by_text) == len(found[scenario]) == 20
     return found
 
 

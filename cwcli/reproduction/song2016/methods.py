@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.config import EstimatorConfig, LatencyOption
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import STEP_S, filter_vectors, trailing_slope
@@ -75,11 +75,17 @@ def paper_states(run: Run) -> FloatArray:
     return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])
 
 
-def our_track(run: Run, *, causal: bool = True) -> Track:
-    """Our default estimator on the same measurements, told the same noise."""
+def our_track(run: Run, *, causal: bool = True, latency: LatencyOption = "none") -> Track:
+    """Our default estimator on the same measurements, told the same noise.
+
+    Args:
+        run: The measurements; their stamps are right.
+        causal: The filter alone.
+        latency: "auto": latencies are searched, as the command line does.
+    """
     stamp_ns = np.arange(len(run.vectors), dtype=np.int64) * STEP_NS
     measurements = [_measured(kind, stamp_ns, run.vectors[:, own], run.sigma[own]) for kind, own in VECTOR.items()]
-    return estimate_track(measurements, EstimatorConfig(latency="none", causal=causal), stamp_ns)
+    return estimate_track(measurements, EstimatorConfig(latency=latency, causal=causal), stamp_ns)
 
 
 @dataclass(frozen=True)
