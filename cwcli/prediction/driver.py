@@ -2,8 +2,8 @@
 
 Longitudinal and lateral acceleration are taken as first-order Gauss-Markov processes (Singer 1970, "Estimating
 optimal tracking filter performance for manned maneuvering targets", IEEE Trans. AES-6(4)): zero mean, correlation
-exp(-|t|/tau). Two things follow: how far the adaptive model trusts a measured derivative, and how the position
-covariance of every model grows, since whatever a model leaves out is the driver's noise.
+exp(-|t|/tau). Two things follow: how far the onset hypothesis trusts a measured acceleration and yaw rate, and how the
+position covariance of every model grows, since whatever a model leaves out is the driver's noise.
 
 One number can't hold for every drive: a platoon on a motorway changes its speed far less than a car in a town. What
 tells them apart is in the state itself. On real drives the error 2.5 s ahead grows in proportion to the acceleration at
