@@ -49,6 +49,7 @@ NEAR_S = 0.02  # near enough for the evidence to be weighed
 SMALL = 1.1  # noise whose variance has to grow by more than this made the gate reject good rows
 LARGE = 0.25  # noise whose variance has to shrink below this part hid too much
 SETTLED = 2.0
+MAX_STATES = 24  # of the kernel; the slow error takes two and the latency one
 SLOW_SIGMAS_M = (0.3, 1.0, 3.0)
 SLOW_TIMES_S = (1.0, 3.0, 10.0)
 SLOW_GAIN = 9.0  # in the log-likelihood, for two more numbers
@@ -189,7 +190,7 @@ class _Search:
         Errors of fixes last for seconds. Taken for white noise they make the filter follow them, and the latency is as
         sure as it is wrong. Of a few sizes and time constants the likeliest counts.
         """
-        if self.target.kind is not Kind.POSITION:
+        if self.target.kind is not Kind.POSITION or len(self.walk) + 3 > MAX_STATES:
             return None
         white = replace(found.target, latency_state=-1, gate_nis=gate_nis(GATE_PROBABILITY, self.target.width))
         likeliest, search = self._likelihood(white), None
