@@ -60,6 +60,7 @@ MEASURES: Registry[Measure] = Registry(
         "rss-long": "cwcli.measures.rss_long:MEASURE",
         "rss-lat": "cwcli.measures.rss_lat:MEASURE",
         "rss-response": "cwcli.measures.rss_response:MEASURE",
+        "p-mc": "cwcli.measures.p_mc:MEASURE",
         "pfs": "cwcli.measures.pfs:MEASURE",
         "cfs": "cwcli.measures.cfs:MEASURE",
     },

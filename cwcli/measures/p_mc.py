@@ -1,0 +1,63 @@
+"""Probability of a collision over the manoeuvres that the host might make, by samples."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.contact import Projections, accelerated_contact
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+HORIZON_S = 3.0
+SIGMA_MPS2 = 2.875
+N_SAMPLES = 2048
+AT_ONCE = 8
+MOST_SIGMAS = 4.0
+
+
+def manoeuvre_probability(pair: Pair) -> FloatArray:
+    """At each stamp, (n,): the share of the manoeuvres that touch the other within the horizon."""
+    at = pair.approach
+    found = np.zeros(len(at.x_m))
+    radius = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
+    way = np.hypot(at.vx_mps, at.vy_mps) * HORIZON_S + 0.5 * MOST_SIGMAS * SIGMA_MPS2 * HORIZON_S**2
+    rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + way)
+    whole, accel = Projections.of(pair), manoeuvres()
+    for first in range(0, len(rows), AT_ONCE):
+        part = rows[first : first + AT_ONCE]
+        ax, ay = (np.tile(each, len(part)) for each in accel)
+        hit = accelerated_contact(whole.rows(np.repeat(part, N_SAMPLES)), -ax, -ay) <= HORIZON_S
+        found[part] = hit.reshape(len(part), N_SAMPLES).mean(axis=1)
+    return pair.spread(found)
+
+
+@cache
+def manoeuvres() -> FloatArray:
+    """The host's accelerations along and across, (2, N): normal, evenly spread, the same to the left and the right."""
+    k = np.arange(1, N_SAMPLES // 2 + 1)
+    golden = 1.32471795724474602596  # x^3 = x + 1: the additive sequence that is spread most evenly in two dimensions
+    u, v = (k / golden % 1.0, k / golden**2 % 1.0)
+    size, angle = SIGMA_MPS2 * np.sqrt(-2.0 * np.log(u)), np.pi * v
+    ax, ay = size * np.cos(angle), size * np.sin(angle)
+    return np.stack([np.concatenate([ax, ax]), np.concatenate([ay, -ay])])
+
+
+MEASURE = Measure(
+    summary="probability of a collision over the manoeuvres that the host might make",
+    symbol="P_MC",
+    column="p_mc",
+    critical="high",
+    formula="share of 2048 accelerations of the host, normal with 2.875 m/s^2 along and across, that touch within 3 s",
+    source="Broadhurst, Baker and Kanade 2005, with CommonRoad-CriMe's random manoeuvre",
+    of=manoeuvre_probability,
+    is_symmetric=False,
+    undefined="the centres are more than 200 m apart",
+    misleads="beside each other in traffic: random manoeuvres are no driver's",
+    is_pointwise=True,
+    is_stepped=True,
+    is_sampled=True,
+    with_warnings=False,
+)
