@@ -17,6 +17,7 @@ class _PlainCoercion:
 
     def __init__(self, parameter: Any) -> None:
         self._annotation = parameter.type_descriptor.annotation
+        self._info = parameter.type_descriptor.parameter_info
         self._parameter = parameter
 
     def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
@@ -24,7 +25,7 @@ class _PlainCoercion:
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
         plain = _plain(self._annotation, value)
-        if plain is not _NOT_PLAIN:
+        if plain is not _NOT_PLAIN and _is_within(plain, self._info.min, self._info.max):
             return plain
         self._parameter._runtime_param = None
         return self._parameter.get_runtime_param().coerce(value, param=param, ctx=ctx)
@@ -57,6 +58,11 @@ def _plain_number(kind: type[int] | type[float], value: Any) -> Any:
     return result if kind is float or str(result) == str(value) else _NOT_PLAIN
 
 
+def _is_within(value: Any, least: float | None, most: float | None) -> bool:
+    """Whether a value keeps to the bounds of its option; Typer has the words for one that does not."""
+    return (least is None or value >= least) and (most is None or value <= most)
+
+
 def skip_coercion(parameters: list[Any]) -> list[Any]:
     """`parameters`, each with the plain coercion.
 
@@ -66,7 +72,7 @@ def skip_coercion(parameters: list[Any]) -> list[Any]:
         if getattr(parameter, "_runtime_param", 0) is not None or not hasattr(parameter, "type_descriptor"):
             continue
         info = getattr(parameter.type_descriptor, "parameter_info", None)
-        if info is None or info.min is not None or info.max is not None or info.parser is not None:
+        if info is None or info.parser is not None:
             continue
         parameter._runtime_param = _PlainCoercion(parameter)
     return parameters
