@@ -190,10 +190,14 @@ def _from_first_position(series: Sequence[Series]) -> list[Series]:
 
 
 def _window(series: Sequence[Series]) -> list[Series]:
-    """Thin the series and cut them to a window of about MAX_UPDATES updates, where the vehicle goes farthest."""
-    series = [thinned_to(s, THINNED_HZ) for s in series]
+    """Thin the series of a log with an IMU, and cut all to a window where the vehicle goes farthest.
+
+    Without an IMU the window is short, and averages of a short one hide how fast the vehicle changes its speed.
+    """
+    has_imu = any(s.bias_state >= 0 for s in series)
+    series = [thinned_to(s, THINNED_HZ) if has_imu else s for s in series]
     total = sum(len(s) for s in series)
-    most = MAX_UPDATES if any(s.bias_state >= 0 for s in series) else MAX_UPDATES_SLOW
+    most = MAX_UPDATES if has_imu else MAX_UPDATES_SLOW
     if total <= most:
         return list(series)
     begin = min(float(s.time_s[0]) for s in series if len(s))
