@@ -99,7 +99,7 @@ def test_another_truth_is_computed_again(fleet: Path, capsys: pytest.CaptureFixt
 def test_failed_gates_make_the_exit_code_and_are_listed(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["evaluate", str(fleet), "--gate", "ego.speed_rmse_mps < 0.02", "--gate", "lanes.found_share > 0"]) == 1
     out = capsys.readouterr().out
-    assert "straight: ego.speed_rmse_mps = 0.02248 m/s" in out
+    assert "straight: ego.speed_rmse_mps = 0.02238 m/s" in out
     assert "intersection: ego.speed" not in out
     assert "no log has lanes.found_share" in out
     assert run(["evaluate", str(fleet), "--gate", "lanes.found_share > 0", "--allow-missing"]) == 0
@@ -147,7 +147,7 @@ def test_junit_and_markdown_are_written(fleet: Path, tmp_path: Path) -> None:
     assert all(isinstance(case.result[0], Skipped) for case in suites["lanes.found_share > 0"])
     text = summary.read_text(encoding="utf-8")
     assert text.startswith("### cwcli evaluate: 1 of 3 gates failed")
-    assert "| `ego.speed_rmse_mps < 0.02` | `straight` | `ego.speed_rmse_mps = 0.02248 m/s` |" in text
+    assert "| `ego.speed_rmse_mps < 0.02` | `straight` | `ego.speed_rmse_mps = 0.02238 m/s` |" in text
     assert run(["evaluate", str(fleet), "--junit", str(junit)]) == 6  # it exists
 
 

@@ -37,6 +37,8 @@ ARGUMENTS = {
     "warn-targets": ["LOG"],
     "warn-lane": ["LOG"],
     "control": ["LOG"],
+    "measure": ["LOG"],
+    "calibrate": ["LOG"],
     "lanes": ["LOG"],
     "observe": ["LOG", "--vehicle", "CAR"],
     "run": ["LOG", "--observe-vehicle", "CAR"],
@@ -48,7 +50,7 @@ ARGUMENTS = {
     "layout": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
-READING = {"config", "file", "vehicle", "observe__vehicle"}
+READING = {"config", "file", "vehicle", "observe__vehicle", "calibration"}
 """Parameters with a file that is read."""
 FOLDERS = {"metrics_dir", "directory", "plots"}
 """Each has tests of its own below."""
@@ -73,6 +75,7 @@ CASES = [
     for token in (*(each for each in ARGUMENTS[command] if each.isupper()), "CONFIG")
     for kind in ("same", "symlink", "hard link", "descriptor")
     if not (option == "--metrics" and (kind == "descriptor" or (kind, token) == ("same", "CAR")))  # no table's name
+    and command != "calibrate"  # below: its output ends in .toml
 ]
 
 
@@ -140,6 +143,23 @@ def test_an_input_is_no_output(
     assert code == EXIT_OUTPUT, error
     assert error.count("error: ") == 1
     assert FORBIDDEN in error
+    assert state(tmp_path) == before
+
+
+@pytest.mark.parametrize("kind", ["same", "symlink", "hard link"])
+@pytest.mark.parametrize("token", ["LOG", "CONFIG"])
+def test_a_calibration_is_no_input(
+    files: dict[str, Path], tmp_path: Path, token: str, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read = files[token].rename(tmp_path / f"{token}.toml")
+    files = files | {token: read}
+    target = read if kind == "same" else tmp_path / "link.toml"
+    if kind != "same":
+        target.symlink_to(read) if kind == "symlink" else target.hardlink_to(read)
+    before = state(tmp_path)
+    code = run(["calibrate", str(files["LOG"]), "--config", str(files["CONFIG"]), "-o", str(target), "--force"])
+    assert code == EXIT_OUTPUT
+    assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
 
@@ -326,6 +346,7 @@ OPENERS = {
     "registry.py": "what tells of a plug-in",
     "logs/write/schemas.py": "comes with cwcli",
     "dynamics/vehicle.py": "comes with cwcli",
+    "prediction/fleet.py": "comes with cwcli",
     "simulation/catalogue.py": "comes with cwcli",
     "report/page.py": "comes with cwcli",
 }
