@@ -142,7 +142,7 @@ def score(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = No
         conflicts=_conflicts_table(pairs, ids, host_id=host.id),
         pairs=_pairs_table(pairs, host_id=host.id),
         series=found.series,
-        scores=_scores_table(scores, found.config.rule),
+        scores=_scores_table(scores, found.config.rule, found.n_withheld),
         counts=found.counts,
     )
 
@@ -217,6 +217,7 @@ def _pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
                 "n_stale": own.n_stale,
                 "n_beyond_path": own.n_beyond,
                 "n_not_finite": own.n_not_finite,
+                "n_withheld": own.n_withheld,
                 "n_events": len(own.spans),
                 "n_conflicts": len(pair.conflicts),
                 **{measure.extreme_column: measure.extreme(pair.actual) for measure in measures},
@@ -226,7 +227,7 @@ def _pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
     return table_of("pairs", _PAIR_TYPES | {measure.extreme_column: float for measure in measures}, rows, docs=docs)
 
 
-def _scores_table(scores: WarningScores, rule: str) -> Table:
+def _scores_table(scores: WarningScores, rule: str, n_withheld: int) -> Table:
     """Counts over all pairs, in one row."""
     leads = scores.lead_times_s
     row = {
@@ -236,6 +237,7 @@ def _scores_table(scores: WarningScores, rule: str) -> Table:
         "n_late": scores.n_late,
         "n_false": scores.n_false,
         "n_undecided": scores.n_undecided,
+        "n_withheld": n_withheld,
         "n_conflicts": scores.n_conflicts,
         "n_conflicts_warned": scores.n_in_time,
         "n_conflicts_late": scores.n_warned_late,
@@ -278,6 +280,7 @@ _PAIR_TYPES: dict[str, type] = {
     "n_stale": int,
     "n_beyond_path": int,
     "n_not_finite": int,
+    "n_withheld": int,
     "n_events": int,
     "n_conflicts": int,
 }

@@ -17,7 +17,7 @@ from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
-from cwcli.pipeline.records import Record, configuration_of, run_records, whole
+from cwcli.pipeline.records import WITHHELD, Record, configuration_of, json_entry, run_records, whole
 from cwcli.pipeline.result import Section, StageResult
 from cwcli.signals.row_order import tracks_of
 from cwcli.stages.summaries.warn import RuleOutcome, number_outcomes, tables_of
@@ -72,10 +72,14 @@ def add_metrics(subject: Subject) -> None:
     rules = _rules(records)
     if LANE_DEPARTURE in rules:
         headline.count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))
+    withheld = json_entry(warn_record(records)[0], WITHHELD, dict)
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
     for k, (rule, scores) in enumerate(judge_warnings(log, events, collision_rules).items()):
         if k == 0:
             _add_scores(headline, "warnings", scores)
+            n_withheld = whole(withheld.get(rule))
+            if n_withheld is not None:
+                headline.count("warnings.withheld_count", n_withheld)
         if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
             _add_scores(headline, f"warnings.{rule}", scores)
 

@@ -138,6 +138,8 @@ METRICS: tuple[Metric, ...] = (
     Metric("warnings.false_count", "warn", "", "sum", "lower", "warnings that no conflict followed"),
     Metric("warnings.undecided_count", "warn", "", "sum", "",
            "warnings after which the tracks end too early to tell"),
+    Metric("warnings.withheld_count", "warn", "", "sum", "",
+           "warnings that were not raised because a state was starting, after a reset or in a gap"),
     Metric("warnings.precision", "warn", "", "mean", "higher",
            "share of the decided warnings that a conflict followed", interval="share", is_compared=True),
     Metric("warnings.recall", "warn", "", "mean", "higher", "share of the real conflicts that were warned of",

@@ -18,6 +18,7 @@ from cwcli.signals.geodesy import LocalMap
 
 PREFIX = "cwcli.run."
 VEHICLE = "vehicle"
+WITHHELD = "withheld"
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
 
 Record = Mapping[str, str]

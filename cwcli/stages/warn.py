@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from cwcli.channels.target import read_targets
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
+from cwcli.pipeline.records import WITHHELD
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
@@ -144,7 +146,8 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         RuleOutcome(each.config.rule, each.rows, (each.events, each.series), _sections(each, log.start_ns))
         for each in found
     )
-    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), bound.notes)
+    withheld = {WITHHELD: json.dumps({each.config.rule: each.n_withheld for each in found})}
+    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), bound.notes, **withheld)
     return replace(result, made=Made(found, outcomes, earlier))
 
 
@@ -161,6 +164,7 @@ def _sections(found: FoundWarnings, start_ns: int) -> tuple[Section, ...]:
     )
     columns = ("event", "vehicle", "at [s]", "event in [s]", "pred. [m]")
     counts = tuple((name.replace("_", " "), count) for name, count in found.counts.items())
+    counts += (("warnings withheld", found.n_withheld),)
     title = f"Warnings (rule {found.config.rule}; times from the log's start)"
     return (
         Section("events", title, columns, events),

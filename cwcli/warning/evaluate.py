@@ -61,7 +61,13 @@ class FoundWarnings:
             "stale": sum(own.n_stale for own in self.pairs),
             "read_past_path_end": sum(own.n_beyond for own in self.pairs),
             "not_finite": sum(own.n_not_finite for own in self.pairs),
+            "withheld": sum(int(own.is_withheld.sum()) for own in self.pairs),
         }
+
+    @property
+    def n_withheld(self) -> int:
+        """Warnings that would have been raised of states that are starting, after a reset or in a gap."""
+        return sum(own.n_withheld for own in self.pairs)
 
 
 def find_warnings(

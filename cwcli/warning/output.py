@@ -136,6 +136,7 @@ def series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
     }
     for name in names:
         columns[rename.get(name, name)] = joined([getattr(own.measures, name) for own in pairs], np.float64)
+    columns["is_withheld"] = joined([own.is_withheld for own in pairs], np.bool_)
     columns["is_active"] = joined([_active(own) for own in pairs], np.bool_)
     return Table("series", columns)
 

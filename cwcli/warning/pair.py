@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.align import Points, pair_up, read_covariance, read_paths
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.measures import Measures, measure
-from cwcli.warning.rules.base import Decision, Rule
+from cwcli.warning.rules.base import BoolArray, Decision, Rule, withheld
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 REACH_M = 15.0  # beyond the collision distance: what can't come this near is not evaluated
@@ -28,7 +28,9 @@ class PairEvaluation:
         stamp_ns, log_time_ns, age_s: Shape (m,): the evaluations within reach.
         measures, decision: Their measures and the rule's masks.
         spans: Events, indices into the evaluations.
+        is_withheld: Shape (m,): one of the states is starting, after a reset or in a gap, so nothing is raised.
         n_evaluated, n_out_of_reach, n_unheard, n_stale, n_beyond, n_not_finite: Counts of host stamps.
+        n_withheld: Warnings that would have been raised of such states.
     """
 
     other: VehicleTrack
@@ -38,12 +40,14 @@ class PairEvaluation:
     measures: Measures
     decision: Decision
     spans: list[Span]
+    is_withheld: BoolArray
     n_evaluated: int
     n_out_of_reach: int
     n_unheard: int
     n_stale: int
     n_beyond: int
     n_not_finite: int
+    n_withheld: int
 
     @property
     def probability(self) -> FloatArray:
@@ -84,15 +88,20 @@ def evaluate_pair(
         onset, _ = _measures(host, host_points, other, other.onset_paths, at, time_s, config)
     decision = rule.decide(measures, onset, config, persistence_s)
     stamp_ns = host.stamp_ns[host_row]
-    spans = find_events(
-        stamp_ns,
-        decision.armed,
-        decision.raised,
-        decision.held,
-        at_once=decision.at_once,
-        clock_ns=host.stamp_ns,
-        persistence_s=persistence_s,
-        hold_off_s=config.hold_off_s,
+    is_withheld = _flagged(host, host_row) | _flagged(other, other_row)
+    trusted = withheld(decision, is_withheld)
+    spans, untold = (
+        find_events(
+            stamp_ns,
+            each.armed,
+            each.raised,
+            each.held,
+            at_once=each.at_once,
+            clock_ns=host.stamp_ns,
+            persistence_s=persistence_s,
+            hold_off_s=config.hold_off_s,
+        )
+        for each in (trusted, decision)
     )
     return PairEvaluation(
         other=other,
@@ -100,15 +109,22 @@ def evaluate_pair(
         log_time_ns=host.log_time_ns[host_row],
         age_s=age_s,
         measures=measures,
-        decision=decision,
+        decision=trusted,
         spans=spans,
+        is_withheld=is_withheld,
         n_evaluated=len(pairing.host_row),
         n_out_of_reach=len(pairing.host_row) - len(host_row),
         n_unheard=pairing.n_unheard,
         n_stale=pairing.n_stale,
         n_beyond=int(beyond.sum()),
         n_not_finite=int(np.isnan(measures.horizon_distance_m).sum()),
+        n_withheld=sum(bool(is_withheld[span.raised]) for span in untold),
     )
+
+
+def _flagged(track: VehicleTrack, rows: npt.NDArray[np.intp]) -> BoolArray:
+    """Whether the states of the rows (m,) are to be trusted less, for whatever reason."""
+    return np.zeros(len(rows), dtype=bool) if track.flags is None else np.asarray(track.flags[rows] > 0)
 
 
 def _within_reach(

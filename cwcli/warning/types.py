@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -48,6 +49,7 @@ class VehicleTrack:
         state: Shape (n, 8), as in `cwcli.v1.VehicleState`; position is the centre of the outline.
         paths: n predicted paths.
         length_m, width_m: Outline; NaN or None: 4.5 m and 1.8 m.
+        flags: Shape (n,): `StateFlag`s; None: no state has one. A state that has one raises no warning.
         onset_paths: n more paths: a manoeuvre that has begun goes on to the car's limits (`prediction`'s hypothesis
             "onset"), for the default rule; None: it does without.
     """
@@ -60,6 +62,7 @@ class VehicleTrack:
     length_m: float | None = None
     width_m: float | None = None
     onset_paths: PathArrays | None = None
+    flags: npt.NDArray[np.uint8] | None = None
 
     @property
     def outline_m(self) -> tuple[float, float]:

@@ -118,6 +118,7 @@ class Known:
             self.length_m,
             self.width_m,
             self._paths(ONSET) if with_onset else None,
+            self.track.flags,
         )
 
     def _paths(self, model: str) -> Paths:

@@ -86,6 +86,7 @@ def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_ons
                 length_m=length_m,
                 width_m=width_m,
                 onset_paths=_onset(states, rows, predicted.paths.time_s) if with_onset else None,
+                flags=states.flags[rows],
             )
         )
     return tracks

@@ -93,8 +93,12 @@ def warnings_result(
     outcomes: Sequence[RuleOutcome],
     inputs: tuple[InputCount, ...],
     notes: tuple[str, ...],
+    **more: str,
 ) -> tuple[StageResult, tuple[WarningRows, ...]]:
     """What the rules of one stage say. The warnings of an earlier stage of the same run stay in the channel.
+
+    Args:
+        more: Further entries of the run's record.
 
     Returns:
         The result, and those earlier warnings.
@@ -105,5 +109,5 @@ def warnings_result(
     channels = write_warnings([*earlier, *(outcome.rows for outcome in outcomes)])
     sections = tuple(section for outcome in outcomes for section in outcome.sections)
     summary = Summary(stage, sections, inputs, notes)
-    result = StageResult(stage, channels, tables_of(outcomes), summary, run_record(stage, log, config, summary))
+    result = StageResult(stage, channels, tables_of(outcomes), summary, run_record(stage, log, config, summary, **more))
     return result, earlier

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +56,14 @@ class Rule:
     decide: Callable[[Measures, Measures | None, WarningConfig, float], Decision]
     uses_onset: bool = False
     is_symmetric: bool = True
+
+
+def withheld(decision: Decision, rows: BoolArray) -> Decision:
+    """The decision with nothing raised, and nothing confirmed, in some rows (m,); what stands may go on there."""
+    if not rows.any():
+        return decision
+    at_once = None if decision.at_once is None else decision.at_once & ~rows
+    return replace(decision, armed=decision.armed & ~rows, raised=decision.raised & ~rows, at_once=at_once)
 
 
 def check_decision(decision: Decision, measures: Measures, *others: object) -> Decision:

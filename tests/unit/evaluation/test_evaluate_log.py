@@ -206,6 +206,7 @@ def test_warnings_agree_with_the_stages_own_scores(name: str, rule: str) -> None
         "warnings.missed_count": own["n_conflicts_missed"],
         "warnings.false_count": own["n_false"],
         "warnings.undecided_count": own["n_undecided"],
+        "warnings.withheld_count": own["n_withheld"],
         "warnings.precision": share(own["n_true"] + own["n_late"], decided),
         "warnings.recall": share(warned, own["n_conflicts"]),
         "warnings.timeliness": share(own["n_conflicts_warned"], warned),

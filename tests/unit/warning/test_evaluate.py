@@ -1,6 +1,7 @@
 """Whole evaluations with hand-derived moments, lead times and verdicts."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from cwcli.evaluation.scored_warnings import ScoredWarnings
 from cwcli.measures.pair import ActualTrack
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import Strings
+from cwcli.signals.vehicle_state import StateFlag
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
 from tests.unit.warning.vehicles import evaluate, seconds, stamps, straight
@@ -168,6 +170,48 @@ def test_old_messages_are_not_used() -> None:
     assert len(result.events) == 0
     assert result.counts["stale"] == 80  # from 2.05 s to 6 s
     assert result.counts["evaluated"] == 41
+
+
+def flagged(track: VehicleTrack, flag: StateFlag, end_s: float, begin_s: float = 0.0) -> VehicleTrack:
+    """The vehicle with a flag on its states in [begin, end)."""
+    time = np.asarray(seconds(track.stamp_ns))
+    flags = np.where((time >= begin_s) & (time < end_s), np.uint8(flag), np.uint8(0))
+    return replace(track, flags=flags)
+
+
+@pytest.mark.parametrize("flag", StateFlag)
+@pytest.mark.parametrize("is_host", [True, False], ids=["host", "other"])
+@pytest.mark.parametrize(
+    ("rule", "first", "again", "n_withheld"),
+    [
+        ("path-ttc", 2.3, 3.0, 27),  # within reach of 20 m/s 2.5 s + 17.5 m from 1.65 s on
+        ("cwcli", 2.4, 3.1, 29),  # which looks 0.1 s farther
+    ],
+)
+def test_no_warning_from_a_state_that_is_to_be_trusted_less(
+    flag: StateFlag, is_host: bool, rule: str, first: float, again: float, n_withheld: int
+) -> None:
+    """It comes when the states are trusted again, and when the rule has been confirmed by those."""
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    car = straight("car", x_m=100.0, speed_mps=0.0, duration_s=6.0)
+    assert raised_s(evaluate(host, [car], WarningConfig(rule=rule))) == [first]
+    pair = (flagged(host, flag, 3.0), car) if is_host else (host, flagged(car, flag, 3.0))
+    result = evaluate(pair[0], [pair[1]], WarningConfig(rule=rule))
+    assert raised_s(result) == [again]
+    assert result.counts["withheld"] == n_withheld
+    assert column(result, "scores", "n_withheld") == column(result, "pairs", "n_withheld") == [1]
+    assert np.asarray(result.series.columns["is_withheld"]).sum() == n_withheld
+
+
+def test_a_standing_warning_outlives_a_gap() -> None:
+    """No state of the gap raises one; that the cars are near is no less true in it."""
+    host = straight("host", speed_mps=20.0, duration_s=6.0)
+    car = straight("car", x_m=100.0, speed_mps=0.0, duration_s=6.0)
+    bridged = flagged(car, StateFlag.BRIDGED, 4.5, begin_s=2.6)
+    result = evaluate(host, [bridged], WarningConfig(hold_off_s=0.2))
+    assert raised_s(result) == [2.4]
+    assert column(result, "scores", "n_withheld") == [0]
+    assert result.counts["withheld"] == 38
 
 
 def test_channel_rows_tell_the_life_of_the_event() -> None:
