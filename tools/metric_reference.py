@@ -1,13 +1,20 @@
-"""The generated parts of docs/evaluation.md: the list of metrics and the grammar of gates."""
+"""The generated parts of docs/evaluation.md: the list of metrics, the grammars of gates and conditions."""
 
 from __future__ import annotations
+
+import re
+from types import ModuleType
 
 from cwcli.cli.markdown import filled
 
 
 def evaluation_page(text: str) -> str:
     """The page with its generated parts as they are now."""
-    return filled(filled(text, "metrics", _metrics()), "grammar", _grammar())
+    from cwcli.metrics import gate_syntax
+    from cwcli.signals import field_condition
+
+    text = filled(text, "metrics", _metrics())
+    return filled(filled(text, "grammar", _grammar(gate_syntax)), "conditions", _grammar(field_condition))
 
 
 def _metrics() -> str:
@@ -21,8 +28,7 @@ def _metrics() -> str:
     return "\n".join(rows)
 
 
-def _grammar() -> str:
-    from cwcli.metrics import gate_syntax
-
-    lines = (gate_syntax.__doc__ or "").splitlines()
-    return "\n".join(f"    {line.strip()}" for line in lines if " = " in line)
+def _grammar(module: ModuleType) -> str:
+    """The rules in a module's docstring."""
+    lines = (module.__doc__ or "").splitlines()
+    return "\n".join(f"    {line.strip()}" for line in lines if re.match(r"\w+ += ", line))

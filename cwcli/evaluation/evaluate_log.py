@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from cwcli.errors import UsageError
 from cwcli.evaluation.log_data import add_data
 from cwcli.evaluation.subject import AUTO, NO_TRUTH, Subject
+from cwcli.evaluation.system.metrics import add_system
+from cwcli.evaluation.system.topics import System
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.stages import STAGES
@@ -19,7 +21,9 @@ FIRST = ("estimate", "predict", "warn", "track")
 """The order in which the table has their rows; the other stages follow as they run."""
 
 
-def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | None = None) -> Table:
+def evaluate_log(
+    log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | None = None, system: System | None = None
+) -> Table:
     """The headline metrics of a log (`cwcli.metrics.headline.METRICS`), those that it has the channels for.
 
     Args:
@@ -27,6 +31,7 @@ def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | N
         truth: `auto`: the ego's truth channel, if the log has one (and only one); `none`: no truth is used; else the
             topic of the ego's truth.
         tables: Tables by name of the stages that made the channels, or None.
+        system: Another system in the log, which is judged too, or None.
 
     Returns:
         The table `metrics`, in long form: stage, metric, value, unit, n, low, high, and pool, total and weight, from
@@ -34,17 +39,20 @@ def evaluate_log(log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | N
         user.
 
     Raises:
-        UsageError: The truth topic is not in the log, or can't be one.
-        DataError: A channel was written by another version.
+        UsageError: The truth topic is not in the log, or can't be one; or so of another system's topics.
+        MissingSignalError: There is nothing to hold another system against, or its channel is empty.
+        DataError: A channel was written by another version, or nothing of another system's can be used.
     """
     if truth not in (AUTO, NO_TRUTH) and not truth.startswith("/"):
         raise UsageError(f"--truth {truth!r} is neither a topic nor auto nor none")
-    subject = Subject(log, truth, tables or {})
+    subject = Subject(log, truth, tables or {}, system=system or System())
+    subject.system.require_topics(log)
     evaluators = (STAGES[name].evaluator for name in dict.fromkeys((*FIRST, *STAGES)))
     for evaluator in dict.fromkeys(evaluators):
         add_metrics = getattr(evaluator, "add_metrics", None)
         if add_metrics is not None:
             add_metrics(subject)
+    add_system(subject)
     add_data(subject.headline, log)
-    notes = {"notes": "\n".join(subject.ego.notes)} if subject.ego.notes else {}
-    return subject.headline.table(truth=truth, **notes)
+    notes = "\n".join((*subject.ego.notes, *subject.notes))
+    return subject.headline.table(truth=truth, **({"notes": notes} if notes else {}))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.evaluation.system.topics import System
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.table import Table
@@ -47,6 +48,8 @@ class Subject:
         tables: Tables by name of the stages that have just made the channels.
         headline: Gets the rows.
         ego: From the evaluation of `estimate`, which comes first.
+        system: Another system in the log, that is judged too.
+        notes: For the user.
     """
 
     log: Log
@@ -54,6 +57,8 @@ class Subject:
     tables: Mapping[str, Table] = field(default_factory=dict)
     headline: Headline = field(default_factory=Headline)
     ego: Ego = Ego()
+    system: System = field(default_factory=System)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def with_truth(self) -> bool:

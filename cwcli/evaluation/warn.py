@@ -6,26 +6,23 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
-from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.published import WARNINGS
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
-from cwcli.evaluation.conflicts import judge, real_conflicts
-from cwcli.evaluation.records import rule_of, warn_record
-from cwcli.evaluation.scored_warnings import NS_PER_H, WarningScores, count_verdicts, score
+from cwcli.evaluation.conflicts import judge
+from cwcli.evaluation.happened import what_happened
+from cwcli.evaluation.records import warn_record
+from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score
 from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
-from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.pipeline.records import WITHHELD, Record, configuration_of, json_entry, run_records, whole
 from cwcli.pipeline.result import Section, StageResult
-from cwcli.signals.row_order import tracks_of
 from cwcli.stages.summaries.warn import RuleOutcome, number_outcomes, tables_of
 from cwcli.stages.warn import Made, WarnConfig
 from cwcli.stages.warn_lane import WarnLaneConfig
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.types import WarningConfig, outline_of
+from cwcli.warning.types import WarningConfig
 
 
 def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
@@ -76,12 +73,12 @@ def add_metrics(subject: Subject) -> None:
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
     for k, (rule, scores) in enumerate(judge_warnings(log, events, collision_rules).items()):
         if k == 0:
-            _add_scores(headline, "warnings", scores)
+            add_scores(headline, "warnings", scores)
             n_withheld = whole(withheld.get(rule))
             if n_withheld is not None:
                 headline.count("warnings.withheld_count", n_withheld)
         if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
-            _add_scores(headline, f"warnings.{rule}", scores)
+            add_scores(headline, f"warnings.{rule}", scores)
 
 
 def _rules(records: Mapping[str, Record]) -> list[str]:
@@ -98,62 +95,39 @@ def _rules(records: Mapping[str, Record]) -> list[str]:
     return [WarningConfig().rule if named is None else str(named), *of_lane]
 
 
-def _add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
+def add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
+    """Add the scores of one rule under a prefix of metrics; those of `warnings` and of another system have counts."""
     n_warned = found.n_in_time + found.n_warned_late
     decided = found.n_events - found.n_undecided
-    if prefix == "warnings":
-        headline.count("warnings.count", found.n_events)
-        headline.count("warnings.conflicts_count", found.n_conflicts)
-        headline.count("warnings.missed_count", found.n_conflicts - n_warned)
-        headline.count("warnings.false_count", found.n_false)
-        headline.count("warnings.undecided_count", found.n_undecided)
+    is_whole = metric_of(f"{prefix}.count") is not None
+    if is_whole:
+        headline.count(f"{prefix}.count", found.n_events)
+        headline.count(f"{prefix}.conflicts_count", found.n_conflicts)
+        headline.count(f"{prefix}.missed_count", found.n_conflicts - n_warned)
+        headline.count(f"{prefix}.false_count", found.n_false)
+        headline.count(f"{prefix}.undecided_count", found.n_undecided)
     headline.add(f"{prefix}.precision", found.n_true + found.n_late, decided)
     headline.add(f"{prefix}.recall", n_warned, found.n_conflicts)
     headline.add(f"{prefix}.timeliness", found.n_in_time, n_warned)
     headline.add(f"{prefix}.lead_time_mean_s", math.fsum(found.lead_times_s), len(found.lead_times_s))
-    if prefix == "warnings" and found.lead_times_s:
-        headline.add("warnings.lead_time_min_s", min(found.lead_times_s), 1.0, n=len(found.lead_times_s))
+    if is_whole and found.lead_times_s:
+        headline.add(f"{prefix}.lead_time_min_s", min(found.lead_times_s), 1.0, n=len(found.lead_times_s))
     headline.add(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
 
 
 def judge_warnings(log: Log, events: Sequence[WarningEvent], rules: Sequence[str]) -> dict[str, WarningScores]:
     """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores. Empty where states are missing."""
-    record, is_of_targets = warn_record(run_records(log))
-    configuration = configuration_of(record)
-    others_topic = TARGETS.topic if is_of_targets else REMOTE_STATE.topic
-    if not rules or not {EGO_STATE.topic, others_topic} <= {channel.topic for channel in log.channels}:
+    real = what_happened(log) if rules else None
+    if real is None:
         return {}
-    columns = log.load(dict.fromkeys((EGO_STATE.topic, others_topic)))
-    host = read_states(columns[EGO_STATE.topic])
-    others = (read_targets if others_topic == TARGETS.topic else read_states)(columns[others_topic])
-    start_ns, end_ns = (whole(configuration.get(name)) for name in ("start_ns", "end_ns"))
-    host, others = host.logged_within(start_ns, end_ns), others.logged_within(start_ns, end_ns)
-    if not len(host):
-        return {}
-    config = rule_of(record)
-    host_size, host = outline_of(host.length_m, host.width_m), host.by_stamp()
-    own = ActualTrack(host.stamp_ns, host.state)
-    hours = float(own.stamp_ns[-1] - own.stamp_ns[0]) / NS_PER_H
-    pairs = {
-        vehicle: Pair(
-            own,
-            ActualTrack(others.stamp_ns[rows], others.state[rows]),
-            host_size,
-            outline_of(others.length_m[rows], others.width_m[rows]),
-            config.max_gap_s,
-        )
-        for vehicle, rows in tracks_of(others.ids, others.stamp_ns)
-    }
-    conflicts = {vehicle: real_conflicts(pair, config) for vehicle, pair in pairs.items()}
     found = {}
     for rule in rules:
         verdicts = (
-            [judge(*span, conflicts[vehicle], pairs[vehicle], config) for span in spans]
+            [judge(*span, real.conflicts[vehicle], real.pairs[vehicle], real.config) for span in spans]
             for vehicle, spans in _spans(events, rule).items()
-            if vehicle in pairs
+            if vehicle in real.pairs
         )
-        n_conflicts = sum(map(len, conflicts.values()))
-        found[rule] = count_verdicts(verdicts, n_conflicts=n_conflicts, host_hours=hours)
+        found[rule] = count_verdicts(verdicts, n_conflicts=real.n_conflicts, host_hours=real.host_hours)
     return found
 
 

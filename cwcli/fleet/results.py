@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
 
 if TYPE_CHECKING:
+    from cwcli.evaluation.system.topics import System
     from cwcli.logs.read.reader import Log
 
 STDIN = "-"
@@ -42,7 +43,20 @@ class RunMetrics:
     is_one_log: bool = False
 
 
-def read_metrics(source: str, *, truth: str = "auto", step: Callable[[str], None] = lambda text: None) -> RunMetrics:
+class _How(NamedTuple):
+    """How a log is scored; see `read_metrics`."""
+
+    truth: str
+    system: System | None
+
+
+def read_metrics(
+    source: str,
+    *,
+    truth: str = "auto",
+    system: System | None = None,
+    step: Callable[[str], None] = lambda text: None,
+) -> RunMetrics:
     """Read or compute the headline metrics of a run.
 
     Args:
@@ -50,13 +64,15 @@ def read_metrics(source: str, *, truth: str = "auto", step: Callable[[str], None
             standard input; or a table (`.parquet`) that `cwcli evaluate --metrics` has written.
         truth: As in `cwcli.evaluation.evaluate_log`. What an output folder holds is computed again from its annotated
             logs if it was computed with another one.
+        system: Another system in the logs, which is judged too: then everything is computed again.
         step: Told of each log that is computed.
 
     Raises:
         InputError: There is no such file or folder, or it holds none of these.
-        UsageError: A truth topic can't be one.
+        UsageError: A truth topic can't be one, or another system's; or a table is to be computed again.
         CwcliError: The only log can't be read.
     """
+    how = _How(truth, system)
     if not source:
         raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
     path = Path(source)
@@ -65,17 +81,19 @@ def read_metrics(source: str, *, truth: str = "auto", step: Callable[[str], None
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if is_folder:
-        return _of_folder(source, path, truth, step)
+        return _of_folder(source, path, how, step)
     if path.suffix.lower() == ".parquet":
+        if system is not None:
+            raise UsageError("--topic needs the annotated logs, not their table of metrics", where=source)
         return RunMetrics(source, tuple(_of_table(path)))
     step(f"evaluating {source}")
-    return RunMetrics(source, (_of_log(source, path.name if source != STDIN else "<stdin>", truth),), is_one_log=True)
+    return RunMetrics(source, (_of_log(source, path.name if source != STDIN else "<stdin>", how),), is_one_log=True)
 
 
-def _of_folder(source: str, path: Path, truth: str, step: Callable[[str], None]) -> RunMetrics:
+def _of_folder(source: str, path: Path, how: _How, step: Callable[[str], None]) -> RunMetrics:
     run = read_output(path)
     if run is not None:
-        return RunMetrics(source, tuple(_of_output(path, run, truth, step)), run.gates)
+        return RunMetrics(source, tuple(_of_output(path, run, how, step)), run.gates)
     found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
     if not found:
         raise InputError(
@@ -87,7 +105,7 @@ def _of_folder(source: str, path: Path, truth: str, step: Callable[[str], None])
     for file in found:
         step(f"evaluating {file}")
         try:
-            logs.append(_of_log(str(file), file.name, truth))
+            logs.append(_of_log(str(file), file.name, how))
         except UsageError:
             raise
         except CwcliError as error:
@@ -95,7 +113,7 @@ def _of_folder(source: str, path: Path, truth: str, step: Callable[[str], None])
     return RunMetrics(source, tuple(logs))
 
 
-def _of_output(path: Path, run: RecordedRun, truth: str, step: Callable[[str], None]) -> Iterator[LogMetrics]:
+def _of_output(path: Path, run: RecordedRun, how: _How, step: Callable[[str], None]) -> Iterator[LogMetrics]:
     """The logs of an output folder."""
     for log in run.logs:
         if log.folder is None:
@@ -103,20 +121,20 @@ def _of_output(path: Path, run: RecordedRun, truth: str, step: Callable[[str], N
         if log.entry.get("status") != "done":
             yield LogMetrics(log.id, error=_error(log.entry))
             continue
-        yield replace(_of_entry(log.folder, truth, step), sha256=str(log.entry.get("sha256") or ""))
+        yield replace(_of_entry(log.folder, how, step), sha256=str(log.entry.get("sha256") or ""))
 
 
-def _of_entry(folder: LogFolder, truth: str, step: Callable[[str], None]) -> LogMetrics:
+def _of_entry(folder: LogFolder, how: _How, step: Callable[[str], None]) -> LogMetrics:
     try:
         table = read_metrics_table(folder.metrics)
-        if table.metadata.get("truth", "auto") == truth:
+        if table.metadata.get("truth", "auto") == how.truth and how.system is None:
             return LogMetrics(folder.id, rows_of(table), notes=notes_of(table))
     except (InputError, ValueError):
         if not folder.annotated.is_file():
             return LogMetrics(folder.id, error=NO_TABLE)
     step(f"evaluating {folder.id}")
     try:
-        return _of_log(str(folder.annotated), folder.id, truth)
+        return _of_log(str(folder.annotated), folder.id, how)
     except UsageError:
         raise
     except CwcliError as error:
@@ -131,12 +149,12 @@ def _error(entry: dict[str, Any]) -> str:
     return f"{where}: {what}" if where else str(what)
 
 
-def _of_log(source: str, name: str, truth: str) -> LogMetrics:
+def _of_log(source: str, name: str, how: _How) -> LogMetrics:
     from cwcli.evaluation.evaluate_log import evaluate_log
     from cwcli.logs.read.reader import Log
 
     with Log.open(source) as log:
-        table = evaluate_log(log, truth=truth)
+        table = evaluate_log(log, truth=how.truth, system=how.system)
         return LogMetrics(name, rows_of(table), sha256=_input_sha256(log), notes=notes_of(table))
 
 

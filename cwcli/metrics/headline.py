@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Literal
 
@@ -96,6 +96,37 @@ def _of(who: str, whom: str) -> tuple[Metric, ...]:
     )  # fmt: skip
 
 
+def _of_system() -> Iterator[Metric]:
+    """Another system's metrics: those of cwcli's own warnings, and of its path and its state of the ego."""
+    prefix, whose = "system.warnings", "another system's (--topic warning=): "
+    for metric in WARNING_METRICS:
+        name, doc = metric.name.replace("warnings", prefix, 1), whose + metric.doc
+        yield replace(metric, name=name, stage="system", doc=doc)
+
+
+WARNING_METRICS: tuple[Metric, ...] = (
+    Metric("warnings.count", "warn", "", "sum", "", "warnings raised"),
+    Metric("warnings.conflicts_count", "warn", "", "sum", "", "real conflicts, by the definition of `cwcli warn`"),
+    Metric("warnings.missed_count", "warn", "", "sum", "lower", "real conflicts without a warning"),
+    Metric("warnings.false_count", "warn", "", "sum", "lower", "warnings that no conflict followed"),
+    Metric("warnings.undecided_count", "warn", "", "sum", "",
+           "warnings after which the tracks end too early to tell"),
+    Metric("warnings.precision", "warn", "", "mean", "higher",
+           "share of the decided warnings that a conflict followed", interval="share", is_compared=True),
+    Metric("warnings.recall", "warn", "", "mean", "higher", "share of the real conflicts that were warned of",
+           interval="share", is_compared=True),
+    Metric("warnings.timeliness", "warn", "", "mean", "higher",
+           "of the conflicts warned of, the share whose warning came before they began", interval="share",
+           is_compared=True),
+    Metric("warnings.lead_time_mean_s", "warn", "s", "mean", "higher",
+           "from the first warning of a conflict to its beginning; negative: late", is_compared=True),
+    Metric("warnings.lead_time_min_s", "warn", "s", "min", "higher", "the shortest of them"),
+    Metric("warnings.false_alarms_per_hour", "warn", "1/h", "mean", "lower",
+           "false warnings per hour of the host's track, with the exact Poisson interval", interval="rate",
+           is_compared=True),
+)  # fmt: skip
+"""Of the warnings of collisions: of cwcli's first rule, or of another system."""
+
 METRICS: tuple[Metric, ...] = (
     Metric("ego.position_rmse_m", "estimate", "m", "rms", "lower",
            "horizontal distance from the truth (two axes together)", is_compared=True),
@@ -132,27 +163,9 @@ METRICS: tuple[Metric, ...] = (
     Metric("remote.vehicles_count", "estimate", "", "sum", "", "remote vehicles"),
     *_of("ego", "the ego's"),
     *_of("remote", "a remote vehicle's"),
-    Metric("warnings.count", "warn", "", "sum", "", "warnings raised"),
-    Metric("warnings.conflicts_count", "warn", "", "sum", "", "real conflicts, by the definition of `cwcli warn`"),
-    Metric("warnings.missed_count", "warn", "", "sum", "lower", "real conflicts without a warning"),
-    Metric("warnings.false_count", "warn", "", "sum", "lower", "warnings that no conflict followed"),
-    Metric("warnings.undecided_count", "warn", "", "sum", "",
-           "warnings after which the tracks end too early to tell"),
+    *WARNING_METRICS,
     Metric("warnings.withheld_count", "warn", "", "sum", "",
            "warnings that were not raised because a state was starting, after a reset or in a gap"),
-    Metric("warnings.precision", "warn", "", "mean", "higher",
-           "share of the decided warnings that a conflict followed", interval="share", is_compared=True),
-    Metric("warnings.recall", "warn", "", "mean", "higher", "share of the real conflicts that were warned of",
-           interval="share", is_compared=True),
-    Metric("warnings.timeliness", "warn", "", "mean", "higher",
-           "of the conflicts warned of, the share whose warning came before they began", interval="share",
-           is_compared=True),
-    Metric("warnings.lead_time_mean_s", "warn", "s", "mean", "higher",
-           "from the first warning of a conflict to its beginning; negative: late", is_compared=True),
-    Metric("warnings.lead_time_min_s", "warn", "s", "min", "higher", "the shortest of them"),
-    Metric("warnings.false_alarms_per_hour", "warn", "1/h", "mean", "lower",
-           "false warnings per hour of the host's track, with the exact Poisson interval", interval="rate",
-           is_compared=True),
     Metric("warnings.<rule>.precision", "warn", "", "mean", "higher", "of one of several rules", interval="share"),
     Metric("warnings.<rule>.recall", "warn", "", "mean", "higher", "of one of several rules", interval="share"),
     Metric("warnings.<rule>.timeliness", "warn", "", "mean", "higher", "of one of several rules", interval="share"),
@@ -207,6 +220,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("tracking.nis_inside_share", "track", "", "mean", "higher",
            "share of the sensors whose innovations lie within their 95 % bounds", is_compared=True),
     Metric("tracking.targets_count", "track", "", "sum", "", "tracks"),
+    *_of_system(),
     Metric("data.duration_s", "data", "s", "sum", "", "from the first to the last message"),
     Metric("data.read_count", "data", "", "sum", "", "messages read, once for each role"),
     Metric("data.used_count", "data", "", "sum", "", "messages used"),

@@ -13,7 +13,7 @@ from cwcli import __version__
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, TruthOption
+from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, SystemOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
@@ -31,7 +31,11 @@ EXAMPLES = (
     "cwcli evaluate annotated.mcap",
     "cwcli evaluate out/ --gate 'ego.position_rmse_m < 0.5' --junit report.xml",
     "cwcli evaluate out/ --gate 'pooled(warnings.recall) >= 0.9' --markdown -",
+    "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true --gate 'system.warnings.recall >= 0.9'",
 )
+SYSTEM = "system."
+"""Another system's metrics have the names of cwcli's own behind it."""
+BESIDE = ("metric", "the system", "cwcli", "unit", "n")
 MAX_SHOWN = 20
 MAX_IN_MARKDOWN = 200
 
@@ -51,6 +55,7 @@ def command(
     source: RunArgument,
     talk: TalkOptions,
     truth: TruthOption = "auto",
+    topics: SystemOption = None,
     gates: GatesOption = None,
     allow_missing: Annotated[
         bool,
@@ -68,9 +73,11 @@ def command(
     """Score what the stages made of one log or of many, and check gates.
 
     Errors against the truth where the log has one, consistency, prediction errors, warnings against the conflicts that
-    really happened, lanes, tracks, and the quality of the data. Gates are those of --gate and those kept in the run's
+    really happened, lanes, tracks, and the quality of the data. --topic names another system's warnings, path or state
+    in the log, which are scored likewise, beside cwcli's own. Gates are those of --gate and those kept in the run's
     manifest. The exit code is 1 if a gate failed.
     """
+    from cwcli.evaluation.system.topics import parse_system
     from cwcli.fleet.results import read_metrics
     from cwcli.metrics.gate_syntax import parse
     from cwcli.metrics.gates import check_gates
@@ -80,11 +87,12 @@ def command(
 
     for gate in gates or ():
         parse(gate)
+    system = parse_system(topics) if topics else None
     summary_file = stdout_or_file(markdown_file)
     targets = check_outputs([source], talk, metrics=metrics, texts=(junit, summary_file), force=force)
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reading {source}")
-        run = read_metrics(source, truth=truth, step=progress.step)
+        run = read_metrics(source, truth=truth, system=system, step=progress.step)
     results = check_gates(list(dict.fromkeys((*run.gates, *(gates or ())))), run.logs, allow_missing=allow_missing)
     pooled = pooled_rows([log for log in run.logs if not log.error])
     with Together() as together:
@@ -128,9 +136,15 @@ def _show(
     what = "Headline metrics" if run.is_one_log else f"Headline metrics, {count(len(done), 'log')} pooled"
     console.heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_telling(name)]
-    console.summary(table(("metric", "value", "unit", "95 % interval", "n"), [_metric_cells(row) for row in shown]))
+    own = [row for row in shown if not row.metric.startswith(SYSTEM)]
+    console.summary(table(("metric", "value", "unit", "95 % interval", "n"), [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
+    beside = _beside(pooled)
+    if beside:
+        console.summary("")
+        console.summary("The other system beside cwcli")
+        console.summary(table(BESIDE, beside))
     if done and all(name.startswith("data.") for name in pooled):
         console.note("no stage of cwcli has run on it, so there is nothing to score; run `cwcli run` first")
     for log in [log for log in run.logs if log.error][:MAX_SHOWN]:
@@ -145,6 +159,17 @@ def _show(
     for result in results:
         _show_failed(console, result)
     console.summary("")
+
+
+def _beside(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
+    """Another system's metrics, each beside cwcli's own."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, row in pooled.items():
+        if name.startswith(SYSTEM):
+            own = pooled.get(name.removeprefix(SYSTEM))
+            ours: Cell = "" if own is None else own.value
+            rows.append((name.removeprefix(SYSTEM), row.value, ours, row.unit, row.n))
+    return rows
 
 
 def _notes(run: RunMetrics) -> dict[str, list[str]]:
@@ -260,4 +285,7 @@ def _markdown(run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[G
         for row in shown
     ]
     parts.append(markdown.table(("metric, all logs pooled", "value", "unit", "95 % interval", "n"), metric_rows))
+    beside = [(markdown.code(str(name)), *cells) for name, *cells in _beside(pooled)]
+    if beside:
+        parts.append(markdown.table(BESIDE, beside))
     return "\n\n".join(parts) + "\n"

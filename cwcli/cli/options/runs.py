@@ -32,3 +32,13 @@ MarkdownOption = Annotated[
     ),
 ]
 AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the most telling ones.")]
+SystemOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--topic",
+        metavar="ROLE=/NAME",
+        show_default=False,
+        help="Judge another system in the log too: warning=/adas/fcw:data==true, ego_path=/planning/trajectory, "
+        "ego_state=/odometry (docs/evaluation.md). Repeatable.",
+    ),
+]

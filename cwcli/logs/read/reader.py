@@ -226,6 +226,20 @@ class Log:
 
         return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
 
+    def trees(self, topic: str) -> Iterator[tuple[int, object]]:
+        """Log time and content of each message of a topic (`cwcli.logs.codecs.tree`), in file order.
+
+        What can't be decoded is a `BadMessage` in its place.
+
+        Raises:
+            MissingSignalError: There is no such topic.
+            InputError: Its encoding or schema is unknown, or the file is damaged and `recover` is off.
+            DataError: It has several schemas.
+        """
+        from cwcli.logs.read.trees import stream_trees
+
+        return stream_trees(self._message_reader(), self._file_channels(topic), self.name)
+
     def transform_channels(self) -> list[ChannelInfo]:
         """The file's channels with transforms between frames of reference."""
         from cwcli.logs.read.transforms import is_transforms

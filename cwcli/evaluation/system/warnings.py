@@ -1,0 +1,140 @@
+"""Another system's warnings against the conflicts that really happened.
+
+A flag says that there is danger, not from whom. So each warning is held against the conflicts with every vehicle. It is
+about the earliest one that it fits, by the same limits as cwcli's own warnings (`cwcli.evaluation.conflicts.judge`); a
+conflict counts as warned of when a warning fits it, whoever else that warning fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.evaluation.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict
+from cwcli.evaluation.happened import Happened
+from cwcli.evaluation.scored_warnings import WarningScores
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import Int64Array
+from cwcli.signals.quality import BoolArray
+from cwcli.signals.units import NS_PER_S
+
+NOBODY = ""
+
+
+@dataclass(frozen=True)
+class JudgedFlag:
+    """One warning of a flag.
+
+    Attributes:
+        raised_ns, last_ns: The first and the last message in which it stood.
+        kind: As in `cwcli.evaluation.conflicts.EventVerdict`.
+        other_id, conflict: The conflict that it is about, or `NOBODY` and None.
+        lead_time_s: From the warning to the beginning of the conflict; NaN without one.
+    """
+
+    raised_ns: int
+    last_ns: int
+    kind: str
+    other_id: str = NOBODY
+    conflict: RealConflict | None = None
+    lead_time_s: float = float("nan")
+
+
+@dataclass(frozen=True)
+class FlagScores:
+    """What became of a flag's warnings and of the conflicts."""
+
+    judged: tuple[JudgedFlag, ...]
+    scores: WarningScores
+
+
+def judge_flag(spans: Sequence[tuple[int, int]], real: Happened) -> FlagScores:
+    """Hold warnings, in order of time, against all conflicts.
+
+    Args:
+        spans: When each was raised, and the last message in which it stood.
+        real: What happened.
+    """
+    times = np.array(spans, np.int64).reshape(-1, 2)
+    raised_ns, last_ns = times[:, 0], times[:, 1]
+    n = len(times)
+    best_onset = np.full(n, np.iinfo(np.int64).max)
+    best: list[tuple[str, RealConflict] | None] = [None] * n
+    first: list[str] = []
+    leads: list[float] = []
+    max_lead_ns = round(real.config.max_lead_s * NS_PER_S)
+    for vehicle, conflicts in real.conflicts.items():
+        is_free = np.ones(n, np.bool_)
+        for conflict in conflicts:
+            lead_ns = conflict.onset_ns - raised_ns
+            fits = (raised_ns <= conflict.end_ns) & ((lead_ns <= max_lead_ns) | (conflict.onset_ns <= last_ns))
+            own = np.flatnonzero(fits & is_free)  # a warning is about the first conflict with a vehicle
+            is_free[own] = False
+            if len(own):
+                lead_s = int(lead_ns[own[0]]) / NS_PER_S
+                first.append(TRUE if lead_s >= 0 else LATE)
+                leads.append(lead_s)
+            for k in own[conflict.onset_ns < best_onset[own]].tolist():
+                best_onset[k], best[k] = conflict.onset_ns, (vehicle, conflict)
+    is_known = _is_known(raised_ns, real)
+    judged = []
+    for k, (raised, last) in enumerate(spans):
+        about = best[k]
+        if about is None:
+            judged.append(JudgedFlag(raised, last, FALSE if is_known[k] else UNDECIDED))
+            continue
+        lead = about[1].onset_ns - raised
+        judged.append(JudgedFlag(raised, last, TRUE if lead >= 0 else LATE, *about, lead / NS_PER_S))
+    kinds = [each.kind for each in judged]
+    scores = WarningScores(
+        n_true=kinds.count(TRUE),
+        n_late=kinds.count(LATE),
+        n_false=kinds.count(FALSE),
+        n_undecided=kinds.count(UNDECIDED),
+        n_conflicts=real.n_conflicts,
+        n_in_time=first.count(TRUE),
+        n_warned_late=first.count(LATE),
+        lead_times_s=tuple(leads),
+        host_hours=real.host_hours,
+    )
+    return FlagScores(tuple(judged), scores)
+
+
+def _is_known(raised_ns: Int64Array, real: Happened) -> BoolArray:
+    """Whether the vehicle that was nearest at each warning is known for as long as a conflict could follow.
+
+    Where nobody was known at the warning, nothing can be said of it.
+    """
+    horizon_ns = round(real.config.horizon_s * NS_PER_S)
+    nearest_m = np.full(len(raised_ns), np.inf)
+    is_known = np.zeros(len(raised_ns), np.bool_)
+    for pair in real.pairs.values():
+        distance_m = _distance_at(pair, raised_ns)
+        nearer = distance_m < nearest_m  # NaN is not
+        nearest_m[nearer] = distance_m[nearer]
+        is_known[nearer] = _covers(pair, raised_ns[nearer], raised_ns[nearer] + horizon_ns)
+    return is_known
+
+
+def _distance_at(pair: Pair, at_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Of the centres at the next known stamp, NaN where there is none within the gap that is bridged."""
+    known = np.flatnonzero(np.isfinite(pair.distance_m))
+    stamp_ns = pair.stamp_ns[known]
+    after = np.searchsorted(stamp_ns, at_ns)
+    out = np.full(len(at_ns), np.nan)
+    inside = np.flatnonzero(after < len(known))
+    inside = inside[stamp_ns[after[inside]] - at_ns[inside] <= pair.max_gap_s * NS_PER_S]
+    out[inside] = pair.distance_m[known[after[inside]]]
+    return out
+
+
+def _covers(pair: Pair, begin_ns: Int64Array, end_ns: Int64Array) -> BoolArray:
+    """Whether the distance is known from each beginning, at which it is, to the end without a gap."""
+    stamp_ns = pair.stamp_ns[np.isfinite(pair.distance_m)]
+    gap_ns = pair.max_gap_s * NS_PER_S
+    ends = np.append(np.flatnonzero(np.diff(stamp_ns) > gap_ns), len(stamp_ns) - 1)
+    begin = np.searchsorted(stamp_ns, begin_ns)
+    run_end = stamp_ns[ends[np.searchsorted(ends, begin)]] if len(begin) else begin_ns
+    return np.asarray(end_ns - run_end <= gap_ns)

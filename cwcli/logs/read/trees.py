@@ -1,0 +1,31 @@
+"""Messages one by one as plain objects, for what columns don't hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from cwcli.errors import InputError
+from cwcli.logs.codecs.ros2msg import SchemaError
+from cwcli.logs.codecs.tree import BadMessage, tree_decoder
+from cwcli.logs.read.columns import single_schema
+
+if TYPE_CHECKING:
+    from cwcli.logs.read.channels import ChannelInfo
+    from cwcli.logs.read.message_reader import MessageReader
+
+
+def stream_trees(reader: MessageReader, channels: Sequence[ChannelInfo], name: str) -> Iterator[tuple[int, object]]:
+    """Log time and content of each message of one topic, in file order; see `Log.trees`."""
+    single_schema(channels, name)
+    try:
+        decode = tree_decoder(channels[0])
+    except SchemaError as error:
+        what = f"the channel {channels[0].topic} ({channels[0].schema_name or 'no schema'}) can't be read: {error}"
+        raise InputError(what, where=name) from error
+    for batch in reader.batches([channel.id for channel in channels]):
+        for log_time_ns, payload in batch.messages():
+            try:
+                yield log_time_ns, decode(bytes(payload))
+            except BadMessage as error:
+                yield log_time_ns, error

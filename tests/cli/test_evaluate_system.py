@@ -1,0 +1,113 @@
+"""`cwcli evaluate --topic`: another system in the log, from the command line; and the commands of its page."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cwcli.cli.main import run
+from tests.cli.rewritten_logs import Logged, read, write
+
+ROOT = Path(__file__).parents[2]
+BOOL = ("std_msgs/msg/Bool", "ros2msg", b"bool data")
+UP_S = (3.2, 5.0)
+
+
+def flag(t0_ns: int) -> Iterator[Logged]:
+    """50 Hz: up once before the collision of the intersection."""
+    for k in range(500):
+        data = bytes([0, 1, 0, 0, int(UP_S[0] <= k * 0.02 < UP_S[1])])
+        yield Logged("/adas/fcw", "cdr", BOOL, t0_ns + k * 20_000_000, data)
+
+
+@pytest.fixture(scope="module")
+def drive(intersection: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bundled intersection with a warning function in it, annotated: drive.mcap and annotated.mcap."""
+    folder = tmp_path_factory.mktemp("system")
+    messages = read(intersection)
+    both = sorted([*messages, *flag(messages[0].log_time_ns)], key=lambda each: each.log_time_ns)
+    write(folder / "drive.mcap", both)
+    arguments = ["run", str(folder / "drive.mcap"), "-o", str(folder / "annotated.mcap"), "--quiet"]
+    assert run(arguments) == 0
+    return folder
+
+
+def document(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, Any]:
+    code = run([*map(str, arguments), "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_the_other_system_stands_beside_cwcli(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    annotated, option = drive / "annotated.mcap", "--topic=warning=/adas/fcw:data==true"
+    code, found = document(capsys, "evaluate", annotated, option)
+    assert code == 0
+    metrics = found["logs"][0]["metrics"]
+    assert metrics["system.warnings.recall"]["value"] == metrics["warnings.recall"]["value"] == 1.0
+    own_raised_s = (
+        3.2 + metrics["system.warnings.lead_time_mean_s"]["value"] - metrics["warnings.lead_time_mean_s"]["value"]
+    )
+    assert run(["evaluate", str(annotated), option, "--markdown", str(tmp_path / "summary.md")]) == 0
+    assert "| metric | the system | cwcli | unit | n |" in (tmp_path / "summary.md").read_text()
+    assert "The other system beside cwcli" in capsys.readouterr().out
+    assert 4.0 < own_raised_s < 5.5  # cwcli warns 0.8 to 2.3 s after the flag
+
+
+def test_the_commands_of_the_page_hold(drive: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    page = (ROOT / "docs" / "evaluation.md").read_text(encoding="utf-8")
+    (section,) = re.findall(r"## Is my FCW late\?\n(.*?)\n## ", page, re.DOTALL)
+    commands = [shlex.split(line.strip()) for line in section.splitlines() if line.startswith("    cwcli ")]
+    assert len(commands) >= 3
+    monkeypatch.chdir(drive)
+    for program, *arguments in commands:
+        assert program == "cwcli"
+        if arguments[0] == "run":
+            arguments += ["--force"]
+        assert run([*arguments]) == 0, arguments
+    said = capsys.readouterr().out
+    assert "The other system beside cwcli" in said
+    assert "passed" in said
+
+
+def test_a_gate_on_the_other_system(drive: Path) -> None:
+    option = "--topic=warning=/adas/fcw:data==true"
+    arguments = ["evaluate", str(drive / "annotated.mcap"), option, "--quiet", "--gate"]
+    assert run([*arguments, "system.warnings.recall >= 0.9"]) == 0
+    assert run([*arguments, "system.warnings.lead_time_mean_s > 60"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "code", "said"),
+    [
+        ("warning=/adas/fcw:dta==true", 2, "found: data (true or false)"),
+        ("warning=/adas/fcw", 2, "expected warning=/topic:field==value"),
+        ("warning=/adas/fcx:data==true", 2, "the log has no such topic"),
+        ("fcw=/adas/fcw:data==true", 2, "there is no role fcw of another system"),
+        ("warning=/adas/fcw:data=true", 2, "expected `.`, `[` or one of"),
+        ("warning=/adas/fcw:data==1.5x", 2, "can't be compared so"),
+    ],
+)
+def test_what_can_not_be_judged(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, code: int, said: str
+) -> None:
+    metrics = tmp_path / "m.csv"
+    arguments = ["evaluate", str(drive / "annotated.mcap"), "--topic", option, "--metrics", str(metrics)]
+    assert run(arguments) == code
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not metrics.exists()
+
+
+def test_a_log_without_states_and_a_table_can_not_be_judged(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    option = "--topic=warning=/adas/fcw:data==true"
+    assert run(["evaluate", str(drive / "drive.mcap"), option]) == 4
+    assert "holds no states of the ego and the others" in " ".join(capsys.readouterr().err.split())
+    assert run(["evaluate", str(drive / "annotated.mcap"), "--metrics", str(tmp_path / "m.parquet"), "--quiet"]) == 0
+    assert run(["evaluate", str(tmp_path / "m.parquet"), option]) == 2
+    assert "--topic needs the annotated logs" in " ".join(capsys.readouterr().err.split())
