@@ -49,17 +49,17 @@ def fleet_prior() -> FleetPrior:
 
 
 def acted_s(share: FloatArray) -> FloatArray:
-    """For how long a derivative has acted in full by each knot, so that its displacement is `share` t^2/2 there.
+    """For how long acceleration and yaw rate have acted in full by each knot, so that each moves the car `share` t^2/2.
 
-    The derivative changes speed (heading) at a rate that is constant between knots. It may fade and be taken back, but
-    never changes the car's speed (heading) against its own sign, nor faster than it said itself: a share that asks for
-    that is met as far as this allows.
+    Each changes speed (heading) at a rate that is constant between knots and never faster than it said. It may fade
+    and be taken back: an acceleration until the speed is again what it was; a yaw rate as fast as it was made, and
+    beyond the heading of the start, as a car does that changes lanes. More than this allows no share gets.
 
     Args:
-        share: Shape (..., k), in [0, 1]: of the displacement that the derivative would cause if it went on.
+        share: Shape (..., 2, k), in [0, 1]: of the displacement that the derivative would cause if it went on.
 
     Returns:
-        Shape (..., k), seconds: change of speed over acceleration, or of heading over yaw rate. Linear between 0 and
+        Shape (..., 2, k), seconds: change of speed over acceleration, of heading over yaw rate. Linear between 0 and
         the knots, constant after the last.
     """
     out = np.empty_like(share)
@@ -68,7 +68,8 @@ def acted_s(share: FloatArray) -> FloatArray:
     for k, knot_s in enumerate(KNOTS_S.tolist()):
         step_s = knot_s - before_s
         missing = share[..., k] * knot_s**2 / 2.0 - moved - acted * step_s
-        rate = np.clip(2.0 * missing / step_s**2, -acted / step_s, 1.0)
+        least = np.stack([-acted[..., 0] / step_s, np.full(acted.shape[:-1], -1.0)], axis=-1)
+        rate = np.clip(2.0 * missing / step_s**2, least, 1.0)
         moved = moved + acted * step_s + rate * step_s**2 / 2.0
         acted = acted + rate * step_s
         out[..., k] = acted

@@ -27,6 +27,7 @@ from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, 
 GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 BISECTIONS = 45  # a step of 0.05 s to below 1e-14 s
+STANDS_MPS = 1e-9  # below it a speed is rounding: of an acceleration that is taken back from a standing car
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def _stop_time(motion: _Motion, state: FloatArray, speed: FloatArray) -> FloatAr
     """
     time_s, start = motion.time_s, state[:, SPEED]
     direction = np.where(start < 0.0, -1.0, 1.0)
-    crossed = direction[:, None] * speed[:, 1:] < 0.0
+    crossed = direction[:, None] * speed[:, 1:] < STANDS_MPS
     standing = (start == 0.0) & (speed[:, 1] <= 0.0)
     stop_s = np.full(len(state), np.inf)
     rows = np.flatnonzero(crossed.any(axis=1) & ~standing)
@@ -179,7 +180,7 @@ def _stop_time(motion: _Motion, state: FloatArray, speed: FloatArray) -> FloatAr
 
 
 def _bisect(motion: _Motion, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The moment between `low` and `high` (each (m,)) where direction * v changes from >= 0 to < 0."""
+    """The moment between `low` and `high` (each (m,)) where direction * v changes from >= 0 to < 0; `high` without."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         moving = direction * _speed(state, motion.at(middle[:, None]))[:, 0] >= 0.0

@@ -40,6 +40,7 @@ MAX_GAP_S = 0.5
 MIN_CHORD_M = 1.0
 MAX_CHORD_ANGLE_RAD = 2.0
 PRIOR_OUTCOMES = np.array([4.0, 1.0, 1.0])
+POSITIVE_PART = 1.0 / np.sqrt(2.0 * np.pi)  # mean of max(z, 0), z standard normal
 NEVER_NS = np.iinfo(np.int64).max
 
 N_SUMS = 9  # of a regression with three parts: xx' above the diagonal, and x y
@@ -273,18 +274,24 @@ def _carried_on(gain: FloatArray, prior: FleetPrior, k: int) -> FloatArray:
 
 
 def _ridge_solution(sums: FloatArray, ridge: FloatArray, prior: FloatArray) -> FloatArray:
-    """(A + diag(ridge))^-1 (b + ridge prior) for sums (..., 9), by Cholesky's factors written out; (..., 3)."""
-    a00, a01, a02, a11, a12, a22, b0, b1, b2 = np.moveaxis(sums, -1, 0)
-    b0, b1, b2 = (b + ridge[..., i] * prior[..., i] for i, b in enumerate((b0, b1, b2)))
-    l00 = np.sqrt(a00 + ridge[..., 0])
+    """(A + diag(ridge))^-1 (b + ridge prior) for sums (..., 9), by Cholesky's factors written out; (..., 3).
+
+    The unclear part comes last in the elimination: 1 / l22^2 is the variance of its gain over that of an outcome.
+    What it has more than its prior is less what a gain of 0 would show on average.
+    """
+    a22, a12, a02, a11, a01, a00, b2, b1, b0 = np.moveaxis(sums, -1, 0)
+    b0, b1, b2 = (b + ridge[..., 2 - i] * prior[..., 2 - i] for i, b in enumerate((b0, b1, b2)))
+    l00 = np.sqrt(a00 + ridge[..., 2])
     l10, l20 = a01 / l00, a02 / l00
     l11 = np.sqrt(a11 + ridge[..., 1] - l10**2)
     l21 = (a12 - l20 * l10) / l11
-    l22 = np.sqrt(a22 + ridge[..., 2] - l20**2 - l21**2)
+    l22 = np.sqrt(a22 + ridge[..., 0] - l20**2 - l21**2)
     c0 = b0 / l00
     c1 = (b1 - l10 * c0) / l11
     c2 = (b2 - l20 * c0 - l21 * c1) / l22
     g2 = c2 / l22
     g1 = (c1 - l21 * g2) / l11
     g0 = (c0 - l10 * g1 - l20 * g2) / l00
-    return np.stack([g0, g1, g2], axis=-1)
+    error_m = np.sqrt(ridge[..., 0] / PRIOR_OUTCOMES[0])
+    doubted = np.maximum(g2 - POSITIVE_PART * error_m / l22, np.minimum(g2, prior[..., 0]))
+    return np.stack([doubted, g1, g0], axis=-1)

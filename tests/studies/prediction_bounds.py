@@ -1,9 +1,10 @@
 """Is the default prediction ever worse than constant velocity? `python -m tests.studies.prediction_bounds [LOG...]`.
 
-For each log and the bundled scenarios (`--seeds 1 2 3`; none: `--seeds`): `estimate --causal`, then `predict`, judged
-1, 2.5 and 5 s ahead against the vehicle's own later track. One line per log, class and horizon: mean errors of constant
-velocity and of the default, their ratio, that of the 95th percentiles, and what the 50 and 90 % ellipses held. The exit
-code is 1 if one of the bounds below is broken.
+For each log, the bundled scenarios (`--seeds 1 2 3`; none: `--seeds`) and, if asked for, made-up dense traffic
+(`--dense 1`, `dense_traffic`): `estimate --causal`, then `predict`, judged 1, 2.5 and 5 s ahead against the vehicle's
+own later track. One line per log, class and horizon: mean errors of constant velocity and of the default, their ratio,
+that of the 95th percentiles, and what the 50 and 90 % ellipses held. The exit code is 1 if one of the bounds below is
+broken.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from cwcli.simulation.drive import simulate
 from cwcli.simulation.scenario import load_scenario
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
+from tests.studies.dense_traffic import VARIANTS, dense_states
 
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
 BASELINE = "cv"
@@ -175,16 +177,17 @@ def lines(rows: Sequence[Judged]) -> Iterator[str]:
             f"{row.default_m.mean():7.2f} {row.mean_ratio:6.2f} {row.p95_ratio:6.2f} "
             f"{row.inside(ELLIPSE_50):5.0%} {row.inside(ELLIPSE_90):5.0%}"
         )
-    groups = {"logs": False, "scenarios": True}
-    for title, is_scenario in groups.items():
+    kinds = ("log", "scenario", "dense")
+    kind_of = {row.log: row.log.split()[0] if row.log.split()[0] in kinds else "log" for row in rows}
+    for kind in kinds:
         for horizon_s in HORIZONS_S:
-            some = [r for r in rows if r.horizon_s == horizon_s and r.log.startswith("scenario ") == is_scenario]
+            some = [row for row in rows if row.horizon_s == horizon_s and kind_of[row.log] == kind]
             if some:
                 squared = np.concatenate([row.mahalanobis2 for row in some])
                 mean = np.mean([row.mean_ratio for row in some])
                 worst, p95 = max(row.mean_ratio for row in some), max(row.p95_ratio for row in some)
                 yield (
-                    f"all {title} {horizon_s:g} s: mean ratio {mean:.3f}, worst {worst:.3f}, worst p95 {p95:.3f}, "
+                    f"all {kind} {horizon_s:g} s: mean ratio {mean:.3f}, worst {worst:.3f}, worst p95 {p95:.3f}, "
                     f"inside {np.mean(squared <= ELLIPSE_50):.1%} / {np.mean(squared <= ELLIPSE_90):.1%}"
                 )
 
@@ -194,6 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("logs", nargs="*", type=Path, help="MCAP files; none: the development logs")
     parser.add_argument("--seeds", nargs="*", type=int, default=[1, 2, 3])
+    parser.add_argument("--dense", nargs="*", type=int, default=[], help="seeds of made-up dense traffic")
     asked = parser.parse_args(arguments)
     rows: list[Judged] = []
     for path in asked.logs or sorted(LOGS.glob("*.mcap")):
@@ -201,9 +205,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for seed in asked.seeds:
         for name in scenario_names():
             rows += judged(f"scenario {name} {seed}", scenario_states(name, seed))
-    for line in lines(rows):
+    dense: list[Judged] = []
+    for seed in asked.dense:
+        for variant in VARIANTS:
+            dense += judged(f"dense {variant.name} {seed}", {"remote": dense_states(variant, seed)})
+    for line in lines(rows + dense):
         print(line)
-    failures = broken(rows)
+    failures = [line for some in (rows, dense) if some for line in broken(some)]
     for line in failures:
         print("broken:", line)
     return 1 if failures else 0

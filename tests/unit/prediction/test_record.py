@@ -69,21 +69,30 @@ def test_prior_that_ships_has_gains_between_0_and_1_and_nothing_for_what_is_uncl
 
 
 def test_derivative_that_goes_on_acts_all_the_time() -> None:
-    np.testing.assert_allclose(acted_s(np.ones(4)), KNOTS_S)
+    np.testing.assert_allclose(acted_s(np.ones((2, 4))), [KNOTS_S, KNOTS_S])
 
 
 def test_acted_time_by_hand() -> None:
     # full until 1 s: 0.5 s^2; at 2.5 s then 0.4 * 3.125 = 1.25 s^2 asks for 0.75 s^2 more: at -2/3, back to 0
     # until 5 s nothing more: 0.1 * 12.5 = 1.25 s^2
-    np.testing.assert_allclose(acted_s(np.array([1.0, 1.0, 0.4, 0.1])), [0.5, 1.0, 0.0, 0.0], atol=1e-12)
+    share = np.tile([1.0, 1.0, 0.4, 0.1], (2, 1))
+    np.testing.assert_allclose(acted_s(share), [[0.5, 1.0, 0.0, 0.0]] * 2, atol=1e-12)
 
 
-def test_derivative_never_acts_against_its_sign() -> None:
-    np.testing.assert_allclose(acted_s(np.array([1.0, 0.0, 0.0, 0.0])), [0.5, 0.0, 0.0, 0.0], atol=1e-12)
-    shares = np.random.default_rng(0).uniform(size=(500, 4))
-    acted = acted_s(shares)
-    assert (acted >= -1e-12).all()
-    assert (np.diff(acted, axis=1) <= np.diff(KNOTS_S) + 1e-12).all()
+def test_acceleration_is_taken_back_to_the_speed_of_the_start_and_a_turn_as_fast_as_it_was_made() -> None:
+    # after 0.5 s both have moved 0.125 s^2 and are to be back at 0 s^2 1 s ahead, which neither can; then for good.
+    # a turn: -1 for 0.5 s, so 0 and 0.25 s^2; then -2 0.25 / 1.5^2 = -0.222 until 2.5 s: -0.333 and 0 s^2; then
+    # 2 0.333 2.5 / 2.5^2 = 0.267 until 5 s: 0.333 and again 0 s^2
+    share = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    np.testing.assert_allclose(acted_s(share), [[0.5, 0.0, 0.0, 0.0], [0.5, 0.0, -1 / 3, 1 / 3]], atol=1e-12)
+
+
+def test_no_derivative_acts_faster_than_it_said_nor_an_acceleration_against_its_sign() -> None:
+    acted = acted_s(np.random.default_rng(0).uniform(size=(500, 2, 4)))
+    assert (acted[:, 0] >= -1e-12).all()
+    rate = np.diff(acted, axis=2, prepend=0.0) / np.diff(KNOTS_S, prepend=0.0)
+    assert (rate <= 1.0 + 1e-12).all()
+    assert (rate[:, 1] >= -1.0 - 1e-12).all()
 
 
 def test_acted_time_between_the_knots_and_after_them() -> None:
@@ -150,7 +159,10 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
             weight = np.where(known == 0, 0.0, 0.1) / knot_s / (1.0 + np.abs(y - x @ prior.gain[axis, k]) / 0.7)
             ridge = np.diag(PRIOR_OUTCOMES * 0.7**2)
             normal = (weight[:, None] * x).T @ x + ridge
-            expected = np.clip(np.linalg.solve(normal, (weight[:, None] * x).T @ y + ridge @ expected), 0.0, 1.0)
+            found = np.linalg.solve(normal, (weight[:, None] * x).T @ y + ridge @ expected)
+            doubt = 0.7 * np.sqrt(np.linalg.inv(normal)[0, 0]) / np.sqrt(2.0 * np.pi)
+            found[0] = max(found[0] - doubt, min(found[0], expected[0]))
+            expected = np.clip(found, 0.0, 1.0)
             np.testing.assert_allclose(gain[at, axis, k], expected, rtol=1e-9)
 
 
