@@ -15,7 +15,7 @@ from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.estimation.consistency import effective_count, nees
 from cwcli.estimation.summary import summarise, verdict_of
 from cwcli.evaluation.records import sources_of
-from cwcli.evaluation.subject import Ego, EgoTruth, Subject
+from cwcli.evaluation.subject import AUTO, Ego, EgoTruth, Subject
 from cwcli.evaluation.truth import against_truth, nees_section, truth_rows, truth_section, truth_xy
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import mean_bounds
@@ -119,15 +119,32 @@ def _fixes(
     return signal.stamp_ns - round(latency_s * NS_PER_S), np.column_stack([x_m, y_m])
 
 
-def _add_truth(
-    headline: Headline,
+def read_ego_truth(log: Log, record: Record, states: VehicleStates) -> EgoTruth | None:
+    """The truth that `cwcli estimate` found in an annotated log; None where there is none to compare with.
+
+    Args:
+        record: Of `estimate`.
+        states: The ego's, in stamp order.
+
+    Raises:
+        InputError: The log is damaged.
+        UsageError: A recorded topic is not in the log.
+    """
+    read = _sources(log, record, AUTO)
+    local_map = map_of(record)
+    fixes = _fixes(read.by_role.get(Role.EGO_POSITION, ()), local_map, json_entry(record, "sources", list))
+    found = _in_map(states, read.by_role.get(Role.TRUTH, ()), local_map, fixes, record)
+    return None if found is None else found[0]
+
+
+def _in_map(
     states: VehicleStates,
     truths: Sequence[Signal],
     local_map: LocalMap | None,
     fixes: tuple[Int64Array, FloatArray] | None,
     record: Mapping[str, str],
-) -> EgoTruth | None:
-    """Errors at the truth's stamps; None without a usable truth."""
+) -> tuple[EgoTruth, PoseSignal | PositionSignal, npt.NDArray[np.bool_]] | None:
+    """The truth while the ego is known, its signal, and which of its rows they are; None without a usable truth."""
     signal = truths[0] if truths else None
     if not isinstance(signal, PoseSignal | PositionSignal) or (
         isinstance(signal, PositionSignal) and local_map is None
@@ -143,26 +160,44 @@ def _add_truth(
     origin = json_entry(record, "configuration", dict).get("truth_origin")
     given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
     true_xy, _ = truth_xy(signal, inside, local_map, given, measured_xy)
-    state = resample(states.stamp_ns, states.state, stamp_ns, max_gap_s=MAX_GAP_S)
-    error = state[:, :2] - true_xy
+    if isinstance(signal, PositionSignal):
+        return EgoTruth(signal.source, stamp_ns, true_xy), signal, inside
+    speed_mps, heading_rad = signal.speed_mps[inside], signal.yaw_rad[inside]
+    return EgoTruth(signal.source, stamp_ns, true_xy, speed_mps, heading_rad), signal, inside
+
+
+def _add_truth(
+    headline: Headline,
+    states: VehicleStates,
+    truths: Sequence[Signal],
+    local_map: LocalMap | None,
+    fixes: tuple[Int64Array, FloatArray] | None,
+    record: Mapping[str, str],
+) -> EgoTruth | None:
+    """Errors at the truth's stamps; None without a usable truth."""
+    found = _in_map(states, truths, local_map, fixes, record)
+    if found is None:
+        return None
+    truth, signal, inside = found
+    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_GAP_S)
+    error = state[:, :2] - truth.xy
     known = np.isfinite(error).all(axis=1)
     distance = np.hypot(*error.T)
     headline.errors("ego.position_rmse_m", distance)
-    if isinstance(signal, PoseSignal):
-        cosine, sine = np.cos(signal.yaw_rad[inside]), np.sin(signal.yaw_rad[inside])
+    if truth.heading_rad is not None:
+        cosine, sine = np.cos(truth.heading_rad), np.sin(truth.heading_rad)
         headline.errors("ego.along_rmse_m", error[:, 0] * cosine + error[:, 1] * sine)
         headline.errors("ego.cross_rmse_m", -error[:, 0] * sine + error[:, 1] * cosine)
     headline.errors("ego.position_max_m", distance)
     if isinstance(signal, PoseSignal):
         _add_motion(headline, signal, inside, state)
     if known.any():
-        nearest = _nearest(stamp_ns[known], states.stamp_ns)
-        squared = nees(error[known], states.covariance[nearest][:, :2, :2])
+        squared = nees(error[known], covariance_at(truth.stamp_ns[known], states)[:, :2, :2])
         low, high = mean_bounds(2.0, effective_count(squared))
         headline.errors("ego.position_nees", squared)
         headline.share("ego.position_nees_inside", [low <= float(squared.mean()) <= high])
         headline.share("ego.position_inside_95_share", squared <= ELLIPSE_95)
-    return EgoTruth(stamp_ns, true_xy)
+    return truth
 
 
 def _add_motion(headline: Headline, signal: PoseSignal, inside: npt.NDArray[np.bool_], state: FloatArray) -> None:
@@ -174,9 +209,12 @@ def _add_motion(headline: Headline, signal: PoseSignal, inside: npt.NDArray[np.b
         headline.errors("ego.accel_rmse_mps2", state[:, 4] - signal.accel_mps2[inside])
 
 
-def _nearest(at_ns: Int64Array, stamp_ns: Int64Array) -> npt.NDArray[np.intp]:
+def covariance_at(at_ns: Int64Array, states: VehicleStates) -> FloatArray:
+    """Shape (n, 8, 8): the covariance of the state nearest in time. The states are in stamp order."""
+    stamp_ns = states.stamp_ns
     after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, max(len(stamp_ns) - 1, 1))
-    return np.where(at_ns - stamp_ns[after - 1] < stamp_ns[after] - at_ns, after - 1, after)
+    nearest = np.where(at_ns - stamp_ns[after - 1] < stamp_ns[after] - at_ns, after - 1, after)
+    return np.asarray(states.covariance[nearest], np.float64)
 
 
 def _add_consistency(headline: Headline, reports: Sequence[Any]) -> None:

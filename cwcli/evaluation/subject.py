@@ -17,10 +17,19 @@ AUTO, NO_TRUTH = "auto", "none"
 
 @dataclass(frozen=True)
 class EgoTruth:
-    """The truth of the ego in the map frame: stamps (n,) and positions (n, 2)."""
+    """The truth of the ego in the map frame.
 
+    Attributes:
+        topic: Its channel.
+        stamp_ns, xy: Stamps (n,) and positions (n, 2), m.
+        speed_mps, heading_rad: Shape (n,), or None where the channel does not tell them.
+    """
+
+    topic: str
     stamp_ns: Int64Array
     xy: FloatArray
+    speed_mps: FloatArray | None = None
+    heading_rad: FloatArray | None = None
 
 
 @dataclass(frozen=True)

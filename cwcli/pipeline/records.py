@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.errors import DataError
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.geodesy import LocalMap
 
 PREFIX = "cwcli.run."
@@ -58,6 +59,46 @@ def configuration_of(record: Record) -> dict[str, Any]:
 def inputs_of(record: Record) -> list[dict[str, Any]]:
     """What became of the stage's input messages: `pipeline.result.InputCount` as JSON."""
     return [entry for entry in json_entry(record, "counts", list) if isinstance(entry, dict)]
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the stage told at its end.
+
+    Attributes:
+        verdict, notes: As in `pipeline.result.Summary`.
+        sections: Its tables.
+    """
+
+    verdict: str
+    notes: tuple[str, ...]
+    sections: tuple[Section, ...]
+
+
+def told_by(record: Record) -> Told:
+    """The summary in the record; an empty one where there is none, as in logs of older versions."""
+    found = json_entry(record, "summary", dict)
+    notes, sections = found.get("notes"), found.get("sections")
+    return Told(
+        str(found.get("verdict") or ""),
+        tuple(note for note in notes if isinstance(note, str)) if isinstance(notes, list) else (),
+        tuple(filter(None, map(_section, sections))) if isinstance(sections, list) else (),
+    )
+
+
+def _section(found: Any) -> Section | None:
+    """A table of the summary, None where it is none."""
+    try:
+        columns = tuple(str(name) for name in found["columns"])
+        rows = tuple(tuple(_cell(cell) for cell in row) for row in found["rows"])
+        key, title = str(found["key"]), str(found["title"])
+    except (KeyError, TypeError):
+        return None
+    return Section(key, title, columns, rows) if all(len(row) == len(columns) for row in rows) else None
+
+
+def _cell(value: Any) -> Cell:
+    return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
 def map_of(record: Record) -> LocalMap | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import ChainMap
 from collections.abc import Mapping
@@ -12,6 +13,8 @@ from cwcli.metrics.table import Table
 from cwcli.signals.columns import OutputChannel
 
 Cell = str | float | int | None
+MAX_RECORDED_ROWS = 200
+"""Of a table, in the metadata record: a thousand vehicles have a line each."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,23 @@ class Summary:
             **({"verdict": self.verdict} if self.verdict else {}),
         }
 
+    def to_record(self) -> dict[str, str]:
+        """The tables, notes and verdict as an entry of the metadata record: a reader of the log is told as much."""
+        told = {
+            "verdict": self.verdict,
+            "notes": list(self.notes),
+            "sections": [
+                {
+                    "key": section.key,
+                    "title": section.title,
+                    "columns": list(section.columns),
+                    "rows": [[_json_cell(cell) for cell in row] for row in section.rows[:MAX_RECORDED_ROWS]],
+                }
+                for section in self.sections
+            ],
+        }
+        return {"summary": json.dumps(told)}
+
 
 @dataclass(frozen=True)
 class StageResult:
@@ -135,16 +155,17 @@ class StageResult:
         """
         own = self.summary.notes
         at = len(own) if at is None else at
+        summary = replace(
+            self.summary,
+            sections=(*self.summary.sections, *sections),
+            notes=(*own[:at], *(note for note in notes if note not in own), *own[at:]),
+            verdict=self.summary.verdict if verdict is None else verdict,
+        )
         return replace(
             self,
             tables={**self.tables, **(tables or {})},
-            summary=replace(
-                self.summary,
-                sections=(*self.summary.sections, *sections),
-                notes=(*own[:at], *(note for note in notes if note not in own), *own[at:]),
-                verdict=self.summary.verdict if verdict is None else verdict,
-            ),
-            metadata=ChainMap(dict(entries or {}), self.metadata),  # type: ignore[arg-type]
+            summary=summary,
+            metadata=ChainMap({**(entries or {}), **summary.to_record()}, self.metadata),  # type: ignore[arg-type]
             made=None,
         )
 

@@ -38,7 +38,7 @@ def run_record(stage: str, log: Log, config: Any, summary: Summary, **more: str)
         stage: Its name.
         log: Its input; the hash is of the file as it came in, before any stage of the same run.
         config: The stage's resolved configuration, a dataclass.
-        summary: For the counts.
+        summary: For the counts, and what was told at the end.
         more: Further entries, e.g. the map's origin.
     """
     entries = {
@@ -47,6 +47,7 @@ def run_record(stage: str, log: Log, config: Any, summary: Summary, **more: str)
         "configuration": json.dumps(dataclasses.asdict(config), sort_keys=True, default=str),
         HASH: "",
         "counts": json.dumps(summary.to_json()["inputs"], sort_keys=True),
+        **summary.to_record(),
         **more,
     }
     return RunRecord(log, entries)

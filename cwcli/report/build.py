@@ -21,6 +21,7 @@ from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
 from cwcli.report.page import Page, Renderer, Row
 from cwcli.report.section import Detail, log_view
+from cwcli.report.sensors import doubts
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
 from cwcli.report.tables import value_text
@@ -257,7 +258,7 @@ def _view(
 ) -> LogView:
     drive = read_drive(log)
     meetings = find_meetings(drive)
-    story: Story = tell(drive, meetings, entry.left_out.get("warn", ""))
+    story: Story = tell(drive, meetings, entry.left_out.get("warn", ""), doubts(drive))
     return log_view(
         log,
         entry,

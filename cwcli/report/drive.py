@@ -16,7 +16,9 @@ from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.from_signals import ego_measurements
 from cwcli.estimation.measurements import Measurements
+from cwcli.evaluation.estimate import read_ego_truth
 from cwcli.evaluation.records import rule_of, sources_of, warn_record
+from cwcli.evaluation.subject import EgoTruth
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
 from cwcli.pipeline.records import inputs_of, map_of, run_records
@@ -73,6 +75,7 @@ class Drive:
         records: Stage -> its metadata record.
         camera: Topic of the camera frames, or "".
         notes: What the reader of the page should know.
+        truth: The ego's, None where the log has none.
     """
 
     name: str
@@ -87,6 +90,7 @@ class Drive:
     records: Mapping[str, Mapping[str, str]]
     camera: str
     notes: tuple[str, ...] = ()
+    truth: EgoTruth | None = None
 
     def seconds(self, stamp_ns: Int64Array) -> FloatArray:
         """Stamps as seconds from the log's start."""
@@ -150,6 +154,7 @@ def read_drive(log: Log) -> Drive:
         ego=ego if ego is not None and len(ego) else None,
         others=tuple(others),
         measured=measured,
+        truth=_truth(log, records, ego, notes) if ego is not None and len(ego) else None,
         warnings=read_warnings(columns[WARNINGS.topic]) if WARNINGS.topic in columns else None,
         lanes=read_lanes(columns[LANES.topic]) if LANES.topic in columns else None,
         rule=rule_of(warn),
@@ -196,6 +201,15 @@ def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[st
         notes.append(f"the raw measurements are not drawn: {error.what}")
         return ()
     return tuple(found)
+
+
+def _truth(log: Log, records: Mapping[str, Mapping[str, str]], ego: VehicleStates, notes: list[str]) -> EgoTruth | None:
+    """The ego's truth, chosen as the estimator did."""
+    try:
+        return read_ego_truth(log, records.get("estimate", {}), ego.by_stamp())
+    except CwcliError as error:
+        notes.append(f"the truth is not drawn: {error.what}")
+        return None
 
 
 def _camera(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:

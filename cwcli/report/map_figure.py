@@ -15,6 +15,7 @@ from cwcli.report.drawing import (
     EGO,
     OTHERS,
     RAW,
+    TRUTH,
     Figure,
     Trace,
     axis,
@@ -49,6 +50,8 @@ def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...
     if drive.ego is not None:
         xy = drive.ego.state[:, :2]
         tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TRACK_PARTS)
+        if drive.truth is not None:
+            data.append(_track(drive, drive.truth.stamp_ns, drive.truth.xy, tolerance, "the truth", TRUTH, "dot"))
         data.append(_track(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO, "solid"))
     for index, other in enumerate(shown):
         stamps, states = other.track.stamp_ns, other.track.state

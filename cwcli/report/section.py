@@ -18,6 +18,7 @@ from cwcli.report.encounter_figures import distance_figure, fan_figure, nearest_
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.report.frames import Thumbnail, thumbnails
 from cwcli.report.map_figure import map_figure
+from cwcli.report.sensors import error_figure, sensors_view
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
 from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, verdict_badge, verdict_sentence
@@ -99,6 +100,7 @@ def log_view(
         event_table=all_warnings(drive, meetings) if len(meetings.encounters) > len(chosen) else None,
         signals=tuple(signals),
         frames=tuple(_evenly(drive, pictures)) if not chosen else (),
+        sensors=sensors_view(drive),
         tables=tuple(log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
         notes=tuple(dict.fromkeys(notes)),
     )
@@ -203,6 +205,11 @@ def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, w
                 "the band around all of them; measurements on the same spot once"
             )
         plots.append(_plot(anchor, "motion", "How the car moved", hint, motion))
+    errors = None if drive.truth is None else error_figure(drive, drive.truth, meetings, detail.n_pieces)
+    if errors is not None:
+        assert drive.truth is not None
+        hint = f"estimated minus {drive.truth.topic}; the band is what the covariance says, 95 % should lie in it"
+        plots.append(_plot(anchor, "errors", "How wrong the estimate is", hint, errors))
     lane = lane_figure(drive, meetings, detail.n_pieces)
     if lane is not None:
         hint = (

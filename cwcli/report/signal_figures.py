@@ -65,7 +65,7 @@ def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | N
         scaled = None if raw is None else (raw[0], raw[1] * scale)
         values, spread = ego.state[:, state] * scale, sigma[:, state] * scale
         curves.append(Curve(title, unit, decimals, ego.stamp_ns, values, spread, scaled))
-    return _stacked(drive, curves, meetings, n_pieces)
+    return stacked(drive, curves, meetings, n_pieces)
 
 
 def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
@@ -79,7 +79,7 @@ def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | Non
     ):
         values, sigma = lanes.preview[:, k] * scale, lanes.preview_sigma[:, k] * scale
         curves.append(Curve(title, unit, 3, lanes.stamp_ns, values, sigma))
-    return _stacked(drive, curves, meetings, n_pieces)
+    return stacked(drive, curves, meetings, n_pieces)
 
 
 def _raw(measured: tuple[Measurements, ...], kind: Kind) -> tuple[Int64Array, FloatArray] | None:
@@ -101,8 +101,14 @@ def _near(stamp_ns: Int64Array, heading: FloatArray, track_ns: Int64Array, track
     return np.asarray(heading + 2.0 * np.pi * np.round((track[at] - heading) / (2.0 * np.pi)), np.float64)
 
 
-def _stacked(drive: Drive, curves: list[Curve], meetings: Meetings, n_pieces: int) -> Figure:
-    """The curves one above the other over one time axis."""
+def stacked(
+    drive: Drive, curves: list[Curve], meetings: Meetings, n_pieces: int, *, around_zero: bool = False
+) -> Figure:
+    """The curves one above the other over one time axis.
+
+    Args:
+        around_zero: The bands lie around zero, not around the curves: what is drawn are errors.
+    """
     data: list[Trace] = []
     layout: dict[str, Any] = {"shapes": [], "annotations": []}
     height = (1.0 + GAP) / len(curves) - GAP
@@ -112,7 +118,7 @@ def _stacked(drive: Drive, curves: list[Curve], meetings: Meetings, n_pieces: in
         layout[f"yaxis{name[1:]}"] = axis(
             f"{curve.title}<br>[{curve.unit}]", domain=[round(max(top - height, 0.0), 4), round(top, 4)]
         )
-        data += _curve(drive, curve, name, n_pieces, is_first=index == 0)
+        data += _curve(drive, curve, name, n_pieces, is_first=index == 0, around_zero=around_zero)
     layout["xaxis"] = axis("time since the log began [s]", anchor=f"y{len(curves)}" if len(curves) > 1 else "y")
     for encounter in meetings.encounters[:MAX_MARKED]:
         at = round((encounter.raised_ns - drive.start_ns) / NS_PER_S, 3)
@@ -122,7 +128,7 @@ def _stacked(drive: Drive, curves: list[Curve], meetings: Meetings, n_pieces: in
     return {"data": data, "layout": layout}
 
 
-def _curve(drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bool) -> list[Trace]:
+def _curve(drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bool, around_zero: bool) -> list[Trace]:
     both = np.column_stack([curve.values, curve.sigma])
     stamp_ns, both = with_breaks(curve.stamp_ns, both)
     values, sigma = both.T
@@ -135,12 +141,15 @@ def _curve(drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bo
         x, y = rounded(at[rows], 2), rounded(raw[rows], curve.decimals)
         traces.append(dots(x, y, "measured", RAW, size=3, opacity=0.55, legendgroup="raw", hoverinfo="skip", **more))
     if np.isfinite(sigma).any():
-        x, y = _band(seconds, values - sigma, values + sigma, curve.decimals, n_pieces // 2)
-        traces.append(polygon(x, y, "1-sigma band", EGO, alpha=0.25, legendgroup="band", **more))
+        middle = np.zeros_like(values) if around_zero else values
+        x, y = _band(seconds, middle - sigma, middle + sigma, curve.decimals, n_pieces // 2)
+        said = "95 % band" if around_zero else "1-sigma band"
+        traces.append(polygon(x, y, said, EGO, alpha=0.25, legendgroup="band", **more))
     rows = envelope_rows(values, n_pieces)
     x, y = rounded(seconds[rows], 3), rounded(values[rows], curve.decimals)
     hover = f"%{{x}} s: %{{y}} {curve.unit}"
-    traces.append(line(x, y, "estimated", EGO, width=1.5, legendgroup="line", hovertemplate=hover, **more))
+    what = "error" if around_zero else "estimated"
+    traces.append(line(x, y, what, EGO, width=1.5, legendgroup="line", hovertemplate=hover, **more))
     return traces
 
 

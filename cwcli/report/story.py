@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -57,12 +58,22 @@ class Story:
     badges: tuple[Badge, ...]
 
 
-def tell(drive: Drive, meetings: Meetings, left_out: str = "") -> Story:
+def tell(drive: Drive, meetings: Meetings, left_out: str = "", doubts: Sequence[str] = ()) -> Story:
     """The story of a drive.
 
     Args:
         left_out: Why the warnings were not computed, where they were not.
+        doubts: What makes the estimate hard to believe; it is said first.
     """
+    story = _story(drive, meetings, left_out)
+    if not doubts:
+        return story
+    first = f"Do not trust this estimate as it is: it has {join_names(doubts)}."
+    badges = (Badge("not to be trusted", "bad"), *story.badges)
+    return replace(story, headline=f"{first} {story.headline}", badges=badges)
+
+
+def _story(drive: Drive, meetings: Meetings, left_out: str) -> Story:
     more = [_length(drive)]
     if drive.warnings is None:
         return _without_warnings(drive, left_out, more)

@@ -42,6 +42,21 @@ class TableView:
 
 
 @dataclass(frozen=True)
+class SensorsView:
+    """The section on the sensors.
+
+    Attributes:
+        verdict: One sentence of the estimator on itself, "" from older logs.
+        tables: What it found.
+        notes: What each stage remarked, as on the terminal.
+    """
+
+    verdict: str
+    tables: tuple[TableView, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class EventView:
     """A warning in the page."""
 
@@ -70,4 +85,5 @@ class LogView:
     signals: tuple[Plot, ...] = ()
     frames: tuple[Picture, ...] = ()
     tables: tuple[TableView, ...] = ()
+    sensors: SensorsView | None = None
     notes: tuple[str, ...] = field(default=())

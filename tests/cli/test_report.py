@@ -74,8 +74,8 @@ def test_story_says_what_happened(page: Path) -> None:
 def test_page_is_drawn_without_network_and_without_a_word_on_the_console(page: Path, tmp_path: Path) -> None:
     shot = tmp_path / "first-screen.png"
     visited = visit(page, tmp_path, screenshot=shot)
-    assert drawn(visited) == 4  # map, fan, distance, motion
-    assert visited.dom.count("main-svg") >= 4
+    assert drawn(visited) == 5  # map, fan, distance, motion, errors
+    assert visited.dom.count("main-svg") >= 5
     assert visited.console == ()
     assert visited.urls == ()
     assert shot.stat().st_size > 20_000
@@ -90,9 +90,9 @@ def test_first_screen_holds_verdict_map_and_warning(page: Path) -> None:
 
 def test_figures_show_what_the_tracks_say(page: Path) -> None:
     found = figures(page.read_text())
-    assert set(found) == {"log-1-map", "log-1-fan-1", "log-1-distance-1", "log-1-motion"}
+    assert set(found) == {"log-1-map", "log-1-fan-1", "log-1-distance-1", "log-1-motion", "log-1-errors"}
     names = [trace["name"] for trace in found["log-1-map"]["data"]]  # type: ignore[attr-defined]
-    assert names[:2] == ["raw position fixes", "the car, estimated"]
+    assert names[:3] == ["raw position fixes", "the truth", "the car, estimated"]
     assert {"vehicle d9583520", "warning given", "nearest approach"} <= set(names)
     layout = found["log-1-map"]["layout"]
     assert isinstance(layout, dict)

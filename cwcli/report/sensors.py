@@ -1,0 +1,146 @@
+"""The sensors: what the estimator found of each, whether it is consistent, and the errors against a truth over time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cwcli.evaluation.estimate import covariance_at
+from cwcli.evaluation.subject import EgoTruth
+from cwcli.pipeline.records import told_by
+from cwcli.pipeline.result import Cell, Section
+from cwcli.report.drawing import Figure, rounded
+from cwcli.report.drive import Drive
+from cwcli.report.encounters import Meetings
+from cwcli.report.signal_figures import Curve, stacked
+from cwcli.report.views import SensorsView, TableView
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.resample import resample
+from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
+from cwcli.text import number
+
+SHOWN = ("sources", "parameters", "noise", "errors", "nees")
+"""Tables of `estimate` that are about the sensors, in this order."""
+MAX_ROWS = 60
+MAX_GAP_S = 0.5
+ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
+"""Of a two-dimensional error, in standard deviations along its direction."""
+INTERVAL_95 = 1.96
+MOST_KMH = 200.0
+"""No public road but some motorways allows more than 130; trucks and cars on test tracks stay below 200."""
+MOST_NEES = 2.0
+"""Per degree of freedom, as in the estimator's own verdict."""
+MOST_ACCEL_MPS2 = 12.0
+"""Tyres on a dry road hold about 1.2 g at the most."""
+
+
+def sensors_view(drive: Drive) -> SensorsView | None:
+    """What the records tell of the sensors; None where they tell nothing."""
+    estimate = told_by(drive.records.get("estimate", {}))
+    found = {section.key: section for section in estimate.sections}
+    tables = tuple(_table(found[key]) for key in SHOWN if key in found and found[key].rows)
+    notes = tuple(f"{stage}: {note}" for stage, record in drive.records.items() for note in told_by(record).notes)
+    if not (tables or notes or estimate.verdict):
+        return None
+    return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)))
+
+
+def _table(section: Section) -> TableView:
+    numeric = [any(_is_number(row[k]) for row in section.rows) for k in range(len(section.columns))]
+    rows = tuple(tuple(map(_text, row)) for row in section.rows[:MAX_ROWS])
+    return TableView(section.title, tuple(zip(section.columns, numeric, strict=True)), rows)
+
+
+def _is_number(cell: Cell) -> bool:
+    return isinstance(cell, int | float) and not isinstance(cell, bool)
+
+
+def _text(cell: Cell) -> str:
+    if cell is None:
+        return "-"
+    return number(cell) if isinstance(cell, float) else str(cell)
+
+
+def doubts(drive: Drive) -> list[str]:
+    """What must be known first: values that no car has on a road, and covariances that the truth contradicts.
+
+    Returns:
+        In words: `a speed of 211 km/h`, `a covariance of the heading that is too small by a factor of 16.8`.
+    """
+    if drive.ego is None:
+        return []
+    state = drive.ego.state
+    speed = np.abs(state[:, SPEED])
+    found = []
+    for values, most, said in (
+        (3.6 * speed, MOST_KMH, "a speed of {:.0f} km/h"),
+        (np.abs(state[:, ACCEL]), MOST_ACCEL_MPS2, "an acceleration of {:.0f} m/s²"),
+        (speed * np.abs(state[:, YAW_RATE]), MOST_ACCEL_MPS2, "a lateral acceleration of {:.0f} m/s²"),
+    ):
+        finite = values[np.isfinite(values)]
+        if len(finite) and finite.max() > most:
+            found.append(said.format(float(finite.max())))
+    for section in told_by(drive.records.get("estimate", {})).sections:
+        if section.key == "nees":
+            for name, nees, *_ in section.rows:
+                if isinstance(nees, int | float) and nees > MOST_NEES:
+                    found.append(f"a covariance of the {name} that is too small by a factor of {nees:.2g}")
+    return found
+
+
+def error_figure(drive: Drive, truth: EgoTruth, meetings: Meetings, n_pieces: int) -> Figure | None:
+    """Errors of position, speed and heading over time with their 95 % bands; None where the two never meet.
+
+    The position's band is the extent of its 95 % ellipse in the direction of the error: the line leaves the band where
+    the truth leaves the ellipse.
+    """
+    ego = drive.ego
+    if ego is None:
+        return None
+    states = ego.by_stamp()
+    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_GAP_S)
+    error = state[:, :2] - truth.xy
+    if not np.isfinite(error).any():
+        return None
+    covariance = covariance_at(truth.stamp_ns, states)
+    distance = np.hypot(*error.T)
+    curves = [
+        Curve("position", "m", 3, truth.stamp_ns, distance, ELLIPSE_95 * along_error(error, covariance[:, :2, :2]))
+    ]
+    turn = math.degrees(1.0)
+    for title, unit, decimals, true, column, scale in (
+        ("speed", "m/s", 3, truth.speed_mps, SPEED, 1.0),
+        ("heading", "deg", 2, truth.heading_rad, HEADING, turn),
+    ):
+        if true is None or not np.isfinite(true).any():
+            continue
+        difference = state[:, column] - true
+        difference = wrap_angle(difference) if column == HEADING else difference
+        sigma = np.sqrt(np.maximum(covariance[:, column, column], 0.0))
+        curves.append(Curve(title, unit, decimals, truth.stamp_ns, difference * scale, INTERVAL_95 * sigma * scale))
+    figure = stacked(drive, curves, meetings, n_pieces, around_zero=True)
+    span = drive.seconds(states.stamp_ns[[0, -1]])
+    figure["layout"]["xaxis"]["range"] = rounded(span, 2)
+    return figure
+
+
+def along_error(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """One standard deviation in the direction of each error.
+
+    Args:
+        error: Shape (n, 2).
+        covariance: Shape (n, 2, 2), positive definite.
+
+    Returns:
+        Shape (n,): `1 / sqrt(u' P^-1 u)` for the unit vector u of the error; the root of the mean variance where it is
+        zero.
+    """
+    distance = np.hypot(*error.T)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        u = error / distance[:, None]
+        weighted = np.einsum("ni,nij,nj->n", u, np.linalg.inv(covariance), u)
+        extent = 1.0 / np.sqrt(weighted)
+    mean = np.sqrt(0.5 * np.trace(covariance, axis1=1, axis2=2))
+    return np.asarray(np.where(distance > 0.0, extent, mean), np.float64)

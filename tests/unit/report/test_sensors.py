@@ -1,0 +1,98 @@
+"""The section on the sensors: what the records tell, what no car can do, and the band of a position error."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.report.drive import Drive
+from cwcli.report.encounters import Meetings
+from cwcli.report.sensors import along_error, doubts, sensors_view
+from cwcli.report.story import tell
+from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
+from cwcli.warning.types import WarningConfig
+
+S = 1_000_000_000
+
+
+def drive(summary: dict[str, Any] | None = None, **motion: float) -> Drive:
+    """Ten states a second apart with constant values, and the record of the estimator."""
+    state = np.zeros((10, 8))
+    for name, value in motion.items():
+        state[:, {"speed": SPEED, "accel": ACCEL, "yaw_rate": YAW_RATE}[name]] = value
+    states = VehicleStates.of_ego(np.arange(10) * S, state, np.tile(np.eye(8), (10, 1, 1)))
+    record = {} if summary is None else {"estimate": {"summary": json.dumps(summary)}}
+    return Drive("drive.mcap", 0, 9 * S, states, (), (), None, None, WarningConfig(), record, "")
+
+
+def summary(*rows: list[Any], **more: Any) -> dict[str, Any]:
+    nees = {"key": "nees", "title": "NEES", "columns": ["error of", "NEES/dof", "inside"], "rows": list(rows)}
+    return {"verdict": "consistent", "notes": [], "sections": [nees], **more}
+
+
+@pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        ({"speed": 55.5}, []),
+        ({"speed": -211.0 / 3.6}, ["a speed of 211 km/h"]),
+        ({"accel": 20.0}, ["an acceleration of 20 m/s²"]),
+        ({"speed": 30.0, "yaw_rate": -0.5}, ["a lateral acceleration of 15 m/s²"]),
+        ({"speed": 30.0, "yaw_rate": 0.3, "accel": -9.0}, []),
+    ],
+)
+def test_values_that_no_car_has_are_told(motion: dict[str, float], said: list[str]) -> None:
+    assert doubts(drive(**motion)) == said
+
+
+def test_a_covariance_that_the_truth_contradicts_is_told_with_its_factor() -> None:
+    found = doubts(drive(summary(["position", 3.6, "OUT"], ["speed", 1.9, "OUT"], ["heading", None, ""])))
+    assert found == ["a covariance of the position that is too small by a factor of 3.6"]
+
+
+def test_doubts_come_first_in_the_story() -> None:
+    fast = drive(speed=60.0)
+    story = tell(fast, Meetings((), (), None, 0), "", doubts(fast))
+    assert story.headline.startswith(
+        "Do not trust this estimate as it is: it has a speed of 216 km/h. The car's motion"
+    )
+    assert story.badges[0].text == "not to be trusted"
+
+
+def test_the_section_holds_tables_verdict_and_every_note() -> None:
+    told = summary(["speed", 1.0, "in"], verdict="not consistent: x", notes=["/gps/fix: 1 gap"])
+    made = replace(
+        drive(told), records={**drive(told).records, "predict": {"summary": json.dumps({"notes": ["late"]})}}
+    )
+    view = sensors_view(made)
+    assert view is not None
+    assert view.verdict == "not consistent: x"
+    assert view.notes == ("estimate: /gps/fix: 1 gap", "predict: late")
+    (table,) = view.tables
+    assert table.columns == (("error of", False), ("NEES/dof", True), ("inside", False))
+    assert table.rows == (("speed", "1.000", "in"),)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        None,
+        {"sections": 3, "notes": {}},
+        {"sections": [{"key": "nees", "title": "t", "columns": ["a"], "rows": [[1, 2]]}, 7, {"key": "noise"}]},
+    ],
+)
+def test_a_record_of_anybody_is_not_believed(broken: dict[str, Any] | None) -> None:
+    assert sensors_view(drive(broken)) is None
+    assert doubts(drive(broken)) == []
+
+
+def test_band_of_a_position_error_is_the_ellipse_in_its_direction() -> None:
+    covariance = np.tile(np.diag([4.0, 1.0]), (4, 1, 1))
+    error = np.array([[3.0, 0.0], [0.0, -0.5], [1.0, 1.0], [0.0, 0.0]])
+    # Along the axes the standard deviations themselves; diagonally sqrt(2 / (1/4 + 1/1)); without an error the mean.
+    expected = [2.0, 1.0, np.sqrt(1.6), np.sqrt(2.5)]
+    np.testing.assert_allclose(along_error(error, covariance), expected)
