@@ -1,9 +1,9 @@
-"""How sure a latency is: what each row of a source says of it.
+"""How sure a latency is: what each row of a log says of it.
 
-With the latency fixed, half the squared normalised innovation of a row is, but for a constant, its negative
-log-likelihood. Passes with the stamps moved a little less, just so and a little more give a parabola for each row. The
-vertex of their sum is the latency, its bend the information. Their scatter over blocks of the log tells how far that
-can be believed: on real drives parts of one log disagree by many of the sigmas that a model of white noise promises.
+A row's negative log-likelihood, after all rows before it, is known for each latency. Passes with the stamps moved a
+little less, just so and a little more give a parabola for each row. The vertex of their sum is the latency, its bend
+the information. Their scatter over blocks of the log tells how far that can be believed: on real drives parts of one
+log disagree by many of the sigmas that a model of white noise promises.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FEW_BLOCKS_FACTOR = 3.0  # on the sigma by the bend, at least, where too few blo
 
 @dataclass(frozen=True)
 class Evidence:
-    """Half the squared normalised innovation of each of k rows as a parabola in the latency tau:
+    """The negative log-likelihood of each of k rows as a parabola in the latency tau:
 
     level + slope (tau - centre) + bend (tau - centre)^2 / 2.
 
@@ -42,16 +42,18 @@ class Evidence:
     def of(
         cls, time_s: FloatArray, centre_s: float, probe_s: float, less: FloatArray, just: FloatArray, more: FloatArray
     ) -> Evidence:
-        """Lay the parabolas through three passes.
+        """Lay the parabolas through three passes; rows that are not finite in one of them are left out.
 
         Args:
-            time_s, centre_s: See `Evidence`.
+            time_s, centre_s: See `Evidence`, in any order.
             probe_s: How much less and more the stamps were moved.
-            less, just, more: Shape (k,): squared normalised innovations with the latencies centre - probe, centre and
+            less, just, more: Shape (k,): negative log-likelihoods with the latencies centre - probe, centre and
                 centre + probe.
         """
-        slope, bend = (more - less) / (4.0 * probe_s), (more - 2.0 * just + less) / (2.0 * probe_s**2)
-        return cls(time_s, centre_s, 0.5 * just, slope, bend)
+        slope, bend = (more - less) / (2.0 * probe_s), (more - 2.0 * just + less) / probe_s**2
+        order = np.argsort(time_s, kind="stable")
+        order = order[np.isfinite(bend[order])]
+        return cls(time_s[order], centre_s, just[order], slope[order], bend[order])
 
     @property
     def latency_s(self) -> float:
@@ -93,7 +95,7 @@ class Evidence:
         return max(_student_factor(n_used - 1.0) * scatter_s, least_s)
 
     def crossed(self) -> float:
-        """The sum of the squared normalised innovations, each half's with the latency that the other half says.
+        """The negative log-likelihood of all rows, each half's with the latency that the other half says.
 
         The halves have equal parts of the information. NaN where one of them says nothing.
         """
@@ -106,7 +108,7 @@ class Evidence:
         total = 0.0
         for (level, slope, bend), (_, other_slope, other_bend) in ((first, second), (second, first)):
             move_s = _vertex(0.0, other_slope, other_bend)
-            total += 2.0 * (level + slope * move_s + 0.5 * bend * move_s**2)
+            total += level + slope * move_s + 0.5 * bend * move_s**2
         return total
 
 

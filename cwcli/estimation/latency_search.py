@@ -1,9 +1,9 @@
 """Each source's latency against the reference source, found from the log.
 
-A latency is a constant state of the filter: to first order a late source measures h(x(t - tau)) = h(x) - tau dh/dt, so
-a filter with tau among its states finds it together with the sensors' biases. After each pass the stamps are moved by
-what was found and the pass repeated (Gauss-Newton), beginning at the coarse guess. Where that comes to, the evidence is
-weighed with passes of fixed latencies (`latency_evidence`).
+The filter runs over target and reference with the stamps of the target moved by each latency of a grid, each time with
+the noise that goes with it. The log-likelihood of all rows is largest at the latency; how it falls to both sides is the
+evidence, which is weighed with passes about the top (`latency_evidence`). The rows of a reference count too, because
+each is predicted from what the target said before; but for an IMU's, which the motion model is too loose to predict.
 
 Every source is compared with the reference alone. Together they would be more precise, but real receivers delay
 and smooth each quantity in its own way, and then one source's misfit pulls at the others' latencies.
@@ -24,36 +24,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.estimation.coarse_latency import coarse_latency
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references
 from cwcli.estimation.latency_evidence import Evidence
 from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE, noise_factor
-from cwcli.estimation.passes import PassResult, Series, Start, run_pass
-from cwcli.estimation.prepare import thinned
+from cwcli.estimation.passes import PassResult, Series, run_pass
+from cwcli.estimation.prepare import thinned, thinned_to
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
-PRIOR_S = 0.2  # one sigma about the coarse guess
-MIN_GUESS_S = 0.15  # nearer to zero the filter gets there by itself
-TRUST_S = 0.5  # farther from the guess the filter's linearisation is not believed
+GRID_STEP_S = 0.25
+GRID_S = np.arange(-0.5, 2.01, GRID_STEP_S)
+"""Latencies that are looked at; finer than the manoeuvres that show one."""
+PROBES_S = (0.05, 0.1, 0.2, 0.4)
+FALL = 0.5 * SIGNIFICANT_SIGMAS**2  # of the log-likelihood, three sigma from its top
 OBSERVABLE_S = 0.05  # a latency whose bound is larger is told only where it is clearly there
 TOLD_S = 0.1  # and with a larger one not at all
 THINNED_HZ = 25.0
+COARSE_HZ = 10.0
 WINDOW_S = 300.0
 GATE_PROBABILITY = 1.0 - 1e-5
-NEAR_S = 0.02  # near enough for the evidence to be weighed
-SMALL = 1.1  # noise whose variance has to grow by more than this made the gate reject good rows
-LARGE = 0.25  # noise whose variance has to shrink below this part hid too much
-SETTLED = 2.0
-MAX_STATES = 24  # of the kernel; the slow error takes two and the latency one
+SETTLED = 1.1
+MAX_MATCHINGS = 3
+MAX_STATES = 24  # of the kernel; the slow error takes two
 SLOW_SIGMAS_M = (0.3, 1.0, 3.0)
 SLOW_TIMES_S = (1.0, 3.0, 10.0)
 SLOW_GAIN = 9.0  # in the log-likelihood, for two more numbers
-MAX_PASSES = 6
 MAX_WEIGHINGS = 4
 LEAD_IN_S = 2.5  # the reference before the target: the longest latency of the coarse search, and a little
 FAR_M = 100.0
@@ -111,32 +110,38 @@ def find_latencies(
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Where the filter came to from one guess, its latency a state.
+class _Profile:
+    """How likely each latency of the grid is, with the noise that goes with it.
 
     Attributes:
-        target: The source with this latency and the noise that goes with it.
-        sigma_s: What the filter says of the latency; rather too little, see `_Search._weighed`.
-        result: The last pass.
+        likelihood: Shape (n,): the log-likelihood at `GRID_S`.
+        noise: Shape (n,): factors on the noise variance of the target.
     """
 
-    target: Series
-    sigma_s: float
-    result: PassResult
+    likelihood: FloatArray
+    noise: FloatArray
 
+    @property
+    def top(self) -> tuple[float, float]:
+        """The likeliest latency and its log-likelihood, by a parabola through the best one and its neighbours."""
+        best = int(self.likelihood.argmax())
+        latency_s, most = float(GRID_S[best]), float(self.likelihood[best])
+        if not 0 < best < len(GRID_S) - 1:
+            return latency_s, most
+        less, more = self.likelihood[best - 1], self.likelihood[best + 1]
+        move = 0.5 * float(more - less) / max(float(2.0 * most - less - more), 1e-9)
+        return latency_s + move * GRID_STEP_S, most + 0.25 * move * float(more - less)
 
-@dataclass(frozen=True)
-class _Weighed:
-    """The evidence about a latency, and the passes that it comes from.
+    def least_sigma_s(self, evidence: Evidence) -> float:
+        """The least sigma with which all latencies that the log does not exclude lie within three sigma.
 
-    Attributes:
-        target, reference: The rows that were used where the latency was found; here they are never gated.
-        evidence: About the latency.
-    """
-
-    target: Series
-    reference: Sequence[Series]
-    evidence: Evidence
+        A parabola knows nothing of a second top. What lies FALL below the first one is excluded, or more where the
+        scatter over the blocks says that the likelihood is too sure.
+        """
+        away_s = np.abs(GRID_S - evidence.latency_s)
+        least = self.top[1] - FALL * (evidence.sigma_s / evidence.formal_s) ** 2
+        possible = (self.likelihood > least) & (away_s > GRID_STEP_S)
+        return float(away_s[possible].max(initial=0.0)) / SIGNIFICANT_SIGMAS
 
 
 @dataclass(frozen=True)
@@ -157,152 +162,178 @@ class _Search:
 
     def latency(self) -> Latency:
         """Find the latency and decide what is made of it."""
-        if len(self.target) < MIN_ROWS_FOR_NOISE or not any(len(s) for s in self.reference):
+        if not self._has_rows:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        coarse = coarse_latency(self.target, self.reference)
-        guesses = (0.0, coarse) if abs(coarse) > MIN_GUESS_S else (0.0,)
-        reached = [found for guess in guesses if (found := self._approached(guess)) is not None]
-        if not reached:
+        profile = self._profile()
+        search = self._at_top(profile)._without_outliers()
+        if not search._has_rows:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        found = max(reached, key=lambda f: f.result.log_likelihood)
-        slow = self._with_slow_error(found)
+        weighed = search._weighed()
+        slow = None if weighed is None else replace(search, target=weighed[0])._with_slow_error()
         if slow is not None:
-            return slow._decided(slow._approached(found.target.latency_s))
-        return self._decided(found)
-
-    def _decided(self, found: _Found | None) -> Latency:
-        """What is made of the latency that the filter came to."""
-        if found is None:
-            return Latency(LatencyStatus.NOT_OBSERVABLE)
-        weighed = self._weighed(found) if found.sigma_s < TOLD_S else None
+            profile = slow._profile()
+            weighed = slow._at_top(profile)._weighed()
         if weighed is None:
-            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=found.sigma_s)
-        found_s, sigma_s, bound_s = weighed.evidence.latency_s, weighed.evidence.sigma_s, weighed.evidence.formal_s
-        if bound_s < TOLD_S and abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(weighed):
-            return Latency(LatencyStatus.APPLIED, found_s, sigma_s, bound_s)
-        if not bound_s < OBSERVABLE_S:
-            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
-        return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s, bound_s)
+            return Latency(LatencyStatus.NOT_OBSERVABLE)
+        return (slow or search)._decided(*weighed, profile)
 
-    def _with_slow_error(self, found: _Found) -> _Search | None:
+    @property
+    def _has_rows(self) -> bool:
+        return len(self.target) >= MIN_ROWS_FOR_NOISE and any(len(s) for s in self.reference)
+
+    def _profile(self) -> _Profile:
+        """Try all latencies, with fewer rows of what comes often: enough to see where the likelihood is high."""
+        coarse = replace(
+            self,
+            target=thinned_to(self.target, COARSE_HZ),
+            reference=[thinned_to(s, COARSE_HZ) for s in self.reference],
+        )
+        now, likelihood, noise = coarse.target, [], []
+        for latency_s in GRID_S.tolist():
+            now = coarse._matched(replace(now, latency_s=latency_s))
+            likelihood.append(coarse._likelihood(now))
+            noise.append(float(now.noise[0, 0] / coarse.target.noise[0, 0]))
+        return _Profile(np.array(likelihood), np.array(noise))
+
+    def _at_top(self, profile: _Profile) -> _Search:
+        """The same search with the likeliest latency, and the noise that goes with it."""
+        target = self.target.scaled(float(profile.noise[profile.likelihood.argmax()]))
+        return replace(self, target=self._matched(replace(target, latency_s=profile.top[0])))
+
+    def _matched(self, target: Series) -> Series:
+        """The target with the noise that its innovations show."""
+        for _ in range(MAX_MATCHINGS):
+            factor = noise_factor(target, self._pass([target, *self.reference]).nis[0])
+            target = target.scaled(factor)
+            if 1.0 / SETTLED < factor < SETTLED:
+                break
+        return target
+
+    def _without_outliers(self) -> _Search:
+        """The same search with the rows that the filter believes."""
+        series = [self.target, *self.reference]
+        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in series]
+        status = self._pass(gated).status
+        kept, *reference = (s.at(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True))
+        return replace(self, target=kept, reference=reference)
+
+    def _with_slow_error(self) -> _Search | None:
         """The same search with a slow error of the positions, where the log is clearly likelier with one.
 
         Errors of fixes last for seconds. Taken for white noise they make the filter follow them, and the latency is as
         sure as it is wrong. Of a few sizes and time constants the likeliest counts.
         """
-        if self.target.kind is not Kind.POSITION or len(self.walk) + 3 > MAX_STATES:
+        if self.target.kind is not Kind.POSITION or len(self.walk) + 2 > MAX_STATES:
             return None
-        white = replace(found.target, latency_state=-1, gate_nis=gate_nis(GATE_PROBABILITY, self.target.width))
-        likeliest, search = self._likelihood(white), None
-        least = likeliest + SLOW_GAIN
+        search = None
+        least = self._likelihood(self.target) + SLOW_GAIN
         for time_s in SLOW_TIMES_S:
             for sigma_m in SLOW_SIGMAS_M:
-                trial = self._slower(white, sigma_m, time_s)
-                likelihood = trial._likelihood(trial.target)
-                if likelihood > max(likeliest, least):
-                    likeliest, search = likelihood, trial
+                trial = self._slower(sigma_m, time_s)
+                if (likelihood := trial._likelihood(trial.target)) > least:
+                    least, search = likelihood, trial
         return search
 
-    def _slower(self, target: Series, sigma_m: float, time_s: float) -> _Search:
+    def _slower(self, sigma_m: float, time_s: float) -> _Search:
         """With a slow error of this sigma on each axis and this time constant, and the noise that then is left."""
         n = len(self.walk)
         slower = replace(
             self,
-            target=replace(target, slow_state=n),
+            target=replace(self.target, slow_state=n),
             parameters=replace(
                 self.parameters, time_constant_s={**self.parameters.time_constant_s, n: time_s, n + 1: time_s}
             ),
             walk=np.append(self.walk, [2.0 * sigma_m**2 / time_s] * 2),
             prior=np.append(self.prior, [sigma_m**2] * 2),
         )
-        series = [slower.target, *self.reference]
-        result = slower._pass(series, slower._start(series, slower.prior), slower.walk)
-        return replace(slower, target=slower.target.scaled(noise_factor(slower.target, result.nis[0])))
+        return replace(slower, target=slower._matched(slower.target))
 
     def _likelihood(self, target: Series) -> float:
-        """The log-likelihood with the latency and the noise as they are."""
-        series = [target, *self.reference]
-        return self._pass(series, self._start(series, self.prior), self.walk).log_likelihood
+        """The log-likelihood of all telling rows."""
+        return -float(np.nansum(self._surprise(target)))
 
-    def _approached(self, guess: float) -> _Found | None:
-        """Run the filter with the latency among its states until the stamps stay; None where it breaks down."""
-        n = len(self.walk)
-        now = replace(
-            self.target, latency_s=guess, latency_state=n, gate_nis=gate_nis(GATE_PROBABILITY, self.target.width)
-        )
-        walks, priors = np.append(self.walk, 0.0), np.append(self.prior, PRIOR_S**2)
-        for damping in (1.0, *[0.5] * (MAX_PASSES - 1)):
-            start = self._start([now, *self.reference], priors)
-            # The prior stays about the guess while the stamps move.
-            start.state[n] = guess - now.latency_s
-            result = self._pass([now, *self.reference], start, walks)
-            if not np.isfinite(result.last_state).all():
-                return None
-            move = float(np.clip(result.last_state[n], -TRUST_S, TRUST_S))
-            # The innovations' own variance follows the noise: the whole way again and again would swing about the goal.
-            factor = noise_factor(now, result.nis[0]) ** damping
-            latency = float(np.clip(now.latency_s + move, guess - TRUST_S, guess + TRUST_S))
-            moved, now = abs(latency - now.latency_s), replace(now.scaled(factor), latency_s=latency)
-            if moved < NEAR_S and LARGE < factor < SMALL:
-                break
-        return _Found(now, float(np.sqrt(result.last_covariance[n, n])), result)
+    def _decided(self, target: Series, evidence: Evidence, profile: _Profile) -> Latency:
+        """What is made of a latency that was weighed."""
+        found_s, bound_s = evidence.latency_s, evidence.formal_s
+        if not (bound_s < TOLD_S and GRID_S[0] < found_s < GRID_S[-1]):
+            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
+        sigma_s = max(evidence.sigma_s, profile.least_sigma_s(evidence))
+        if abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(target, evidence):
+            return Latency(LatencyStatus.APPLIED, found_s, sigma_s, bound_s)
+        if not bound_s < OBSERVABLE_S:
+            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
+        return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s, bound_s)
 
-    def _weighed(self, found: _Found) -> _Weighed | None:
-        """Weigh the evidence about the latency that the filter came to, until it and the noise stay, else None.
+    def _weighed(self) -> tuple[Series, Evidence] | None:
+        """Weigh the evidence about the likeliest latency until it and the noise stay; None where nothing stays.
 
-        A latency as a state can mislead: it is multiplied with a speed or a rate that is itself uncertain. Here it is
-        fixed in each pass, and all passes have the same rows: those that were used in the last pass before.
+        The probes lie as far from it as it takes to see the likelihood fall by three sigma. Nearer it is rugged, as
+        rows come before others or after them, and a parabola would be sure where nothing is to be seen.
         """
-        target, *reference = (
-            replace(s.at(status >= UpdateStatus.USED), gate_nis=0.0, latency_state=-1)
-            for s, status in zip([found.target, *self.reference], found.result.status, strict=True)
-        )
-        if len(target) < MIN_ROWS_FOR_NOISE:
-            return None
-        for _ in range(MAX_WEIGHINGS):
-            centre_s = target.latency_s
-            less, just, more = (
-                self._nis(replace(target, latency_s=latency_s), reference)
-                for latency_s in (centre_s - OBSERVABLE_S, centre_s, centre_s + OBSERVABLE_S)
-            )
-            surprise = (less[:, 0], just[:, 0], more[:, 0])
-            evidence = Evidence.of(target.time_s - centre_s, centre_s, OBSERVABLE_S, *surprise)
-            factor = noise_factor(target, just)
-            move_s = evidence.latency_s - centre_s
-            if not np.isfinite(move_s):
-                return None
-            if abs(move_s) < OBSERVABLE_S and 1.0 / SETTLED < factor < SETTLED:
-                return _Weighed(target, reference, evidence)
-            move_s = float(np.clip(move_s, -PRIOR_S, PRIOR_S))
-            target = replace(target.scaled(factor**0.5), latency_s=centre_s + move_s)
-        return None
+        target, evidence = self.target, None
+        for probe_s in PROBES_S:
+            evidence = None
+            for _ in range(MAX_WEIGHINGS):
+                centre_s = target.latency_s
+                less, just, more = (
+                    self._surprise(replace(target, latency_s=latency_s))
+                    for latency_s in (centre_s - probe_s, centre_s, centre_s + probe_s)
+                )
+                weighed = Evidence.of(self._times(target), centre_s, probe_s, less, just, more)
+                move_s = weighed.latency_s - centre_s
+                if not np.isfinite(move_s):
+                    break
+                if abs(move_s) < 0.5 * probe_s:
+                    evidence = (target, weighed)
+                    break
+                moved = replace(target, latency_s=centre_s + float(np.clip(move_s, -probe_s, probe_s)))
+                target = self._matched(moved)
+            if evidence is not None and SIGNIFICANT_SIGMAS * evidence[1].formal_s <= probe_s:
+                break
+        return evidence
 
-    def _predicts(self, weighed: _Weighed) -> bool:
+    def _predicts(self, target: Series, evidence: Evidence) -> bool:
         """Are the rows of each half predicted better with the latency that the other half says than with zero?
 
         Better by SIGNIFICANT_SIGMAS, and zero is tried, not read off the parabolas, which hold near the latency alone.
         Both halves together: a latency that drifts may be wrong for one of them and still be far better than none.
         """
-        with_zero = self._nis(replace(weighed.target, latency_s=0.0), weighed.reference)[:, 0].sum()
-        return bool(with_zero - weighed.evidence.crossed() > SIGNIFICANT_SIGMAS**2)
+        with_zero = -self._likelihood(replace(target, latency_s=0.0))
+        return with_zero - evidence.crossed() > FALL
 
-    def _nis(self, target: Series, reference: Sequence[Series]) -> FloatArray:
-        """The target's `nis` of a pass whose latencies are fixed; an outlier counts, but no more than as one."""
-        series = [target, *reference]
-        nis = self._pass(series, self._start(series, self.prior), self.walk).nis[0]
-        np.minimum(nis[:, 0], gate_nis(GATE_PROBABILITY, target.width), out=nis[:, 0])
-        return nis
+    def _telling(self, target: Series) -> list[Series]:
+        """Whose rows tell how likely a latency is: the target's, and the reference's as far as the motion predicts it.
 
-    def _start(self, series: Sequence[Series], prior: FloatArray) -> Start:
-        """Where a pass begins."""
-        start = start_with_parameters(series, prior, causal=False)
+        An IMU is not predicted: the motion is loose, so that the state follows it.
+        """
+        return [target, *(s for s in self.reference if s.bias_state < 0)]
+
+    def _times(self, target: Series) -> FloatArray:
+        """When the telling rows were measured."""
+        return np.concatenate([s.time_s - s.latency_s for s in self._telling(target)])
+
+    def _surprise(self, target: Series) -> FloatArray:
+        """Of each telling row how unlikely it is after all before it; NaN where it lies before the start.
+
+        It is the negative log-likelihood but for a constant; an outlier counts, but no more than as one.
+        """
+        telling = self._telling(target)
+        behind = [s for s in self.reference if s.bias_state >= 0]
+        nis = self._pass([*telling, *behind]).nis
+        return np.concatenate(
+            [
+                0.5 * (np.minimum(each[:, 0], gate_nis(GATE_PROBABILITY, s.width)) + np.log(each[:, 3]))
+                for s, each in zip(telling, nis, strict=False)
+            ]
+        )
+
+    def _pass(self, series: Sequence[Series]) -> PassResult:
+        """One pass of the filter."""
+        start = start_with_parameters(series, self.prior, causal=False)
         # The first position must not count twice: at constant speed a shift in time is a shift in place.
         start.covariance[0, 0] = start.covariance[1, 1] = FAR_M**2
-        return start
-
-    def _pass(self, series: Sequence[Series], start: Start, walk: FloatArray) -> PassResult:
-        """One pass of the filter."""
-        return run_pass(series, start, self.parameters.motion(walk), np.zeros(0), smooth=False, reset_after=50)
+        motion = self.parameters.motion(self.walk)
+        return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50)
 
 
 def _window(series: Sequence[Series], reference: Sequence[Series]) -> tuple[float, float]:

@@ -119,10 +119,11 @@ def _latencies_and_sensors(
         return *told, FoundModel()
     if config.calibration is not None and config.causal:
         return *told, calibrated_model(base.series, config.calibration)
-    found = find_sensor_model(_settled(_corrected(base, told[1])))
+    # The likeliest latencies, clear or not: what is found with them then moves with the stamps.
+    found = find_sensor_model(_settled(_corrected(base, told[0], likeliest=True)))
     if found.model.parts and None in roles:
         again = _latencies(lay_out(base, found.model), roles, config)
-        if [a.applied_s for a in again[1]] != [a.applied_s for a in told[1]]:
+        if [a.applied_s for a in again[1]] != [a.found_s for a in told[0]]:
             found = find_sensor_model(_settled(_corrected(base, again[1])), found)
         told = again
     plain = _corrected(base, told[1])
@@ -144,9 +145,12 @@ def _latencies(
     return compared, *with_latencies(series, compared, config.calibration, causal=config.causal)
 
 
-def _corrected(layout: Layout, latencies: Sequence[Latency]) -> Layout:
-    """The layout with its stamps corrected."""
-    series = [replace(s, latency_s=latency.applied_s) for s, latency in zip(layout.series, latencies, strict=True)]
+def _corrected(layout: Layout, latencies: Sequence[Latency], *, likeliest: bool = False) -> Layout:
+    """The layout with its stamps corrected; `likeliest`: by what is not significant, too."""
+    corrections = [
+        latency.found_s if likeliest and np.isfinite(latency.found_s) else latency.applied_s for latency in latencies
+    ]
+    series = [replace(s, latency_s=found_s) for s, found_s in zip(layout.series, corrections, strict=True)]
     return replace(layout, series=series)
 
 

@@ -52,7 +52,7 @@ def test_dresden_lags_and_forward_bias_are_found() -> None:
     measurements, _ = read("balzer-dresden-2014-03-26.ros2.mcap")
     track = estimate_track(measurements, EstimatorConfig())
     position = report(track, Kind.POSITION).latency
-    assert position.applied_s == pytest.approx(0.5, abs=2.0 * position.sigma_s)
+    assert position.applied_s == pytest.approx(0.5, abs=0.2)
     assert position.sigma_s < 0.2
     assert report(track, Kind.VELOCITY).latency.applied_s == pytest.approx(1.0, abs=0.1)
     imu = next(m for m in measurements if m.kind is Kind.IMU)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation import EstimatorConfig, Latency, LatencyStatus, estimate_track
-from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, PRIOR_S, SIDE_SLIP_M
+from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, SIDE_SLIP_M
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.passes import run_pass
@@ -27,6 +27,7 @@ from tests.studies.city_drive import Sensors, city_drive, measure
 FOUND = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
 SOURCES = ("gnss", "speed", "heading")
 TOLERANCE_S = 0.010
+PRIOR_S = 0.2
 
 
 @dataclass(frozen=True)

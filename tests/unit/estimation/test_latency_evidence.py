@@ -19,9 +19,9 @@ def blocks(latency_s: F, sigma_s: F | float, rows: int = 10) -> Evidence:
 
 
 def test_parabola_goes_through_the_three_passes() -> None:
-    """Half of d2 = 7 + 3 (100 (tau - 0.42))^2, probed at 0.35, 0.4 and 0.45 s, has its vertex at 0.42 s."""
+    """7 + 3 (100 (tau - 0.42))^2, probed at 0.35, 0.4 and 0.45 s, has its vertex at 0.42 s."""
     tau = np.array([0.35, 0.4, 0.45])
-    less, just, more = (np.array([2.0 * (7.0 + 3.0 * (100.0 * (t - 0.42)) ** 2)]) for t in tau)
+    less, just, more = (np.array([7.0 + 3.0 * (100.0 * (t - 0.42)) ** 2]) for t in tau)
     found = Evidence.of(np.zeros(1), 0.4, 0.05, less, just, more)
     assert found.latency_s == pytest.approx(0.42)
     assert found.formal_s == pytest.approx(1.0 / np.sqrt(60_000.0))
@@ -79,12 +79,21 @@ def test_crossed_gives_each_half_the_latency_of_the_other() -> None:
     """Two equal halves, 0.1 s and 0.13 s, each +- 10 ms and 3 at its least: each misses by three sigma, 3 + 9 / 2."""
     bend = np.full(2, 1e4)
     found = Evidence(np.array([0.0, 1.0]), 0.1, np.array([3.0, 3.0 + 4.5]), np.array([0.0, -300.0]), bend)
-    assert found.crossed() == pytest.approx(2 * (3.0 + 4.5) * 2)
+    assert found.crossed() == pytest.approx((3.0 + 4.5) * 2)
 
 
 def test_halves_are_of_information_not_of_time() -> None:
     """One late row says as much as three early ones: 0.1 s of the early ones, 0.2 s of the late one."""
     bend = np.array([1e4, 1e4, 1e4, 3e4])
     found = Evidence(np.arange(4.0), 0.1, np.zeros(4), np.array([0.0, 0.0, 0.0, -3e3]), bend)
-    # Early rows at 0.2 s: 2 * 3e4 * 0.1^2 / 2; the late row at 0.1 s is where it has nothing.
-    assert found.crossed() == pytest.approx(300.0)
+    # Early rows at 0.2 s: 3e4 * 0.1^2 / 2; the late row at 0.1 s is where it has nothing.
+    assert found.crossed() == pytest.approx(150.0)
+
+
+def test_rows_are_put_in_time_order_and_those_that_a_pass_does_not_know_left_out() -> None:
+    """Row 1 lies before the start with the stamps moved more."""
+    just, more = np.zeros(3), np.array([2.0, np.nan, 4.0])
+    found = Evidence.of(np.array([3.0, 1.0, 2.0]), 0.0, 1.0, just, just, more)
+    np.testing.assert_array_equal(found.time_s, [2.0, 3.0])
+    np.testing.assert_array_equal(found.slope, [2.0, 1.0])
+    np.testing.assert_array_equal(found.bend, [4.0, 2.0])
