@@ -4,7 +4,8 @@ The rules:
 
 - a schema of the registry (`inputs.INPUTS`) makes a channel a candidate for its roles;
 - topics with a segment `truth`, `ground_truth`, `groundtruth` or `gt` are truth only, and only they are;
-- topics under `/cwcli/` fill only cwcli's own roles, each by its name;
+- topics under `/cwcli/` fill only cwcli's own roles, each by its name; where there are no states in hindsight, online
+  ones do, with a note;
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
 - two that are left are an error for a required role, and leave an optional one unbound with a note;
   but every channel of detections is a sensor of its own, so all of them are bound;
@@ -17,7 +18,17 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from cwcli.channels.published import EGO_PATH, EGO_STATE, LANES, OBSERVER, OBSERVER_PATH, OF_ROLE, OWN_PREFIX, TARGETS
+from cwcli.channels.published import (
+    EGO_PATH,
+    EGO_STATE,
+    LANES,
+    OBSERVER,
+    OBSERVER_PATH,
+    OF_ROLE,
+    ONLINE,
+    OWN_PREFIX,
+    TARGETS,
+)
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.inputs import input_for, inputs_of, normalise
 from cwcli.signals.role import Role
@@ -150,6 +161,8 @@ def bind(
         candidates = _candidates(channels, role, ego_station)
         if len(candidates) == 1 or (candidates and role in EVERY_CHANNEL):
             by_role[role] = tuple(candidates)
+            if role in ONLINE and candidates[0].topic == ONLINE[role].topic:
+                notes.append(f"no channel holds {ROLE_TEXT[role]} in hindsight: {ONLINE[role].topic} is used")
         elif role in required:
             raise _unbound(role, candidates, channels, where, command)
         elif candidates:
@@ -216,7 +229,8 @@ def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | N
 def _rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
     """How far back a channel stands among those that can fill the role; None if it does not by itself."""
     if role in OF_ROLE:
-        return 0 if channel.topic == OF_ROLE[role].topic and _can_hold(role, channel.schema_name) else None
+        own = (OF_ROLE[role].topic, *([ONLINE[role].topic] if role in ONLINE else []))
+        return own.index(channel.topic) if channel.topic in own and _can_hold(role, channel.schema_name) else None
     entry = input_for(role, channel.schema_name)
     if entry is None or channel.topic.startswith(OWN_PREFIX) or (entry.needs_ego_station and ego_station is None):
         return None

@@ -45,6 +45,17 @@ EGO_STATE = Channel("/cwcli/ego/state", _STATE, "estimate", "the ego state", "eg
 REMOTE_STATE = Channel(
     "/cwcli/remote/state", _STATE, "estimate", "the remote vehicles' states", "remote_state", "remote"
 )
+EGO_ONLINE = Channel(
+    "/cwcli/ego/online", _STATE, "estimate", "the ego state as it could have been known", "ego_online", "ego_position"
+)
+REMOTE_ONLINE = Channel(
+    "/cwcli/remote/online",
+    _STATE,
+    "estimate",
+    "the remote vehicles' states as they could have been known",
+    "remote_online",
+    "remote",
+)
 EGO_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego on the globe")
 EGO_POSE = Channel("/cwcli/ego/pose", _POSE, "estimate", "the ego in `map`")
 TRANSFORMS = Channel("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`")
@@ -80,6 +91,8 @@ PUBLISHED = tuple(each for each in tuple(globals().values()) if isinstance(each,
 """All of the above, in the order in which the stages run."""
 OF_ROLE = {channel.role: channel for channel in PUBLISHED if channel.role}
 """Role -> the channel that fills it."""
+ONLINE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_ONLINE}
+"""Role of states in hindsight -> the channel of the same states as they could have been known."""
 
 
 def topics() -> dict[str, str]:

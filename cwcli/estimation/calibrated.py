@@ -38,7 +38,8 @@ def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *
     sources = list(dict.fromkeys(m.source for m in measurements))
     known = [source for source in sources if source in calibration.sensors]
     positions = [m.source for m in measurements if m.kind is Kind.POSITION]
-    lacking = not known or (causal and not any(calibration.knows(source, Kind.POSITION) for source in positions))
+    has_position = any(calibration.knows(source, Kind.POSITION) for source in positions)
+    lacking = not known or (causal and not has_position)
     if lacking:
         what = "a position" if known else "any source"
         raise UsageError(
@@ -46,9 +47,11 @@ def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *
             where=calibration.name,
             hint=f"it knows {', '.join(calibration.sensors)}",
         )
-    told = "left out" if causal else "used as without a calibration"
+    told = "left out" if causal else "used as without a calibration, and left out of the online states"
+    kept = "used as without a calibration, in the online states as its messages say"
     return [
-        f"{source}: the calibration {calibration.name} does not know it; {told}"
+        f"{source}: the calibration {calibration.name} does not know it; "
+        f"{kept if source in positions and not has_position else told}"
         for source in sources
         if source not in known
     ]
@@ -68,10 +71,18 @@ def known_mountings(calibration: Calibration) -> dict[str, ImuMounting]:
 
 
 def known_alone(prepared: Sequence[PreparedSeries], calibration: Calibration) -> list[PreparedSeries]:
-    """The series with the noise of the calibration; those that it does not know are empty."""
+    """The series with the noise of the calibration; those that it does not know are empty.
+
+    A position of which it knows nothing stays, as its messages say: there is no state without one.
+    """
+    has_position = any(
+        p.series.kind is Kind.POSITION and calibration.knows(p.series.source, p.series.kind) for p in prepared
+    )
     return [
         replace(p, series=with_noise(p.series, calibration))
         if calibration.knows(p.series.source, p.series.kind)
+        else p
+        if p.series.kind is Kind.POSITION and not has_position
         else replace(p, series=p.series.at(np.zeros(len(p.series), np.bool_)))
         for p in prepared
     ]
@@ -80,7 +91,8 @@ def known_alone(prepared: Sequence[PreparedSeries], calibration: Calibration) ->
 def with_noise(s: Series, calibration: Calibration) -> Series:
     """The series with the calibration's noise and interval."""
     sigma, scale = (calibration.of(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale"))
-    s = replace(s, interval_s=calibration.of(s.source, s.kind, "interval_s").value)
+    interval_s = calibration.of(s.source, s.kind, "interval_s").value
+    s = replace(s, interval_s=interval_s if interval_s > 0.0 else s.interval_s)
     if scale.is_known:
         return replace(s.scaled(scale.value), noise_origin="calibration")
     variance = sigma.value**2 if sigma.is_known else QUANTITIES[s.kind].default_sigma ** 2

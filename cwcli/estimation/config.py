@@ -62,6 +62,8 @@ class EstimatorConfig:
         reset_after: Consecutive rejections of one source after which its next measurement is used.
         calibration: What earlier drives say of the sensors. With `causal` it is used as it is, and nothing that the log
             would only show later; else it is weighed with what the log says.
+        blind: With `causal`: no parameter is looked for in the log. Those of the calibration count, without one the
+            stamps, the noise that the messages state and the defaults.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
         song2016_step_s: Sampling time of the six-state filter (dT of eq. 2).
     """
@@ -103,5 +105,6 @@ class EstimatorConfig:
     ] = 0.999
     reset_after: int = 20
     calibration: Calibration | None = None
+    blind: bool = False
     rate_hz: float = 20.0
     song2016_step_s: float = 0.05

@@ -14,6 +14,7 @@ from cwcli.signals.canonical import (
     PoseSignal,
     PositionSignal,
     RemoteSignal,
+    Signal,
     SpeedSignal,
     VelocitySignal,
 )
@@ -32,33 +33,36 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Meas
         signal: A canonical signal of the ego.
         local_map: The map frame; None only where no signal is geographic.
     """
-    stamp_ns = signal.stamp_ns
+    stamp_ns, log_ns = signal.stamp_ns, signal.log_time_ns
     match signal:
         case PositionSignal():
             assert local_map is not None
             x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
             covariance = _symmetric(signal.covariance_m2)
-            return [Measurements(signal.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance)]
+            values = np.column_stack([x_m, y_m])
+            return [Measurements(signal.source, Kind.POSITION, stamp_ns, values, covariance, log_ns)]
         case PoseSignal():
             return _pose_measurements(signal)
         case VelocitySignal():
             values = np.column_stack([signal.east_mps, signal.north_mps])
-            return [Measurements(signal.source, Kind.VELOCITY, stamp_ns, values, _symmetric(signal.covariance_m2ps2))]
+            covariance = _symmetric(signal.covariance_m2ps2)
+            return [Measurements(signal.source, Kind.VELOCITY, stamp_ns, values, covariance, log_ns)]
         case SpeedSignal():
             return _given(
-                signal.source,
+                signal,
                 stamp_ns,
+                log_ns,
                 {
                     Kind.SPEED: (signal.speed_mps, signal.speed_variance_m2ps2),
                     Kind.YAW_RATE: (signal.yaw_rate_radps, signal.yaw_rate_variance_rad2ps2),
                 },
             )
         case HeadingSignal():
-            return _given(signal.source, stamp_ns, {Kind.HEADING: (signal.heading_rad, signal.variance_rad2)})
+            return _given(signal, stamp_ns, log_ns, {Kind.HEADING: (signal.heading_rad, signal.variance_rad2)})
         case ImuSignal():
             values = np.column_stack([signal.accel_mps2, signal.gyro_radps])
             variances = np.column_stack([signal.accel_variance, signal.gyro_variance])
-            return [Measurements(signal.source, Kind.IMU, stamp_ns, values, variances)]
+            return [Measurements(signal.source, Kind.IMU, stamp_ns, values, variances, log_ns)]
 
 
 def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> tuple[list[Measurements], list[str]]:
@@ -101,16 +105,14 @@ def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: Local
     x_m, y_m, _ = local_map.map_from_wgs84(
         remote.latitude_deg[rows], remote.longitude_deg[rows], remote.altitude_m[rows]
     )
-    stamp_ns = remote.stamp_ns[rows]
-    source = remote.source
-    position = Measurements(
-        source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), _symmetric(remote.position_covariance_m2[rows])
-    )
+    stamp_ns, log_ns = remote.stamp_ns[rows], remote.log_time_ns[rows]
+    covariance = _symmetric(remote.position_covariance_m2[rows])
     return [
-        position,
+        Measurements(remote.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance, log_ns),
         *_given(
-            source,
+            remote,
             stamp_ns,
+            log_ns,
             {
                 Kind.SPEED: (remote.speed_mps[rows], remote.speed_sigma_mps[rows] ** 2),
                 Kind.HEADING: (remote.heading_rad[rows], remote.heading_sigma_rad[rows] ** 2),
@@ -128,20 +130,24 @@ def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
     if variance is None:
         variance = np.full(len(pose.stamp_ns), np.nan)
     return [
-        Measurements(pose.source, Kind.POSITION, pose.stamp_ns, values, _symmetric(pose.covariance_m2)),
-        *_given(pose.source, pose.stamp_ns, {Kind.HEADING: (pose.yaw_rad, variance)}),
+        Measurements(
+            pose.source, Kind.POSITION, pose.stamp_ns, values, _symmetric(pose.covariance_m2), pose.log_time_ns
+        ),
+        *_given(pose, pose.stamp_ns, pose.log_time_ns, {Kind.HEADING: (pose.yaw_rad, variance)}),
     ]
 
 
 def _given(
-    source: str, stamp_ns: Int64Array, columns: Mapping[Kind, tuple[FloatArray, FloatArray]]
+    signal: Signal, stamp_ns: Int64Array, log_ns: Int64Array, columns: Mapping[Kind, tuple[FloatArray, FloatArray]]
 ) -> list[Measurements]:
     """The quantities that the source carries at all: rows without a value are not measurements."""
     found = []
     for kind, (values, variances) in columns.items():
         given = np.isfinite(values)
         if given.any():
-            found.append(Measurements(source, kind, stamp_ns[given], values[given], variances[given]))
+            found.append(
+                Measurements(signal.source, kind, stamp_ns[given], values[given], variances[given], log_ns[given])
+            )
     return found
 
 

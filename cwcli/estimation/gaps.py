@@ -26,7 +26,8 @@ def restarts_after_gaps(series: Sequence[Series], *, causal: bool) -> list[Start
 
     Args:
         series: Latencies and noise settled.
-        causal: See `find_start`: then the restart waits until a heading has shown itself.
+        causal: See `find_start`: then the restart waits until a heading has shown itself, and there is none where that
+            never happens.
     """
     times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in PLACED]))
     gaps = [
@@ -38,8 +39,12 @@ def restarts_after_gaps(series: Sequence[Series], *, causal: bool) -> list[Start
     for i, (begin, end) in enumerate(gaps):
         stop = gaps[i + 1][0] if i + 1 < len(gaps) else np.inf
         later = [s.at((s.time_s - s.latency_s >= end) & (s.time_s - s.latency_s <= stop)) for s in series]
-        if any(s.kind is Kind.POSITION and len(s) for s in later) and _has_moved(series, begin, end):
-            found.append(find_start(later, N_MOTION, causal=causal))
+        if not any(s.kind is Kind.POSITION and len(s) for s in later):
+            continue
+        start = find_start(later, N_MOTION, causal=causal)
+        known = [s.at(s.time_s - s.latency_s <= start.time_s) for s in series] if causal else series
+        if np.isfinite(start.time_s) and _has_moved(known, begin, end):
+            found.append(start)
     return found
 
 

@@ -79,6 +79,7 @@ class Measurements:
         values: Shape (n, d) with d = QUANTITIES[kind].width; (n,) is accepted where d is 1.
         covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not
             positive, means that the message does not say.
+        log_time_ns: Shape (n,), int64: when each row was received; None: at its stamp.
     """
 
     source: str
@@ -86,6 +87,7 @@ class Measurements:
     stamp_ns: Int64Array
     values: FloatArray
     covariance: FloatArray | None = None
+    log_time_ns: Int64Array | None = None
 
     def __post_init__(self) -> None:
         """Check the shapes.
@@ -117,7 +119,19 @@ class Measurements:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    @property
+    def received_ns(self) -> Int64Array:
+        """When each row was received, (n,)."""
+        return self.stamp_ns if self.log_time_ns is None else self.log_time_ns
+
     def at(self, rows: npt.NDArray[np.bool_]) -> Measurements:
         """Some of its rows."""
         covariance = None if self.covariance is None else self.covariance[rows]
-        return replace(self, stamp_ns=self.stamp_ns[rows], values=self.values[rows], covariance=covariance)
+        log_time_ns = None if self.log_time_ns is None else self.log_time_ns[rows]
+        return replace(
+            self,
+            stamp_ns=self.stamp_ns[rows],
+            values=self.values[rows],
+            covariance=covariance,
+            log_time_ns=log_time_ns,
+        )

@@ -64,7 +64,8 @@ class Series:
         pitch_rate: An IMU's, at its ACCEL; at a SPEED with a lever arm the one that goes with it. None: unknown.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
         floor: Least sigma of noise that is found from the log.
-        interval_s: Between two rows, as a rule, where that is known from other drives; else NaN.
+        interval_s: Between two rows, as a rule, where that is known from other drives; NaN: as the rows show, infinite:
+            they must not be asked.
     """
 
     source: str
@@ -312,7 +313,10 @@ def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
 
 
 def _patience(s: Series, reset_after: int) -> int:
-    """Rejections in a row that a source has to bear: at most `reset_after`, and at most PATIENCE_S of slow sources."""
+    """Rejections in a row that a source has to bear: at most `reset_after`, and at most PATIENCE_S of slow sources.
+
+    Where it is not known how often rows come it is two: the kernel's own patience, in seconds, counts then.
+    """
     if s.kind in RATES:
         return RATE_PATIENCE
     interval_s = s.interval_s
@@ -343,8 +347,13 @@ def _merge(
 
 
 def _without_pauses(time_s: FloatArray) -> FloatArray:
-    """The step times, each gap of more than MAX_PIECES steps shortened to that: the filter sees only differences."""
+    """The step times, each gap of more than MAX_PIECES steps shortened to that: the filter sees only differences.
+
+    Times before a pause stay as they are to the bit, so that it changes nothing of what was known before it.
+    """
     step_s = np.diff(time_s)
-    if not (step_s > MAX_STEP_S + START_TOLERANCE_S).any():
+    is_long = step_s > MAX_STEP_S + START_TOLERANCE_S
+    if not is_long.any():
         return np.ascontiguousarray(time_s)
-    return np.asarray(np.concatenate((time_s[:1], time_s[0] + np.cumsum(np.minimum(step_s, MAX_STEP_S)))))
+    excess_s = np.where(is_long, step_s - MAX_STEP_S, 0.0)
+    return np.ascontiguousarray(time_s - np.concatenate(([0.0], np.cumsum(excess_s))))

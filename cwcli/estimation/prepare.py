@@ -124,6 +124,9 @@ def prepare_blind(
 ) -> list[PreparedSeries]:
     """Sort and split the measurements as somebody must who does not know what comes later: nothing is cleaned.
 
+    A rate is not used until it changes: until then it may be a field that nobody fills. Noise that no message states
+    is that of `QUANTITIES`.
+
     Args:
         measurements, epoch: See `prepare`.
         mountings: Source -> how its IMU is turned; without one its axes are taken as they are.
@@ -132,12 +135,15 @@ def prepare_blind(
     for m in measurements:
         finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
         rows = finite[np.argsort(m.stamp_ns[finite], kind="stable")]
-        time, lost = seconds(m.stamp_ns[rows], epoch), len(m) - len(rows)
+        lost = len(m) - len(rows)
+        if m.kind in RATES:
+            changes = np.flatnonzero((m.values[rows] != m.values[rows[:1]]).any(axis=1))
+            rows = rows[changes[0] :] if len(changes) else rows[:0]
+        time = seconds(m.stamp_ns[rows], epoch)
         covariance = None if m.covariance is None else m.covariance[rows]
         if m.kind is not Kind.IMU:
-            prepared.append(
-                PreparedSeries(_with_noise(m.source, m.kind, time, m.values[rows], covariance), False, len(m), lost)
-            )
+            series = _with_noise(m.source, m.kind, time, m.values[rows], covariance, looks_ahead=False)
+            prepared.append(PreparedSeries(series, False, len(m), lost))
             continue
         mounting = mountings.get(m.source, ImuMounting(0.0, 0.0))
         for kind, values, axis in (
@@ -145,7 +151,7 @@ def prepare_blind(
             (Kind.YAW_RATE, m.values[rows, 3:] @ mounting.up, 5),
         ):
             variance = None if covariance is None else covariance[:, axis : axis + 1, axis : axis + 1]
-            series = _with_noise(m.source, kind, time, values[:, None], variance)
+            series = _with_noise(m.source, kind, time, values[:, None], variance, looks_ahead=False)
             prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting))
     return prepared
 
@@ -182,8 +188,19 @@ def _is_constant(kind: Kind, values: FloatArray) -> bool:
     return bool((values == values[0]).all())
 
 
-def _with_noise(source: str, kind: Kind, time: FloatArray, values: FloatArray, covariance: FloatArray | None) -> Series:
-    """Take the message's covariance where it says something, else a first guess from the signal's own roughness."""
+def _with_noise(
+    source: str,
+    kind: Kind,
+    time: FloatArray,
+    values: FloatArray,
+    covariance: FloatArray | None,
+    *,
+    looks_ahead: bool = True,
+) -> Series:
+    """Take the message's covariance where it says something, else a first guess from the signal's own roughness.
+
+    Without `looks_ahead` that guess is the default, and how often rows come is not known either.
+    """
     n, width = len(time), values.shape[1]
     noise = np.zeros((n, 3))
     said = np.zeros(n, bool)
@@ -196,7 +213,7 @@ def _with_noise(source: str, kind: Kind, time: FloatArray, values: FloatArray, c
             said = (noise[:, 0] > 0) & (noise[:, 2] > 0) & (determinant > 0) & np.isfinite(noise).all(axis=1)
         else:
             said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0])
-    guess = _first_guess(kind, time, values) ** 2
+    guess = (_first_guess(kind, time, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
     noise[~said] = (guess, 0.0, guess)
     if width == 1:
         noise[:, 1:] = 0.0
@@ -206,7 +223,8 @@ def _with_noise(source: str, kind: Kind, time: FloatArray, values: FloatArray, c
     floor = QUANTITIES[kind].floor_sigma
     if kind in RATES:
         floor = max(floor, ROUGHNESS_PART * guess**0.5)
-    return Series(source, kind, time, padded, noise, noise_origin=origin, floor=floor)
+    interval_s = float("nan") if looks_ahead else float("inf")
+    return Series(source, kind, time, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
 
 
 def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:

@@ -17,9 +17,9 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import NO_LATENCY, given_latency
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass
-from cwcli.estimation.prepare import epoch_ns, prepare, seconds
+from cwcli.estimation.prepare import epoch_ns, prepare, prepare_blind, seconds
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.start import UNKNOWN_SIGMA, find_start, hold_before_start
+from cwcli.estimation.start import UNKNOWN_SIGMA, find_start, hold_before_start, within_reach
 from cwcli.estimation.trust import state_flags
 from cwcli.kernels import ekf
 from cwcli.kernels.ekf import UpdateStatus
@@ -82,7 +82,7 @@ def estimate_song2016(
     of this model: see `with_derivatives`. Without `causal` the same model is smoothed, which the paper does not do.
     """
     epoch = epoch_ns(measurements)
-    prepared, notes = prepare(measurements, epoch)
+    prepared, notes = (prepare_blind(measurements, epoch, {}), []) if config.blind else prepare(measurements, epoch)
     latencies = [given_latency(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s
     series = [
@@ -91,13 +91,13 @@ def estimate_song2016(
     ]
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         raise DataError("no finite position among the measurements")
-    start = find_start(series, 6, causal=config.causal)
-    begin = round(start.time_s / step) * step
     end = max(float(s.time_s[-1]) for s in series if len(s))
     if output_stamp_ns is None:
         output_stamp_ns = np.arange(epoch, epoch + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64)
     # The states are known at the steps; between them the step before holds.
     wanted = seconds(output_stamp_ns, epoch)
+    start = within_reach(find_start(series, 6, causal=config.causal), series, wanted)
+    begin = round(start.time_s / step) * step
     wanted_step = np.maximum(np.floor(wanted / step + 1e-6).astype(np.int64), round(begin / step))
     steps = _steps(series, round(begin / step), wanted_step, step)
     result = run_pass(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
 from cwcli.estimation.passes import N_MOTION, START_TOLERANCE_S, Series, Start
 from cwcli.signals.columns import FloatArray
 
@@ -28,7 +28,7 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
 
     The smoother may look ahead: it starts at the first measurement with the heading that a later displacement or
     course shows (turned back by the gyroscope where there is one). The filter alone starts when a heading has shown
-    itself.
+    itself and a position is there.
 
     Args:
         series: At least one POSITION with one row.
@@ -36,14 +36,19 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
         causal: Use nothing later than the start.
 
     Returns:
-        The start; parameter states are zero with zero variance (the caller fills them).
+        The start; parameter states are zero with zero variance (the caller fills them). With `causal` its time is
+        infinite where no heading ever shows itself.
     """
-    times = [s.time_s[0] - s.latency_s for s in series if len(s)]
-    begin = float(min(times))
-    heading_s, heading, heading_sigma, speed, speed_sigma = _first_heading(series)
     if causal:
-        begin = max(begin, heading_s)
-    elif heading_s > begin:
+        begin = _known_s(series)
+        if not np.isfinite(begin):
+            return Start(np.inf, np.zeros(n_states), np.eye(n_states))
+        series = [s.at(s.time_s - s.latency_s <= begin) for s in series]
+        _, heading, heading_sigma, speed, speed_sigma = max(_headings(series, newest=True))
+    else:
+        begin = min(float(s.time_s[0] - s.latency_s) for s in series if len(s))
+        heading_s, heading, heading_sigma, speed, speed_sigma = _first_heading(series)
+    if not causal and heading_s > begin:
         turned, turned_sigma = _turned(series, begin, heading_s)
         heading -= turned
         heading_sigma = min(np.hypot(heading_sigma, turned_sigma), UNKNOWN_HEADING_RAD)
@@ -62,33 +67,39 @@ def first_heading_s(series: Sequence[Series]) -> float:
     return min((each[0] for each in _headings(series)), default=np.inf)
 
 
+def _known_s(series: Sequence[Series]) -> float:
+    """When both a heading and a position are known first; infinity where that never happens."""
+    positions = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
+    return max(first_heading_s(series), min(positions, default=np.inf))
+
+
 def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float, float]:
     """Return time, heading, its sigma, speed and its sigma of the earliest source that shows a heading."""
     return min(_headings(series), default=(0.0, 0.0, UNKNOWN_HEADING_RAD, 0.0, UNKNOWN_SPEED_MPS))
 
 
-def _headings(series: Sequence[Series]) -> list[tuple[float, float, float, float, float]]:
-    """The first heading of each source that shows one: what `_first_heading` returns of the earliest."""
+def _headings(series: Sequence[Series], *, newest: bool = False) -> list[tuple[float, float, float, float, float]]:
+    """The first heading of each source that shows one: what `_first_heading` returns of the earliest.
+
+    Args:
+        series: All.
+        newest: Of headings and velocities the last one instead.
+    """
     candidates: list[tuple[float, float, float, float, float]] = []
     for s in series:
         if not len(s):
             continue
         time = s.time_s - s.latency_s
         if s.kind is Kind.HEADING:
-            candidates.append(
-                (
-                    float(time[0]),
-                    float(s.values[0, 0]),
-                    float(np.sqrt(s.noise[0, 0])),
-                    *_speed_at(series, float(time[0])),
-                )
-            )
+            i = -1 if newest else 0
+            said = float(s.values[i, 0]), float(np.sqrt(s.noise[i, 0]))
+            candidates.append((float(time[i]), *said, *_speed_at(series, float(time[i]))))
         elif s.kind is Kind.VELOCITY:
             speed = np.hypot(s.values[:, 0], s.values[:, 1])
             sigma = np.sqrt(np.maximum(s.noise[:, 0], s.noise[:, 2]))
             fast = np.flatnonzero(speed > np.maximum(1.0, 4.0 * sigma))
             if len(fast):
-                i = fast[0]
+                i = fast[-1 if newest else 0]
                 angle = float(np.arctan2(s.values[i, 1], s.values[i, 0]))
                 heading_sigma, speed_sigma = float(sigma[i] / speed[i]) + 0.02, float(sigma[i]) + 0.1
                 candidates.append(
@@ -111,16 +122,21 @@ def _heading_of_course(
 
 
 def _first_displacement(s: Series) -> tuple[float, float, float, float, float] | None:
-    """Return the first displacement that is clear of the noise, from a point that may itself lie later."""
+    """Return the first displacement that is clear of the noise, from a point that may itself lie later.
+
+    The noise is that of the rows so far: a later one changes nothing of when a heading has shown itself.
+    """
     time = s.time_s - s.latency_s
-    sigma = float(np.sqrt(max(median(s.noise[:, 0]), median(s.noise[:, 2]))))
-    far = max(MIN_DISPLACEMENT_M, CLEAR_SIGMAS * sigma)
+    variance = np.maximum(s.noise[:, 0], s.noise[:, 2])
+    sigmas = np.sqrt(np.cumsum(variance) / np.arange(1, len(s) + 1))
+    limit = np.maximum(MIN_DISPLACEMENT_M, CLEAR_SIGMAS * sigmas)
     anchor = s.values[0]
     distance = np.hypot(s.values[:, 0] - anchor[0], s.values[:, 1] - anchor[1])
-    beyond = np.flatnonzero(distance > far)
+    beyond = np.flatnonzero(distance > limit)
     if not len(beyond):
         return None
     j = int(beyond[0])
+    sigma, far = float(sigmas[j]), float(limit[j])
     # The last point still near the anchor: a long standstill before it says nothing of the speed. Messages that were
     # held back come in a burst, and their stamps say nothing of it either.
     near = np.flatnonzero(distance[:j] < 0.5 * far)
@@ -225,6 +241,14 @@ def start_with_parameters(series: Sequence[Series], prior: FloatArray, *, causal
     index = np.arange(N_MOTION, len(prior))
     start.covariance[index, index] = prior[index]
     return start
+
+
+def within_reach(start: Start, series: Sequence[Series], output_s: FloatArray) -> Start:
+    """The start; one that never comes is put behind all rows and outputs, so that a pass can run."""
+    if np.isfinite(start.time_s):
+        return start
+    ends = [float((s.time_s - s.latency_s).max()) for s in series if len(s)]
+    return replace(start, time_s=max([*ends, *output_s[-1:].tolist()]) + 1.0)
 
 
 def hold_before_start(

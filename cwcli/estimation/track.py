@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundModel
 from cwcli.estimation.song2016 import estimate_song2016
-from cwcli.estimation.start import hold_before_start, start_with_parameters
+from cwcli.estimation.start import hold_before_start, start_with_parameters, within_reach
 from cwcli.estimation.trust import state_flags
 from cwcli.estimation.tune import TunedSeries, tune
 from cwcli.kernels.ekf import UpdateStatus
@@ -40,6 +41,8 @@ MIN_NIS_ROWS = 20
 LONG_LEAD_IN_S = 3.0  # without a position
 MOST_STARTS = 6
 STARTS_AGREE_M = 0.5
+Group = TypeVar("Group")
+Result = TypeVar("Result")
 
 
 def estimate_track(
@@ -63,18 +66,78 @@ def estimate_track(
     """
     if config.model == "song2016":
         return estimate_song2016(measurements, config, output_stamp_ns)
-    if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
-        raise DataError("no finite position among the measurements")
-    epoch = epoch_ns(measurements)
-    prepared, notes = _prepared(measurements, epoch, config)
     if output_stamp_ns is None:
         output_stamp_ns = _grid(measurements, config.rate_hz)
-    tuned = tune(prepared, config, ModelParameters())
+    return _tracked(_settled(measurements, config), config, output_stamp_ns)
+
+
+def estimate_both(
+    measurements: Sequence[Measurements],
+    config: EstimatorConfig,
+    output_stamp_ns: Int64Array,
+    *,
+    blind: bool,
+    in_time: tuple[Sequence[Measurements], Int64Array] | None = None,
+) -> tuple[Track, Track]:
+    """What really happened, and what the vehicle could have known: the tracks in hindsight and online.
+
+    The online one is of the filter alone. Where its parameters are those of the log they are looked for once for both.
+
+    Args:
+        measurements, config, output_stamp_ns: See `estimate_track`; with `config.causal` the first track is that of the
+            filter, too.
+        blind: The online track takes no parameter from the log, see `EstimatorConfig`.
+        in_time: Measurements and output stamps of the online track, where those are fewer.
+
+    Raises:
+        DataError: If no position is finite.
+    """
+    online = replace(config, causal=True, blind=blind)
+    hindsight = online if config.causal else config
+    if in_time is None and not blind and config.model == "cwcli":
+        settled = _settled(measurements, hindsight)
+        track = _tracked(settled, online, output_stamp_ns)
+        return track if config.causal else _tracked(settled, hindsight, output_stamp_ns), track
+    known, known_stamp_ns = in_time or (measurements, output_stamp_ns)
+    track = estimate_track(known, online, known_stamp_ns)
+    if config.causal and in_time is None:
+        return track, track
+    return estimate_track(measurements, hindsight, output_stamp_ns), track
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """Measurements ready for the passes: the stamp of second 0, the series before and after tuning, notes."""
+
+    epoch_ns: int
+    prepared: list[PreparedSeries]
+    tuned: TunedSeries
+    notes: tuple[str, ...]
+
+
+def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _Settled:
+    """Clean the measurements, and find what the log shows of the sensors.
+
+    Raises:
+        DataError: If no position is finite.
+    """
+    if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
+        raise DataError("no finite position among the measurements")
+    positions = [m for m in measurements if m.kind is Kind.POSITION]
+    epoch = epoch_ns(positions if config.blind else measurements)  # a row that comes later may be of an earlier time
+    prepared, notes = _prepared(measurements, epoch, config)
+    return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes))
+
+
+def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64Array) -> Track:
+    """Start, filter and smooth; the arguments as of `estimate_track`."""
+    prepared, tuned, notes = settled.prepared, settled.tuned, list(settled.notes)
+    output_s = seconds(output_stamp_ns, settled.epoch_ns)
     start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
     start.state[N_MOTION:] = tuned.mean[N_MOTION:]
+    start = within_reach(start, tuned.series, output_s)
     if not config.causal:
         start = _start_again(tuned, start, config.reset_after)
-    output_s = seconds(output_stamp_ns, epoch)
     restarts = restarts_after_gaps(tuned.series, causal=config.causal)
     result = run_pass(
         tuned.series, start, tuned.motion, output_s,
@@ -135,8 +198,8 @@ def _prepared(
     """The series and notes, as far as the calibration goes and nothing may be looked ahead."""
     calibration = config.calibration
     if calibration is None:
-        return prepare(measurements, epoch)
-    unknown = check_fits(calibration, measurements, causal=config.causal)
+        return (prepare_blind(measurements, epoch, {}), []) if config.blind else prepare(measurements, epoch)
+    unknown = check_fits(calibration, measurements, causal=config.causal and not config.blind)
     mountings = known_mountings(calibration)
     if config.causal:
         return known_alone(prepare_blind(measurements, epoch, mountings), calibration), unknown
@@ -248,11 +311,13 @@ def estimate_tracks(
     groups: Sequence[tuple[Sequence[Measurements], Int64Array | None]],
     config: EstimatorConfig,
 ) -> list[Track]:
-    """Estimate many vehicles' tracks, in threads: `estimate_track` for each (measurements, output stamps).
+    """Estimate many vehicles' tracks, in threads: `estimate_track` for each (measurements, output stamps)."""
+    return each_in_threads(lambda group: estimate_track(group[0], config, group[1]), groups)
 
-    A worker process uses one thread: the other processors are the other workers'.
-    """
+
+def each_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group]) -> list[Result]:
+    """`estimate` of each vehicle, in threads; a worker process uses one, as the other processors are other workers'."""
     if len(groups) < 2 or multiprocessing.parent_process() is not None:
-        return [estimate_track(measurements, config, stamps) for measurements, stamps in groups]
+        return [estimate(group) for group in groups]
     with ThreadPoolExecutor(max_workers=min(len(groups), os.cpu_count() or 1)) as pool:
-        return list(pool.map(lambda group: estimate_track(group[0], config, group[1]), groups))
+        return list(pool.map(estimate, groups))

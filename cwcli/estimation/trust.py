@@ -18,6 +18,7 @@ from cwcli.signals.vehicle_state import StateFlag
 SETTLING_S = 2.0  # acceleration and yaw rate need two of the jerk's time constants to be known
 GAP_S = 2.0
 GAP_STEPS = 3.0
+RECENT_STEPS = 5
 
 
 def state_flags(
@@ -47,7 +48,8 @@ def state_flags(
         first, last = np.searchsorted(output_s, (begin_s, end_s))
         flags[first:last] |= np.uint8(flag)
 
-    mark(StateFlag.STARTING, -np.inf, max(start.time_s, first_heading_s(series)) + SETTLING_S)
+    shown_s = start.time_s if causal else max(start.time_s, first_heading_s(series))
+    mark(StateFlag.STARTING, -np.inf, shown_s + SETTLING_S)
     for each in restarts:
         mark(StateFlag.STARTING, each.time_s, each.time_s + SETTLING_S)
     for s, found in zip(series, status, strict=True):
@@ -75,9 +77,23 @@ def _gaps(
     ]
     time = np.sort(np.concatenate(used))
     if not len(time):
-        return [(-np.inf, np.inf)]
-    least_s = max(GAP_S, GAP_STEPS * median(np.diff(time))) if len(time) > 1 else GAP_S
+        return [] if causal else [(-np.inf, np.inf)]
+    least_s = np.maximum(GAP_S, GAP_STEPS * (_recent_steps(time) if causal else _usual_step(time)))
     ends = np.append(time[1:], np.inf)
     just_behind = np.nextafter(time, np.inf)
     begins = time + least_s if causal else just_behind
     return [(float(begins[k]), float(ends[k])) for k in np.flatnonzero(ends - time > least_s)]
+
+
+def _usual_step(time_s: FloatArray) -> FloatArray:
+    """The median step of the whole log, (1,)."""
+    return np.array([median(np.diff(time_s)) if len(time_s) > 1 else 0.0])
+
+
+def _recent_steps(time_s: FloatArray) -> FloatArray:
+    """The median of the last few steps before each time, (n,): as far as it is known then."""
+    known = np.concatenate([np.full(RECENT_STEPS, np.nan), np.diff(time_s)])
+    recent = np.sort(np.lib.stride_tricks.sliding_window_view(known, RECENT_STEPS), axis=1)
+    count = np.isfinite(recent).sum(axis=1)
+    middle = np.take_along_axis(recent, np.maximum((count - 1) // 2, 0)[:, None], axis=1)[:, 0]
+    return np.asarray(np.nan_to_num(middle, nan=0.0))

@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.calibrated import calibrated_model, calibrated_motion, with_latencies, with_priors
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, references
+from cwcli.estimation.latency import NO_LATENCY, Latency, LatencyStatus, latency_roles, references
 from cwcli.estimation.latency_clock import Told, on_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
@@ -69,6 +69,8 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         mean, prior = with_priors(layout.series, prior, config.calibration)
     if config.calibration is not None and config.causal:
         series, parameters = layout.series, calibrated_motion(layout.parameters, config.calibration)
+    elif config.blind:
+        series, parameters = layout.series, layout.parameters
     else:
         series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, prior)
     gated = tuple(replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
@@ -119,6 +121,8 @@ def _latencies_and_sensors(
         return *told, FoundModel()
     if config.calibration is not None and config.causal:
         return *told, calibrated_model(base.series, config.calibration)
+    if config.blind:
+        return *told, FoundModel()
     # The likeliest latencies, clear or not: what is found with them then moves with the stamps.
     found = find_sensor_model(_settled(_corrected(base, told[0], likeliest=True)))
     if found.model.parts and None in roles:
@@ -139,7 +143,10 @@ def _latencies(
     latency's sigma, has it already.
     """
     series = [replace(s, slow_state=-1) if s.kind is Kind.POSITION else s for s in layout.series]
-    compared = find_latencies(series, roles, layout.parameters, layout.walk, layout.prior)
+    if config.blind:
+        compared = [NO_LATENCY if role is None else role for role in roles]
+    else:
+        compared = find_latencies(series, roles, layout.parameters, layout.walk, layout.prior)
     if config.calibration is None:
         return compared, *on_agreed_clock(_told(series, compared))
     return compared, *with_latencies(series, compared, config.calibration, causal=config.causal)

@@ -156,11 +156,15 @@ def followed_m(track: Track) -> FloatArray:
     return np.where(is_arc[:, None, :], out, np.nan)
 
 
+def known_with(track: Track) -> Rows:
+    """The state with which each start's outcome at each knot became known, shape (n, k); never: n."""
+    at_ns = track.stamp_ns[:, None] + np.rint(KNOTS_S * NS_PER_S).astype(np.int64)
+    return np.asarray(np.searchsorted(track.stamp_ns, at_ns))
+
+
 def known_at_ns(track: Track) -> Int64Array:
     """When each start's outcome at each knot became known, shape (n, k); never: `NEVER_NS`."""
-    at_ns = track.stamp_ns[:, None] + np.rint(KNOTS_S * NS_PER_S).astype(np.int64)
-    after = np.searchsorted(track.stamp_ns, at_ns)
-    return np.where(after < len(track.stamp_ns), track.known_ns[np.minimum(after, len(track.stamp_ns) - 1)], NEVER_NS)
+    return np.append(track.known_ns, NEVER_NS)[known_with(track)]
 
 
 def measured_acted(
@@ -198,11 +202,12 @@ def measured_gains(tracks: Sequence[Track], prior: FleetPrior) -> list[FloatArra
     promised = [promised_m(track.state)[..., None] * parts_of(track) for track in tracks]
     sums = [_running_sums(track, x, prior) for track, x in zip(tracks, promised, strict=True)]
     known_ns = [known_at_ns(track) for track in tracks]
+    # Of several states that became known at once a later one tells an earlier one nothing.
     own = [
-        _gathered(s, [np.searchsorted(known[:, k], track.known_ns, side="right") for k in range(len(KNOTS_S))])
-        for track, s, known in zip(tracks, sums, known_ns, strict=True)
+        _gathered(s, [np.searchsorted(with_row, np.arange(len(track.rows)), side="right") for with_row in with_rows.T])
+        for track, s, with_rows in zip(tracks, sums, map(known_with, tracks), strict=True)
     ]
-    others = _others(tracks, sums, known_ns, own) if len(tracks) > 1 else [None] * len(tracks)
+    others = _others(tracks, sums, known_ns) if len(tracks) > 1 else [None] * len(tracks)
     return [_posterior(mine, rest, prior) for mine, rest in zip(own, others, strict=True)]
 
 
@@ -230,7 +235,7 @@ def _gathered(sums: FloatArray, counts: Sequence[npt.NDArray[np.intp]]) -> Float
 
 
 def _others(
-    tracks: Sequence[Track], sums: Sequence[FloatArray], known_ns: Sequence[Int64Array], own: Sequence[FloatArray]
+    tracks: Sequence[Track], sums: Sequence[FloatArray], known_ns: Sequence[Int64Array]
 ) -> list[FloatArray | None]:
     """What was known of the log's other vehicles at each state of each track: their sums, (k, n, 2, 9)."""
     steps = np.concatenate([np.diff(each, axis=1) for each in sums], axis=1)
@@ -241,8 +246,12 @@ def _others(
         np.cumsum(steps[k, order[k]], axis=0, out=total[k, 1:])
     when_ns = np.take_along_axis(when_ns, order, axis=1)
     out: list[FloatArray | None] = []
-    for track, mine in zip(tracks, own, strict=True):
-        out.append(_gathered(total, [np.searchsorted(each, track.known_ns, side="right") for each in when_ns]) - mine)
+    for track, mine, known in zip(tracks, sums, known_ns, strict=True):
+        every, own = (
+            _gathered(each, [np.searchsorted(then_ns, track.known_ns, side="right") for then_ns in when])
+            for each, when in ((total, when_ns), (mine, known.T))
+        )
+        out.append(every - own)
     return out
 
 

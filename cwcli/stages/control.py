@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import Bindings, bind
 from cwcli.channels.control_step import ReplayedSteps, write_replays
 from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
@@ -19,13 +19,14 @@ from cwcli.control.replayed import Replayed, control_table, record_of, series_ta
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.call import Selection
-from cwcli.pipeline.records import Record, configuration_of, map_of, run_records
+from cwcli.pipeline.records import map_of, run_records
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.states import OfStates, bind_states
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.columns import OutputChannel
+from cwcli.signals.row_order import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
 from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, chosen_states, only_ego, vehicle_tracks
@@ -37,7 +38,7 @@ from cwcli.warning.types import VehicleTrack, WarningConfig
 EXAMPLES = (
     "cwcli control drive.mcap -o braked.mcap --metrics control.parquet",
     "cwcli control drive.mcap --predictor cj-cya -o braked.mcap --metrics-dir m/",
-    "cwcli estimate drive.mcap --causal -o - | cwcli control - --rule ttc --json",
+    "cwcli estimate drive.mcap -o - | cwcli control - --rule ttc --json",
 )
 PAPER_RULE = "song2016"
 PATH_STEP_S = 0.05
@@ -45,7 +46,7 @@ MIN_SPAN_S = 0.1
 
 
 @dataclass(frozen=True)
-class ControlConfig(Selection):
+class ControlConfig(OfStates):
     """Settings of the stage.
 
     Attributes:
@@ -114,40 +115,38 @@ def control(log: Log, config: ControlConfig) -> StageResult:
 
     The host's recorded motion is replayed until the warning; then the fuzzy controller of song2016 brakes it along its
     recorded path, or a driver 1.5 s later, or nobody. The other vehicle moves as recorded. Uses the states of `cwcli
-    estimate --causal`; where the log has none, they are estimated first and written too. Paths and warnings are found
-    anew. A warning that is raised while an earlier one is still being replayed is left out: the host would not have
-    been there.
+    estimate`: the online ones for the warnings, those in hindsight for what was recorded. Where the log has none, they
+    are estimated first and written too. Paths and warnings are found anew. A warning that is raised while an earlier
+    one is still being replayed is left out: the host would not have been there.
 
     Raises:
         MissingSignalError: The log lacks the states of the ego or of the other vehicles.
         DataError: The log holds the states of several egos.
     """
     model, rule = config.model, config.warnings
-    bound = bind(
-        log.channels,
-        config.topics,
-        required=(EGO_STATE.role, REMOTE_STATE.role),
-        where=log.name,
-        command="control",
-    )
+    roles = (EGO_STATE.role, REMOTE_STATE.role)
+    bound = bind_states(log.channels, config, required=roles, where=log.name, command="control")
+    happened = bind(log.channels, config.topics, required=roles, where=log.name, command="control")
     columns = read_bound(log, bound)
     inputs: list[InputCount] = []
     tracks: dict[str, list[VehicleTrack]] = {}
-    for role in (EGO_STATE.role, REMOTE_STATE.role):
+    for role in roles:
         states, count = chosen_states(log, columns[role], role, config)
         inputs.append(count)
         is_other = role == REMOTE_STATE.role
         paths = _predicted(model, states, rule.horizon_s + (MAX_MESSAGE_AGE_S if is_other else 0.0))
         tracks[role] = vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
     host = only_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
-    others = tracks[REMOTE_STATE.role]
-    events = find_warnings(host, others, rule).events.records()
-    replayed, notes = _replays(host, others, events, config.span)
+    events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events.records()
+    recorded = _recorded(log, happened, config)
+    replayed, notes = _replays(host, tracks[REMOTE_STATE.role], recorded, events, config.span)
     if not events:
         notes.append(f"no warning arises (predictor {model}, rule {rule.rule}): nothing is braked")
-    notes += _about_states(run_records(log).get("estimate", {}))
     summary = Summary(
-        "control", _sections(replayed, log.start_ns, model, rule.rule), tuple(inputs), (*bound.notes, *notes)
+        "control",
+        _sections(replayed, log.start_ns, model, rule.rule),
+        tuple(inputs),
+        tuple(dict.fromkeys((*bound.notes, *happened.notes, *notes))),
     )
     tables = (control_table(replayed, model, rule.rule), series_table(replayed))
     channels: tuple[OutputChannel, ...] = ()
@@ -178,8 +177,24 @@ def _predicted(model: str, states: VehicleStates, horizon_s: float) -> Predicted
     return PredictedPaths.of(states, model, paths)
 
 
+def _recorded(log: Log, bound: Bindings, config: ControlConfig) -> dict[str, RecordedTrack]:
+    """Vehicle -> how it really moved: its states in hindsight."""
+    found: dict[str, RecordedTrack] = {}
+    for role, columns in read_bound(log, bound).items():
+        states, _ = chosen_states(log, columns, role, config)
+        found |= {
+            vehicle: RecordedTrack(states.stamp_ns[rows], states.state[rows])
+            for vehicle, rows in tracks_of(states.ids, states.stamp_ns)
+        }
+    return found
+
+
 def _replays(
-    host: VehicleTrack, others: Sequence[VehicleTrack], events: Sequence[Mapping[str, object]], span: ReplaySpan
+    host: VehicleTrack,
+    others: Sequence[VehicleTrack],
+    recorded: Mapping[str, RecordedTrack],
+    events: Sequence[Mapping[str, object]],
+    span: ReplaySpan,
 ) -> tuple[list[Replayed], list[str]]:
     """One replay per event that no earlier replay covers, and what to say of the others."""
     by_id = {other.id: other for other in others}
@@ -191,9 +206,7 @@ def _replays(
             n_covered += 1
             continue
         other = by_id[str(event["other_id"])]
-        encounter = replay_warning(
-            RecordedTrack(host.stamp_ns, host.state), RecordedTrack(other.stamp_ns, other.state), warning_ns, span
-        )
+        encounter = replay_warning(recorded[host.id], recorded[other.id], warning_ns, span)
         one = Replayed(len(replayed) + 1, warning_ns, other.id, host.outline_m, other.outline_m, encounter)
         replayed.append(one)
         busy_until_ns = one.stamp_ns(float(encounter.outcome.time_s[-1]))
@@ -217,14 +230,6 @@ def _raised_ns(event: Mapping[str, object]) -> int:
     raised = event["raised_stamp_ns"]
     assert isinstance(raised, int | np.integer)
     return int(raised)
-
-
-def _about_states(record: Record) -> list[str]:
-    """A note if the states know what comes, from the record of `estimate`."""
-    estimator = configuration_of(record).get("estimator")
-    if not isinstance(estimator, dict) or estimator.get("causal", True):
-        return []
-    return ["the states are smoothed: they know a little of what comes (`cwcli estimate --causal`)"]
 
 
 def _published(replayed: Sequence[Replayed]) -> list[ReplayedSteps]:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.channels.ego_viewers import write_ego
-from cwcli.channels.published import REMOTE_STATE
+from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import UsageError
 from cwcli.estimation.calibration import Calibration, calibration_entry
@@ -23,19 +24,21 @@ from cwcli.estimation.from_signals import (
     output_grid,
     remote_measurements,
 )
+from cwcli.estimation.known import SLACK_NS, in_time, known_ns
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
-from cwcli.estimation.track import estimate_track, estimate_tracks
+from cwcli.estimation.track import each_in_threads, estimate_both
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal, Signal, TimedSignal
-from cwcli.signals.columns import OutputChannel
+from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
 from cwcli.stages.summaries.estimate import gap_notes, sections
@@ -72,7 +75,7 @@ class EstimateConfig:
         sources: Which channels are read, and how.
         estimator: The filter; remote vehicles run the same one, without a search for latencies, because the
             quantities of one message share its time, and without one for the sensors' errors.
-        rate_hz: Rate of `/cwcli/ego/state`. Remote states come at the times of their messages.
+        rate_hz: Rate of the ego's states. Remote states come at the times of their messages.
         calibration: Constants of the ego's sensors from other drives, or None.
         truth_origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth channel's origin, or None.
     """
@@ -114,15 +117,18 @@ class Made:
 
 @dataclass(frozen=True)
 class RemoteStates:
-    """The remote vehicles' states as one channel, and a summary of each track.
+    """The remote vehicles' states, and a summary of each track.
 
     Attributes:
-        channel: `/cwcli/remote/state`.
-        tracks: Station -> its summary.
+        hindsight, online: In log-time order.
+        tracks: Station -> the summary of its track in hindsight.
+        n_overtaken: Messages that came behind a newer one of their station: no online state uses them.
     """
 
-    channel: OutputChannel
+    hindsight: VehicleStates
+    online: VehicleStates
     tracks: Mapping[str, TrackSummary]
+    n_overtaken: int
 
 
 def estimate(log: Log, config: EstimateConfig) -> StageResult:
@@ -149,14 +155,23 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     local_map = _local_map(sources)
     measurements, apart = near_positions(_ego_measurements(sources, local_map), MAX_BRIDGE_S)
     grid_ns = output_grid(measurements, config.rate_hz, MAX_BRIDGE_S)
-    ego = estimate_track(measurements, replace(config.estimator, calibration=config.calibration), grid_ns)
-    remote = _remote_states(sources, local_map, config.estimator)
-    channels = write_ego(VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags), local_map)
+    estimator = replace(config.estimator, calibration=config.calibration)
+    ego, online = estimate_both(measurements, estimator, grid_ns, blind=_is_blind(estimator))
+    remote = _remote_states(sources, local_map, estimator)
+    hindsight = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags)
+    knowable = replace(
+        VehicleStates.of_ego(online.stamp_ns, online.state, online.covariance, flags=online.flags),
+        log_time_ns=_known_ns(measurements, online, estimator),
+    )
+    channels = [*write_ego(hindsight, local_map), write_states(EGO_ONLINE, knowable, local_map)]
+    if remote is not None:
+        channels.append(write_states(REMOTE_STATE, remote.hindsight, local_map))
+        channels.append(write_states(REMOTE_ONLINE, remote.online, local_map))
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
     summary = _summary(sources, apart, tracks)
     return StageResult(
         stage="estimate",
-        channels=(*channels, *([remote.channel] if remote else [])),
+        channels=tuple(channels),
         tables=estimate_tables(tracks),
         summary=summary,
         metadata=run_record(
@@ -209,41 +224,83 @@ def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
 
 
 def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates | None:
-    """Estimate the remote vehicles, some at a time, and put their states where they belong in the channel at once.
+    """Estimate the remote vehicles, some at a time, and put their states where they belong in the channels at once.
 
     The covariances are what fills the memory: 61 MB for twenty vehicles in ten minutes. So they exist once.
+    Online, a message that was overtaken by a newer one of its station is not used: the filter has gone on.
     """
     signals = [s for s in sources.by_role.get(Role.REMOTE, ()) if isinstance(s, RemoteSignal)]
     if not signals or local_map is None:
         return None
     signal = merged_remotes(signals)
-    n = len(signal.stamp_ns)
-    order = np.argsort(signal.log_time_ns, kind="stable")
-    place = np.empty(n, np.intp)
-    place[order] = np.arange(n)
-    state, covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
-    flags = np.zeros(n, np.uint8)
-    config = replace(estimator, latency="none", sensor_model="none")
     stations = list(rows_by_id(signal.station))
+    is_fresh = np.ones(len(signal.stamp_ns), np.bool_)
+    for _, own in stations:
+        is_fresh[own] = in_time(signal.stamp_ns[own], signal.log_time_ns[own])
+    config = replace(estimator, calibration=None, latency="none", sensor_model="none")
+
+    def both(own: Int64Array) -> tuple[Track, Track]:
+        heard = own[is_fresh[own]]
+        fewer = None
+        if len(heard) < len(own):
+            fewer = remote_measurements(signal, heard, local_map), signal.stamp_ns[heard]
+        said = remote_measurements(signal, own, local_map)
+        return estimate_both(said, config, signal.stamp_ns[own], blind=_is_blind(estimator), in_time=fewer)
+
+    hindsight, online = _Collected(signal, np.ones_like(is_fresh)), _Collected(signal, is_fresh)
     tracks: dict[str, TrackSummary] = {}
     for first in range(0, len(stations), STATIONS_AT_ONCE):
         group = stations[first : first + STATIONS_AT_ONCE]
-        said = [(remote_measurements(signal, own, local_map), signal.stamp_ns[own]) for _, own in group]
-        for (station, own), track in zip(group, estimate_tracks(said, config), strict=True):
-            state[place[own]], covariance[place[own]] = track.state, track.covariance
-            flags[place[own]] = track.flags
+        for (station, own), (track, known) in zip(group, each_in_threads(both, [own for _, own in group]), strict=True):
+            hindsight.add(own, track)
+            online.add(own[is_fresh[own]], known)
             tracks[station] = summarise(track)
-    states = VehicleStates(
-        signal.station.rows(order),
-        signal.stamp_ns[order],
-        signal.log_time_ns[order],
-        state,
-        covariance,
-        signal.length_m[order],
-        signal.width_m[order],
-        flags,
-    )
-    return RemoteStates(write_states(REMOTE_STATE, states, local_map), tracks)
+    return RemoteStates(hindsight.states(), online.states(), tracks, int(np.count_nonzero(~is_fresh)))
+
+
+class _Collected:
+    """States of many vehicles, each put where it belongs in the channel."""
+
+    def __init__(self, signal: RemoteSignal, is_used: npt.NDArray[np.bool_]) -> None:
+        order = np.argsort(signal.log_time_ns, kind="stable")
+        self._signal, self._order = signal, order[is_used[order]]
+        n = len(self._order)
+        self._place = np.empty(len(order), np.intp)
+        self._place[self._order] = np.arange(n)
+        self._state, self._covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
+        self._flags = np.zeros(n, np.uint8)
+
+    def add(self, rows: Int64Array, track: Track) -> None:
+        """The states of some rows of the signal."""
+        at = self._place[rows]
+        self._state[at], self._covariance[at], self._flags[at] = track.state, track.covariance, track.flags
+
+    def states(self) -> VehicleStates:
+        """All of them."""
+        signal, order = self._signal, self._order
+        return VehicleStates(
+            signal.station.rows(order),
+            signal.stamp_ns[order],
+            signal.log_time_ns[order],
+            self._state,
+            self._covariance,
+            signal.length_m[order],
+            signal.width_m[order],
+            self._flags,
+        )
+
+
+def _is_blind(estimator: EstimatorConfig) -> bool:
+    """Whether online states take no parameter from the log."""
+    return estimator.calibration is not None or estimator.latency == "none"
+
+
+def _known_ns(measurements: Sequence[Measurements], online: Track, estimator: EstimatorConfig) -> Int64Array:
+    """When the ego's online states could have been known, (n,)."""
+    slack_ns = SLACK_NS
+    if estimator.model == "song2016":  # whose measurements go to the nearest step
+        slack_ns += round(0.5 * estimator.song2016_step_s * NS_PER_S)
+    return known_ns(measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns)
 
 
 def _summary(sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary]) -> Summary:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from cwcli.channels.binding import bind
 from cwcli.channels.path_scene import write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths, write_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.states import OfStates, bind_states
 from cwcli.prediction.calibrate import predict_vehicles
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import Discretisation, check_request
@@ -29,7 +28,7 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True)
-class PredictConfig(Selection):
+class PredictConfig(OfStates):
     """Settings of the stage.
 
     Attributes:
@@ -66,9 +65,9 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     Raises:
         MissingSignalError: The log has no ego state.
     """
-    bound = bind(
+    bound = bind_states(
         log.channels,
-        config.topics,
+        config,
         required=(EGO_STATE.role,),
         optional=(REMOTE_STATE.role,),
         where=log.name,

@@ -6,15 +6,14 @@ import json
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
-from cwcli.channels.binding import bind
 from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import WITHHELD
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
+from cwcli.pipeline.states import OfStates, bind_states
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
 from cwcli.stages.inputs.vehicles import chosen_states, only_ego, paths_like, vehicle_tracks
@@ -39,7 +38,7 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class WarnConfig(Selection):
+class WarnConfig(OfStates):
     """Settings of the stage.
 
     Attributes:
@@ -117,7 +116,7 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         MissingSignalError: The log lacks a channel.
         DataError: States and paths do not belong together.
     """
-    bound = bind(log.channels, config.topics, required=OF_EGO + others, where=log.name, command=stage)
+    bound = bind_states(log.channels, config, required=OF_EGO + others, where=log.name, command=stage)
     columns = read_bound(log, bound)
     uses_onset = any(RULES[name].uses_onset for name in config.names)
     inputs: list[InputCount] = []

@@ -20,9 +20,11 @@ from cwcli.channels.measures import write_measures
 from cwcli.channels.path_scene import write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths, read_paths, write_paths
 from cwcli.channels.published import (
+    EGO_ONLINE,
     EGO_PATH,
     OBSERVER_PATH,
     OBSERVER_PATH_LINES,
+    REMOTE_ONLINE,
     REMOTE_PATH,
     REMOTE_STATE,
 )
@@ -102,9 +104,11 @@ def of_states(rng: np.random.Generator, n: int) -> Written:
     state, covariance = rng.normal(size=(n, N_STATES)), definite(rng, n, N_STATES)
     flags = rng.integers(0, 8, n).astype(np.uint8)
     states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, *size_m, flags)
-    topic = REMOTE_STATE.topic
-    expected = {topic: sorted_like(states, log_time_ns)}
-    return Written((write_states(REMOTE_STATE, states, MAP),), expected, {topic: read_states})
+    channels = tuple(write_states(channel, states, MAP) for channel in (EGO_ONLINE, REMOTE_STATE, REMOTE_ONLINE))
+    topics = [channel.topic for channel in channels]
+    return Written(
+        channels, dict.fromkeys(topics, sorted_like(states, log_time_ns)), dict.fromkeys(topics, read_states)
+    )
 
 
 def of_ego(rng: np.random.Generator, n: int) -> Written:

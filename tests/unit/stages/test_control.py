@@ -117,9 +117,9 @@ def test_without_a_warning_nothing_is_braked(rear_end: tuple[Log, StageResult]) 
     assert "min_distance_m" in result.tables["control"].columns
 
 
-def test_smoothed_states_are_noted() -> None:
-    notes = control(estimated("rear-end", causal=False), ControlConfig()).summary.notes
-    assert any("smoothed" in note for note in notes)
+def test_states_in_hindsight_are_noted() -> None:
+    notes = control(estimated("rear-end", causal=False), ControlConfig(states="hindsight")).summary.notes
+    assert any("know what came later" in note for note in notes)
 
 
 def test_states_are_needed() -> None:

@@ -32,7 +32,12 @@ def test_its_roles_are_roles(stage: Stage) -> None:
 
 
 def test_a_channel_is_made_from_an_input_of_its_stage() -> None:
-    assert STAGES["estimate"].added == {"ego_state": "ego_position", "remote_state": "remote"}
+    assert STAGES["estimate"].added == {
+        "ego_state": "ego_position",
+        "remote_state": "remote",
+        "ego_online": "ego_position",
+        "remote_online": "remote",
+    }
     for channel in PUBLISHED:
         stage = STAGES[channel.stage]
         taken = {role for group in stage.groups for role in group} | set(stage.used)

@@ -1,0 +1,86 @@
+"""Which of the two states of knowledge a stage reads: what could have been known, or what really happened."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from cwcli.channels.binding import Bindings, ChannelLike, bind
+from cwcli.channels.published import OF_ROLE, ONLINE
+from cwcli.option import Option
+from cwcli.pipeline.call import Selection
+
+States = Literal["online", "hindsight"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfStates(Selection):
+    """A selection with the states that are read.
+
+    Attributes:
+        states: "online": as they could have been known at their log time. "hindsight": with all that came later.
+    """
+
+    states: Annotated[
+        States,
+        Option(
+            "--states",
+            "Start from the states as they could have been known when it happened, or from those in hindsight, which "
+            "know what came later.",
+        ),
+    ] = "online"
+
+
+def with_states(selection: OfStates, channels: Sequence[ChannelLike], roles: Collection[str]) -> dict[str, str]:
+    """Role -> topic: the choices of the user, and the online channels for the states among the roles.
+
+    A stage binds the role of the states in hindsight (`ego_state`) and gets the channel that was asked for. What the
+    user names with `--topic ego_state=` counts; where a log has no online states (another version wrote it), those in
+    hindsight are left, and `states_notes` tells.
+    """
+    chosen = dict(selection.topics)
+    if selection.states == "hindsight":
+        return chosen
+    there = {channel.topic for channel in channels}
+    for role in roles:
+        if role not in ONLINE or role in chosen:
+            continue
+        online = ONLINE[role]
+        if online.role in chosen:
+            chosen[role] = chosen[online.role]
+        elif online.topic in there:
+            chosen[role] = online.topic
+    return chosen
+
+
+def bind_states(
+    channels: Sequence[ChannelLike],
+    selection: OfStates,
+    *,
+    required: Collection[str],
+    optional: Collection[str] = (),
+    where: str = "",
+    command: str = "",
+) -> Bindings:
+    """`bind`, with the states that were asked for, and a note where they are not the online ones.
+
+    Raises:
+        UsageError, MissingSignalError: As `bind`.
+    """
+    chosen = with_states(selection, channels, (*required, *optional))
+    bound = bind(channels, chosen, required=required, optional=optional, where=where, command=command)
+    return replace(bound, notes=(*bound.notes, *states_notes(bound, selection)))
+
+
+def states_notes(bound: Bindings, selection: OfStates) -> tuple[str, ...]:
+    """What to say where states in hindsight are read."""
+    used = [role for role in bound.by_role if role in ONLINE and bound.topic(role) == OF_ROLE[role].topic]
+    if not used:
+        return ()
+    topics = ", ".join(OF_ROLE[role].topic for role in used)
+    if selection.states == "hindsight":
+        return (f"states in hindsight ({topics}): they know what came later (--states hindsight)",)
+    if used == ["targets"] or any(role in selection.topics for role in used):
+        return (f"states in hindsight ({topics}): they know what came later",)
+    return (f"the log has no online states: {topics} is read, which knows what came later; `cwcli estimate --replace`",)
