@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from cwcli.channels.binding import bind
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.evaluation.conflicts import RealConflict, real_conflicts
 from cwcli.evaluation.records import rule_of, warn_record
 from cwcli.evaluation.scored_warnings import NS_PER_H
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
+from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import configuration_of, run_records, whole
 from cwcli.signals.row_order import tracks_of
 from cwcli.warning.types import WarningConfig, outline_of
@@ -43,6 +45,28 @@ class Happened:
     def n_conflicts(self) -> int:
         """With all vehicles."""
         return sum(map(len, self.conflicts.values()))
+
+
+def recorded(log: Log, selection: Selection, role: str) -> VehicleStates | None:
+    """How vehicles really moved, in the chosen span: their states in hindsight; None without them."""
+    topic = bind(log.channels, selection.topics, required=(), optional=(role,), where=log.name).topic(role)
+    if topic is None:
+        return None
+    states = (read_targets if role == TARGETS.role else read_states)(log.columns(topic))
+    return states.logged_within(selection.start_ns, selection.end_ns)
+
+
+def recorded_tracks(log: Log, selection: Selection, roles: Iterable[str]) -> dict[str, ActualTrack]:
+    """Vehicle -> how it really moved."""
+    found: dict[str, ActualTrack] = {}
+    for role in roles:
+        states = recorded(log, selection, role)
+        if states is not None:
+            found |= {
+                vehicle: ActualTrack(states.stamp_ns[rows], states.state[rows])
+                for vehicle, rows in tracks_of(states.ids, states.stamp_ns)
+            }
+    return found
 
 
 def what_happened(log: Log) -> Happened | None:

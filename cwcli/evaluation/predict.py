@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.predicted_path import PredictedPaths, read_paths
-from cwcli.channels.published import EGO_PATH, REMOTE_PATH, REMOTE_STATE
+from cwcli.channels.published import EGO_ONLINE, EGO_PATH, REMOTE_ONLINE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.evaluation.happened import recorded
 from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline, metric_of
@@ -44,9 +45,11 @@ class Asked:
 
 
 def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageResult:
-    """The result with the errors of every motion model, each vehicle against its own later track."""
+    """The result with the errors of every motion model, each vehicle against its own later track in hindsight."""
     asked = Asked(config.horizon_s, config.step_s, config.discretisation)
-    records = [record for states in result.made for record in model_errors(states, asked)]
+    records = []
+    for role, states in result.made.items():
+        records += model_errors(states, asked, recorded(log, config, role))
     return result.judged(sections=(_section(records, config.horizon_s),), tables={"prediction": _table(records)})
 
 
@@ -72,7 +75,9 @@ def add_metrics(subject: Subject) -> None:
     table = subject.tables.get("prediction")
     if table is None:
         asked = _asked(log)
-        table = _table([record for each in states.values() for record in model_errors(each, asked)])
+        table = _table(
+            [record for who, each in states.items() for record in model_errors(_starts(log, who) or each, asked, each)]
+        )
     _add_models(headline, table)
 
 
@@ -158,20 +163,39 @@ def error_horizons(horizon_s: float) -> list[float]:
     return horizons
 
 
-def model_errors(states: VehicleStates, asked: Asked) -> list[dict[str, Any]]:
-    """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track."""
+def _starts(log: Log, who: str) -> VehicleStates | None:
+    """The online states of the ego or the remote vehicles, if the log's paths start from them."""
+    used = json_entry(run_records(log).get("predict", {}), "configuration", dict)
+    topic = (EGO_ONLINE if who == "ego" else REMOTE_ONLINE).topic
+    if used.get("states") != "online" or all(channel.topic != topic for channel in log.channels):
+        return None
+    return read_states(log.columns(topic))
+
+
+def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | None = None) -> list[dict[str, Any]]:
+    """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track.
+
+    Args:
+        states: The starts.
+        asked: Which paths.
+        happened: What the vehicles really did; None: the starts tell.
+    """
+    tracks = {} if happened is None else dict(tracks_of(happened.ids, happened.stamp_ns))
     horizons = error_horizons(asked.horizon_s)
     acted = measured_acted(states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance)
     records = []
     for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
         stamp_ns = states.stamp_ns[rows]
+        track_ns, track_xy = stamp_ns, states.state[rows, :2]
+        if happened is not None and vehicle in tracks:
+            track_ns, track_xy = happened.stamp_ns[tracks[vehicle]], happened.state[tracks[vehicle], :2]
         compared = compare_models(
             list(MODELS),
             states.state[rows],
             states.covariance[rows],
             stamp_ns,
-            stamp_ns,
-            states.state[rows, :2],
+            track_ns,
+            track_xy,
             horizons_s=horizons,
             step_s=asked.step_s,
             max_gap_s=MAX_GAP_S,

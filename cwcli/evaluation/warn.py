@@ -6,20 +6,22 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from cwcli.channels.published import WARNINGS
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
 from cwcli.evaluation.conflicts import judge
-from cwcli.evaluation.happened import what_happened
+from cwcli.evaluation.happened import recorded_tracks, what_happened
 from cwcli.evaluation.records import warn_record
 from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score
 from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
+from cwcli.measures.pair import ActualTrack
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.pipeline.records import WITHHELD, Record, configuration_of, json_entry, run_records, whole
 from cwcli.pipeline.result import Section, StageResult
 from cwcli.stages.summaries.warn import RuleOutcome, number_outcomes, tables_of
 from cwcli.stages.warn import Made, WarnConfig
 from cwcli.stages.warn_lane import WarnLaneConfig
+from cwcli.stages.warn_targets import WarnTargetsConfig
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.types import WarningConfig
@@ -33,14 +35,16 @@ def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageRes
     made: Made | None = result.made
     if made is None:
         return result
-    outcomes = [_judged(found, outcome) for found, outcome in zip(made.found, made.outcomes, strict=True)]
+    others = TARGETS.role if isinstance(config, WarnTargetsConfig) else REMOTE_STATE.role
+    actual = recorded_tracks(log, config, (EGO_STATE.role, others))
+    outcomes = [_judged(found, outcome, actual) for found, outcome in zip(made.found, made.outcomes, strict=True)]
     numbered = number_outcomes(outcomes, after=made.earlier)
     sections = tuple(section for outcome in numbered for section in outcome.sections)
     return replace(result, tables=tables_of(numbered), summary=replace(result.summary, sections=sections), made=None)
 
 
-def _judged(found: FoundWarnings, outcome: RuleOutcome) -> RuleOutcome:
-    scored = score(found)
+def _judged(found: FoundWarnings, outcome: RuleOutcome, actual: Mapping[str, ActualTrack]) -> RuleOutcome:
+    scored = score(found, actual=actual)
     events, *others = outcome.sections
     rows = tuple(
         (*row, event["verdict"], event["lead_time_s"], event["closest_distance_m"])

@@ -76,7 +76,7 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     columns = read_bound(log, bound)
     channels: list[OutputChannel] = []
     predicted: list[PredictedPaths] = []
-    made: list[VehicleStates] = []
+    made: dict[str, VehicleStates] = {}
     inputs: list[InputCount] = []
     for role, path_channel, extra_s in (
         (EGO_STATE.role, EGO_PATH, 0.0),
@@ -99,8 +99,8 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
         )
         predicted.append(PredictedPaths.of(states, config.model, paths))
         channels.append(write_paths(path_channel, predicted[-1]))
-        made.append(states)
+        made[role] = states
     channels.append(write_path_scene(predicted))
     summary = Summary(title="predict", inputs=tuple(inputs), notes=bound.notes)
     record = run_record("predict", log, config, summary)
-    return StageResult("predict", tuple(channels), {}, summary, record, made=tuple(made))
+    return StageResult("predict", tuple(channels), {}, summary, record, made=made)

@@ -92,7 +92,7 @@ def test_in_a_pipe(braked: Path, tmp_path: Path) -> None:
             "-o",
             "pipefail",
             "-c",
-            f"{command} estimate {SAMPLES}/rear-end.mcap --causal -o - -q | "
+            f"{command} estimate {SAMPLES}/rear-end.mcap -o - -q | "
             f"{command} control - --predictor cj-cya -o - -q --metrics {tmp_path}/c.csv > {tmp_path}/c.mcap",
         ],
         capture_output=True,
