@@ -283,9 +283,7 @@ def _unbound(
             found=found,
             hint=f"choose one with {_option(role, candidates)}",
         )
-    by_hand = [
-        channel.topic for channel in channels if any(entry.role == role for entry in inputs_of(channel.schema_name))
-    ]
+    by_hand = [channel.topic for channel in channels if role in (roles := _roles(channel)) and Role.REMOTE not in roles]
     hint = _from_the_camera(role, channels, command) or ROLE_HINT.get(role, "")
     if by_hand and role not in OF_ROLE:
         hint = f"{hint}; " if hint else ""
@@ -293,6 +291,11 @@ def _unbound(
     return MissingSignalError(
         f"no channel holds {ROLE_TEXT[role]}{needed}", where=where, found=found or ("no channels",), hint=hint
     )
+
+
+def _roles(channel: ChannelLike) -> set[str]:
+    """What the channel's messages can hold; those of radios hold the ego only where its station is named."""
+    return {entry.role for entry in inputs_of(channel.schema_name)}
 
 
 def _from_the_camera(role: str, channels: Sequence[ChannelLike], command: str) -> str:

@@ -11,6 +11,7 @@ from cwcli.errors import MissingSignalError
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.needs import Table, readiness
 from cwcli.pipeline.stage import Stage
+from cwcli.pipeline.stations import naming_stations
 from cwcli.signals.role import Role
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ class SignalsFor:
                 command="run",
             )
         except MissingSignalError as error:
-            return error
+            return naming_stations(error, log) if role == Role.EGO_POSITION else error
         return None
 
     def _reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:

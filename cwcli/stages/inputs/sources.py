@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cwcli.channels.binding import Bindings, bind
+from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, with_selection
 from cwcli.pipeline.result import InputCount
+from cwcli.pipeline.stations import naming_stations
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import LOG_TIME_APART, Clock, disagreeing_clocks, usual_log_times
@@ -86,15 +88,18 @@ def read_sources(
         InputError: The log is damaged.
     """
     how = config if isinstance(config, SourceConfig) else with_selection(SourceConfig(), config)
-    bound = bind(
-        log.channels,
-        config.topics,
-        required=required,
-        optional=optional,
-        ego_station=how.ego_station,
-        where=log.name,
-        command=command,
-    )
+    try:
+        bound = bind(
+            log.channels,
+            config.topics,
+            required=required,
+            optional=optional,
+            ego_station=how.ego_station,
+            where=log.name,
+            command=command,
+        )
+    except MissingSignalError as error:
+        raise (naming_stations(error, log) if Role.EGO_POSITION in required else error) from None
     wanted = bound.wanted()
     for bindings in bound.by_role.values():
         for binding in bindings:
@@ -129,7 +134,10 @@ def read_sources(
         elif role in required:
             for quality in qualities[-len(bindings) :]:
                 is_cut = config.start_ns is not None or config.end_ns is not None
-                require_rows(quality, where=log.name, is_cut=is_cut)
+                try:
+                    require_rows(quality, where=log.name, is_cut=is_cut)
+                except MissingSignalError as error:
+                    raise (naming_stations(error, log) if role is Role.EGO_POSITION else error) from None
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
     others = {role: loaded[topic] for role, topic in own.items()}
     return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), others)

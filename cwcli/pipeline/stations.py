@@ -1,0 +1,56 @@
+"""Which stations a log was heard from, for somebody whose ego is one of them and who has not said so."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from cwcli.errors import CwcliError, MissingSignalError
+from cwcli.logs.read.reader import Log
+from cwcli.signals.build import build
+from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.inputs import inputs_of
+from cwcli.signals.role import Role
+from cwcli.text import count, printable
+
+MOST_NAMED = 5
+
+
+def naming_stations(error: MissingSignalError, log: Log) -> MissingSignalError:
+    """The error with the stations that were heard, and the option that makes one of them the ego.
+
+    Returns:
+        The error as it is where the log holds no V2X message that can be read.
+    """
+    heard = stations_heard(log)
+    if not heard:
+        return error
+    named = ", ".join(f"{printable(station)} ({count(n, 'message')})" for station, n in heard.most_common(MOST_NAMED))
+    more = f" and {len(heard) - MOST_NAMED} more" if len(heard) > MOST_NAMED else ""
+    first = printable(heard.most_common(1)[0][0])
+    return MissingSignalError(
+        error.what,
+        where=error.where,
+        found=(*error.found, f"V2X stations {named}{more}"),
+        hint=f"if the ego is one of the stations, name it: --ego-station {first}",
+    )
+
+
+def stations_heard(log: Log) -> Counter[str]:
+    """Station id -> number of its usable messages, over all V2X channels of the log."""
+    topics = [
+        channel.topic
+        for channel in log.channels
+        if any(entry.role is Role.REMOTE for entry in inputs_of(channel.schema_name))
+    ]
+    heard: Counter[str] = Counter()
+    try:
+        for columns in log.load(dict.fromkeys(topics)).values() if topics else ():
+            signal, _ = build(Role.REMOTE, columns)
+            assert isinstance(signal, RemoteSignal)
+            for station, n in zip(signal.station.values, np.bincount(signal.station.codes), strict=False):
+                heard[station] += int(n)
+    except CwcliError:  # the channel is damaged: what was missing is still what is wrong
+        return heard
+    return heard
