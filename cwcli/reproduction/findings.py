@@ -1,4 +1,4 @@
-"""One line of the reproduction: what the paper says, what we get, and whether that will do."""
+"""What a part of a reproduction makes: numbers, and the figures of the paper redrawn."""
 
 from __future__ import annotations
 
@@ -8,44 +8,13 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.metrics.intervals import bootstrap_interval
+from cwcli.reproduction.classes import Measured
 from cwcli.signals.columns import FloatArray
 
-NOT_PRINTED = math.nan
 BOOTSTRAP_SEED = 2016
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One compared number.
-
-    Attributes:
-        figure: Where it stands in the paper: `table 1`, `fig 9`.
-        what: Which quantity, of which method.
-        unit: Its unit.
-        paper: The paper's number, NaN where it prints none.
-        ours: Ours: mean or median over the seeds, as `what` says.
-        low, high: 95 % interval of `ours` over the seeds; NaN where there is nothing random in it.
-        verdict: `reproduced` (or the bound that `what` tells is met), `better`, `worse`, `differs`, or `reported`
-            where there is nothing to compare with.
-        is_required: A `worse` or `differs` here makes the command fail.
-    """
-
-    figure: str
-    what: str
-    unit: str
-    paper: float
-    ours: float
-    low: float
-    high: float
-    verdict: str
-    is_required: bool = False
-
-    @property
-    def has_failed(self) -> bool:
-        """Whether it is worse where it must not be."""
-        return self.is_required and self.verdict in {"worse", "differs"}
 
 
 @dataclass(frozen=True)
@@ -56,6 +25,7 @@ class Curve:
     x: FloatArray
     y: FloatArray
     dot_x: float = math.nan
+    is_points: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,12 +33,14 @@ class Plot:
     """One figure of the paper, redrawn.
 
     Attributes:
-        figure: `fig 9`.
+        figure: Its name: `fig 9`.
         title, x_label, y_label: Text.
         curves: What is drawn.
         marks: Label -> x of a vertical line (an ideal moment).
         level: Label and y of a horizontal line (a threshold), or None.
         x_range, y_range: What is shown; None: everything.
+        image: A grey picture under the curves, shape (height, width); then x is its column and y its row from below.
+        is_map: Both axes have the same scale.
     """
 
     figure: str
@@ -80,13 +52,15 @@ class Plot:
     level: tuple[str, float] | None = None
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
+    image: npt.NDArray[np.uint8] | None = None
+    is_map: bool = False
 
 
 @dataclass(frozen=True)
 class Part:
-    """The findings and plots of one group of figures."""
+    """The numbers and plots of one group of figures."""
 
-    findings: tuple[Finding, ...]
+    measured: tuple[Measured, ...]
     plots: tuple[Plot, ...] = ()
 
 
@@ -97,11 +71,6 @@ def median_interval(values: FloatArray) -> tuple[float, float, float]:
         return math.nan, math.nan, math.nan
     low, high = bootstrap_interval(known, lambda sample: float(np.median(sample)), seed=BOOTSTRAP_SEED, n_resamples=500)
     return float(np.median(known)), low, high
-
-
-def within(ours: float, paper: float, tolerance: float) -> str:
-    """`reproduced` if ours is within the tolerance of the paper's number, else `differs`."""
-    return "reproduced" if abs(ours - paper) <= tolerance + 1e-9 else "differs"
 
 
 def ordered(values: Sequence[float]) -> bool:

@@ -23,6 +23,18 @@ def check_format(file_format: str) -> None:
         raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(FORMATS)}")
 
 
+def check_matplotlib() -> None:
+    """Refuse to begin where nothing can be drawn.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+    """
+    from importlib.util import find_spec
+
+    if find_spec("matplotlib") is None:
+        raise UsageError("plots need matplotlib", hint="pip install 'cwcli[plots]'")
+
+
 def write_plots(
     plots: Sequence[Plot], folder: str, together: Together, *, paper: str, file_format: str, force: bool = False
 ) -> list[str]:
@@ -37,16 +49,20 @@ def write_plots(
         OutputError: A file can't be written.
     """
     check_format(file_format)
-    try:
-        import matplotlib as mpl
-    except ImportError as error:
-        raise UsageError("plots need matplotlib", hint="pip install 'cwcli[plots]'") from error
+    check_matplotlib()
+    import matplotlib as mpl
+
     mpl.use("Agg")
     mpl.rcParams["svg.hashsalt"] = "cwcli"  # the same input gives the same bytes
     return [_write(plot, paper, Path(folder), together, file_format, force) for plot in plots]
 
 
 STYLES: dict[str, dict[str, Any]] = {
+    "left": {"color": "tab:orange", "linewidth": 1.6},
+    "right": {"color": "tab:cyan", "linewidth": 1.6},
+    "true": {"color": "black"},
+    "path": {"color": "yellow", "linewidth": 1.8},
+    "actual": {"color": "black"},
     "measured": {"color": "0.75", "linewidth": 0.7},
     "our smoother": {"color": "tab:purple"},
     "our filter": {"color": "tab:red"},
@@ -69,8 +85,15 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
 
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
+    if plot.image is not None:
+        height, width = plot.image.shape
+        axes.imshow(plot.image, cmap="gray", vmin=0, vmax=255, extent=(0.0, width, 0.0, height), aspect="equal")
+    if plot.is_map:
+        axes.set_aspect("equal")
     for curve in plot.curves:
         style: dict[str, Any] = {"linewidth": 1.2, **STYLES.get(curve.label, {})}
+        if curve.is_points:
+            style |= {"linestyle": "", "marker": "o", "markersize": 3.0}
         (line,) = axes.plot(curve.x, curve.y, label=curve.label, **style)
         if np.isfinite(curve.dot_x):
             axes.plot(curve.dot_x, np.interp(curve.dot_x, curve.x, curve.y), "o", color=line.get_color(), markersize=5)
@@ -86,7 +109,8 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
         axes.set_xlim(plot.x_range)
     if plot.y_range is not None:
         axes.set_ylim(plot.y_range)
-    axes.grid(alpha=0.3)
+    if plot.image is None:
+        axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=min(len(axes.get_legend_handles_labels()[0]), 5), fontsize="small")
     sink = io.BytesIO()
     metadata = {"Date": None} if file_format == "svg" else {"Software": "cwcli"}

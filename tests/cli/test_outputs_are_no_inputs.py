@@ -22,7 +22,9 @@ from cwcli.cli.main import run
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
 from cwcli.metrics.table import Table
 from cwcli.pipeline.result import Summary
+from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import Curve, Plot
+from cwcli.reproduction.findings_report import Reproduction
 from cwcli.stages import STAGES
 
 ROOT = Path(__file__).parents[2]
@@ -224,7 +226,8 @@ def test_a_figure_is_no_input(
         Plot(name, "A line", "x", "y", (Curve("measured", np.arange(3.0), np.arange(3.0)),))
         for name in ("fig 1", "fig 2")
     ]
-    outcome = reproduce.Outcome(Summary("made", ()), Table("made", {"x": np.zeros(1)}), (), plots)
+    nothing = load_expectations("song2016")
+    outcome = Reproduction(nothing, (), tuple(plots), Table("made", {"x": np.zeros(1)}), Summary("made", ()))
     paper = dataclasses.replace(reproduce.PAPERS["song2016"], run=lambda request: outcome)
     monkeypatch.setitem(reproduce.PAPERS, "song2016", paper)
     (folder / "fig-2.png").hardlink_to(files["CONFIG"])

@@ -12,19 +12,34 @@ from tests.cli.conftest import Run
 
 
 def test_every_number_stands_beside_the_paper_s(cwcli: Run, tmp_path: Path) -> None:
-    done = cwcli("reproduce", "xiang2019", "--seeds", "20", "--json", "--metrics", "x.csv")
+    done = cwcli("reproduce", "xiang2019", "--seeds", "100", "--json", "--metrics", "x.csv")
     assert done.returncode == 0, done.stderr.decode()
     document = json.loads(done.stdout)
-    assert (document["paper"], document["seeds"], document["failed"]) == ("xiang2019", 20, [])
+    assert (document["paper"], document["seeds"], document["failed"]) == ("xiang2019", 100, [])
     sections = document["sections"]
     assert [row["range [m]"] for row in sections["figure_6"]] == [1.10, 3.20, 4.90, 9.30, 15.20]
-    assert [row["paper UKF"] for row in sections["table_1"]] == [1.91, 5.31, 3.12, 3.14, 2.61, 5.14, 4.33, 5.74]
-    assert [row["paper ms"] for row in sections["table_2"]] == [2.1, 5.9]
+    findings = {(row["figure"], row["what"]): row for row in document["findings"]}
+    cells = [
+        findings["table 1", f"{segment}, {axis}, UKF: mean square error"]
+        for segment in ("line", "arc", "weave", "turn")
+        for axis in "xy"
+    ]
+    assert [row["paper"] for row in cells] == [1.91, 5.31, 3.12, 3.14, 2.61, 5.14, 4.33, 5.74]
+    assert [findings["table 2", f"{name}: 500 samples"]["paper"] for name in ("UKF", "EKF")] == [2.1, 5.9]
     assert len(sections["verdict"]) >= 5
     with (tmp_path / "x.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    ukf = [row for row in rows if (row["figure"], row["row"], row["quantity"]) == ("table_1", "line x", "ukf")]
-    assert float(ukf[0]["value"]) == pytest.approx(sections["table_1"][0]["UKF"])
+        rows = {(row["figure"], row["what"]): row for row in csv.DictReader(stream)}
+    assert len(rows) == len(findings)
+    assert float(rows["table 1", cells[0]["what"]]["ours"]) == pytest.approx(cells[0]["ours"])
+
+
+def test_one_figure_alone(cwcli: Run, tmp_path: Path) -> None:
+    done = cwcli("reproduce", "xiang2019", "--only", "Fig7", "--only", "table_2", "--plots", "figures", "--json")
+    assert done.returncode == 0, done.stderr.decode()
+    document = json.loads(done.stdout)
+    assert {row["figure"] for row in document["findings"]} == {"table 2"}
+    assert {"fig_7", "table_2"} <= set(document["sections"])
+    assert [path.name for path in (tmp_path / "figures").iterdir()] == ["fig-7.png"]
 
 
 def test_fewer_seeds_give_the_same_numbers_again(cwcli: Run) -> None:
@@ -38,7 +53,8 @@ def test_fewer_seeds_give_the_same_numbers_again(cwcli: Run) -> None:
     [
         (("xiang2018",), b"xiang2019"),
         (("xiang2019", "--seeds", "1"), b"--seeds"),
-        (("xiang2019", "--plots", "a"), b"plots"),
+        (("xiang2019", "--only", "fig 99"), b"fig6"),
+        (("xiang2019", "--labelled", "a.mcap"), b"--labelled"),
     ],
 )
 def test_what_it_refuses(cwcli: Run, options: tuple[str, ...], said: bytes) -> None:

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.song2016 import STEP_S, trailing_slope
-from cwcli.reproduction.findings import Finding, Part, ordered, within
-from cwcli.reproduction.findings_report import exit_note, reproduction
+from cwcli.reproduction.classes import DIFFERS, FITTED, OPEN, WITHIN, Finding
+from cwcli.reproduction.expectations import load_expectations
+from cwcli.reproduction.findings import Part, ordered
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.prediction import Errors, horizon_part, prediction_errors, prediction_part
+from cwcli.reproduction.song2016.sensitivity import sensitivity_part
 from cwcli.reproduction.song2016.warning import (
-    PAPER_MOMENTS_S,
     TRAPS,
     Moments,
     false_warnings,
@@ -24,6 +25,10 @@ from cwcli.reproduction.song2016.warning import (
 from cwcli.simulation.scenario import load_scenario
 
 SEEDS = 6
+PAPER_MOMENTS_S = {
+    "rear-end": {"ideal": 3.5, "jerk": 3.6, "acceleration": 4.0, "speed": 4.5},
+    "intersection": {"ideal": 4.62, "jerk": 4.72, "acceleration": 4.80, "speed": 4.88},
+}
 
 
 def nothing() -> None:
@@ -35,8 +40,18 @@ def moments(request: pytest.FixtureRequest) -> tuple[str, Moments]:
     return request.param, warning_moments(request.param, SEEDS, nothing)
 
 
-def required(findings: tuple[Finding, ...]) -> list[Finding]:
-    return [finding for finding in findings if finding.is_required]
+def findings(part: Part) -> list[Finding]:
+    expected = load_expectations("song2016")
+    return [Finding(expected.row(each.figure, each.what), each) for each in part.measured]
+
+
+def failed(part: Part) -> list[str]:
+    return [f"{f.expected.what}: {f.measured.ours} is {f.reached}" for f in findings(part) if f.has_failed]
+
+
+def finding_of(part: Part, what: str) -> Finding:
+    [found] = [each for each in findings(part) if each.expected.what == what]
+    return found
 
 
 def test_warning_moments_are_the_papers_within_a_tenth(moments: tuple[str, Moments]) -> None:
@@ -46,22 +61,33 @@ def test_warning_moments_are_the_papers_within_a_tenth(moments: tuple[str, Momen
     assert found.ideal_s == pytest.approx(PAPER_MOMENTS_S[name]["ideal"], abs=0.1)
 
 
-def test_no_required_warning_finding_fails(moments: tuple[str, Moments]) -> None:
-    failed = [f"{f.what}: {f.ours}" for f in required(figure_part(*moments).findings) if f.has_failed]
-    assert not failed
+def test_the_claimed_classes_of_the_warnings_are_reached(moments: tuple[str, Moments]) -> None:
+    part = figure_part(*moments)
+    assert failed(part) == []
+    assert sum(each.reached == FITTED for each in findings(part)) == 5  # the ideal moment, three families, their order
+    assert [plot.figure for plot in part.plots] == (
+        ["fig 9", "fig 8"] if moments[0] == "rear-end" else ["fig 11", "fig 10"]
+    )
+
+
+def test_the_seed_that_is_shown_warns_in_every_family(moments: tuple[str, Moments]) -> None:
+    dots = [curve.dot_x for curve in figure_part(*moments).plots[0].curves]
+    assert np.isfinite(dots).all()
+    medians = [np.nanmedian(moments[1].by_method[family]) for family in ("speed", "acceleration", "jerk")]
+    np.testing.assert_allclose(dots, medians, atol=0.1)
 
 
 def test_control_comes_out_as_in_the_paper(moments: tuple[str, Moments]) -> None:
-    findings = required(control_part(*moments).findings)
-    assert len(findings) >= 1
-    assert not [f"{f.what}: {f.ours}" for f in findings if f.has_failed]
+    part = control_part(*moments)
+    assert failed(part) == []
+    assert sum(each.reached == FITTED for each in findings(part)) == (4 if moments[0] == "rear-end" else 1)
 
 
 @pytest.mark.parametrize("name", ["straight", "curve"])
 def test_order_of_the_families_in_figures_3_and_5(name: str) -> None:
-    findings = required(prediction_part(name, prediction_errors(name, SEEDS, nothing)).findings)
-    assert len(findings) == 2  # mean and maximum
-    assert not [f"{f.what}: {f.ours}" for f in findings if f.has_failed]
+    part = prediction_part(name, prediction_errors(name, SEEDS, nothing))
+    assert failed(part) == []
+    assert sum(each.reached == FITTED for each in findings(part)) == 2  # mean and maximum
 
 
 @pytest.mark.parametrize("name", TRAPS)
@@ -69,54 +95,55 @@ def test_default_rule_is_silent_in_the_traps(name: str) -> None:
     assert false_warnings(name, 3, nothing)["cwcli"] == 0
 
 
-@pytest.mark.parametrize(
-    ("ours", "papers", "verdict"), [(0, 3, "better"), (0, 0, "reproduced"), (1, 3, "worse"), (1, 0, "worse")]
-)
-def test_verdict_of_a_trap_follows_from_both_counts(ours: int, papers: int, verdict: str) -> None:
-    finding = trap_part("following", {"cwcli": ours, "song2016": papers}, 20).findings[0]
-    assert finding.verdict == verdict
-    assert finding.has_failed == (verdict == "worse")
+@pytest.mark.parametrize(("ours", "reached"), [(0, WITHIN), (1, DIFFERS)])
+def test_class_of_a_trap_follows_from_the_count(ours: int, reached: str) -> None:
+    part = trap_part("following", {"cwcli": ours, "song2016": 3}, 20)
+    finding = finding_of(part, "following: warnings in a hundred runs, our default")
+    assert finding.measured.ours == 5.0 * ours
+    assert (finding.reached, finding.has_failed) == (reached, ours > 0)
 
 
 @pytest.mark.parametrize(
-    ("ours_s", "verdict"),
-    [(3.55, "better"), (3.7, "reproduced"), (3.3, "reproduced"), (3.75, "worse"), (np.nan, "worse")],
+    ("ours_s", "reached", "is_failure"),
+    [(3.55, WITHIN, False), (3.7, WITHIN, False), (3.3, WITHIN, False), (3.75, DIFFERS, True), (np.nan, OPEN, True)],
 )
-def test_verdict_of_our_warning_follows_from_the_distance_to_the_ideal(ours_s: float, verdict: str) -> None:
+def test_class_of_our_warning_follows_from_the_distance_to_the_ideal(
+    ours_s: float, reached: str, is_failure: bool
+) -> None:
     """The ideal moment is 3.5 s, the jerk family warns at 3.7 s."""
     when = {"jerk": 3.7, "acceleration": 4.0, "speed": 4.5, "cwcli": ours_s, "cwcli-v2x": ours_s}
     moments = Moments(
         load_scenario("rear-end"),
-        "front",
+        "lead",
         3.5,
         {key: np.full(3, value) for key, value in when.items()},
         {},
         np.zeros(0),
     )
-    [finding] = [each for each in figure_part("rear-end", moments).findings if "our default, median" in each.what]
-    assert finding.verdict == verdict
+    part = figure_part("rear-end", moments)
+    finding = finding_of(part, "rear-end: our default farther from the ideal moment than jerk by")
+    assert (finding.reached, finding.has_failed) == (reached, is_failure)
 
 
-@pytest.mark.parametrize(("largest_m", "verdict"), [(7.9, "reproduced"), (3.6, "differs"), (9.0, "differs")])
-def test_verdict_of_figure_7_follows_from_its_number(largest_m: float, verdict: str) -> None:
+@pytest.mark.parametrize(
+    ("largest_m", "reached"), [(7.9, "reproduced"), (3.6, DIFFERS), (9.0, DIFFERS), (7.96, DIFFERS)]
+)
+def test_class_of_figure_7_follows_from_its_number(largest_m: float, reached: str) -> None:
     horizons = {2.1: np.ones(3), 2.5: np.ones(3), 2.9: np.full(3, largest_m)}
-    findings = horizon_part(Errors(np.zeros(0), {}, {}, {}, horizons, {})).findings
-    assert [each.verdict for each in findings] == ["reported", "reported", verdict]
+    part = horizon_part(Errors(np.zeros(0), {}, {}, {}, horizons, {}))
+    finding = finding_of(part, "straight: largest error of constant jerk, 2.9 s ahead")
+    assert (finding.reached, finding.has_failed) == (reached, False)  # it is claimed to differ
 
 
-def test_note_tells_the_exit_code_and_why() -> None:
-    nan = float("nan")
-    holds = Finding("fig 9", "moment", "s", 1.0, 1.0, nan, nan, "reproduced", is_required=True)
-    misses = Finding("fig 9", "order", "", 1.0, 0.0, nan, nan, "differs", is_required=True)
-    may_miss = Finding("fig 7", "level", "m", 7.9, 3.6, nan, nan, "differs")
-    assert exit_note([holds, may_miss]) == "exit code 0: all 1 findings that must hold do"
-    assert exit_note([holds, misses, may_miss]) == (
-        "exit code 1: 1 of 2 findings that must hold do not: fig 9, order: differs"
-    )
-    made = reproduction("song2016", [Part((holds, misses, may_miss))], "3 seeds")
-    assert made.summary.notes == ("3 seeds", exit_note(made.findings))
-    assert made.failed == (misses,)
-    assert [row[-1] for section in made.summary.sections for row in section.rows] == ["yes", "yes", ""]
+def test_the_bands_hold_the_moments_as_chosen_and_move_with_the_braking() -> None:
+    part, section = sensitivity_part("rear-end", 2)
+    bands = {each.what: each for each in part.measured}
+    jerk = bands["rear-end: band over the choices, warning, constant jerk, median"]
+    assert jerk.low < jerk.ours < jerk.high
+    by_choice = {row[0]: row[1:5] for row in section.rows}
+    early, late = (np.array(by_choice[f"braking begins at {at} s"], float) for at in ("3.35", "3.55"))
+    assert (early < late).all()
+    assert (late - early < 0.3).all()
 
 
 def test_trailing_slope_of_a_line_is_its_slope() -> None:
@@ -137,11 +164,6 @@ def test_first_below_by_hand() -> None:
     assert np.isnan(first_below(np.array([0.0, 1.0]), np.array([5.0, 2.5]), 2.5))
 
 
-def test_verdicts() -> None:
-    assert within(3.7, 3.6, 0.1) == "reproduced"
-    assert within(3.71, 3.6, 0.1) == "differs"
+def test_strictly_rising() -> None:
     assert ordered([1.0, 2.0, 3.0])
     assert not ordered([1.0, 1.0])
-    nan = float("nan")
-    assert Finding("fig 9", "", "s", 1.0, 2.0, nan, nan, "differs", is_required=True).has_failed
-    assert not Finding("fig 9", "", "s", 1.0, 2.0, nan, nan, "differs").has_failed

@@ -5,28 +5,35 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.reproduction.findings import Finding
-from cwcli.reproduction.song2016.estimation import LABELS, PAPER_CHANGE_PERCENT, PRINTED_NAMES, table1_part, table1_rows
+from cwcli.reproduction.classes import BETTER, DIFFERS, FITTED, Finding
+from cwcli.reproduction.expectations import load_expectations
+from cwcli.reproduction.song2016.estimation import LABELS, QUANTITIES, table1_part, table1_rows
 from cwcli.reproduction.song2016.methods import sense
 from cwcli.simulation.scenario import HOST, load_scenario
 
 N_SEEDS = 20
+PAPER_CHANGE_PERCENT = {"position": -75.0, "speed": -80.0, "heading": -79.0, "accel": -46.0, "yaw_rate": -57.0}
 
 
 @pytest.fixture(scope="module")
 def findings() -> dict[str, dict[tuple[str, str], Finding]]:
     """Scenario -> (method, quantity) -> finding."""
     found = {}
+    expected = load_expectations("song2016")
     for scenario in ("straight", "curve"):
-        by_text = {finding.what: finding for finding in table1_part(scenario, N_SEEDS, lambda: None).findings}
-        found[scenario] = {
-            (method, quantity): by_text[
-                f"{scenario}: change of the {PRINTED_NAMES.get(quantity, quantity)} error, {LABELS[method]}"
-            ]
-            for method in LABELS
-            for quantity in PAPER_CHANGE_PERCENT
+        by_text = {
+            each.what: Finding(expected.row("table 1", each.what), each)
+            for each in table1_part(scenario, N_SEEDS, lambda: None).measured
         }
-        assert len(by_text) == len(found[scenario]) == 20
+        assert not [what for what, finding in by_text.items() if finding.has_failed]
+        found[scenario] = {
+            (method, quantity): by_text[f"{scenario}: change of the {QUANTITIES[quantity]} error, {LABELS[method]}"]
+            for method in LABELS
+            for quantity in QUANTITIES
+        }
+        levels = [finding for what, finding in by_text.items() if "change" not in what]
+        assert [finding.reached for finding in levels] == [FITTED] * 5 + [BETTER] * 3 + [DIFFERS] * 2
+        assert len(by_text) == len(found[scenario]) + 10 == 30
     return found
 
 
@@ -39,9 +46,9 @@ def test_smoother_reduces_every_row_at_least_as_much_as_the_paper(
 ) -> None:
     """The upper end of the interval over the seeds, not only the mean."""
     row = findings["straight"]["smoothed", quantity]
-    assert row.paper == paper_percent
-    assert row.is_required
-    assert row.high <= paper_percent
+    assert row.expected.paper == (paper_percent, paper_percent)
+    assert row.expected.claim == row.reached == BETTER
+    assert row.measured.high <= paper_percent
 
 
 @pytest.mark.parametrize("scenario", ["straight", "curve"])
@@ -50,16 +57,16 @@ def test_causal_six_state_filter_reaches_the_papers_position_speed_and_heading(
 ) -> None:
     """Its acceleration and yaw rate depend on Q, which the paper does not give: docs/papers/song2016-estimation.md."""
     for quantity in ("position", "speed", "heading"):
-        assert findings[scenario]["song2016", quantity].high <= PAPER_CHANGE_PERCENT[quantity]
-    assert findings[scenario]["song2016", "accel"].high < 0.0
-    assert findings[scenario]["song2016", "yaw_rate"].high < 0.0
+        assert findings[scenario]["song2016", quantity].measured.high <= PAPER_CHANGE_PERCENT[quantity]
+    assert findings[scenario]["song2016", "accel"].measured.high < 0.0
+    assert findings[scenario]["song2016", "yaw_rate"].measured.high < 0.0
 
 
 def test_smoother_reaches_the_papers_rows_in_the_curve_too(
     findings: dict[str, dict[tuple[str, str], Finding]],
 ) -> None:
     for quantity, percent in PAPER_CHANGE_PERCENT.items():
-        assert findings["curve"]["smoothed", quantity].high <= percent
+        assert findings["curve"]["smoothed", quantity].measured.high <= percent
 
 
 def test_measured_column_is_the_papers() -> None:

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from cwcli.cli.main import run
+from cwcli.reproduction.classes import DIFFERS, OPEN, REPRODUCED, WITHIN, Finding
+from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.xiang2019 import report
+from cwcli.reproduction.xiang2019.figures import numbers
 from cwcli.reproduction.xiang2019.reproduce import FILTER, NOISE, PAPER_TABLE_1, reproduce, rows_of
-from cwcli.reproduction.xiang2019.sentences import exit_note, shortfalls, verdict
+from cwcli.reproduction.xiang2019.sentences import verdict
 from cwcli.simulation.dual_sensor import PAPER_RANGES_M, static_target
 from cwcli.tracking.single import run_filter
 
@@ -33,13 +36,20 @@ def test_table_1_of_the_paper_is_typed_right():
         assert np.mean(PAPER_TABLE_1[name]["y"]) == pytest.approx(y, abs=0.006)
 
 
-def test_figure_6_combining_is_better_than_either_sensor_at_all_five_ranges(small):
+def test_figure_6_combining_is_better_than_either_sensor_s_single_looks(small):
     table = small["figure_6"]
     assert table["range_m"] == list(PAPER_RANGES_M)
-    assert (column(table, "combined_high_m") < column(table, "lidar_error_m")).all()
     assert (column(table, "lidar_error_m") < column(table, "radar_error_m")).all()
-    assert (column(table, "lidar_gain_pct") > 20.0).all()  # the paper's lower ends
-    assert (column(table, "radar_gain_pct") > 50.0).all()
+    assert (column(table, "lidar_single_gain_pct") > 20.0).all()  # the paper's lower ends
+    assert (column(table, "radar_single_gain_pct") > 50.0).all()
+
+
+def test_figure_6_like_for_like_is_what_the_noises_say(small):
+    """Inverse-variance weights: sqrt(1 + (0.10 / 0.25)^2) = 1.077 for the lidar, the other way 2.69 for the radar."""
+    both = column(small["figure_6"], "combined_error_m").mean()
+    lidar, radar = (column(small["figure_6"], f"{sensor}_error_m").mean() for sensor in ("lidar", "radar"))
+    assert lidar / both == pytest.approx(np.sqrt(1 + (NOISE.lidar_m / NOISE.range_m) ** 2), rel=0.1)
+    assert radar / both == pytest.approx(np.sqrt(1 + (NOISE.range_m / NOISE.lidar_m) ** 2), rel=0.15)
 
 
 def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks():
@@ -101,7 +111,7 @@ FLIPS = {  # table, its columns' new values -> what was said before, what is sai
         "figure_6",
         {"lidar_gain_pct": [-3.0, 10.0, 10.0, 10.0, 10.0]},
         "combining lowers the error",
-        "combining does not always lower the error: lidar alone is -3 to 10 % worse (paper: 20 to 150 %)",
+        "combining does not always lower the error: four looks of the lidar alone are -3 to 10 % worse",
     ),
     "the UKF wins in table 1": (
         "table_1",
@@ -134,50 +144,85 @@ def flipped(tables, name, columns):
 def test_other_numbers_make_other_sentences(small, case):
     table, columns, before, after = FLIPS[case]
     calm = flipped(small, "table_2", {"filter": ["ukf", "ekf"], "time_ms": [0.2, 0.1]})  # whatever this machine does
+    calm = flipped(calm, "figure_6", {"lidar_gain_pct": [8.0] * 5})  # whatever few seeds do
     assert before in "\n".join(verdict(calm))
     said = "\n".join(verdict(flipped(calm, table, columns)))
     assert before not in said
     assert after in said
 
 
-WORSE = {  # table, columns -> what decides the exit code, what does not
-    "as it is": ("figure_6", {}, [], ["figure 6: both together"]),
-    "the level reached": ("figure_6", {"combined_error_m": [0.009] * 5}, [], []),
+CLASSES = {  # table, columns, the row -> its class, whether the exit code is 1
+    "as it is": ("figure_6", {}, "fig 6, 4.90 m: error of both together", DIFFERS, False),
+    "the level reached": (
+        "figure_6",
+        {"combined_error_m": [0.009] * 5},
+        "fig 6, 4.90 m: error of both together",
+        REPRODUCED,
+        False,
+    ),
+    "a gain of the paper's size": (
+        "figure_6",
+        {"lidar_gain_pct": [21.0] * 5},
+        "fig 6, 4.90 m: lidar alone is worse by, four looks averaged",
+        REPRODUCED,
+        False,
+    ),
     "a gain below the least": (
         "figure_6",
         {"radar_gain_pct": [49.0] * 5},
-        ["figure 6: the radar alone is only 49 % worse than both, the paper 50 %"],
-        ["figure 6: both together"],
+        "fig 6, 4.90 m: radar alone is worse by, four looks averaged",
+        DIFFERS,
+        True,
+    ),
+    "a single look's gain below the least": (
+        "figure_6",
+        {"lidar_single_gain_pct": [19.0] * 5},
+        "fig 6, 4.90 m: lidar alone is worse by, single look",
+        DIFFERS,
+        True,
     ),
     "a filter worse than the paper's UKF": (
         "table_1",
         {"ukf": [10.0] * 8},
-        ["table 1: mean square error of the UKF 10.00 per mille, the paper's UKF 3.91"],
-        ["figure 6: both together", *["table 1: "] * 8],
+        "table 1, mean of the eight cells, UKF: mean square error",
+        DIFFERS,
+        True,
     ),
-    "one cell worse": (
+    "no worse": (
         "table_1",
-        {"ekf": [1.0] * 8, "ukf": [1.92, *[1.0] * 7]},
-        [],
-        ["figure 6: both together", "table 1: line, x, UKF: 1.92 per mille, the paper 1.91"],
+        {"ukf": [3.9] * 8},
+        "table 1, mean of the eight cells, UKF: mean square error",
+        WITHIN,
+        False,
     ),
-    "too slow": ("table_2", {"time_ms": [3.0, 0.1]}, ["table 2: UKF 3.00 ms, the paper 2.1 ms"], ["figure 6: both"]),
+    "the paper's gap": (
+        "table_1",
+        {"gain_pct": [38.0] * 8},
+        "table 1, line, x: the UKF is better by",
+        REPRODUCED,
+        False,
+    ),
+    "too slow": ("table_2", {"time_ms": [3.0, 0.1]}, "table 2, UKF: 500 samples", DIFFERS, True),
+    "fast": ("table_2", {"time_ms": [2.0, 0.1]}, "table 2, UKF: 500 samples", OPEN, False),
+    "the other order": ("table_2", {"time_ms": [0.1, 0.2]}, "table 2, the UKF is the faster one", WITHIN, False),
 }
 
 
-@pytest.mark.parametrize("case", WORSE)
-def test_what_is_worse_than_the_papers_is_said_and_decides_where_it_says(small, case, monkeypatch, capsys):
-    table, columns, deciding, others = WORSE[case]
-    calm = flipped(small, "table_1", {"ekf": [1.0] * 8, "ukf": [1.0] * 8})
-    tables = flipped(calm, table, columns)
-    found = shortfalls(tables)
-    assert list(found.deciding) == deciding
-    assert len(found.others) == len(others)
-    assert all(line.startswith(start) for line, start in zip(found.others, others, strict=True))
-    monkeypatch.setattr(report, "reproduce", lambda n_seeds, progress: tables)
+@pytest.mark.parametrize("case", CLASSES)
+def test_classes_sentence_and_exit_code_follow_from_the_numbers(small, case, monkeypatch, capsys):
+    table, columns, row, reached, is_failure = CLASSES[case]
+    tables = flipped(small, "table_2", {"filter": ["ukf", "ekf"], "time_ms": [0.2, 0.1]})
+    tables = flipped(tables, "figure_6", {"lidar_gain_pct": [8.0] * 5, "radar_gain_pct": [170.0] * 5})
+    tables = flipped(tables, table, columns)
+    expected = load_expectations("xiang2019")
+    made = [Finding(expected.row(each.figure, each.what), each) for each in numbers(tables)]
+    [found] = [each for each in made if f"{each.expected.figure}, {each.expected.what}" == row]
+    assert (found.reached, found.has_failed) == (reached, is_failure)
+    monkeypatch.setattr(report, "reproduce", lambda n_seeds, progress, names: tables)
     code = run(["reproduce", "xiang2019"])
     said = " ".join(capsys.readouterr().err.split())
-    assert code == bool(deciding)
+    assert code == is_failure
     assert f"exit code {code}: " in said
-    assert exit_note(found) in said
-    assert all(line in said for line in found.others)
+    assert (f"{row}: {reached} instead of" in said) == is_failure
+    if reached != found.expected.claim and not is_failure:
+        assert f"{row}: {reached}, and {found.expected.claim} was expected" in said

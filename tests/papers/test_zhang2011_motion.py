@@ -1,31 +1,60 @@
 """The second half of zhang2011: the worked example, figures 14 to 16, and figures 17 to 19 on a few seeds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.reproduction.findings import Finding
+from cwcli.reproduction.classes import DIFFERS, FITTED, OPEN, REPRODUCED, Finding
+from cwcli.reproduction.expectations import load_expectations
+from cwcli.reproduction.findings import Part
 from cwcli.reproduction.zhang2011.drives import DRIVES, drive_part
-from cwcli.reproduction.zhang2011.motion import example_part, observers, run_errors, run_part, run_table
+from cwcli.reproduction.zhang2011.example import example_part, tables_part
+from cwcli.reproduction.zhang2011.motion import observers, run_errors, run_part, run_table
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
 
 CAR = load_vehicle()
 
 
-def failed(findings: tuple[Finding, ...]) -> list[str]:
-    return [f"{each.what}: {each.ours:.4g}" for each in findings if each.has_failed]
+def findings(part: Part) -> dict[str, Finding]:
+    expected = load_expectations("zhang2011")
+    made = [Finding(expected.row(each.figure, each.what), each) for each in part.measured]
+    assert [
+        f"{each.expected.what}: {each.measured.ours:.4g}" for each in made if each.has_failed or each.is_stale
+    ] == []
+    return {f"{each.expected.figure}, {each.expected.what}": each for each in made}
 
 
 def test_the_worked_example() -> None:
-    assert failed(example_part().findings) == []
+    found = findings(example_part())
+    assert found["eq 13, f(v) - 1 over v^2, half load"].reached == REPRODUCED
+    for state in ("v_y", "gamma", "y_L", "e_L"):
+        assert found[f"eq 22, blend of the two printed observers: {state}"].reached == REPRODUCED
+    for state, reached in (("v_y", FITTED), ("gamma", FITTED), ("y_L", DIFFERS), ("e_L", DIFFERS)):
+        assert found[f"eq 22, car at 88 km/h: {state}"].reached == reached
+    assert found["eq 22, observer of 80 km/h at 88 km/h: v_y"].reached == DIFFERS
+    assert {each.reached for name, each in found.items() if name.startswith("eq 17")} == {DIFFERS}
+
+
+def test_the_tables_and_the_worked_examples_of_the_search() -> None:
+    found = findings(tables_part())
+    bits = [each.measured.ours for name, each in found.items() if name.startswith("table 3")]
+    assert bits == [7, 8, 8, 23, 6, 7, 7, 20, 5, 5, 5, 15]
+    assert [found[f"eq 5, worked example: {letter}"].reached for letter in "abc"] == [REPRODUCED] * 3
 
 
 @pytest.mark.parametrize("figure", PAPER_RUNS)
 def test_simulated_runs(figure: str) -> None:
     part = run_part(figure)
-    assert failed(part.findings) == []
+    found = findings(part)
+    if figure == "fig 16":
+        assert found["fig 16, zhang2011, told half load: static error of v_y"].reached == DIFFERS
+        assert found["fig 16, zhang2011, told half load: static error of v_y"].measured.ours == pytest.approx(
+            22.4, abs=0.1
+        )
     assert [len(curve.x) for curve in part.plots[0].curves] == [len(part.plots[0].curves[0].x)] * 6
 
 
@@ -71,4 +100,17 @@ def test_the_linear_runs_are_exact() -> None:
 
 @pytest.mark.parametrize("figure", DRIVES)
 def test_drives(figure: str) -> None:
-    assert failed(drive_part(figure, 3).findings) == []
+    assert {each.reached for each in findings(drive_part(figure, 3)).values()} == {"within own bound", OPEN}
+
+
+def test_the_path_is_drawn_into_a_rendered_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(DRIVES, "fig 17", replace(DRIVES["fig 17"], duration_s=17.5))  # a little past the frame shown
+    plots = {plot.figure: plot for plot in drive_part("fig 17", 1, lane_method="zhang2011").plots}
+    assert set(plots) == {"fig 17 rendered", "fig 17b"}
+    shown = plots["fig 17b"]
+    assert shown.image is not None
+    assert shown.image.shape == (240, 320)
+    left, right, path = shown.curves
+    columns = [np.interp(80.0, curve.y, curve.x) for curve in (left, path, right)]
+    assert columns == sorted(columns)
+    assert (np.diff(path.y) > 0.0).all()  # away from the car is up

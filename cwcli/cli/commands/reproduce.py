@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,33 +20,15 @@ from cwcli.cli.report import print_result, print_written
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 
 if TYPE_CHECKING:
-    from cwcli.metrics.table import Table
-    from cwcli.pipeline.result import Summary
     from cwcli.reproduction.findings_report import Reproduction
 
 EXAMPLES = (
     "cwcli reproduce song2016",
+    "cwcli reproduce song2016 --only fig9 --only table1",
     "cwcli reproduce song2016 --seeds 20 --plots figures/ --json",
     "cwcli reproduce xiang2019 --metrics xiang2019.parquet",
-    "cwcli reproduce zhang2011 --frames 100 --seeds 5",
+    "cwcli reproduce zhang2011 --frames 100 --seeds 5 --labelled labelled.mcap",
 )
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a reproduction made.
-
-    Attributes:
-        summary: For people and `--json`.
-        table: Every number.
-        failed: What is worse than the paper's where it must not be.
-        plots: The redrawn figures, for `--plots`.
-    """
-
-    summary: Summary
-    table: Table
-    failed: Sequence[str]
-    plots: Sequence[Any] = ()
 
 
 @dataclass(frozen=True)
@@ -55,40 +39,39 @@ class Request:
         seeds: Of each scenario.
         jobs: Processes.
         frames: To judge in each set of rendered frames; 0 for a paper without them.
+        only: Figures and tables that are wanted; none: all.
+        labelled: A log with labelled frames, or None.
         tick: To be called with the name of each part that is done.
     """
 
     seeds: int
     jobs: int
     frames: int
+    only: tuple[str, ...]
+    labelled: Path | None
     tick: Callable[[str], None]
 
 
-Run = Callable[[Request], Outcome]
+Run = Callable[[Request], "Reproduction"]
 
 
-def _song2016(request: Request) -> Outcome:
+def _song2016(request: Request) -> Reproduction:
     from cwcli.reproduction.song2016.reproduce import ReproduceConfig, reproduce_song2016
 
-    return _outcome(reproduce_song2016(ReproduceConfig(request.seeds, request.jobs), request.tick))
+    return reproduce_song2016(ReproduceConfig(request.seeds, request.jobs, request.only), request.tick)
 
 
-def _xiang2019(request: Request) -> Outcome:
-    from cwcli.reproduction.xiang2019.report import report_xiang2019
+def _xiang2019(request: Request) -> Reproduction:
+    from cwcli.reproduction.xiang2019.report import ReproduceConfig, report_xiang2019
 
-    result = report_xiang2019(request.seeds, request.tick)
-    return Outcome(result.summary, result.table, result.failed)
+    return report_xiang2019(ReproduceConfig(request.seeds, request.only), request.tick)
 
 
-def _zhang2011(request: Request) -> Outcome:
+def _zhang2011(request: Request) -> Reproduction:
     from cwcli.reproduction.zhang2011.reproduce import ReproduceConfig, reproduce_zhang2011
 
-    return _outcome(reproduce_zhang2011(ReproduceConfig(request.seeds, request.frames, request.jobs), request.tick))
-
-
-def _outcome(result: Reproduction) -> Outcome:
-    failed = [f"{finding.figure}: {finding.what}" for finding in result.failed]
-    return Outcome(result.summary, result.table, failed, result.plots)
+    config = ReproduceConfig(request.seeds, request.frames, request.jobs, request.only, request.labelled)
+    return reproduce_zhang2011(config, request.tick)
 
 
 @dataclass(frozen=True)
@@ -98,25 +81,54 @@ class Paper:
     Attributes:
         run: Makes it.
         seeds: How many, unless the user says.
-        has_plots: It draws figures.
         frames: How many rendered frames of each set, unless the user says; 0: it has none.
+        has_labelled: It takes labelled frames.
     """
 
     run: Run
     seeds: int
-    has_plots: bool = False
     frames: int = 0
+    has_labelled: bool = False
 
 
 PAPERS: dict[str, Paper] = {
-    "song2016": Paper(_song2016, 100, has_plots=True),
+    "song2016": Paper(_song2016, 100),
     "xiang2019": Paper(_xiang2019, 1000),
-    "zhang2011": Paper(_zhang2011, 20, has_plots=True, frames=500),
+    "zhang2011": Paper(_zhang2011, 20, frames=500, has_labelled=True),
 }
 
 
 def _papers(incomplete: str) -> list[str]:
     return [name for name in PAPERS if name.startswith(incomplete)]
+
+
+def _figures(paper: str, only: list[str]) -> tuple[str, ...]:
+    """The figures and tables that `--only` names, as the expectations write them.
+
+    Raises:
+        UsageError: There is no such figure.
+    """
+    if not only:
+        return ()
+    from cwcli.reproduction.expectations import load_expectations
+
+    known = {_plain(name): name for name in load_expectations(paper).figures}
+    for text in only:
+        if _plain(text) not in known:
+            raise UsageError(f"{paper} has no '{text}'", hint=f"one of: {', '.join(known)}")
+    return tuple(known[_plain(text)] for text in only)
+
+
+def _findings(made: Reproduction) -> list[dict[str, str | float | bool | None]]:
+    """The findings with their numbers; what there is not is null."""
+    return [
+        {name: None if isinstance(cell, float) and not math.isfinite(cell) else cell for name, cell in record.items()}
+        for record in made.table.records()
+    ]
+
+
+def _plain(text: str) -> str:
+    return "".join(letter for letter in text.casefold() if letter.isalnum())
 
 
 def command(
@@ -153,12 +165,28 @@ def command(
         ),
     ] = None,
     plot_format: Annotated[str, typer.Option("--plot-format", metavar="NAME", help="png or svg.")] = "png",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only", metavar="FIGURE", show_default=False, help="This figure or table alone: fig9, table1; repeatable."
+        ),
+    ] = None,
+    labelled: Annotated[
+        str | None,
+        typer.Option(
+            "--labelled",
+            metavar="LOG",
+            show_default=False,
+            help="Real frames with labels of lanes in TuSimple's form, for zhang2011.",
+        ),
+    ] = None,
     metrics: MetricsOption = None,
     force: ForceOption = False,
 ) -> int:
     """Make a paper's tables and figures again and set ours beside the paper's.
 
-    The exit code is 1 if a number is worse than the paper's where it must not be.
+    Each number gets a class: reproduced, fitted, within own bound, better, differs or not determinable, with the
+    reason. The exit code is 1 if a class that is claimed is not reached.
     """
     entry = PAPERS.get(paper)
     if entry is None:
@@ -171,8 +199,9 @@ def command(
         raise UsageError(f"{paper} renders no frames", hint="leave out --frames")
     if frames is not None and frames < 1:
         raise UsageError("--frames must be at least 1")
-    if plots is not None and not entry.has_plots:
-        raise UsageError(f"{paper} draws no figures", hint="leave out --plots; --metrics writes every number")
+    if labelled is not None and not entry.has_labelled:
+        raise UsageError(f"{paper} looks at no frames", hint="leave out --labelled")
+    wanted = _figures(paper, only or [])
     from cwcli.metrics.table import check_table_name, write_table
     from cwcli.output import Together, check_targets, make_folder
 
@@ -180,23 +209,23 @@ def command(
         check_table_name(metrics)
     check_targets([metrics], [plots], force=force)
     if plots is not None:
-        from cwcli.reproduction.plots import check_format
+        from cwcli.reproduction.plots import check_format, check_matplotlib
 
         check_format(plot_format)
+        check_matplotlib()
     written: list[str] = []
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reproducing {paper}")
-        outcome = entry.run(Request(n_seeds, jobs, n_frames, progress.step))
+        where = None if labelled is None else Path(labelled)
+        made = entry.run(Request(n_seeds, jobs, n_frames, wanted, where, progress.step))
         with Together() as together:
             if plots is not None:
                 from cwcli.reproduction.plots import write_plots
 
                 make_folder(plots)
-                written += write_plots(
-                    outcome.plots, plots, together, paper=paper, file_format=plot_format, force=force
-                )
+                written += write_plots(made.plots, plots, together, paper=paper, file_format=plot_format, force=force)
             if metrics is not None:
-                write_table(outcome.table, metrics, force=force, together=together)
+                write_table(made.table, metrics, force=force, together=together)
                 written.append(metrics)
     console = Console(quiet=talk.quiet)
     if talk.json:
@@ -207,11 +236,12 @@ def command(
             "seeds": n_seeds,
             **({"frames": n_frames} if entry.frames else {}),
             "written": written,
-            "failed": list(outcome.failed),
-            **outcome.summary.to_json(),
+            "failed": [f"{each.expected.figure}: {each.expected.what}" for each in made.failed],
+            "findings": _findings(made),
+            **made.summary.to_json(),
         }
         console.data(json.dumps(document, indent=2, allow_nan=False))
     else:
-        print_result(console, outcome.summary)
+        print_result(console, made.summary)
         print_written(console, written)
-    return EXIT_GATE_FAILED if outcome.failed else EXIT_DONE
+    return EXIT_GATE_FAILED if made.failed else EXIT_DONE

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from cwcli.control.closed_loop import COLLISION_DISTANCE_M, RecordedMotion, Replay, driver_policy, fuzzy_policy, replay
-from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
+from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.findings import Curve, Part, Plot, median_interval
 from cwcli.reproduction.song2016.methods import FAMILIES
-from cwcli.reproduction.song2016.warning import OURS, Moments
-from cwcli.signals.columns import FloatArray
+from cwcli.reproduction.song2016.warning import OURS, Moments, typical_seed
 from cwcli.simulation.scenario import HOST, Scenario
 
 GRID_S = 0.01
 EXTRA_S = 6.0
 """The scenario ends with the collision; the car needs some seconds more to come to rest."""
 FIGURES = {"rear-end": ("fig 12", "fig 13"), "intersection": ("fig 14", "fig 15")}
+LARGEST = {
+    "rear-end": "the jerk model leaves a larger gap than acceleration",
+    "intersection": "the yaw-acceleration model keeps the largest distance",
+}
 LABELS = {family: f"constant {family}" for family in FAMILIES} | {OURS: "our default"}
 
 
@@ -32,14 +34,27 @@ def control_part(name: str, moments: Moments) -> Part:
     jerk = moments.by_method["jerk"]
     nothing = replay(host, other, np.array([np.inf]), fuzzy_policy)
     driver = replay(host, other, np.where(np.isnan(jerk), np.inf, jerk), driver_policy)
-    findings = _rear_end(outcomes) if name == "rear-end" else _intersection(outcomes)
     figure = FIGURES[name][0]
-    findings += [
-        _reported(figure, f"{name}: no action", nothing.min_distance_m),
-        _reported(figure, f"{name}: driver brakes 1.5 s after the jerk model's warning", driver.min_distance_m),
-        _reported(figure, f"{name}: our default", outcomes[OURS].min_distance_m),
+    measured = [
+        Measured(
+            figure, f"{name}: runs that collide, constant {family}", 100.0 * float(outcomes[family].collided.mean())
+        )
+        for family in FAMILIES
     ]
-    return Part(tuple(findings), _plots(name, outcomes, moments))
+    least = {f"constant {family}": outcomes[family].min_distance_m for family in FAMILIES}
+    least |= {
+        "our default": outcomes[OURS].min_distance_m,
+        "no action": nothing.min_distance_m,
+        "driver brakes 1.5 s after the jerk model's warning": driver.min_distance_m,
+    }
+    measured += [
+        Measured(figure, f"{name}: {what}, least distance, median", *median_interval(values))
+        for what, values in least.items()
+    ]
+    medians = {family: float(np.median(outcomes[family].min_distance_m)) for family in FAMILIES}
+    others = [medians["acceleration"]] if name == "rear-end" else [medians["acceleration"], medians["speed"]]
+    measured.append(Measured(figure, f"{name}: {LARGEST[name]}", float(medians["jerk"] > max(others))))
+    return Part(tuple(measured), _plots(name, outcomes, moments))
 
 
 def true_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
@@ -59,72 +74,11 @@ def true_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
     )
 
 
-def _rear_end(outcomes: dict[str, Replay]) -> list[Finding]:
-    """Constant speed collides, the other two don't, the jerk model keeps the larger gap."""
-    findings = []
-    for family in FAMILIES:
-        outcome = outcomes[family]
-        share = 100.0 * float(outcome.collided.mean())
-        expected = 100.0 if family == "speed" else 0.0
-        verdict = "reproduced" if abs(share - expected) <= 5.0 else "differs"
-        findings.append(
-            Finding(
-                "fig 12",
-                f"rear-end: runs that collide, constant {family}",
-                "%",
-                expected,
-                share,
-                math.nan,
-                math.nan,
-                verdict,
-                is_required=True,
-            )
-        )
-    findings += [_reported("fig 12", f"rear-end: constant {f}", outcomes[f].min_distance_m) for f in FAMILIES]
-    gaps = [float(np.median(outcomes[family].min_distance_m)) for family in ("acceleration", "jerk")]
-    findings.append(
-        _holds("fig 12", "rear-end: the jerk model leaves a larger gap than acceleration", gaps[1] > gaps[0])
-    )
-    return findings
-
-
-def _intersection(outcomes: dict[str, Replay]) -> list[Finding]:
-    """The yaw-acceleration model keeps the largest minimum distance."""
-    findings = [
-        Finding(
-            "fig 14",
-            f"intersection: runs that collide, constant {family}",
-            "%",
-            NOT_PRINTED,
-            100.0 * float(outcomes[family].collided.mean()),
-            math.nan,
-            math.nan,
-            "reported",
-        )
-        for family in FAMILIES
-    ]
-    findings += [_reported("fig 14", f"intersection: constant {f}", outcomes[f].min_distance_m) for f in FAMILIES]
-    medians = {family: float(np.median(outcomes[family].min_distance_m)) for family in FAMILIES}
-    largest = medians["jerk"] > max(medians["acceleration"], medians["speed"])
-    findings.append(_holds("fig 14", "intersection: the yaw-acceleration model keeps the largest distance", largest))
-    return findings
-
-
-def _holds(figure: str, what: str, holds: bool) -> Finding:
-    verdict = "reproduced" if holds else "differs"
-    return Finding(figure, what, "", 1.0, float(holds), math.nan, math.nan, verdict, is_required=True)
-
-
-def _reported(figure: str, what: str, values_m: FloatArray) -> Finding:
-    median, low, high = median_interval(values_m)
-    return Finding(figure, f"{what}, least distance, median", "m", NOT_PRINTED, median, low, high, "reported")
-
-
 def _plots(name: str, outcomes: dict[str, Replay], moments: Moments) -> tuple[Plot, ...]:
     """Distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
     distance, speed = FIGURES[name]
     when = np.column_stack([moments.by_method[method] for method in outcomes])
-    seed = _typical(when)
+    seed = typical_seed(when)
     shown = (moments.ideal_s - 1.0, moments.ideal_s + 6.0)
     first = next(iter(outcomes.values()))
     rows = (first.time_s >= shown[0]) & (first.time_s <= shown[1])
@@ -151,12 +105,3 @@ def _plots(name: str, outcomes: dict[str, Replay], moments: Moments) -> tuple[Pl
             x_range=shown,
         ),
     )
-
-
-def _typical(when_s: FloatArray) -> int:
-    """The seed (row) in which every method (column) warns and the moments are nearest to their medians; else 0."""
-    everywhere = np.isfinite(when_s).all(axis=1)
-    if not everywhere.any():
-        return 0
-    away_s = np.abs(when_s - np.nanmedian(when_s, axis=0)).sum(axis=1)
-    return int(np.where(everywhere, away_s, np.inf).argmin())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,7 +11,8 @@ from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import STEP_S
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import rollout
-from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval, ordered, within
+from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.findings import Curve, Part, Plot, median_interval, ordered
 from cwcli.reproduction.song2016.methods import (
     FAMILIES,
     HORIZON_S,
@@ -29,9 +29,6 @@ FIGURES = {"straight": "fig 3", "curve": "fig 5"}
 OURS = "cwcli"
 WARM_UP_S = 2.0
 """Earlier starts are left out: the filters have not settled, and no car is switched on just when it matters."""
-LARGEST_AT_2_9_S = 7.9
-PRINTED_TO_M = 0.05
-"""The paper prints tenths of a metre."""
 
 
 @dataclass(frozen=True)
@@ -96,32 +93,18 @@ def prediction_errors(name: str, n_seeds: int, tick: Callable[[], None]) -> Erro
 def prediction_part(name: str, errors: Errors) -> Part:
     """Figure 3 or 5: the order of the families, in the mean and in the maximum; our default beside them."""
     figure = FIGURES[name]
-    findings: list[Finding] = []
+    measured: list[Measured] = []
     medians: dict[str, list[float]] = {"mean": [], "largest": []}
     for method in ("jerk", "acceleration", "speed", OURS):
         label = "our default" if method == OURS else f"constant {method}"
         for kind, values in (("mean", errors.mean_m[method]), ("largest", errors.max_m[method])):
-            median, low, high = median_interval(values)
-            findings.append(
-                Finding(figure, f"{name}: {kind} error, {label}", "m", NOT_PRINTED, median, low, high, "reported")
-            )
+            found = median_interval(values)
+            measured.append(Measured(figure, f"{name}: {kind} error, {label}", *found))
             if method != OURS:
-                medians[kind].append(median)
+                medians[kind].append(found[0])
     for kind, values_m in medians.items():
-        holds = ordered(values_m)
-        findings.append(
-            Finding(
-                figure,
-                f"{name}: {kind} error: jerk below acceleration below speed",
-                "",
-                1.0,
-                float(holds),
-                math.nan,
-                math.nan,
-                "reproduced" if holds else "differs",
-                is_required=True,
-            )
-        )
+        what = f"{name}: {kind} error: jerk below acceleration below speed"
+        measured.append(Measured(figure, what, float(ordered(values_m))))
     labels = {family: f"constant {family}" for family in FAMILIES} | {OURS: "our default"}
     plot = Plot(
         figure,
@@ -130,18 +113,18 @@ def prediction_part(name: str, errors: Errors) -> Part:
         "error [m]",
         [Curve(labels[method], errors.time_s, values) for method, values in errors.example_m.items()],
     )
-    return Part(tuple(findings), (plot,))
+    return Part(tuple(measured), (plot,))
 
 
 def horizon_part(errors: Errors) -> Part:
     """Figure 7: the jerk model at three horizons, straight scenario."""
-    findings = []
-    for horizon, values in errors.horizon_max_m.items():
-        median, low, high = median_interval(values)
-        paper = LARGEST_AT_2_9_S if horizon == max(HORIZONS_S) else NOT_PRINTED
-        what = f"straight: largest error of constant jerk, {horizon:g} s ahead"
-        verdict = "reported" if math.isnan(paper) else within(median, paper, PRINTED_TO_M)
-        findings.append(Finding("fig 7", what, "m", paper, median, low, high, verdict))
+    measured = [
+        Measured("fig 7", f"straight: largest error of constant jerk, {horizon:g} s ahead", *median_interval(values))
+        for horizon, values in errors.horizon_max_m.items()
+    ]
+    growth = errors.horizon_max_m[HORIZONS_S[-1]] / errors.horizon_max_m[HORIZON_S]
+    what = f"straight: largest error {HORIZONS_S[-1]:g} s ahead over that {HORIZON_S:g} s ahead"
+    measured.append(Measured("fig 7", what, *median_interval(growth)))
     plot = Plot(
         "fig 7",
         "straight: position error of constant jerk at three horizons (first seed)",
@@ -149,7 +132,28 @@ def horizon_part(errors: Errors) -> Part:
         "error [m]",
         [Curve(f"{h:g} s", time_s, error_m) for h, (time_s, error_m) in errors.horizon_example_m.items()],
     )
-    return Part(tuple(findings), (plot,))
+    return Part(tuple(measured), (plot,))
+
+
+def path_part() -> Part:
+    """Figure 4: the way of the car in the curve, true, measured and filtered (seed 0)."""
+    run = sense(load_scenario("curve"), HOST, 0)
+    states = paper_states(run)
+    curves = [
+        Curve("measured", run.vectors[:, 0], run.vectors[:, 1]),
+        Curve("the paper's filter", states[:, 0], states[:, 1]),
+        Curve("true", run.truth[:, 0], run.truth[:, 1]),
+    ]
+    radius_m = run.truth[:, 2] / np.maximum(run.truth[:, 5], 1e-9)
+    in_curve = run.time_s[radius_m < 2.0 * radius_m.min()]
+    measured = (
+        Measured("fig 4", "curve: speed", float(run.truth[:, 2].mean())),
+        Measured("fig 4", "curve: radius", float(radius_m.min())),
+        Measured("fig 4", "curve: half of its curvature is reached at", float(in_curve[0])),
+        Measured("fig 4", "curve: half of its curvature is left at", float(in_curve[-1])),
+    )
+    title = "curve: the way of the car (first seed)"
+    return Part(measured, (Plot("fig 4", title, "east [m]", "north [m]", curves, is_map=True),))
 
 
 def _errors_at(

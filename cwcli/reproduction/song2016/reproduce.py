@@ -1,16 +1,18 @@
-"""Stage `reproduce song2016`: all of the paper's table and figures, on seeds 0, 1, 2, ..."""
+"""The study of song2016: all of the paper's table and figures, on seeds 0, 1, 2, ..."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
+from cwcli.pipeline.result import Section
 from cwcli.reproduction.findings import Part
 from cwcli.reproduction.findings_report import Reproduction, reproduction
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.estimation import table1_part
-from cwcli.reproduction.song2016.prediction import horizon_part, prediction_errors, prediction_part
+from cwcli.reproduction.song2016.prediction import horizon_part, path_part, prediction_errors, prediction_part
+from cwcli.reproduction.song2016.sensitivity import sensitivity_part
 from cwcli.reproduction.song2016.warning import TRAPS, false_warnings, figure_part, trap_part, warning_moments
 
 Tick = Callable[[str], None]
@@ -23,41 +25,55 @@ class ReproduceConfig:
     Attributes:
         seeds: Seeds per scenario of the warnings; table 1 and the prediction figures take at most 20 of them.
         jobs: Processes; the result does not depend on it.
+        only: Figures that are wanted; none: all.
     """
 
     seeds: int = 100
     jobs: int = 2
+    only: Collection[str] = ()
 
 
 MAX_SEEDS_OF_FIGURES = 20
+MADE_BY: dict[tuple[str, str], tuple[str, ...]] = {
+    ("traps", ""): ("traps",),
+    ("warnings", "rear-end"): ("fig 8", "fig 9", "fig 12", "fig 13"),
+    ("warnings", "intersection"): ("fig 10", "fig 11", "fig 14", "fig 15"),
+    ("sensitivity", "rear-end"): ("fig 9",),
+    ("sensitivity", "intersection"): ("fig 11",),
+    ("table 1", "straight"): ("table 1", "fig 1", "fig 2"),
+    ("table 1", "curve"): ("table 1",),
+    ("prediction", "straight"): ("fig 3", "fig 7"),
+    ("prediction", "curve"): ("fig 4", "fig 5"),
+}
+"""Task -> the figures and tables that it makes."""
 
 
 def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) -> Reproduction:
-    """Run the whole study. `tick` is called with the name of each part that is done."""
+    """Run the study. `tick` is called with the name of each part that is done."""
     few = min(config.seeds, MAX_SEEDS_OF_FIGURES)
-    tasks: list[tuple[str, str, int]] = [
-        *(("traps", trap, config.seeds) for trap in TRAPS),
-        *(("warnings", name, config.seeds) for name in ("rear-end", "intersection")),
-        *(("table 1", name, few) for name in ("straight", "curve")),
-        *(("prediction", name, few) for name in ("straight", "curve")),
+    tasks = [
+        (kind, each, few if kind in ("table 1", "prediction") else config.seeds)
+        for (kind, name), figures in MADE_BY.items()
+        if not config.only or set(config.only) & set(figures)
+        for each in (TRAPS if kind == "traps" else (name,))
     ]
-    parts: dict[tuple[str, str], list[Part]] = {}
+    made: list[tuple[list[Part], list[Section]]] = []
     if config.jobs > 1:
         with ProcessPoolExecutor(config.jobs) as pool:
             running = [(task, pool.submit(_run, *task)) for task in tasks]
             for task, future in running:
-                parts[task[:2]] = future.result()
+                made.append(future.result())
                 tick(f"{task[0]}: {task[1]}")
     else:
         for task in tasks:
-            parts[task[:2]] = _run(*task)
+            made.append(_run(*task))
             tick(f"{task[0]}: {task[1]}")
-    order = ("table 1", "prediction", "warnings", "traps")
-    chosen = [part for kind in order for key, found in parts.items() if key[0] == kind for part in found]
-    return reproduction("song2016", chosen, f"{config.seeds} seeds")
+    parts = [part for found, _ in made for part in found]
+    sections = [section for _, found in made for section in found]
+    return reproduction("song2016", parts, f"{config.seeds} seeds", sections=sections, only=config.only)
 
 
-def _run(kind: str, name: str, n_seeds: int) -> list[Part]:
+def _run(kind: str, name: str, n_seeds: int) -> tuple[list[Part], list[Section]]:
     """One task of the study, in a process of its own."""
 
     def nothing() -> None:
@@ -65,12 +81,15 @@ def _run(kind: str, name: str, n_seeds: int) -> list[Part]:
 
     match kind:
         case "table 1":
-            return [table1_part(name, n_seeds, nothing)]
+            return [table1_part(name, n_seeds, nothing)], []
         case "prediction":
             errors = prediction_errors(name, n_seeds, nothing)
-            return [prediction_part(name, errors), *([horizon_part(errors)] if name == "straight" else [])]
+            return [prediction_part(name, errors), horizon_part(errors) if name == "straight" else path_part()], []
         case "warnings":
             moments = warning_moments(name, n_seeds, nothing)
-            return [figure_part(name, moments), control_part(name, moments)]
+            return [figure_part(name, moments), control_part(name, moments)], []
+        case "sensitivity":
+            part, section = sensitivity_part(name, n_seeds)
+            return [part], [section]
         case _:
-            return [trap_part(name, false_warnings(name, n_seeds, nothing), n_seeds)]
+            return [trap_part(name, false_warnings(name, n_seeds, nothing), n_seeds)], []

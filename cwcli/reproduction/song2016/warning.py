@@ -8,18 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.estimation.song2016 import STEP_S
 from cwcli.metrics.intervals import poisson_interval
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.reproduction.findings import (
-    NOT_PRINTED,
-    Curve,
-    Finding,
-    Part,
-    Plot,
-    median_interval,
-    ordered,
-    within,
-)
+from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.findings import Curve, Part, Plot, median_interval, ordered
 from cwcli.reproduction.song2016.methods import (
     FAMILIES,
     HORIZON_S,
@@ -38,13 +31,9 @@ from cwcli.warning.rules import RULES
 from cwcli.warning.types import WarningConfig
 
 COLLISION_M = 2.5
-TOLERANCE_S = 0.1
 FINE_STEP_S = 0.001
-PAPER_MOMENTS_S = {
-    "rear-end": {"ideal": 3.5, "jerk": 3.6, "acceleration": 4.0, "speed": 4.5},
-    "intersection": {"ideal": 4.62, "jerk": 4.72, "acceleration": 4.80, "speed": 4.88},
-}
 FIGURES = {"rear-end": "fig 9", "intersection": "fig 11"}
+DRAWINGS = {"rear-end": "fig 8", "intersection": "fig 10"}
 OURS, OURS_ON_LINK = "cwcli", "cwcli-v2x"
 TRAPS = ("brake-and-release", "parallel-lanes", "near-miss-crossing", "following")
 
@@ -59,7 +48,7 @@ class Moments:
         ideal_s: `HORIZON_S` before the cars are nearer than `COLLISION_M`.
         by_method: Method -> shape (seeds,), NaN where it never warned. Methods: the families of the paper; `cwcli`, our
             default, which knows what the paper's chain knows when it knows it; `cwcli-v2x`, our default on messages.
-        example: Family -> predicted distance over time for the first seed, shape (n,).
+        distance_m: Family -> predicted distance over time, shape (seeds, n).
         time_s: Shape (n,).
     """
 
@@ -67,7 +56,7 @@ class Moments:
     other: str
     ideal_s: float
     by_method: dict[str, FloatArray]
-    example: dict[str, FloatArray]
+    distance_m: dict[str, FloatArray]
     time_s: FloatArray
 
 
@@ -76,7 +65,7 @@ def warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> Moment
     scenario = load_scenario(name)
     other = next(vehicle for vehicle in scenario.vehicles if vehicle != HOST)
     moments: dict[str, list[float]] = {method: [] for method in (*FAMILIES, OURS, OURS_ON_LINK)}
-    example: dict[str, FloatArray] = {}
+    distances: dict[str, list[FloatArray]] = {family: [] for family in FAMILIES}
     time_s = np.zeros(0)
     for seed in range(n_seeds):
         runs = [sense(scenario, vehicle, seed) for vehicle in (HOST, other)]
@@ -85,7 +74,7 @@ def warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> Moment
         for family in FAMILIES:
             host_xy, other_xy = (paper_points(own, family, HORIZON_S) for own in states)
             distance_m = np.hypot(*(host_xy - other_xy).T)
-            example.setdefault(family, distance_m)
+            distances[family].append(distance_m)
             moments[family].append(first_below(time_s, distance_m, COLLISION_M))
         host, partner = (known_exactly(run, vehicle) for vehicle, run in zip((HOST, other), runs, strict=True))
         moments[OURS].append(_first_default_warning_s(host, [partner], 0))
@@ -93,7 +82,8 @@ def warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> Moment
         moments[OURS_ON_LINK].append(_first_default_warning_s(host, others, scenario.start_ns))
         tick()
     arrays = {method: np.array(values) for method, values in moments.items()}
-    return Moments(scenario, other, collision_time_s(scenario, other) - HORIZON_S, arrays, example, time_s)
+    distance_m = {family: np.array(values) for family, values in distances.items()}
+    return Moments(scenario, other, collision_time_s(scenario, other) - HORIZON_S, arrays, distance_m, time_s)
 
 
 def first_below(time_s: FloatArray, distance_m: FloatArray, threshold_m: float) -> float:
@@ -122,100 +112,77 @@ def false_warnings(name: str, n_seeds: int, tick: Callable[[], None]) -> dict[st
 
 
 def figure_part(name: str, moments: Moments) -> Part:
-    """Figure 9 or 11 as findings and a plot."""
-    figure, paper = FIGURES[name], PAPER_MOMENTS_S[name]
-    findings = [_ideal(figure, paper["ideal"], moments.ideal_s)]
+    """Figure 9 or 11: the moments, and the predicted distances in a typical seed."""
+    figure = FIGURES[name]
+    measured = [Measured(figure, "ideal moment", moments.ideal_s)]
     medians: dict[str, float] = {}
     for family in FAMILIES:
-        median, low, high = median_interval(moments.by_method[family])
-        medians[family] = median
-        verdict = within(median, paper[family], TOLERANCE_S)
-        what = f"{name}: warning, constant {family}, median"
-        findings.append(Finding(figure, what, "s", paper[family], median, low, high, verdict, is_required=True))
+        found = median_interval(moments.by_method[family])
+        medians[family] = found[0]
+        measured.append(Measured(figure, f"{name}: warning, constant {family}, median", *found))
         silent = 100.0 * float(np.isnan(moments.by_method[family]).mean())
-        what = f"{name}: runs without a warning, constant {family}"
-        findings.append(Finding(figure, what, "%", NOT_PRINTED, silent, math.nan, math.nan, "reported"))
+        measured.append(Measured(figure, f"{name}: runs without a warning, constant {family}", silent))
     in_order = ordered([medians[family] for family in ("jerk", "acceleration", "speed")])
-    findings.append(
-        Finding(
-            figure,
-            f"{name}: jerk before acceleration before speed",
-            "",
-            1.0,
-            float(in_order),
-            math.nan,
-            math.nan,
-            "reproduced" if in_order else "differs",
-            is_required=True,
-        )
-    )
-    median, low, high = median_interval(moments.by_method[OURS])
-    nearer_s = abs(medians["jerk"] - moments.ideal_s) - abs(median - moments.ideal_s)
-    is_better, is_met = nearer_s > 1e-9, nearer_s >= -1e-9  # false for NaN
-    findings.append(
-        Finding(
-            figure,
-            f"{name}: warning, our default, median (bound: as near the ideal as jerk)",
-            "s",
-            NOT_PRINTED,
-            median,
-            low,
-            high,
-            "better" if is_better else "reproduced" if is_met else "worse",
-            is_required=True,
-        )
-    )
-    median, low, high = median_interval(moments.by_method[OURS_ON_LINK])
-    what = f"{name}: warning, our default over the V2X link, median"
-    findings.append(Finding(figure, what, "s", NOT_PRINTED, median, low, high, "reported"))
+    measured.append(Measured(figure, f"{name}: jerk before acceleration before speed", float(in_order)))
+    found = median_interval(moments.by_method[OURS])
+    measured.append(Measured(figure, f"{name}: warning, our default, median", *found))
+    farther_s = abs(found[0] - moments.ideal_s) - abs(medians["jerk"] - moments.ideal_s)
+    measured.append(Measured(figure, f"{name}: our default farther from the ideal moment than jerk by", farther_s))
+    found = median_interval(moments.by_method[OURS_ON_LINK])
+    measured.append(Measured(figure, f"{name}: warning, our default over the V2X link, median", *found))
+    seed = typical_seed(np.column_stack([moments.by_method[family] for family in FAMILIES]))
     plot = Plot(
         figure,
-        f"{name}: distance predicted {HORIZON_S:g} s ahead (first seed)",
+        f"{name}: distance predicted {HORIZON_S:g} s ahead, warnings as dots (seed {seed})",
         "time [s]",
         "predicted distance [m]",
         [
-            Curve(f"constant {family}", moments.time_s, values, float(moments.by_method[family][0]))
-            for family, values in moments.example.items()
+            Curve(f"constant {family}", moments.time_s, values[seed], float(moments.by_method[family][seed]))
+            for family, values in moments.distance_m.items()
         ],
         {"ideal moment": moments.ideal_s},
         ("collision", COLLISION_M),
         x_range=(moments.ideal_s - 2.5, moments.ideal_s + 2.5),
         y_range=(0.0, 30.0),
     )
-    return Part(tuple(findings), (plot,))
+    return Part(tuple(measured), (plot, _seen_from_above(name, moments)))
+
+
+def typical_seed(when_s: FloatArray) -> int:
+    """The seed (row) in which every method (column) warns and the moments are nearest to their medians; else 0."""
+    everywhere = np.isfinite(when_s).all(axis=1)
+    if not everywhere.any():
+        return 0
+    away_s = np.abs(when_s - np.nanmedian(when_s, axis=0)).sum(axis=1)
+    return int(np.where(everywhere, away_s, np.inf).argmin())
+
+
+def _seen_from_above(name: str, moments: Moments) -> Plot:
+    """Figure 8 or 10: the ways of the two cars until they collide; dots where they are at the ideal moment."""
+    time_s = np.arange(0.0, moments.ideal_s + HORIZON_S, STEP_S)
+    curves = []
+    for vehicle in (HOST, moments.other):
+        state = moments.scenario.vehicles[vehicle].motion.at(np.append(time_s, moments.ideal_s))
+        curves.append(Curve(vehicle, state[:-1, 0], state[:-1, 1]))
+        curves.append(Curve(f"{vehicle} at the ideal moment", state[-1:, 0], state[-1:, 1], is_points=True))
+    title = f"{name}: the ways of the two cars until they collide"
+    return Plot(DRAWINGS[name], title, "east [m]", "north [m]", curves, is_map=True)
 
 
 def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> Part:
-    """A trap as findings: our default must stay silent; it is better where the paper's rule does not."""
-    is_better = counts["song2016"] > 0
+    """A trap: our default must stay silent; the warnings of the paper's rule beside it."""
+    labels = {OURS: "our default", "song2016": "the paper's rule"}
     return Part(
-        (
-            Finding(
-                "trap",
-                f"{name}: warnings in {n_seeds} seeds, our default (bound 0)",
-                "",
-                NOT_PRINTED,
-                float(counts[OURS]),
-                *poisson_interval(counts[OURS]),
-                "worse" if counts[OURS] else "better" if is_better else "reproduced",
-                is_required=True,
-            ),
-            Finding(
-                "trap",
-                f"{name}: warnings in {n_seeds} seeds, the paper's rule",
-                "",
-                NOT_PRINTED,
-                float(counts["song2016"]),
-                *poisson_interval(counts["song2016"]),
-                "reported",
-            ),
+        tuple(
+            Measured(
+                "traps",
+                f"{name}: warnings in a hundred runs, {label}",
+                100.0 * counts[method] / n_seeds,
+                *(100.0 * bound / n_seeds for bound in poisson_interval(counts[method])),
+            )
+            for method, label in labels.items()
         )
     )
-
-
-def _ideal(figure: str, paper_s: float, ours_s: float) -> Finding:
-    verdict = within(ours_s, paper_s, TOLERANCE_S)
-    return Finding(figure, "ideal moment", "s", paper_s, ours_s, math.nan, math.nan, verdict, is_required=True)
 
 
 def _first_default_warning_s(host: Known, others: Sequence[Known], start_ns: int) -> float:

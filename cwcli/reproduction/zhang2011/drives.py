@@ -20,12 +20,17 @@ from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
-from cwcli.reproduction.findings import NOT_PRINTED, Curve, Finding, Part, Plot, median_interval
-from cwcli.reproduction.zhang2011.rendered import Look, sense_rendered
+from cwcli.prediction.paths import Paths
+from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.findings import Curve, Part, Plot, median_interval
+from cwcli.reproduction.zhang2011.pictures import picture
+from cwcli.reproduction.zhang2011.rendered import Look, RenderedDrive, sense_rendered
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.lane_camera import SensedDrive, sense_lane
 from cwcli.simulation.lane_drive import STEP_S, Road, Runs, Truth, drive_lane
+from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.method import LaneFit
 
 HORIZON_S = 2.0
 FRAMES_OF_TRACK = 20
@@ -59,19 +64,6 @@ DRIVES: dict[str, Drive] = {
     "fig 19": Drive("full", 70.0, 0.18),
 }
 
-BOUNDS: dict[str, dict[str, tuple[str, float]]] = {
-    "camera and speed": {
-        "yaw rate, RMSE": ("deg/s", 1.0),
-        "v_y, RMSE": ("m/s", 0.10),
-        "path at 2 s, median error": ("m", 0.6),
-    },
-    "with a gyroscope": {
-        "yaw rate, RMSE": ("deg/s", 0.2),
-        "v_y, RMSE": ("m/s", 0.08),
-        "path at 2 s, median error": ("m", 0.35),
-    },
-}
-BAND = (0.85, 0.95)
 TRACK = "track over 2 s, median error"
 BAND_NAME = "share of the truth in the 90 % band at 2 s"
 
@@ -108,30 +100,55 @@ def drive_part(
     truth = drive_lane(ROAD, half.loaded(drive.load), runs, seed=0)
     values: dict[str, dict[str, list[float]]] = {name: {} for name in methods()}
     curves: list[Curve] = []
+    pictures: list[Plot] = []
     for run in range(n):
+        rendered = None
         if lane_method is None:
             sensed = sense_lane(truth, run, ROAD, half, seed=run)
         else:
             look = Look(rate_hz=FRAME_HZ)
-            sensed = sense_rendered(truth, run, ROAD, half, look=look, method=lane_method, seed=run).sensed
+            rendered = sense_rendered(truth, run, ROAD, half, look=look, method=lane_method, seed=run)
+            sensed = rendered.sensed
         for name, (config, model, with_gyro) in methods().items():
             track = observe(sensed.lanes, sensed.speed, half, config, yaw_rate=sensed.yaw_rate if with_gyro else None)
             paths = calibrate_paths(lateral_paths(track, half, LateralPathConfig(model=model)), track)
             found = drive_errors(truth, run, sensed, track, (paths.x_m, paths.y_m), paths.position_covariance_m2)
             for what, value in found.items():
                 values[name].setdefault(what, []).append(value)
+            if run == 0 and rendered is not None and not with_gyro and name != "zhang2011":
+                pictures.append(_path_picture(figure, rendered, paths))
             if run == 0:
                 curves.append(_track_curve(name, track, truth, sensed, run))
         if run == 0:
             curves[:0] = _road_curves(truth, sensed, run)
         tick()
-    findings = [
-        _finding(figure, name, what, np.array(found), seen)
+    measured = [
+        Measured(figure, f"{seen}{name}: {what}", *median_interval(np.array(found)))
         for name, each in values.items()
         for what, found in each.items()
     ]
     title = f"{drive.load} load, from {drive.start_kmh:g} km/h at {drive.accel_mps2:g} m/s^2: 2 s of the first seed"
-    return Part(tuple(findings), (Plot(f"{figure} rendered" if seen else figure, title, "x [m]", "y [m]", curves),))
+    track_plot = Plot(f"{figure} rendered" if seen else f"{figure}a", title, "x [m]", "y [m]", curves)
+    return Part(tuple(measured), (track_plot, *pictures))
+
+
+def _boundary(abc: FloatArray) -> Boundary:
+    a, b, c = abc.tolist()
+    return Boundary(a, b, c, np.nan, np.nan, True) if np.isfinite(c) else NOT_FOUND
+
+
+def _path_picture(figure: str, rendered: RenderedDrive, paths: Paths) -> Plot:
+    """Figure 17b, 18b or 19b: a frame with its boundaries and the path of the next 2 s."""
+    k = EXAMPLE_FRAME
+    camera = rendered.drive.camera
+    x_m, y_m = paths.x_m[k] - load_vehicle().camera_forward_m, paths.y_m[k]
+    u, v = camera.project(x_m, y_m, np.zeros(len(x_m)))
+    inside = (u >= 0) & (u < camera.width_px) & (v >= 0) & (v < camera.height_px)
+    path = Curve("path", u[inside] + 0.5, camera.height_px - 0.5 - v[inside])
+    left, right = (_boundary(rendered.fits.parabolas[k, side]) for side in range(2))
+    fit = LaneFit(left, right)
+    title = f"the path of the next {HORIZON_S:g} s"
+    return picture(f"{figure}b", title, rendered.drive.frame(k), fit, (path,))
 
 
 def drive_errors(
@@ -207,19 +224,3 @@ def _road_curves(truth: Truth, sensed: SensedDrive, run: int) -> list[Curve]:
         Curve("left", centre_x - half * np.sin(along), centre_y + half * np.cos(along)),
         Curve("right", centre_x + half * np.sin(along), centre_y - half * np.cos(along)),
     ]
-
-
-def _finding(figure: str, name: str, what: str, values: FloatArray, seen: str) -> Finding:
-    median, low, high = median_interval(values)
-    bounds, label = BOUNDS.get(name, {}), f"{seen}{name}"
-    if what in bounds:
-        unit, bound = bounds[what]
-        verdict = "reproduced" if median <= bound else "worse"
-        text = f"{label}: {what} (bound {bound:g} {unit})"
-        return Finding(figure, text, unit, NOT_PRINTED, median, low, high, verdict, is_required=True)
-    if what == BAND_NAME and bounds:
-        verdict = "reproduced" if BAND[0] <= median <= BAND[1] else "differs"
-        text = f"{label}: {what} (bound {BAND[0]:g} to {BAND[1]:g})"
-        return Finding(figure, text, "", NOT_PRINTED, median, low, high, verdict, is_required=True)
-    unit = {"yaw rate, RMSE": "deg/s", "v_y, RMSE": "m/s", BAND_NAME: ""}.get(what, "m")
-    return Finding(figure, f"{label}: {what}", unit, NOT_PRINTED, median, low, high, "reported")

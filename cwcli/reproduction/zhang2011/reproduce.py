@@ -1,17 +1,22 @@
-"""Stage `reproduce zhang2011`: the lanes on rendered drives, then the car's motion."""
+"""The study of zhang2011: the lanes on rendered drives, then the car's motion."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 from cwcli.reproduction.findings import Part
 from cwcli.reproduction.findings_report import Reproduction, reproduction
 from cwcli.reproduction.zhang2011.drives import DRIVES, drive_part
+from cwcli.reproduction.zhang2011.example import example_part, tables_part
+from cwcli.reproduction.zhang2011.labelled import FIGURE as LABELLED
+from cwcli.reproduction.zhang2011.labelled import labelled_part
 from cwcli.reproduction.zhang2011.lanes import lane_study
-from cwcli.reproduction.zhang2011.motion import example_part, run_part
+from cwcli.reproduction.zhang2011.motion import run_part
+from cwcli.reproduction.zhang2011.pictures import RATES, rates_part, roads_part
 from cwcli.simulation.single_track import PAPER_RUNS
 from cwcli.vision.methods import DEFAULT_METHOD
 
@@ -19,6 +24,7 @@ FRAMES = 500
 """Of each set."""
 FRAMES_PER_DRIVE = 250
 """Figures 17 to 19 are also rendered: one drive each for so many frames of a set, about as much work."""
+LANES = ("conclusion 1", "table 4")
 
 
 @dataclass(frozen=True)
@@ -29,11 +35,15 @@ class ReproduceConfig:
         seeds: Runs of each of the drives of figures 17 to 19.
         frames: To judge in each rendered set; with fewer, fewer of the drives are rendered too.
         jobs: Processes; the numbers don't depend on it.
+        only: Figures that are wanted; none: all.
+        labelled: A log with labelled frames, or None.
     """
 
     seeds: int = 20
     frames: int = FRAMES
     jobs: int = 2
+    only: Collection[str] = ()
+    labelled: Path | None = None
 
     @property
     def n_rendered(self) -> int:
@@ -42,25 +52,42 @@ class ReproduceConfig:
 
 
 def reproduce_zhang2011(config: ReproduceConfig, tick: Callable[[str], None] = lambda what: None) -> Reproduction:
-    """Run the whole study. `tick` is called with the name of each part that is done."""
-    study = lane_study(config.frames, jobs=config.jobs, tick=tick)
-    parts = [study.part, *_motion(config, tick)]
-    note = f"{study.n_judged} frames of each set, {config.seeds} seeds, {config.n_rendered} of them rendered"
-    return reproduction("zhang2011", parts, note, sections=(study.times,))
+    """Run the study. `tick` is called with the name of each part that is done."""
+    parts: list[Part] = []
+    note = f"{config.seeds} seeds, {config.n_rendered} of them rendered"
+    if _is_wanted(config, LANES):
+        study = lane_study(config.frames, jobs=config.jobs, tick=tick)
+        parts += [study.part, study.times]
+        note = f"{study.n_judged} frames of each set, {note}"
+    parts += _others(config, tick)
+    notes = [] if config.labelled else ["labelled frames: not given (--labelled LOG)"]
+    return reproduction("zhang2011", parts, note, notes=notes, only=config.only)
 
 
-def _motion(config: ReproduceConfig, tick: Callable[[str], None]) -> list[Part]:
-    tasks: dict[str, Callable[[], Part]] = {"worked example": example_part}
-    tasks |= {figure: partial(run_part, figure) for figure in PAPER_RUNS}
+def _is_wanted(config: ReproduceConfig, figures: Collection[str]) -> bool:
+    return not config.only or not set(config.only).isdisjoint(figures)
+
+
+def _others(config: ReproduceConfig, tick: Callable[[str], None]) -> list[Part]:
+    """All but the shares of frames; what takes longest first."""
+    tasks: dict[str, tuple[tuple[str, ...], Callable[[], Part]]] = {}
     for figure in DRIVES:
-        tasks[figure] = partial(drive_part, figure, config.seeds)
         if config.n_rendered:
             rendered = partial(drive_part, figure, config.n_rendered, lane_method=DEFAULT_METHOD)
-            tasks[f"{figure}, rendered"] = rendered
+            tasks[f"{figure}, rendered"] = (figure,), rendered
+        tasks[figure] = (figure,), partial(drive_part, figure, config.seeds)
+    tasks["search"] = tuple(RATES), rates_part
+    tasks["roads"] = ("fig 9", "fig 10"), roads_part
+    tasks["tables"] = ("table 1", "table 2", "table 3", "table 4", "table 5", "eq 5"), tables_part
+    tasks["worked example"] = ("eq 13", "fig 13", "eq 17", "eq 22"), example_part
+    tasks |= {figure: ((figure,), partial(run_part, figure)) for figure in PAPER_RUNS}
+    if config.labelled is not None:
+        tasks[LABELLED] = (LABELLED,), partial(labelled_part, config.labelled)
+    wanted = {name: task for name, (figures, task) in tasks.items() if _is_wanted(config, figures)}
     if config.jobs == 1:
-        return [_done(name, task(), tick) for name, task in tasks.items()]
+        return [_done(name, task(), tick) for name, task in wanted.items()]
     with ProcessPoolExecutor(config.jobs) as pool:
-        running = {name: pool.submit(task) for name, task in tasks.items()}
+        running = {name: pool.submit(task) for name, task in wanted.items()}
         return [_done(name, future.result(), tick) for name, future in running.items()]
 
 

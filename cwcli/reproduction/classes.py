@@ -1,0 +1,143 @@
+"""The classes of a compared number, and which of them a number gets by itself and its expectation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+REPRODUCED = "reproduced"
+FITTED = "fitted"
+WITHIN = "within own bound"
+BETTER = "better"
+DIFFERS = "differs"
+OPEN = "not determinable"
+CLASSES: dict[str, str] = {
+    REPRODUCED: "the paper's number, within the tolerance, on inputs that were not fitted to it",
+    FITTED: "it holds on inputs that were chosen so that it holds",
+    WITHIN: "within a bound of our own; the paper prints no number",
+    BETTER: "better than the paper's number by more than the tolerance",
+    DIFFERS: "another number than the paper's, or outside our own bound",
+    OPEN: "there is nothing to compare with",
+}
+"""Class -> what it says, in the order of the tables."""
+BINDING = frozenset({REPRODUCED, FITTED, WITHIN, BETTER})
+"""Who claims one of these must reach it, or the exit code is 1."""
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One number of ours.
+
+    Attributes:
+        figure: Where it stands in the paper: `table 1`, `fig 9`.
+        what: Which quantity, of which method; with `figure` the key of its expectation.
+        ours: Mean or median over the seeds, as `what` says; NaN where there is none.
+        low, high: 95 % interval of `ours` over the seeds; NaN where nothing in it is random.
+    """
+
+    figure: str
+    what: str
+    ours: float
+    low: float = math.nan
+    high: float = math.nan
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What is expected of one number, from the file `PAPER/expectations.toml`.
+
+    Attributes:
+        figure, what: As in `Measured`.
+        unit: Of the number, "" for a share or a yes (1) or no (0).
+        claim: The class that it should get, a key of `CLASSES`.
+        paper: Least and largest of the paper's number, equal where it prints one; None where it prints none.
+        says: What the paper says, where it is no number, "" else.
+        tolerance: How far from `paper` ours may be.
+        better: `lower` or `higher`: which numbers are better than the paper's; "" where none is.
+        at_least, at_most: Our own bound; infinite where there is none.
+        fit: Key of the fit: which inputs were chosen so that this holds; "" where none were.
+        why: Key of the reason, "" where none is needed.
+        is_comparable: False: the paper's number was measured on something that cannot be had (its computer, its road).
+    """
+
+    figure: str
+    what: str
+    unit: str
+    claim: str
+    paper: tuple[float, float] | None = None
+    says: str = ""
+    tolerance: float = 0.0
+    better: str = ""
+    at_least: float = -math.inf
+    at_most: float = math.inf
+    fit: str = ""
+    why: str = ""
+    is_comparable: bool = True
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether there is a bound of our own."""
+        return math.isfinite(self.at_least) or math.isfinite(self.at_most)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A number beside what is expected of it."""
+
+    expected: Expectation
+    measured: Measured
+
+    @property
+    def reached(self) -> str:
+        """The class that the number has, a key of `CLASSES`."""
+        row, ours = self.expected, self.measured.ours
+        if math.isnan(ours):
+            return OPEN
+        if not self._keeps_bound or (row.paper is not None and row.is_comparable and not self._is_near):
+            return BETTER if self._keeps_bound and self._is_better else DIFFERS
+        if not row.is_comparable or (row.paper is None and not row.is_bounded):
+            return OPEN
+        if row.fit:
+            return FITTED
+        return WITHIN if row.paper is None else REPRODUCED
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether a class is claimed that is not reached, or our own bound is not kept."""
+        claim, reached = self.expected.claim, self.reached
+        if not self._keeps_bound:
+            return claim != DIFFERS
+        may_be = {claim, BETTER} if claim in {REPRODUCED, FITTED} else {claim}
+        return claim in BINDING and reached not in may_be
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether the class is another one than is claimed, without being a failure."""
+        return not self.has_failed and self.reached != self.expected.claim
+
+    @property
+    def _keeps_bound(self) -> bool:
+        row, ours = self.expected, self.measured.ours
+        if not row.is_bounded:
+            return True
+        return row.at_least - ROUNDING <= ours <= row.at_most + ROUNDING  # false for NaN
+
+    @property
+    def _is_near(self) -> bool:
+        row, ours = self.expected, self.measured.ours
+        if row.paper is None:
+            return False
+        return row.paper[0] - row.tolerance - ROUNDING <= ours <= row.paper[1] + row.tolerance + ROUNDING
+
+    @property
+    def _is_better(self) -> bool:
+        """Better with the whole of its interval."""
+        row, measured = self.expected, self.measured
+        if row.paper is None or not row.is_comparable:
+            return False
+        if row.better == "lower":
+            return (measured.ours if math.isnan(measured.high) else measured.high) < row.paper[0]
+        if row.better == "higher":
+            return (measured.ours if math.isnan(measured.low) else measured.low) > row.paper[1]
+        return False

@@ -1,0 +1,169 @@
+"""xiang2019 as numbers beside the paper's, and its figures 5 to 8 redrawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.findings import Curve, Part, Plot
+from cwcli.reproduction.xiang2019.reproduce import (
+    FILTER,
+    N_LOOKS,
+    N_SEGMENT,
+    NOISE,
+    STATIC_NOISE,
+    Table,
+    rows_of,
+)
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.dual_sensor import PAPER_RANGES_M, SEGMENTS, segment_truth, static_target, watch
+from cwcli.tracking.config import FILTERS
+from cwcli.tracking.single import run_filter
+
+SENSORS = ("lidar", "radar")
+FIGURE_OF = {"ekf": "fig 7", "ukf": "fig 8"}
+
+
+def numbers(tables: Mapping[str, Table]) -> tuple[Measured, ...]:
+    """The numbers of all tables that the paper has something to say of, and the map of where a UKF pays."""
+    measured: list[Measured] = []
+    for name, make in MAKERS.items():
+        if name in tables:
+            measured += make(tables[name])
+    return tuple(measured)
+
+
+def _figure_6(table: Table) -> list[Measured]:
+    measured = []
+    for k, range_m in enumerate(_column(table, "range_m")):
+        at = f"{range_m:.2f} m"
+        low, high = (float(_column(table, f"combined_{end}_m")[k]) for end in ("low", "high"))
+        measured.append(
+            Measured("fig 6", f"{at}: error of both together", float(_column(table, "combined_error_m")[k]), low, high)
+        )
+        for sensor in SENSORS:
+            for kind, text in (("gain", "four looks averaged"), ("single_gain", "single look")):
+                gain = float(_column(table, f"{sensor}_{kind}_pct")[k])
+                measured.append(Measured("fig 6", f"{at}: {sensor} alone is worse by, {text}", gain))
+    return measured
+
+
+def _table_1(table: Table) -> list[Measured]:
+    measured = []
+    for k, (segment, axis) in enumerate(zip(table["segment"], table["axis"], strict=True)):
+        for name in FILTERS:
+            value = float(_column(table, name)[k])
+            measured.append(Measured("table 1", f"{segment}, {axis}, {name.upper()}: mean square error", value))
+        gain, low, high = (float(_column(table, f"gain{end}_pct")[k]) for end in ("", "_low", "_high"))
+        measured.append(Measured("table 1", f"{segment}, {axis}: the UKF is better by", gain, low, high))
+    for name in FILTERS:
+        values = _column(table, name)
+        for axis in "xy":
+            mean = float(values[np.array(table["axis"]) == axis].mean())
+            measured.append(Measured("table 1", f"mean, {axis}, {name.upper()}: mean square error", mean))
+        what = f"mean of the eight cells, {name.upper()}: mean square error"
+        measured.append(Measured("table 1", what, float(values.mean())))
+    return measured
+
+
+def _table_2(table: Table) -> list[Measured]:
+    times = dict(zip(map(str, table["filter"]), _column(table, "time_ms"), strict=True))
+    measured = [Measured("table 2", f"{name.upper()}: 500 samples", float(times[name])) for name in ("ukf", "ekf")]
+    measured.append(Measured("table 2", "the UKF is the faster one", float(times["ukf"] < times["ekf"])))
+    return measured
+
+
+def _where(table: Table) -> list[Measured]:
+    gain, low, high = (_column(table, f"gain{end}_pct") for end in ("", "_low", "_high"))
+    return [
+        Measured(
+            "where", f"{scene}, {sigma:g} deg: the UKF is better by", *(float(each[k]) for each in (gain, low, high))
+        )
+        for k, (scene, sigma) in enumerate(zip(table["scene"], _column(table, "azimuth_sigma_deg"), strict=True))
+    ]
+
+
+def _looks(table: Table) -> list[Measured]:
+    value, low, high = (_column(table, name) for name in ("error_m", "low_m", "high_m"))
+    return [
+        Measured(
+            "where",
+            f"4.90 m, {looks:g} looks of each: error of both together",
+            *(float(e[k]) for e in (value, low, high)),
+        )
+        for k, looks in enumerate(_column(table, "looks"))
+    ]
+
+
+def _settings(table: Table) -> list[Measured]:
+    return [
+        Measured("where", f"process noise {noise:g}, {name.upper()}: mean square error", float(_column(table, name)[k]))
+        for k, noise in enumerate(_column(table, "process_noise"))
+        for name in FILTERS
+    ]
+
+
+MAKERS = {
+    "figure_6": _figure_6,
+    "table_1": _table_1,
+    "table_2": _table_2,
+    "where": _where,
+    "looks": _looks,
+    "settings": _settings,
+}
+
+
+def looks_part() -> Part:
+    """Figures 5 and 6: the four looks of each sensor at the five ranges, and the errors (seed 0)."""
+    config = replace(FILTER, noise=STATIC_NOISE, start_speed_mps=STATIC_NOISE)
+    ranges: FloatArray = np.array(PAPER_RANGES_M)
+    at: dict[str, list[float]] = {"lidar": [], "radar": []}
+    errors: dict[str, list[float]] = {"lidar": [], "radar": [], "both": []}
+    for true_m in PAPER_RANGES_M:
+        scene = static_target(true_m, 2 * N_LOOKS, NOISE, np.random.default_rng([0, round(100 * true_m)]))
+        looks = {"lidar": np.hypot(*scene.lidar_xy.T), "radar": scene.radar[:, 0]}
+        for sensor, found in looks.items():
+            at[sensor] += (found - true_m).tolist()
+            errors[sensor].append(abs(float(found.mean()) - true_m))
+        state = run_filter(rows_of(scene, NOISE), config).state[-1]
+        errors["both"].append(abs(float(np.hypot(state[0], state[1])) - true_m))
+    shown = np.repeat(ranges, N_LOOKS)
+    five = Plot(
+        "fig 5", "four looks of each sensor (first seed)", "true distance [m]", "measured less true distance [m]",
+        [Curve(sensor, shown, np.array(values), is_points=True) for sensor, values in at.items()],
+        level=("true", 0.0),
+    )  # fmt: skip
+    six = Plot(
+        "fig 6", "error of the mean of four looks, and of both sensors together (first seed)", "true distance [m]",
+        "error [m]", [Curve(name, ranges, np.array(values)) for name, values in errors.items()],
+        level=("the paper's", 0.01),
+    )  # fmt: skip
+    return Part((), (five, six))
+
+
+def tracks_part() -> Part:
+    """Figures 7 and 8: the four segments as each filter tracks them (seed 0): true, detected, estimated."""
+    plots = []
+    for name, figure in FIGURE_OF.items():
+        curves: list[Curve] = []
+        for k, segment in enumerate(SEGMENTS):
+            scene = watch(*segment_truth(segment, N_SEGMENT), NOISE, np.random.default_rng([0, k]))
+            state = run_filter(rows_of(scene, NOISE), replace(FILTER, filter="ekf" if name == "ekf" else "ukf")).state
+            shift = 14.0 * k
+            radar_x, radar_y = (scene.radar[:, 0] * f(scene.radar[:, 1]) for f in (np.cos, np.sin))
+            detected = np.concatenate([scene.lidar_xy, np.stack([radar_x, radar_y], axis=1)])
+            curves += [
+                Curve("detected" if k == 0 else "", detected[:, 0] + shift, detected[:, 1], is_points=True),
+                Curve("true" if k == 0 else "", scene.truth_state[:, 0] + shift, scene.truth_state[:, 1]),
+                Curve("estimated" if k == 0 else "", state[:, 0] + shift, state[:, 1]),
+            ]
+        title = f"{name.upper()}: {', '.join(SEGMENTS)}, 14 m apart (first seed)"
+        plots.append(Plot(figure, title, "x, to the right [m]", "y, ahead [m]", curves, is_map=True))
+    return Part((), tuple(plots))
+
+
+def _column(table: Table, name: str) -> FloatArray:
+    return np.array(table[name], np.float64)

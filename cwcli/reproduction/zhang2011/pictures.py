@@ -1,0 +1,146 @@
+"""Figures 3 to 10 of zhang2011, and how the search converges: rendered frames with the boundaries that it found.
+
+The paper's photographs are lost in the text; ours are rendered. Figures 3 to 8 show one frame each, a complex one in
+the first phase, where the rates matter most; beside it stand the shares over many frames and the objective over the
+generations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.kernels import lane_search
+from cwcli.metrics.intervals import proportion_interval
+from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.findings import Curve, Part, Plot
+from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, columns_px, is_right, vision_camera
+from cwcli.reproduction.zhang2011.lanes import HELD_OUT_SEED
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.drive import RoadDrive, set_drives
+from cwcli.simulation.road.render import RoadFrame
+from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.method import LaneFit, LaneFrame
+from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, block_responses
+from cwcli.vision.zhang2011 import CROSSOVER_RATE, FIRST, FIRST_LEFT, FIRST_RIGHT, METHOD, MUTATION_RATE, genetic_of
+
+SIZE = (WIDTH_PX, HEIGHT_PX)
+N_FRAMES = 40
+EXAMPLE_SET = "complex"
+HIGH_MUTATION_RATE = 0.9
+"""The paper shows a rate that is too high without printing it."""
+RATES: dict[str, tuple[float, float]] = {
+    "fig 3": (0.4, MUTATION_RATE),
+    "fig 4": (CROSSOVER_RATE, MUTATION_RATE),
+    "fig 5": (0.5, MUTATION_RATE),
+    "fig 6": (0.8, MUTATION_RATE),
+    "fig 7": (CROSSOVER_RATE, HIGH_MUTATION_RATE),
+    "fig 8": (CROSSOVER_RATE, MUTATION_RATE),
+}
+"""Figure -> rates of crossover and of mutation."""
+GENERATIONS = (1, 2, 5, 10, 20, 40, 60, 90, 120, 150, 180)
+MIN_GAP_PX = 4.0
+"""Both boundaries end where they come nearer."""
+LOOKED_AT = 20
+"""Drives among which the bend and the straight of figures 9 and 10 are chosen."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One frame, ready for the search."""
+
+    frame: RoadFrame
+    both: BlockResponses
+
+
+def rates_part() -> Part:
+    """Figures 3 to 8, and the objective over the generations for all of their rates."""
+    drives = set_drives(EXAMPLE_SET, N_FRAMES, seed=HELD_OUT_SEED, n_frames=2)
+    seen = [Seen(frame, block_responses(frame.grey)) for frame in (drive.frame(0) for drive in drives)]
+    measured, plots = [], []
+    shares: dict[str, float] = {}
+    for figure, rates in RATES.items():
+        fits = [_search(each, k, rates, FIRST.generations)[0] for k, each in enumerate(seen)]
+        n_right = sum(is_right(each.frame, fit, SIZE, by_stripe=True) for each, fit in zip(seen, fits, strict=True))
+        low, high = proportion_interval(n_right, len(seen))
+        what = "first frames with both boundaries right"
+        shares[figure] = n_right / len(seen)
+        measured.append(Measured(figure, what, 100.0 * shares[figure], 100.0 * low, 100.0 * high))
+        title = f"crossover {rates[0]:g}, mutation {rates[1]:g}: a first frame of '{EXAMPLE_SET}'"
+        plots.append(picture(figure, title, seen[0].frame, fits[0]))
+    is_best = shares["fig 4"] > max(shares[figure] for figure in ("fig 3", "fig 5", "fig 6"))
+    what = "more first frames right than with crossover 0.4, 0.5 and 0.8"
+    measured.append(Measured("fig 4", what, float(is_best)))
+    what = "more first frames right than with the high mutation rate"
+    measured.append(Measured("fig 8", what, float(shares["fig 8"] > shares["fig 7"])))
+    plots += [
+        _convergence("crossover rates", seen, {f"crossover {RATES[f][0]:g}": RATES[f] for f in tuple(RATES)[:4]}),
+        _convergence("mutation rates", seen, {f"mutation {RATES[f][1]:g}": RATES[f] for f in tuple(RATES)[4:]}),
+    ]
+    return Part(tuple(measured), tuple(plots))
+
+
+def roads_part() -> Part:
+    """Figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
+    n_frames = FIRST_FRAMES + 1
+    drives = list(set_drives("good", LOOKED_AT, seed=HELD_OUT_SEED, n_frames=n_frames))
+    bends = [abs(float(np.interp(0.0, drive.knots_m, drive.curvature_1pm))) for drive in drives]
+    chosen = {"fig 9": ("a bend", int(np.argmax(bends))), "fig 10": ("a straight", int(np.argmin(bends)))}
+    return Part((), tuple(_followed(figure, text, drives[k], k) for figure, (text, k) in chosen.items()))
+
+
+def picture(figure: str, title: str, frame: RoadFrame, fit: LaneFit, curves: tuple[Curve, ...] = ()) -> Plot:
+    """A frame with the boundaries of a fit and other curves on it, in the paper's axes: x right, y up."""
+    y = np.arange(0.5, 150.0)
+    lines = []
+    both = [columns_px(boundary, SIZE, SIZE)[::-1][: len(y)] for boundary in (fit.left, fit.right)]
+    meet = np.maximum.accumulate(both[1] - both[0] < MIN_GAP_PX)
+    for label, columns in zip(("left", "right"), both, strict=True):
+        inside = (columns >= 0.0) & (columns < WIDTH_PX) & ~meet
+        lines.append(Curve(label, np.where(inside, columns + 0.5, np.nan), y))
+    return Plot(
+        figure, title, "x [pixel]", "y [pixel]", (*lines, *curves),
+        x_range=(0.0, WIDTH_PX), y_range=(0.0, HEIGHT_PX), image=frame.grey, is_map=True,
+    )  # fmt: skip
+
+
+def _followed(figure: str, text: str, drive: RoadDrive, seed: int) -> Plot:
+    search = METHOD.make(seed)
+    fit = LaneFit(NOT_FOUND, NOT_FOUND)
+    frame = drive.frame(0)
+    for k, frame in enumerate(drive.frames()):
+        stamp_ns = round(float(drive.time_s[k]) * 1e9)
+        prepared = block_responses(frame.grey)
+        fit = search.step(LaneFrame(frame.grey, vision_camera(*SIZE), stamp_ns, k, prepared=prepared))
+    return picture(figure, f"{text}, the paper's search, frame {len(drive)}", frame, fit)
+
+
+def _search(seen: Seen, seed: int, rates: tuple[float, float], generations: int) -> tuple[LaneFit, float]:
+    """Both boundaries of a first frame, and the sum of their objectives, grey levels."""
+    genetic = genetic_of(FIRST)
+    genetic["crossover_rate"], genetic["mutation_rate"] = rates
+    genetic["generations"] = generations
+    found, total = [], 0.0
+    for side, (responses, region) in enumerate(((seen.both.left, FIRST_LEFT), (seen.both.right, FIRST_RIGHT))):
+        bounds: npt.NDArray[np.float64] = np.array(region)
+        low, high = np.ascontiguousarray(bounds[:, 0]), np.ascontiguousarray(bounds[:, 1])
+        abc, score = lane_search.search(
+            responses, low, high, genetic, is_left=side == 0, seed_state=seed, seed_stream=side
+        )
+        found.append(Boundary(*abc, score, np.nan, score > 0.0))
+        total += score
+    return LaneFit(found[0], found[1]), total
+
+
+def _convergence(name: str, seen: list[Seen], rates: dict[str, tuple[float, float]]) -> Plot:
+    """The best objective over the generations, mean over the frames: the same random numbers, stopped earlier."""
+    curves = []
+    for label, each in rates.items():
+        means: FloatArray = np.array(
+            [np.mean([_search(one, k, each, stop)[1] for k, one in enumerate(seen)]) for stop in GENERATIONS]
+        )
+        curves.append(Curve(label, np.array(GENERATIONS, np.float64), means))
+    title = f"best objective, mean of {len(seen)} first frames of '{EXAMPLE_SET}'"
+    return Plot(name, title, "generation", "F, left and right [grey levels]", curves)

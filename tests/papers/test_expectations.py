@@ -1,0 +1,180 @@
+"""The expectations of the papers: their form, that no verdict is claimed without a right to it, and the classes."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import replace
+from importlib.resources import files
+from typing import Any
+
+import pytest
+
+from cwcli.reproduction.classes import (
+    BETTER,
+    CLASSES,
+    DIFFERS,
+    FITTED,
+    OPEN,
+    REPRODUCED,
+    WITHIN,
+    Expectation,
+    Finding,
+    Measured,
+)
+from cwcli.reproduction.expectations import expectations_of, load_expectations
+from cwcli.reproduction.findings import Part
+from cwcli.reproduction.findings_report import counts, exit_note, reproduction
+
+PAPERS = ("song2016", "xiang2019", "zhang2011")
+NUMBERED = {  # of each paper, counted in the papers themselves
+    "song2016": ([f"fig {n}" for n in range(1, 16)], ["table 1"]),
+    "xiang2019": ([f"fig {n}" for n in range(1, 9)], ["table 1", "table 2"]),
+    "zhang2011": ([f"fig {n}" for n in range(1, 20)], [f"table {n}" for n in range(1, 6)]),
+}
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_numbered_figure_and_table_has_a_row_a_picture_or_a_reason(paper: str) -> None:
+    expected = load_expectations(paper)
+    drawings, tables = NUMBERED[paper]
+    for name in (*drawings, *tables):
+        figure = expected.figures[name]
+        assert figure.rows or figure.pictures or figure.why_none, name
+        assert len(figure.prints) > 10, name
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_no_row_claims_reproduced_with_a_fitted_input_or_without_a_printed_number(paper: str) -> None:
+    document = tomllib.loads(
+        files(f"cwcli.reproduction.{paper}").joinpath("expectations.toml").read_text(encoding="utf-8")
+    )
+    rows = [row for figure in document["figures"].values() for row in figure.get("rows", ())]
+    assert len(rows) > 20
+    for row in rows:
+        assert row["class"] in CLASSES
+        if row["class"] == "reproduced":
+            assert "paper" in row
+            assert "tolerance" in row
+            assert "fit" not in row
+        if row["class"] == "fitted":
+            assert document["fits"][row["fit"]]["what"]
+            assert document["fits"][row["fit"]]["width"]
+        if row["class"] in {"better", "differs", "not determinable"}:
+            assert document["reasons"][row["why"]]
+
+
+def document_with(**fields: Any) -> dict[str, Any]:
+    row = {"what": "speed", "class": "reproduced", "paper": 1.0, "tolerance": 0.1, **fields}
+    return {
+        "paper": "a",
+        "source": "b",
+        "figures": {"fig 1": {"prints": "c", "rows": [{k: v for k, v in row.items() if v is not None}]}},
+        "fits": {"f": {"what": "w", "width": "v"}} if "fit" in fields else {},
+        "reasons": {"beyond": "x"} | ({"r": "y"} if "why" in fields else {}),
+    }
+
+
+def test_a_row_with_every_right_is_taken() -> None:
+    assert expectations_of(document_with()).figures["fig 1"].rows["speed"].paper == (1.0, 1.0)
+
+
+WRONG = {
+    "reproduced without a number": {"paper": None, "tolerance": None},
+    "reproduced on what cannot be compared": {"comparable": False, "tolerance": None},
+    "reproduced with a fit": {"fit": "f"},
+    "no tolerance": {"tolerance": None},
+    "a tolerance around nothing": {"class": "within own bound", "paper": None, "at_most": 1.0},
+    "fitted without a fit": {"class": "fitted"},
+    "an own bound beside a printed number": {"class": "within own bound", "at_most": 1.0},
+    "an own bound that is none": {"class": "within own bound", "paper": None, "tolerance": None},
+    "better without a direction": {"class": "better", "why": "r"},
+    "better in an unknown direction": {"class": "better", "why": "r", "better": "faster"},
+    "differs without a reason": {"class": "differs"},
+    "an unknown class": {"class": "good"},
+    "an unknown key": {"colour": "red"},
+    "an unknown fit": {"class": "fitted", "fit": "g"},
+    "an unknown reason": {"why": "s"},
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_row_without_the_right_to_its_class_is_refused(case: str) -> None:
+    with pytest.raises(ValueError, match=r"fig 1|there is no|is not used"):
+        expectations_of(document_with(**WRONG[case]))
+
+
+ROW = Expectation("fig 1", "speed", "m/s", REPRODUCED, paper=(1.0, 1.0), tolerance=0.1)
+SAID = Expectation("fig 1", "order", "", FITTED, says="a before b", at_least=1.0, fit="f")
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("row", "ours", "reached", "has_failed"),
+    [
+        (ROW, (1.1, NAN, NAN), REPRODUCED, False),
+        (ROW, (1.11, NAN, NAN), DIFFERS, True),
+        (ROW, (NAN, NAN, NAN), OPEN, True),
+        (replace(ROW, claim=FITTED, fit="f"), (0.95, NAN, NAN), FITTED, False),
+        (replace(ROW, claim=FITTED, fit="f"), (0.8, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claim=DIFFERS), (0.8, NAN, NAN), DIFFERS, False),
+        (replace(ROW, claim=DIFFERS), (1.0, NAN, NAN), REPRODUCED, False),
+        (replace(ROW, better="lower"), (0.8, 0.7, 0.99), BETTER, False),
+        (replace(ROW, better="lower", claim=BETTER), (0.8, 0.7, 0.99), BETTER, False),
+        (replace(ROW, better="lower", claim=BETTER), (0.8, 0.7, 1.01), DIFFERS, True),  # not with all of its interval
+        (replace(ROW, better="lower", claim=BETTER), (0.95, 0.7, 0.99), REPRODUCED, True),
+        (replace(ROW, better="higher", claim=BETTER), (1.2, 1.1, 1.3), BETTER, False),
+        (replace(ROW, better="higher", claim=BETTER), (0.8, 0.7, 0.9), DIFFERS, True),
+        (replace(ROW, paper=(1.0, 5.0), tolerance=0.0), (5.0, NAN, NAN), REPRODUCED, False),
+        (replace(ROW, paper=(1.0, 5.0), tolerance=0.0), (5.1, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claim=OPEN, is_comparable=False), (9.0, NAN, NAN), OPEN, False),
+        (replace(ROW, claim=OPEN, is_comparable=False, at_most=8.0), (9.0, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claim=WITHIN, paper=None, at_most=2.0), (2.0, NAN, NAN), WITHIN, False),
+        (replace(ROW, claim=WITHIN, paper=None, at_most=2.0), (2.1, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claim=OPEN, paper=None), (2.1, NAN, NAN), OPEN, False),
+        (SAID, (1.0, NAN, NAN), FITTED, False),
+        (SAID, (0.0, NAN, NAN), DIFFERS, True),
+        (replace(SAID, claim=DIFFERS, fit=""), (0.0, NAN, NAN), DIFFERS, False),
+    ],
+)
+def test_the_class_follows_from_the_number(
+    row: Expectation, ours: tuple[float, float, float], reached: str, has_failed: bool
+) -> None:
+    finding = Finding(row, Measured(row.figure, row.what, *ours))
+    assert (finding.reached, finding.has_failed) == (reached, has_failed)
+
+
+def test_the_note_tells_the_exit_code_and_why() -> None:
+    good, bad = (Finding(ROW, Measured("fig 1", "speed", ours)) for ours in (1.0, 2.0))
+    may_miss = Finding(replace(ROW, what="level", claim=DIFFERS), Measured("fig 1", "level", 3.0))
+    assert exit_note([good, may_miss]) == "exit code 0: all 1 claims are met"
+    assert exit_note([good, bad, may_miss]) == (
+        "exit code 1: 1 of 2 claims are not met: fig 1, speed: differs instead of reproduced"
+    )
+    assert [row[:2] for row in counts([good, bad, may_miss]).rows[:1]] == [("reproduced", 1)]
+    assert [row[1] for row in counts([good, bad, may_miss]).rows] == [1, 0, 0, 0, 2, 0]
+
+
+FLIPS = {
+    "song2016": ("fig 9", "rear-end: warning, constant jerk, median", 3.6, 3.8),
+    "xiang2019": ("fig 6", "4.90 m: radar alone is worse by, four looks averaged", 170.0, 30.0),
+    "zhang2011": ("eq 13", "f(v) - 1 over v^2, half load", 0.000843, 0.00085),
+}
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_another_number_makes_another_class_sentence_and_exit_code(paper: str) -> None:
+    figure, what, right, wrong = FLIPS[paper]
+    good, bad = (reproduction(paper, [Part((Measured(figure, what, ours),))], "1 seed") for ours in (right, wrong))
+    assert not good.failed
+    assert len(bad.failed) == 1
+    assert good.summary.notes[-1] == "exit code 0: all 1 claims are met"
+    assert bad.summary.notes[-1].startswith(f"exit code 1: 1 of 1 claims are not met: {figure}, {what}: differs")
+    assert [row["class"] for row in bad.table.records()] == [DIFFERS]
+    [row] = next(section.rows for section in bad.summary.sections if section.key == figure.replace(" ", "_"))
+    assert row[4] == f"differs (claimed: {good.findings[0].expected.claim})"
+
+
+def test_a_number_without_an_expectation_is_a_mistake() -> None:
+    with pytest.raises(KeyError):
+        reproduction("song2016", [Part((Measured("fig 9", "something else", 1.0),))], "1 seed")
