@@ -52,7 +52,7 @@ ARGUMENTS = {
     "layout": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
-READING = {"config", "file", "vehicle", "observe__vehicle", "calibration"}
+READING = {"config", "file", "vehicle", "observe__vehicle", "calibration", "labelled"}
 """Parameters with a file that is read."""
 FOLDERS = {"metrics_dir", "directory", "plots"}
 """Each has tests of its own below."""
@@ -352,6 +352,7 @@ OPENERS = {
     "prediction/fleet.py": "comes with cwcli",
     "simulation/catalogue.py": "comes with cwcli",
     "report/page.py": "comes with cwcli",
+    "reproduction/expectations.py": "comes with cwcli",
 }
 """Modules that open files themselves, and which."""
 OPENING = {"open", "fdopen", "read_bytes", "read_text", "write_bytes", "write_text", "savefig", "mmap"}

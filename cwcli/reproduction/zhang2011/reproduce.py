@@ -54,6 +54,9 @@ class ReproduceConfig:
 def reproduce_zhang2011(config: ReproduceConfig, tick: Callable[[str], None] = lambda what: None) -> Reproduction:
     """Run the study. `tick` is called with the name of each part that is done."""
     parts: list[Part] = []
+    if config.labelled is not None and _is_wanted(config, (LABELLED,)):
+        # First and in this process: a file that is no log is told at once, and it is remembered as an input.
+        parts.append(_done(LABELLED, labelled_part(config.labelled), tick))
     note = f"{config.seeds} seeds, {config.n_rendered} of them rendered"
     if _is_wanted(config, LANES):
         study = lane_study(config.frames, jobs=config.jobs, tick=tick)
@@ -81,8 +84,6 @@ def _others(config: ReproduceConfig, tick: Callable[[str], None]) -> list[Part]:
     tasks["tables"] = ("table 1", "table 2", "table 3", "table 4", "table 5", "eq 5"), tables_part
     tasks["worked example"] = ("eq 13", "fig 13", "eq 17", "eq 22"), example_part
     tasks |= {figure: ((figure,), partial(run_part, figure)) for figure in PAPER_RUNS}
-    if config.labelled is not None:
-        tasks[LABELLED] = (LABELLED,), partial(labelled_part, config.labelled)
     wanted = {name: task for name, (figures, task) in tasks.items() if _is_wanted(config, figures)}
     if config.jobs == 1:
         return [_done(name, task(), tick) for name, task in wanted.items()]
