@@ -146,10 +146,12 @@ class CdrDecoder:
             self._reasons[reason] = self._reasons.get(reason, 0) + count
 
     def blobs(self, path: str) -> list[bytes | memoryview]:
-        """A blob field of each message of the last batch."""
+        """A blob field of each message of the last batch; b"" for one that is too short to have got a row."""
         for leaf, slot in zip(self._program.slots, self._slots, strict=True):
             if leaf.path == path and isinstance(slot, SpanSlot):
-                return slot.views()
+                is_long_enough = self._is_long_enough[-1]
+                views = iter(slot.views() if is_long_enough.any() else ())
+                return [next(views) if is_long else b"" for is_long in is_long_enough.tolist()]
         raise KeyError(path)
 
     def outcome(self) -> Outcome:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import json_walk as kernel
 from cwcli.logs.codecs.decoder import Outcome
-from cwcli.logs.codecs.json_columns import ARRAY, STRING, Elements, JsonSlot, Room, scalar
+from cwcli.logs.codecs.json_columns import ABSENT, ARRAY, STRING, Elements, JsonSlot, Room, scalar
 from cwcli.logs.codecs.json_tree import Key, KeyTree, Tables, elements
 from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity
 from cwcli.signals.columns import Field, Int64Array
@@ -191,6 +191,8 @@ class JsonDecoder:
                 return True
             value = json.loads(message)
         except (ValueError, RecursionError):
+            for room in self._rooms:  # what the kernel has noted of it is not to be read
+                room.tags[:, self._n + row] = ABSENT
             return self._refuse(INVALID)
         if not isinstance(value, dict):
             return self._refuse(NO_OBJECT)

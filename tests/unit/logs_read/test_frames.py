@@ -88,6 +88,17 @@ def test_ros_images(tmp_path: Path) -> None:
     assert (frame.height, frame.width, frame.encoding, frame.step, bytes(frame.data)) == (2, 3, "mono8", 3, b"pixels")
 
 
+@pytest.mark.parametrize("whole", [[False], [False, True, True], [True, False, True, False]])
+def test_a_ros_image_cut_to_nothing_leaves_the_others_their_own_data(tmp_path: Path, whole: list[bool]) -> None:
+    channel = Declared("/camera", "cdr", "sensor_msgs/msg/CompressedImage", "ros2msg", COMPRESSED)
+    messages = [compressed_cdr(k, b"%d" % k) if is_whole else b"\0\1\0\0" for k, is_whole in enumerate(whole)]
+    path = write(tmp_path / "log.mcap", channel, messages, [T0_NS + k for k in range(len(whole))])
+    with Log.open(path) as log:
+        found = [(frame.log_time_ns - T0_NS, bytes(frame.data)) for frame in log.frames("/camera")]
+        assert sum(log.faults.undecodable["/camera"].values()) == whole.count(False)
+    assert found == [(k, b"%d" % k) for k, is_whole in enumerate(whole) if is_whole]
+
+
 def test_raw_protobuf_image(tmp_path: Path) -> None:
     message = foxglove("foxglove.RawImage", 3, width=2, height=1, encoding="rgb8", step=6, data=b"abcdef")
     path = write(tmp_path / "log.mcap", declared("foxglove.RawImage"), [message], [T0_NS])

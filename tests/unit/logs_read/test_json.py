@@ -117,6 +117,11 @@ def _comparable(column: Field) -> Any:
     return repr(column.tolist()), column.dtype
 
 
+def test_escape_beside_bytes_that_are_not_text_is_not_read(tmp_path: Path) -> None:
+    log = check(tmp_path, [b'{"t": "a"}', b'{"t": "\\n\xf5"}', b'{"t": "\\n"}'])
+    assert log.faults.undecodable["/m"] == {INVALID: 1}
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_flipped_and_cut_messages_are_what_the_json_module_makes_of_them(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(300 + seed)
