@@ -19,6 +19,7 @@ NOT_INSTALLED = {"stonesoup": "stonesoup"}
 """Modules of benchmarks that run without the package too -> the package."""
 RUN = {
     "build": ".ci/run: -m build",
+    "cython": 'tests/fuzz/sanitized.py: "cython"',
     "import-linter": ".ci/run: lint-imports",
     "moto": "tests/unit/fleet/test_inputs.py: moto.server",
     "mypy": ".ci/run: mypy",

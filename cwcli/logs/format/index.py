@@ -43,6 +43,7 @@ class Index:
         has_end: There is an end record, or a footer.
         cut_chunks: Starts of chunks that are cut off, or whose record has a wrong length.
         is_listed: A whole summary lists it.
+        is_counted: The summary counts the messages of each channel: an index that leaves some out is found by that.
     """
 
     profile: str = ""
@@ -56,6 +57,7 @@ class Index:
     has_end: bool = False
     cut_chunks: set[int] = field(default_factory=set)
     is_listed: bool = False
+    is_counted: bool = False
 
     def items_of(self, kind: type[Kind]) -> list[Kind]:
         """The items of a kind, in file order."""

@@ -28,6 +28,8 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) 
     if index is None or not is_complete(index):
         index = walk(file, start, faults, summary, recover=recover)
         _check_count(file.name, index, summary, faults, recover=recover)
+    else:
+        index.is_counted = index.statistics is not None and bool(index.statistics.channel_counts)
     n_messages = index.statistics.n_messages if index.statistics else 0
     if recover and not index.channels and (n_messages or faults.counts()):
         raise InputError("nothing in it can be read", where=file.name)

@@ -15,6 +15,7 @@ from cwcli.logs.format.records import (
     DATA_END,
     FOOTER,
     INDEX_ENTRY_BYTES,
+    MAGIC,
     MESSAGE,
     MESSAGE_HEADER_BYTES,
     MESSAGE_INDEX,
@@ -37,6 +38,8 @@ from cwcli.logs.format.records import (
     read_schema,
 )
 
+OF_DATA = frozenset({MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA})
+"""What the data section holds, and a summary does not."""
 _MESSAGE = struct.Struct("<HIQ")
 
 
@@ -78,6 +81,7 @@ class _Walk:
             try:
                 opcode, start, end = read_prefix(file, at, len(file))
                 if opcode in (DATA_END, FOOTER):
+                    self._check_end(opcode, end)
                     index.data_end = at if opcode == DATA_END else None
                     index.has_end = True
                     break
@@ -97,6 +101,19 @@ class _Walk:
             self._counts,
         )
         return index
+
+    def _check_end(self, opcode: int, end: int) -> None:
+        """Check that the record that ends the data section, or the file, is not followed by more of it.
+
+        Raises:
+            RecordError: It is.
+        """
+        file = self._file
+        if opcode == FOOTER:
+            if end + len(MAGIC) < len(file):
+                raise RecordError("a footer stands before the end of the file")
+        elif end < len(file) and file[end : end + 1][0] in OF_DATA:
+            raise RecordError("the end of the data section stands before other records of it")
 
     def _take(self, opcode: int, at: int, start: int, end: int) -> int:
         """Note one record, with the indexes behind a chunk; returns where the next one begins."""

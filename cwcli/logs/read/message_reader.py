@@ -100,7 +100,7 @@ class MessageReader:
         self._verify = verify
         self._counted: set[int] = set()
         self._verified: set[int] = set()
-        self._trusts_indexes = True
+        self._trusts_indexes = index.is_counted
         self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), wanted_ids(())
 
     def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
@@ -130,8 +130,7 @@ class MessageReader:
         return [
             chunk
             for chunk in self._chunks
-            if chunk.uncompressed_size
-            and (not self._trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids))
+            if not self._trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids)
         ]
 
     def _wanted(self, channel_ids: Collection[int]) -> ByteArray:

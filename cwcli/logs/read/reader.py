@@ -13,7 +13,8 @@ What counts as damage:
 - A message that can't be decoded is counted and left out.
 
 Every message is found by walking the records of its chunk, not by its index entry: both take the same time, and the
-walk also finds what an index misses. The indexes tell which chunks need not be opened at all.
+walk also finds what an index misses. The indexes tell which chunks need not be opened, where the summary's own counts
+would tell that one of them leaves a channel out; else every chunk is opened.
 """
 
 from __future__ import annotations

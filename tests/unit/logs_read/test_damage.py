@@ -12,9 +12,13 @@ import pytest
 from mcap.writer import CompressionType
 
 from cwcli.errors import CwcliError, InputError
+from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
     CHUNK,
     CHUNK_INDEX,
+    DATA_END,
+    FOOTER,
+    MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
     read_chunk,
@@ -307,3 +311,43 @@ def test_unknown_compression_is_named(tmp_path: Path) -> None:
         read_all(path)
     with pytest.raises(InputError, match="nothing"):
         read_all(path, recover=True)
+
+
+def test_message_index_that_is_missing_costs_no_message_where_no_summary_counts(tmp_path: Path) -> None:
+    data = small_log(N)
+    indexes = [(at, end) for opcode, at, _, end in records(data) if opcode == MESSAGE_INDEX]
+    end = next(end for opcode, _, _, end in records(data) if opcode == DATA_END)
+    footer = record_bytes.footer(0, 0, b"") + MAGIC
+    path = tmp_path / "log.mcap"
+    for start, stop in indexes[1:4]:
+        path.write_bytes(data[:start] + data[stop:end] + footer)
+        for topic in ("/fix", "/notes"):
+            with Log.open(path) as log:
+                assert len(log.columns(topic)) == N
+
+
+@pytest.mark.parametrize("opcode", [DATA_END, FOOTER])
+def test_end_record_amid_the_data_is_damage(tmp_path: Path, opcode: int) -> None:
+    """One damaged byte: a message index behind the second chunk has become the end of the data, or of the file."""
+    data = small_log(N)
+    at = [at for kind, at, _, _ in records(data) if kind == MESSAGE_INDEX][2]
+    end = next(end for kind, _, _, end in records(data) if kind == DATA_END)
+    path = tmp_path / "log.mcap"
+    path.write_bytes(data[:at] + bytes([opcode]) + data[at + 1 : end] + record_bytes.footer(0, 0, b"") + MAGIC)
+    with pytest.raises(InputError, match=f"damaged at byte {at}"):
+        read_all(path)
+    assert latitudes(read_all(path, recover=True)[0]) == [48.0 + k for k in range(N)]
+
+
+def test_chunk_that_declares_no_content_is_damage(tmp_path: Path) -> None:
+    data = small_log(N)
+    start = [start for kind, _, start, _ in records(data) if kind == CHUNK][1]
+    end = next(end for kind, _, _, end in records(data) if kind == DATA_END)
+    path = tmp_path / "log.mcap"
+    changed = data[: start + 16] + bytes(8) + data[start + 24 : end]
+    path.write_bytes(changed + record_bytes.footer(0, 0, b"") + MAGIC)
+    with pytest.raises(InputError, match="instead of the declared 0"):
+        read_all(path)
+    loaded, log = read_all(path, recover=True)
+    assert 0 < len(loaded["/fix"]) < N
+    assert log.faults.chunks_lost == 1

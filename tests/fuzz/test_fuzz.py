@@ -1,0 +1,109 @@
+"""A few cases, the findings of earlier ones, and that what must be found is found."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.errors import EXIT_BUG
+from cwcli.logs.codecs.cdr import CdrDecoder
+from cwcli.logs.read.reader import Log
+from cwcli.signals.columns import Columns, Field, Int64Array
+from tests.fuzz import file_cases, kernel_cases
+from tests.fuzz.decoding import check_messages
+from tests.fuzz.drive import drive
+from tests.fuzz.logs import joined, mutated_log, split
+from tests.fuzz.messages import Messages
+from tests.unit.logs_read.builders import small_log
+
+CORPUS = Path(__file__).parent / "corpus"
+SEED = 17
+
+
+def inputs_of(check: object, cases: range) -> Counter[str]:
+    assert callable(check)
+    counts: Counter[str] = Counter()
+    for k in cases:
+        counts.update(check(np.random.default_rng([SEED, k])))
+    return counts
+
+
+def test_a_few_messages() -> None:
+    counts = inputs_of(kernel_cases.check_case, range(60))
+    assert counts["inputs"] == 16 * 60
+    assert counts["compared"] > 100
+
+
+def test_a_few_logs() -> None:
+    counts = inputs_of(file_cases.check_case, range(15))
+    assert counts["inputs"] == 4 * 15
+    assert counts["compared"] > 10
+
+
+@pytest.mark.parametrize("path", sorted(CORPUS.glob("*.mcap")), ids=lambda path: path.stem)
+def test_logs_that_were_findings(path: Path) -> None:
+    file_cases.check_log(path.read_bytes(), ("info", "LOG", "--json"), Counter())
+
+
+@pytest.mark.parametrize("path", sorted(CORPUS.glob("*.json")), ids=lambda path: path.stem)
+def test_messages_that_were_findings(path: Path) -> None:
+    told = json.loads(path.read_text(encoding="utf-8"))
+    payloads = tuple(map(base64.b64decode, told["payloads"]))
+    schema = base64.b64decode(told["schema"])
+    accepted, _ = check_messages(
+        Messages(told["encoding"], told["schema_name"], schema, payloads, blobs=tuple(told["blobs"]))
+    )
+    assert accepted == told["accepted"]
+
+
+def test_a_wrong_value_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    finish = CdrDecoder.finish
+
+    def wrong(decoder: CdrDecoder, rows: Int64Array) -> dict[str, Field]:
+        fields = finish(decoder, rows)
+        return {path: column + 1 if isinstance(column, np.ndarray) else column for path, column in fields.items()}
+
+    monkeypatch.setattr(CdrDecoder, "finish", wrong)
+    with pytest.raises(AssertionError):
+        inputs_of(kernel_cases.check_case, range(30))
+
+
+def test_a_lost_message_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    columns = Log.columns
+
+    def fewer(log: Log, topic: str) -> Columns:
+        return columns(log, topic).logged_within(log.start_ns + 1, None)
+
+    file_cases.check_log(small_log(10), None, Counter())
+    monkeypatch.setattr(Log, "columns", fewer)
+    with pytest.raises(AssertionError, match="/fix"):
+        file_cases.check_log(small_log(10), None, Counter())
+
+
+def test_an_undocumented_exit_code_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    command = ("info", "LOG", "--json")
+    file_cases.check_log(small_log(10), command, Counter())
+    monkeypatch.setattr(file_cases, "run", lambda arguments: EXIT_BUG)
+    with pytest.raises(AssertionError):
+        file_cases.check_log(small_log(10), command, Counter())
+
+
+def test_a_process_that_dies_is_told(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="the worker ended with 1"):
+        drive("kernel", SEED, n_cases=1, kernels=tmp_path)
+
+
+def test_cases_follow_from_their_seed_and_number() -> None:
+    one, two = (mutated_log(np.random.default_rng([SEED, 3]), small_log(10)) for _ in range(2))
+    assert one == two
+    assert one != small_log(10)
+
+
+def test_split_records_join_again() -> None:
+    data = small_log(10)
+    assert joined(split(data[8:-8])) == data[8:-8]
