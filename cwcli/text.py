@@ -41,9 +41,9 @@ def number(value: float, digits: int = 4) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and decimals > digits else text
 
 
-def interval(low: float, high: float) -> str:
+def interval(low: float, high: float, digits: int = 4) -> str:
     """`0.1 to 0.2`, or nothing where it is not known."""
-    return f"{number(low)} to {number(high)}" if math.isfinite(low) and math.isfinite(high) else ""
+    return f"{number(low, digits)} to {number(high, digits)}" if math.isfinite(low) and math.isfinite(high) else ""
 
 
 def finite(value: float) -> float | None:

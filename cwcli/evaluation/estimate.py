@@ -14,6 +14,7 @@ from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.estimation.consistency import effective_count, nees
 from cwcli.estimation.summary import summarise, verdict_of
+from cwcli.evaluation.knowledge import TRUTH, against, estimated
 from cwcli.evaluation.records import sources_of
 from cwcli.evaluation.subject import AUTO, Ego, EgoTruth, Subject
 from cwcli.evaluation.truth import against_truth, nees_section, truth_rows, truth_section, truth_xy
@@ -70,7 +71,8 @@ def add_metrics(subject: Subject) -> None:
     sources = read.by_role
     local_map = map_of(record)
     fixes = _fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
-    found = _add_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
+    with headline.of(against(estimated(run_records(log)), TRUTH)):
+        found = _add_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
     if fixes is not None:
         stamp_ns, fix_xy = fixes
         at_fix = resample(states.stamp_ns, states.state[:, :2], stamp_ns, max_gap_s=MAX_GAP_S)
@@ -162,8 +164,8 @@ def _in_map(
     true_xy, _ = truth_xy(signal, inside, local_map, given, measured_xy)
     if isinstance(signal, PositionSignal):
         return EgoTruth(signal.source, stamp_ns, true_xy), signal, inside
-    speed_mps, heading_rad = signal.speed_mps[inside], signal.yaw_rad[inside]
-    return EgoTruth(signal.source, stamp_ns, true_xy, speed_mps, heading_rad), signal, inside
+    motion = (each[inside] for each in (signal.speed_mps, signal.yaw_rad, signal.yaw_rate_radps))
+    return EgoTruth(signal.source, stamp_ns, true_xy, *motion), signal, inside
 
 
 def _add_truth(

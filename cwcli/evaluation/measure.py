@@ -6,8 +6,10 @@ import numpy as np
 
 from cwcli.channels.measures import measured
 from cwcli.channels.published import MEASURED
+from cwcli.evaluation.knowledge import read_by
 from cwcli.evaluation.subject import Subject
 from cwcli.measures import MEASURES
+from cwcli.pipeline.records import run_records
 from cwcli.signals.leaf_fields import numbers
 
 
@@ -17,6 +19,8 @@ def add_metrics(subject: Subject) -> None:
     if all(channel.topic != MEASURED.topic for channel in log.channels):
         return
     columns = log.columns(MEASURED.topic, measured())
+    records = run_records(log)
+    knows = read_by(records, records.get("measure", {}))
     for measure in MEASURES.values():
         if measure.column not in measured():
             continue
@@ -24,4 +28,5 @@ def add_metrics(subject: Subject) -> None:
         known = values[~np.isnan(values)]
         if len(known):
             worst = float(known.min() if measure.critical == "low" else known.max())
-            subject.headline.add(f"measures.{measure.extreme_column}", worst, 1.0, n=len(known))
+            with subject.headline.of(knows):
+                subject.headline.add(f"measures.{measure.extreme_column}", worst, 1.0, n=len(known))

@@ -10,6 +10,7 @@ from cwcli.channels.binding import bind
 from cwcli.channels.lateral_state import read_lateral_truth, read_observed
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
+from cwcli.evaluation.knowledge import ONLINE, TRUTH, against
 from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
@@ -54,7 +55,8 @@ def add_metrics(subject: Subject) -> None:
     for row in truth_errors(read_observed(columns[observer]).track, columns[truth]).records():
         name, scale = METRICS_OF.get(row["state"], ("", 1.0))
         if name and row["n"]:
-            headline.add(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])
+            with headline.of(against(ONLINE, TRUTH)):
+                headline.add(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])
 
 
 def truth_errors(track: LateralTrack, truth: Columns) -> Table:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.channels.predicted_path import PredictedPaths, read_paths
 from cwcli.channels.published import EGO_ONLINE, EGO_PATH, REMOTE_ONLINE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.evaluation.happened import recorded
+from cwcli.evaluation.knowledge import TRUTH, against, estimated, read_by
 from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline, metric_of
@@ -23,6 +23,7 @@ from cwcli.pipeline.result import Cell, Section, StageResult
 from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
+from cwcli.prediction.paths import Paths
 from cwcli.prediction.record import measured_acted
 from cwcli.prediction.rollout import Discretisation
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -56,6 +57,8 @@ def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageR
 def add_metrics(subject: Subject) -> None:
     """Add the metrics of the published paths; nothing if the log has none."""
     headline, log, ego = subject.headline, subject.log, subject.ego
+    records = run_records(log)
+    knows, outcome = read_by(records, records.get("predict", {})), estimated(records)
     topics = {channel.topic for channel in log.channels}
     if EGO_PATH.topic not in topics or ego.states is None:
         return
@@ -68,17 +71,21 @@ def add_metrics(subject: Subject) -> None:
             read_paths(columns[REMOTE_PATH.topic]),
         )
     for who, published in paths.items():
-        _add_published(headline, who, published, states[who])
+        with headline.of(against(knows, outcome)):
+            _add_published(headline, who, published, states[who])
         if who == "ego" and ego.truth is not None:
-            errors = _against(published, np.arange(len(published)), ego.truth.stamp_ns, ego.truth.xy, MAX_TRUTH_GAP_S)
-            _add_horizons(headline, "prediction.ego.truth_", [errors])
+            truth = ego.truth
+            errors = against_track(published.paths, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_TRUTH_GAP_S)
+            with headline.of(against(knows, TRUTH)):
+                add_horizons(headline, "prediction.ego.truth_", [errors])
     table = subject.tables.get("prediction")
     if table is None:
         asked = _asked(log)
         table = _table(
             [record for who, each in states.items() for record in model_errors(_starts(log, who) or each, asked, each)]
         )
-    _add_models(headline, table)
+    with headline.of(against(knows, outcome)):
+        _add_models(headline, table)
 
 
 def _add_published(headline: Headline, who: str, published: PredictedPaths, states: VehicleStates) -> None:
@@ -89,23 +96,21 @@ def _add_published(headline: Headline, who: str, published: PredictedPaths, stat
         if vehicle not in tracks:
             continue
         own = tracks[vehicle]
-        found.append(_against(published, rows, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
+        paths, stamp_ns = published.paths.take(rows), published.stamp_ns[rows]
+        found.append(against_track(paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
     if found:
-        _add_horizons(headline, f"prediction.{who}.", found)
+        add_horizons(headline, f"prediction.{who}.", found)
 
 
-def _against(
-    published: PredictedPaths, rows: npt.NDArray[np.intp], stamp_ns: Int64Array,
-    xy: FloatArray, max_gap_s: float,
-) -> HorizonErrors:  # fmt: skip
-    """Errors at every step of the paths up to the last horizon."""
-    times_s = published.paths.time_s
-    steps = times_s[(times_s > 0.0) & (times_s <= ERROR_HORIZONS_S[-1] + 1e-9)]
-    paths = published.paths.take(rows)
-    return horizon_errors(paths, published.stamp_ns[rows], stamp_ns, xy, steps.tolist(), max_gap_s)
+def against_track(
+    paths: Paths, start_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
+) -> HorizonErrors:
+    """Errors at every step of paths that start at `start_ns` (n,) up to the last horizon, by a track (m,), (m, 2)."""
+    steps = paths.time_s[(paths.time_s > 0.0) & (paths.time_s <= ERROR_HORIZONS_S[-1] + 1e-9)]
+    return horizon_errors(paths, start_ns, stamp_ns, xy, steps.tolist(), max_gap_s)
 
 
-def _add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) -> None:
+def add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) -> None:
     """Rows at each horizon that is a step of the paths; starts whose outcome is known count."""
     step_s = found[0].horizon_s
     distance = np.concatenate([each.distance_m for each in found])
@@ -121,7 +126,8 @@ def _add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) -
         if metric_of(f"{prefix}ade_{horizon_s:.1f}s_m") is not None:
             headline.errors(f"{prefix}ade_{horizon_s:.1f}s_m", distance[whole, : k + 1].mean(axis=1))
         judged = squared[is_known[:, k], k]
-        headline.share(f"{prefix}inside_90_{horizon_s:.1f}s_share", judged[np.isfinite(judged)] <= ELLIPSE_90)
+        if metric_of(f"{prefix}inside_90_{horizon_s:.1f}s_share") is not None:
+            headline.share(f"{prefix}inside_90_{horizon_s:.1f}s_share", judged[np.isfinite(judged)] <= ELLIPSE_90)
 
 
 def _asked(log: Log) -> Asked:

@@ -22,7 +22,7 @@ class EgoTruth:
     Attributes:
         topic: Its channel.
         stamp_ns, xy: Stamps (n,) and positions (n, 2), m.
-        speed_mps, heading_rad: Shape (n,), or None where the channel does not tell them.
+        speed_mps, heading_rad, yaw_rate_radps: Shape (n,), or None where the channel does not tell them.
     """
 
     topic: str
@@ -30,6 +30,7 @@ class EgoTruth:
     xy: FloatArray
     speed_mps: FloatArray | None = None
     heading_rad: FloatArray | None = None
+    yaw_rate_radps: FloatArray | None = None
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from cwcli.evaluation.knowledge import TRUTH, against, knowledge_of
 from cwcli.evaluation.subject import Subject
 from cwcli.evaluation.target_truth import score_record, score_rows, score_sections, scores_of
 from cwcli.logs.read.reader import Log
@@ -37,7 +38,8 @@ def judge_result(log: Log, config: TrackConfig, result: StageResult) -> StageRes
 def add_metrics(subject: Subject) -> None:
     """Add the metrics of the tracks; nothing if the log has none, or if an older version made them."""
     headline, log = subject.headline, subject.log
-    entry: Mapping[str, Any] = json_entry(run_records(log).get("track", {}), "scores", dict)
+    record = run_records(log).get("track", {})
+    entry: Mapping[str, Any] = json_entry(record, "scores", dict)
     if not entry:
         return
     headline.count("tracking.targets_count", number(entry, "tracks"))
@@ -48,8 +50,9 @@ def add_metrics(subject: Subject) -> None:
     if not subject.with_truth or not isinstance(truth, dict):
         return
     tracked = number(truth, "tracked")
-    headline.add("tracking.gospa_m", number(truth, "gospa_sum_m"), number(truth, "moments"))
-    headline.add("tracking.position_rmse_m", number(truth, "position_square_sum_m2"), tracked)
-    headline.add("tracking.velocity_rmse_mps", number(truth, "velocity_square_sum_m2ps2"), tracked)
-    headline.add("tracking.tracked_share", tracked, number(truth, "present"))
-    headline.count("tracking.switch_count", number(truth, "switches"))
+    with headline.of(against(knowledge_of(record), TRUTH)):
+        headline.add("tracking.gospa_m", number(truth, "gospa_sum_m"), number(truth, "moments"))
+        headline.add("tracking.position_rmse_m", number(truth, "position_square_sum_m2"), tracked)
+        headline.add("tracking.velocity_rmse_mps", number(truth, "velocity_square_sum_m2ps2"), tracked)
+        headline.add("tracking.tracked_share", tracked, number(truth, "present"))
+        headline.count("tracking.switch_count", number(truth, "switches"))

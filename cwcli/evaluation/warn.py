@@ -10,6 +10,7 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
 from cwcli.evaluation.conflicts import judge
 from cwcli.evaluation.happened import recorded_tracks, what_happened
+from cwcli.evaluation.knowledge import against, estimated, read_by
 from cwcli.evaluation.records import warn_record
 from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score
 from cwcli.evaluation.subject import Subject
@@ -73,16 +74,18 @@ def add_metrics(subject: Subject) -> None:
     rules = _rules(records)
     if LANE_DEPARTURE in rules:
         headline.count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))
-    withheld = json_entry(warn_record(records)[0], WITHHELD, dict)
+    record, _ = warn_record(records)
+    withheld = json_entry(record, WITHHELD, dict)
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
     for k, (rule, scores) in enumerate(judge_warnings(log, events, collision_rules).items()):
-        if k == 0:
-            add_scores(headline, "warnings", scores)
-            n_withheld = whole(withheld.get(rule))
-            if n_withheld is not None:
-                headline.count("warnings.withheld_count", n_withheld)
-        if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
-            add_scores(headline, f"warnings.{rule}", scores)
+        with headline.of(against(read_by(records, record), estimated(records))):
+            if k == 0:
+                add_scores(headline, "warnings", scores)
+            if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
+                add_scores(headline, f"warnings.{rule}", scores)
+        n_withheld = whole(withheld.get(rule)) if k == 0 else None
+        if n_withheld is not None:
+            headline.count("warnings.withheld_count", n_withheld)
 
 
 def _rules(records: Mapping[str, Record]) -> list[str]:

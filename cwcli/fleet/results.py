@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import MANIFEST, NOT_DONE, LogFolder, RecordedRun, read_output
 from cwcli.input import read_file
-from cwcli.metrics.headline import COLUMNS
+from cwcli.metrics.headline import COLUMNS, LATER_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 STDIN = "-"
-TEXTS = ("stage", "metric", "unit", "pool")
+TEXTS = ("stage", "metric", "unit", "pool", "states")
 """The columns of the metrics that hold text; the others hold numbers."""
 NO_TABLE = "the log has no readable table of metrics, and no annotated log to make it from"
 
@@ -202,7 +202,7 @@ def read_metrics_table(path: Path) -> Table:
     except (OSError, ValueError, pa.ArrowException) as error:
         what = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error
-    missing = [name for name in COLUMNS if name not in found.column_names]
+    missing = [name for name in COLUMNS if name not in found.column_names and name not in LATER_COLUMNS]
     if missing:
         raise InputError(f"the table has no column {missing[0]}", where=str(path))
     columns: dict[str, Any] = {}

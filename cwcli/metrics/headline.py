@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Literal
@@ -31,7 +32,9 @@ Better = Literal["lower", "higher", "near", ""]
 Interval = Literal["", "share", "rate"]
 
 TABLE_NAME = "metrics"
-COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight")
+COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight", "states")
+LATER_COLUMNS = ("states",)
+"""Tables of earlier versions lack them."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +100,25 @@ def _of(who: str, whom: str) -> tuple[Metric, ...]:
 
 
 def _of_system() -> Iterator[Metric]:
-    """Another system's metrics: those of cwcli's own warnings, and of its path and its state of the ego."""
-    prefix, whose = "system.warnings", "another system's (--topic warning=): "
-    for metric in WARNING_METRICS:
-        name, doc = metric.name.replace("warnings", prefix, 1), whose + metric.doc
-        yield replace(metric, name=name, stage="system", doc=doc)
+    """Another system's metrics: as cwcli's own of the same name behind `system.`."""
+    prediction = (metric for metric in _of("ego", "the ego's") if "<model>" not in metric.name)
+    for metric in (*WARNING_METRICS, *STATE_METRICS, *prediction):
+        if "inside_90" not in metric.name:
+            yield replace(metric, name=f"system.{metric.name}", stage="system", doc=f"of another system: {metric.doc}")
 
+
+STATE_METRICS: tuple[Metric, ...] = (
+    Metric("ego.position_rmse_m", "estimate", "m", "rms", "lower",
+           "horizontal distance from the truth (two axes together)", is_compared=True),
+    Metric("ego.along_rmse_m", "estimate", "m", "rms", "lower", "its part along the true heading"),
+    Metric("ego.cross_rmse_m", "estimate", "m", "rms", "lower", "its part across the true heading"),
+    Metric("ego.position_max_m", "estimate", "m", "max", "lower", "greatest distance from the truth"),
+    Metric("ego.speed_rmse_mps", "estimate", "m/s", "rms", "lower", "speed minus the truth's", is_compared=True),
+    Metric("ego.heading_rmse_deg", "estimate", "deg", "rms", "lower", "heading minus the truth's", is_compared=True),
+    Metric("ego.yaw_rate_rmse_degps", "estimate", "deg/s", "rms", "lower", "yaw rate minus the truth's",
+           is_compared=True),
+)  # fmt: skip
+"""Of the ego's state against the truth: of cwcli's, or of another system's."""
 
 WARNING_METRICS: tuple[Metric, ...] = (
     Metric("warnings.count", "warn", "", "sum", "", "warnings raised"),
@@ -128,15 +144,7 @@ WARNING_METRICS: tuple[Metric, ...] = (
 """Of the warnings of collisions: of cwcli's first rule, or of another system."""
 
 METRICS: tuple[Metric, ...] = (
-    Metric("ego.position_rmse_m", "estimate", "m", "rms", "lower",
-           "horizontal distance from the truth (two axes together)", is_compared=True),
-    Metric("ego.along_rmse_m", "estimate", "m", "rms", "lower", "its part along the true heading"),
-    Metric("ego.cross_rmse_m", "estimate", "m", "rms", "lower", "its part across the true heading"),
-    Metric("ego.position_max_m", "estimate", "m", "max", "lower", "greatest distance from the truth"),
-    Metric("ego.speed_rmse_mps", "estimate", "m/s", "rms", "lower", "speed minus the truth's", is_compared=True),
-    Metric("ego.heading_rmse_deg", "estimate", "deg", "rms", "lower", "heading minus the truth's", is_compared=True),
-    Metric("ego.yaw_rate_rmse_degps", "estimate", "deg/s", "rms", "lower", "yaw rate minus the truth's",
-           is_compared=True),
+    *STATE_METRICS,
     Metric("ego.accel_rmse_mps2", "estimate", "m/s^2", "rms", "lower", "longitudinal acceleration minus the truth's",
            is_compared=True),
     Metric("ego.position_nees", "estimate", "", "mean", "near",
@@ -276,9 +284,25 @@ def interval_of(kind: Interval, total: float, weight: float) -> tuple[float, flo
 
 @dataclass
 class Headline:
-    """Collects the rows of one log."""
+    """Collects the rows of one log.
 
-    rows: list[tuple[str, str, float, str, int, float, float, str, float, float]] = field(default_factory=list)
+    Attributes:
+        rows: As the columns are.
+        states: Of the rows that come next: what is held against what, such as `online vs truth`; "" for what is no
+            state of a vehicle.
+    """
+
+    rows: list[tuple[str, str, float, str, int, float, float, str, float, float, str]] = field(default_factory=list)
+    states: str = ""
+
+    @contextmanager
+    def of(self, states: str) -> Iterator[None]:
+        """Rows that are added inside are of these states."""
+        before, self.states = self.states, states
+        try:
+            yield
+        finally:
+            self.states = before
 
     def add(self, name: str, total: float, weight: float, *, n: int | None = None) -> None:
         """A row from its two sums.
@@ -297,7 +321,8 @@ class Headline:
         value = value_of(metric.pool, total, weight)
         low, high = interval_of(metric.interval, total, weight)
         count = round(weight) if n is None else n
-        self.rows.append((metric.stage, name, value, metric.unit, count, low, high, metric.pool, total, weight))
+        sums = (metric.pool, total, weight, self.states)
+        self.rows.append((metric.stage, name, value, metric.unit, count, low, high, *sums))
 
     def errors(self, name: str, errors: FloatArray) -> None:
         """Errors (n,), NaN left out: an `rms`, `mean`, `max` or `min` by the metric's own pool. Nothing without any."""
@@ -337,6 +362,9 @@ class Headline:
                 "value": ColumnDoc(doc="NaN where there was nothing to judge"),
                 "n": ColumnDoc(doc="samples behind the value"),
                 "low": ColumnDoc(doc="95 % interval; NaN where there is none"),
+                "states": ColumnDoc(
+                    doc="what was held against what: online, hindsight, truth; empty where no state is"
+                ),
                 "pool": ColumnDoc(doc="how total and weight make the value, of one log or of several"),
             },
             metadata=metadata,

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cwcli.metrics.headline import COLUMNS, Headline, interval_of, metric_of, place_of, value_of
+from cwcli.metrics.headline import COLUMNS, LATER_COLUMNS, Headline, interval_of, metric_of, place_of, value_of
 from cwcli.metrics.intervals import NOT_KNOWN
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
@@ -34,6 +34,7 @@ class MetricRow:
     pool: str
     total: float
     weight: float
+    states: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def rows_of(table: Table) -> dict[str, MetricRow]:
     Raises:
         ValueError: A column is missing.
     """
-    missing = [name for name in COLUMNS if name not in table.columns]
+    missing = [name for name in COLUMNS if name not in table.columns and name not in LATER_COLUMNS]
     if missing:
         raise ValueError(f"the column {missing[0]} is missing")
     return {
@@ -81,6 +82,7 @@ def rows_of(table: Table) -> dict[str, MetricRow]:
             str(row["pool"]),
             float(row["total"]),
             float(row["weight"]),
+            str(row.get("states", "")),
         )
         for row in table.records()
     }
@@ -115,7 +117,8 @@ def pooled(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
     kind = metric.interval if metric is not None else ""
     low, high = interval_of(kind, total, weight) if kind else _bootstrap(first.pool, judged, seed)
     n = sum(row.n for row in rows)
-    return MetricRow(first.stage, first.metric, value, first.unit, n, low, high, first.pool, total, weight)
+    states = " or ".join(sorted({row.states for row in rows}))
+    return MetricRow(first.stage, first.metric, value, first.unit, n, low, high, first.pool, total, weight, states)
 
 
 def pooled_value(rows: Sequence[MetricRow]) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cwcli.registry import named
 from cwcli.signals.builders.base import Reading
+from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal, Signal
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.quality import Quality
@@ -47,10 +48,11 @@ def _check_rows(signal: object, quality: Quality) -> None:
     n = len(stamp_ns)
     if stamp_ns.dtype != np.int64 or (np.diff(stamp_ns) < 0).any():
         raise ValueError("stamps that are no int64, or not in order")
-    if isinstance(signal, DetectionSignal):
+    n_rows: dict[str, int] = {}
+    if isinstance(signal, PathSignal):
+        n_rows = dict.fromkeys(("time_s", "x_m", "y_m", "speed_mps"), int(signal.offsets[-1])) | {"offsets": n + 1}
+    elif isinstance(signal, DetectionSignal):
         n_rows = {"offsets": n + 1, "values": int(signal.offsets[-1]), "covariance": int(signal.offsets[-1])}
-    else:
-        n_rows = {}
     for field in fields(signal):  # type: ignore[arg-type]
         values = getattr(signal, field.name)
         if isinstance(values, (np.ndarray, Strings)) and len(values) != n_rows.get(field.name, n):

@@ -166,6 +166,19 @@ _POSE_IN_FRAME = _foxglove(*_xyz("pose.position"), *_quaternion("pose.orientatio
 _VELOCITY_REPORT = _ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
 _STEERING_REPORT: Fields = dict.fromkeys(("cdr", "json"), ("stamp.sec", "stamp.nanosec", "steering_tire_angle"))
 _ACKERMANN = _ros("drive.steering_angle")
+_TRAJECTORY = _ros(
+    "points.time_from_start.sec",
+    "points.time_from_start.nanosec",
+    "points.time_from_start.nsec",
+    "points.pose.position.x",
+    "points.pose.position.y",
+    "points.longitudinal_velocity_mps",
+)
+_PATH = _ros(
+    *(f"poses.header.stamp.{name}" for name in ("sec", "nanosec", "secs", "nsec", "nsecs")),
+    "poses.pose.position.x",
+    "poses.pose.position.y",
+)
 _CAMERA_INFO = _ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
 _CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P", "d", "k", "r", "p")
 _STATE: Fields = {
@@ -322,6 +335,11 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "autoware_auto_vehicle_msgs/SteeringReport": (Input(Role.EGO_STEER, _STEERING_REPORT, _build_steering_report),),
     # often what was commanded, not what was measured
     "ackermann_msgs/AckermannDriveStamped": (Input(Role.EGO_STEER, _ACKERMANN, _build_steering_report, rank=None),),
+    "autoware_planning_msgs/Trajectory": (Input(Role.PLANNED_PATH, _TRAJECTORY, _builder("path.build_trajectory")),),
+    "autoware_auto_planning_msgs/Trajectory": (
+        Input(Role.PLANNED_PATH, _TRAJECTORY, _builder("path.build_trajectory")),
+    ),
+    "nav_msgs/Path": (Input(Role.PLANNED_PATH, _PATH, _builder("path.build_path")),),
     "sensor_msgs/CompressedImage": _CAMERA,
     "sensor_msgs/Image": _CAMERA,
     "foxglove.CompressedImage": _CAMERA,

@@ -65,4 +65,10 @@ class Role(StrEnum):
         "(docs/detections.md)",
     )
     TARGET_TRUTH = "target_truth", "the targets' truth", ("canonical:TargetTruthSignal",)
+    PLANNED_PATH = (
+        "planned_path",
+        "another system's path of the ego",
+        ("builders.path:PathSignal",),
+        "such a path is a Trajectory of Autoware or a nav_msgs/Path; `cwcli evaluate --topic ego_path=` judges it",
+    )
     LATERAL_TRUTH = "lateral_truth", "the truth of the lateral motion"

@@ -312,12 +312,47 @@ def _v2x(paths: Mapping[str, str], values: Mapping[str, Any], prefix: str = "", 
     return sample
 
 
+def _trajectory(k: int) -> Sample:
+    points = [
+        {
+            "time_from_start": {"sec": j, "nanosec": 250_000_000},
+            "pose": {"position": xyz(1.0 + k, 2.0 + 3.0 * j, 0.0)},
+            "longitudinal_velocity_mps": 3.0 + j,
+        }
+        for j in range(2 + k)
+    ]
+    means = {
+        "time_s": [j + 0.25 for j in range(2 + k)],
+        "x_m": [1.0 + k] * (2 + k),
+        "y_m": [2.0 + 3.0 * j for j in range(2 + k)],
+        "speed_mps": [3.0 + j for j in range(2 + k)],
+    }
+    return ros(k, {"points": points}), {Role.PLANNED_PATH: means}
+
+
+def _nav_path(k: int) -> Sample:
+    def pose(j: int) -> Message:
+        sec, nanosec = divmod(stamp_of(k) + 500_000_000 * j, 10**9)
+        stamp = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": FRAME}
+        return {"header": stamp, "pose": {"position": xyz(1.0 + k, 2.0 + 3.0 * j, 0.0)}}
+
+    means = {
+        "time_s": [0.5 * j for j in range(2 + k)],
+        "x_m": [1.0 + k] * (2 + k),
+        "y_m": [2.0 + 3.0 * j for j in range(2 + k)],
+        "speed_mps": [float("nan")] * (2 + k),
+    }
+    return ros(k, {"poses": [pose(j) for j in range(2 + k)]}), {Role.PLANNED_PATH: means}
+
+
 FLAGS: dict[str, int] = {}
 for _path, _bit in CARMA_PRESENCE.values():
     FLAGS[_path] = FLAGS.get(_path, 0) | _bit
 
 IN_FRAME = "value.BasicSafetyMessage."
 SAMPLES: dict[str, Callable[[int], Sample]] = {
+    "autoware_planning_msgs/Trajectory": _trajectory,
+    "nav_msgs/Path": _nav_path,
     "sensor_msgs/NavSatFix": _nav_sat_fix,
     "foxglove.LocationFix": _location_fix,
     "sensor_msgs/Imu": _imu,
@@ -350,6 +385,7 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "cwcli.v1.VehicleState": _vehicle_state,
 }
 SAME = {
+    "autoware_auto_planning_msgs/": "autoware_planning_msgs/",
     "foxglove_msgs/": "foxglove.",
     "autoware_auto_vehicle_msgs/": "autoware_vehicle_msgs/",
 }

@@ -10,6 +10,7 @@ import pytest
 from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build
 from cwcli.signals.builders.base import Reading
+from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
 from cwcli.signals.columns import Columns, Field, Ragged
 from cwcli.signals.contract import KINDS, check_built
@@ -67,7 +68,7 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
     assert signal.log_time_ns.tolist() == [stamp_of(k) + DELAY_NS for k in range(N)]
     for name in means[0]:
         expected = [meant[name] for meant in means]
-        if isinstance(signal, DetectionSignal):
+        if isinstance(signal, DetectionSignal | PathSignal):
             expected = [row for rows in expected for row in rows]
         np.testing.assert_allclose(getattr(signal, name), expected, rtol=1e-9, atol=1e-9, err_msg=name)
 

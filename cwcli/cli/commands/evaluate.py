@@ -35,7 +35,7 @@ EXAMPLES = (
 )
 SYSTEM = "system."
 """Another system's metrics have the names of cwcli's own behind it."""
-BESIDE = ("metric", "the system", "cwcli", "unit", "n")
+BESIDE = ("metric", "the system", "cwcli", "states", "n")
 MAX_SHOWN = 20
 MAX_IN_MARKDOWN = 200
 
@@ -137,7 +137,7 @@ def _show(
     console.heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_telling(name)]
     own = [row for row in shown if not row.metric.startswith(SYSTEM)]
-    console.summary(table(("metric", "value", "unit", "95 % interval", "n"), [_metric_cells(row) for row in own]))
+    console.summary(table(("metric", "value", "states", "95 % interval", "n"), [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
     beside = _beside(pooled)
@@ -168,7 +168,7 @@ def _beside(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
         if name.startswith(SYSTEM):
             own = pooled.get(name.removeprefix(SYSTEM))
             ours: Cell = "" if own is None else own.value
-            rows.append((name.removeprefix(SYSTEM), row.value, ours, row.unit, row.n))
+            rows.append((name.removeprefix(SYSTEM), row.value, ours, _short(row.states), row.n))
     return rows
 
 
@@ -182,7 +182,12 @@ def _notes(run: RunMetrics) -> dict[str, list[str]]:
 
 
 def _metric_cells(row: MetricRow) -> tuple[Cell, ...]:
-    return row.metric, row.value, row.unit, interval(row.low, row.high), row.n
+    return row.metric, row.value, _short(row.states), interval(row.low, row.high, 2), row.n
+
+
+def _short(states: str) -> str:
+    """`online/truth`, so that a name of a metric is not wrapped."""
+    return states.replace(" vs ", "/")
 
 
 def _gate_cells(result: GateResult) -> tuple[Cell, ...]:
@@ -236,6 +241,7 @@ def _numbers(rows: Any) -> Document:
         name: {
             "value": finite(row.value),
             "unit": row.unit,
+            "states": row.states,
             "n": row.n,
             "low": finite(row.low),
             "high": finite(row.high),
@@ -279,12 +285,15 @@ def _markdown(run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[G
             markdown.code(row.metric),
             row.value,
             markdown.code(row.unit) if row.unit else "",
+            row.states,
             interval(row.low, row.high),
             row.n,
         )
         for row in shown
     ]
-    parts.append(markdown.table(("metric, all logs pooled", "value", "unit", "95 % interval", "n"), metric_rows))
+    parts.append(
+        markdown.table(("metric, all logs pooled", "value", "unit", "states", "95 % interval", "n"), metric_rows)
+    )
     beside = [(markdown.code(str(name)), *cells) for name, *cells in _beside(pooled)]
     if beside:
         parts.append(markdown.table(BESIDE, beside))

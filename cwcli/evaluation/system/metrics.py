@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from cwcli.errors import MissingSignalError
 from cwcli.evaluation.happened import what_happened
+from cwcli.evaluation.knowledge import SYSTEM, against, estimated
 from cwcli.evaluation.subject import Subject
 from cwcli.evaluation.system.flag import read_flag
+from cwcli.evaluation.system.path import add_path
+from cwcli.evaluation.system.state import add_state
 from cwcli.evaluation.system.warnings import judge_flag
 from cwcli.evaluation.warn import add_scores
-
-PREFIX = "system"
+from cwcli.pipeline.records import run_records
 
 
 def add_system(subject: Subject) -> None:
@@ -20,8 +22,12 @@ def add_system(subject: Subject) -> None:
         MissingSignalError: There is nothing to hold it against, or its channel is empty.
         DataError: Nothing of its channel can be used.
     """
-    if subject.system.condition is not None:
+    system = subject.system
+    if system.condition is not None:
         _add_warnings(subject)
+    placed = add_state(subject, system.ego_state) if system.ego_state else None
+    if system.ego_path:
+        add_path(subject, system.ego_path, placed)
 
 
 def _add_warnings(subject: Subject) -> None:
@@ -36,4 +42,5 @@ def _add_warnings(subject: Subject) -> None:
         )
     flag = read_flag(log, system.warning, system.condition)
     subject.notes.extend(flag.notes)
-    add_scores(subject.headline, f"{PREFIX}.warnings", judge_flag(flag.spans(), real).scores)
+    with subject.headline.of(against(SYSTEM, estimated(run_records(log)))):
+        add_scores(subject.headline, "system.warnings", judge_flag(flag.spans(), real).scores)

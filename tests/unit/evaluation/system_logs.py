@@ -89,11 +89,11 @@ def ros_log(
     return path
 
 
-def json_log(path: Path, messages: Iterable[tuple[float, Any]], topic: str = "/adas/fcw") -> Path:
+def json_log(path: Path, messages: Iterable[tuple[float, Any]], topic: str = "/adas/fcw", schema: str = "Any") -> Path:
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
-        channel = writer.register_channel(topic, "json", writer.register_schema("Any", "jsonschema", b"{}"))
+        channel = writer.register_channel(topic, "json", writer.register_schema(schema, "jsonschema", b"{}"))
         for at, message in messages:
             data = message if isinstance(message, bytes) else json.dumps(message).encode()
             writer.add_message(channel, at_ns(at), data, at_ns(at))

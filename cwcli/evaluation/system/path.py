@@ -1,0 +1,146 @@
+"""Another system's paths of the ego against what then happened.
+
+A planner's path is what it wants, not what it expects of a human driver: an error is right only where the car was
+driven by it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.errors import DataError
+from cwcli.evaluation.predict import ERROR_HORIZONS_S, MAX_GAP_S, add_horizons, against_track
+from cwcli.evaluation.subject import Subject
+from cwcli.evaluation.system.placing import Placing, fitted
+from cwcli.evaluation.system.reading import read_system
+from cwcli.evaluation.system.state import Reference, reference_of
+from cwcli.prediction.paths import Paths
+from cwcli.signals.builders.path import PathSignal
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.resample import resample
+from cwcli.signals.role import Role
+
+STEP_S = 0.1
+VEHICLE_FRAMES = frozenset({"base_link", "base_footprint", "ego_vehicle", "vehicle"})
+"""Frames whose origin is the car and whose x axis points ahead."""
+MIN_SPEED_MPS = 0.1
+"""A path is gone along no slower than this, so that its time stays finite; where it ends so slowly, the car stands."""
+
+
+@dataclass(frozen=True)
+class _Track:
+    """The ego at the stamps of the paths: positions (n, 2), headings (n,), speeds (n,); NaN where not known."""
+
+    xy_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+
+
+def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) -> None:
+    """Add the errors of another system's paths at the horizons.
+
+    Args:
+        subject: The log.
+        topic: Of the paths.
+        known: A frame of the same system, and where it lies in the map; None: not known.
+
+    Raises:
+        UsageError: Its messages are no paths.
+        MissingSignalError: There is nothing to hold them against.
+        DataError: None of them can be used, or they are of another time than the states.
+    """
+    reference = reference_of(subject)
+    signal = read_system(subject, "ego_path", topic, (Role.PLANNED_PATH,))
+    assert isinstance(signal, PathSignal)
+    ego = _ego_at(signal, reference)
+    rows = np.flatnonzero(np.isfinite(ego.xy_m).all(axis=1))
+    placing = _placing(subject, signal, ego, known)
+    if not len(rows) or (placing is None and signal.frame_id not in VEHICLE_FRAMES):
+        raise DataError("its paths are of no time at which the ego is known", where=f"{subject.log.name}: {topic}")
+    n_timeless = sum(bool(np.isnan(signal.time_s[_points(signal, k)]).any()) for k in rows.tolist())
+    n_slow = 0
+    time_s = np.arange(round(ERROR_HORIZONS_S[-1] / STEP_S) + 1, dtype=np.float64) * np.float64(STEP_S)
+    xy_m: FloatArray = np.full((len(rows), len(time_s), 2), np.nan)
+    for at, k in enumerate(rows.tolist()):
+        points = _points(signal, k)
+        own = np.column_stack([signal.x_m[points], signal.y_m[points]])
+        if placing is None:
+            placed = Placing(float(ego.heading_rad[k]), np.zeros(2), ego.xy_m[k]).xy(own)
+        else:
+            placed = placing.xy(own)
+        speed_mps = signal.speed_mps[points]
+        at_s = signal.time_s[points]
+        if np.isnan(at_s).any():
+            n_slow += bool(np.isnan(speed_mps).any())
+            at_s = _times(placed, np.where(np.isfinite(speed_mps), speed_mps, ego.speed_mps[k]), ego.xy_m[k])
+        xy_m[at] = _along(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_SPEED_MPS))
+    if n_timeless:
+        how = "the car's own speed" if n_slow else "the speeds they give"
+        subject.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: gone along by {how}")
+    stamp_ns = signal.stamp_ns[rows]
+    paths = _paths(time_s, xy_m)
+    with subject.headline.of("system vs hindsight"):
+        states = subject.ego.states
+        assert states is not None  # or the reference is missing, or a truth that needs them
+        errors = against_track(paths, stamp_ns, states.stamp_ns, states.state[:, :2], MAX_GAP_S)
+        add_horizons(subject.headline, "system.prediction.ego.", [errors])
+    if subject.ego.truth is not None:
+        truth = subject.ego.truth
+        with subject.headline.of("system vs truth"):
+            errors = against_track(paths, stamp_ns, truth.stamp_ns, truth.xy, MAX_GAP_S)
+            add_horizons(subject.headline, "system.prediction.ego.truth_", [errors])
+
+
+def _points(signal: PathSignal, k: int) -> slice:
+    return slice(int(signal.offsets[k]), int(signal.offsets[k + 1]))
+
+
+def _ego_at(signal: PathSignal, reference: Reference) -> _Track:
+    def at(values: FloatArray, *, is_angle: bool = False) -> FloatArray:
+        return resample(reference.stamp_ns, values, signal.stamp_ns, max_gap_s=MAX_GAP_S, is_angle=is_angle)
+
+    return _Track(at(reference.xy_m), at(reference.heading_rad, is_angle=True), at(reference.speed_mps))
+
+
+def _placing(subject: Subject, signal: PathSignal, ego: _Track, known: tuple[str, Placing] | None) -> Placing | None:
+    """Where the paths' frame lies in the map; None for the car's own frame."""
+    if signal.frame_id in VEHICLE_FRAMES:
+        return None
+    if known is not None and known[0] == signal.frame_id:
+        return known[1]
+    first = signal.offsets[:-1]
+    found = fitted(np.column_stack([signal.x_m[first], signal.y_m[first]]), ego.xy_m)
+    if found is not None:
+        subject.notes.append(
+            f"{found.note(signal.source, signal.frame_id)} (by where its paths begin; an odometry in that frame, named "
+            "with --topic ego_state=, places it better)"
+        )
+    return found
+
+
+def _times(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArray) -> FloatArray:
+    """When a car that goes along a path is at each of its points, from where it is nearest to it now."""
+    step_m = np.hypot(*np.diff(xy_m, axis=0).T)
+    mean_mps = np.maximum(0.5 * (speed_mps[1:] + speed_mps[:-1]), MIN_SPEED_MPS)
+    at_s = np.concatenate([[0.0], np.cumsum(step_m / mean_mps)])
+    begin, way = xy_m[:-1], np.diff(xy_m, axis=0)
+    length2 = np.maximum((way**2).sum(axis=1), np.finfo(np.float64).tiny)
+    share = np.clip(((ego_m - begin) * way).sum(axis=1) / length2, 0.0, 1.0)
+    apart = np.hypot(*(begin + share[:, None] * way - ego_m).T)
+    nearest = int(apart.argmin())
+    return np.asarray(at_s - (at_s[nearest] + share[nearest] * (at_s[nearest + 1] - at_s[nearest])))
+
+
+def _along(time_s: FloatArray, at_s: FloatArray, xy_m: FloatArray, *, stands: bool) -> FloatArray:
+    """The points of a path at given times, NaN before and behind it; at its end where the car stands there."""
+    behind = None if stands else np.nan
+    return np.column_stack([np.interp(time_s, at_s, values, left=np.nan, right=behind) for values in xy_m.T])
+
+
+def _paths(time_s: FloatArray, xy_m: FloatArray) -> Paths:
+    n, k = xy_m.shape[:2]
+    nothing = np.full((n, k), np.nan)
+    x_m, y_m = xy_m[..., 0], xy_m[..., 1]
+    return Paths(time_s, x_m, y_m, nothing, nothing, np.full((n, k, 3), np.nan))

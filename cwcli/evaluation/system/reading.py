@@ -1,0 +1,53 @@
+"""Another system's channel as a signal, and what of it could not be used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cwcli.errors import UsageError
+from cwcli.evaluation.subject import Subject
+from cwcli.signals.build import build, require_rows
+from cwcli.signals.canonical import Signal
+from cwcli.signals.inputs import input_for
+from cwcli.signals.role import Role
+from cwcli.text import count, printable
+
+
+def read_system(subject: Subject, name: str, topic: str, roles: Sequence[Role]) -> Signal:
+    """Read a topic that is named for a role of another system.
+
+    Args:
+        subject: The log; gets notes of messages that can't be used.
+        name: The role, as `--topic` has it.
+        topic: The topic, which the log has.
+        roles: Input roles whose builders can read it, the best first.
+
+    Raises:
+        UsageError: Its messages are of no type that can be read so.
+        DataError: None of its messages can be used.
+        MissingSignalError: It has none.
+    """
+    log = subject.log
+    schemas = {channel.topic: channel.schema_name for channel in log.channels}
+    usable = {
+        each: role
+        for each, schema in schemas.items()
+        for role in reversed(roles)
+        if input_for(role, schema) is not None
+    }
+    if topic not in usable:
+        raise UsageError(
+            f"--topic {name}={topic}: {schemas[topic] or 'no schema'} can't be read so",
+            where=log.name,
+            found=tuple(f"{each} ({schemas[each]})" for each in usable) or ("no topic that can",),
+        )
+    entry = input_for(usable[topic], schemas[topic])
+    encoding = next(channel.message_encoding for channel in log.channels if channel.topic == topic)
+    assert entry is not None
+    columns = log.columns(topic, entry.fields.get(encoding, ()))
+    signal, quality = build(usable[topic], columns, is_override=True)
+    require_rows(quality, where=log.name)
+    if quality.rejected:
+        reasons = ", ".join(f"{n} {reason}" for reason, n in quality.rejected.items())
+        subject.notes.append(f"{printable(topic)}: of {count(quality.read, 'message')} not used: {reasons}")
+    return signal
