@@ -166,19 +166,10 @@ _POSE_IN_FRAME = _foxglove(*_xyz("pose.position"), *_quaternion("pose.orientatio
 _VELOCITY_REPORT = _ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
 _STEERING_REPORT: Fields = dict.fromkeys(("cdr", "json"), ("stamp.sec", "stamp.nanosec", "steering_tire_angle"))
 _ACKERMANN = _ros("drive.steering_angle")
-_TRAJECTORY = _ros(
-    "points.time_from_start.sec",
-    "points.time_from_start.nanosec",
-    "points.time_from_start.nsec",
-    "points.pose.position.x",
-    "points.pose.position.y",
-    "points.longitudinal_velocity_mps",
-)
-_PATH = _ros(
-    *(f"poses.header.stamp.{name}" for name in ("sec", "nanosec", "secs", "nsec", "nsecs")),
-    "poses.pose.position.x",
-    "poses.pose.position.y",
-)
+_TIMES = ("sec", "nanosec", "secs", "nsec", "nsecs")
+_TRAJECTORY_TIMES = tuple(f"points.time_from_start.{name}" for name in _TIMES)
+_TRAJECTORY = _ros(*_TRAJECTORY_TIMES, *_xyz("points.pose.position"), "points.longitudinal_velocity_mps")
+_PATH = _ros(*(f"poses.header.stamp.{name}" for name in _TIMES), *_xyz("poses.pose.position"))
 _CAMERA_INFO = _ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
 _CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P", "d", "k", "r", "p")
 _STATE: Fields = {

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cwcli.cli.main import run
+from cwcli.logs.read.reader import Log
 from tests.cli.rewritten_logs import Logged, read, write
 
 ROOT = Path(__file__).parents[2]
@@ -26,12 +29,37 @@ def flag(t0_ns: int) -> Iterator[Logged]:
         yield Logged("/adas/fcw", "cdr", BOOL, t0_ns + k * 20_000_000, data)
 
 
+def motion(path: Path) -> Iterator[Logged]:
+    """An odometry that is the truth, but 2 m to the north, and a plan: straight on at this speed."""
+    with Log.open(path) as log:
+        truth = log.columns("/truth/ego").fields
+    columns = (np.asarray(truth[name]) for name in ("stamp_ns", "x_m", "y_m", "heading_rad", "speed_mps"))
+    for stamp_ns, x_m, y_m, heading, speed in zip(*(each.tolist() for each in columns), strict=True):
+        sec, nanosec = divmod(stamp_ns, 10**9)
+        header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "odom"}
+        turn = {"x": 0.0, "y": 0.0, "z": math.sin(heading / 2), "w": math.cos(heading / 2)}
+        points = []
+        for k in range(41):
+            at = {"x": x_m + 0.1 * k * speed * math.cos(heading), "y": y_m + 2.0 + 0.1 * k * speed * math.sin(heading)}
+            time = {"sec": k // 10, "nanosec": 100_000_000 * (k % 10)}
+            points.append({"time_from_start": time, "pose": {"position": at}, "longitudinal_velocity_mps": speed})
+        pose = {"pose": {"position": {**points[0]["pose"]["position"], "z": 0.0}, "orientation": turn}}
+        twist = {"twist": {"linear": {"x": speed, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}}
+        odometry = {"header": header, "child_frame_id": "base_link", "pose": pose, "twist": twist}
+        plan = {"header": header, "points": points}
+        for topic, schema, message in (
+            ("/odometry", "nav_msgs/msg/Odometry", odometry),
+            ("/planning/trajectory", "autoware_planning_msgs/msg/Trajectory", plan),
+        ):
+            yield Logged(topic, "json", (schema, "jsonschema", b"{}"), stamp_ns, json.dumps(message).encode())
+
+
 @pytest.fixture(scope="module")
 def drive(intersection: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bundled intersection with a warning function in it, annotated: drive.mcap and annotated.mcap."""
     folder = tmp_path_factory.mktemp("system")
     messages = read(intersection)
-    both = sorted([*messages, *flag(messages[0].log_time_ns)], key=lambda each: each.log_time_ns)
+    both = sorted([*messages, *flag(messages[0].log_time_ns), *motion(intersection)], key=lambda each: each.log_time_ns)
     write(folder / "drive.mcap", both)
     arguments = ["run", str(folder / "drive.mcap"), "-o", str(folder / "annotated.mcap"), "--quiet"]
     assert run(arguments) == 0
@@ -72,6 +100,18 @@ def test_the_commands_of_the_page_hold(drive: Path, monkeypatch: pytest.MonkeyPa
     said = capsys.readouterr().out
     assert "The other system beside cwcli" in said
     assert "passed" in said
+
+
+def test_its_state_and_its_path_stand_beside_cwclis(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The odometry is the truth; the car goes straight at a steady speed, so the plan is what happens."""
+    options = ("--topic=ego_state=/odometry", "--topic=ego_path=/planning/trajectory")
+    code, found = document(capsys, "evaluate", drive / "annotated.mcap", *options)
+    assert code == 0
+    metrics = found["logs"][0]["metrics"]
+    assert metrics["system.ego.position_rmse_m"]["value"] < 1e-6
+    assert metrics["system.prediction.ego.truth_fde_2.5s_m"]["value"] < 1e-6
+    assert metrics["system.prediction.ego.truth_fde_2.5s_m"]["states"] == "system vs truth"
+    assert metrics["ego.position_rmse_m"]["states"] == "hindsight vs truth"
 
 
 def test_a_gate_on_the_other_system(drive: Path) -> None:
