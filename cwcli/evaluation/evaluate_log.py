@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from cwcli.errors import UsageError
 from cwcli.evaluation.log_data import add_data
+from cwcli.evaluation.reference import add_online
 from cwcli.evaluation.subject import AUTO, NO_TRUTH, Subject
 from cwcli.evaluation.system.metrics import add_system
 from cwcli.evaluation.system.topics import System
@@ -52,6 +53,7 @@ def evaluate_log(
         add_metrics = getattr(evaluator, "add_metrics", None)
         if add_metrics is not None:
             add_metrics(subject)
+    add_online(subject)
     add_system(subject)
     add_data(subject.headline, log)
     notes = "\n".join((*subject.ego.notes, *subject.notes))

@@ -166,7 +166,8 @@ def _beside(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
     rows: list[tuple[Cell, ...]] = []
     for name, row in pooled.items():
         if name.startswith(SYSTEM):
-            own = pooled.get(name.removeprefix(SYSTEM))
+            known = name.removeprefix(SYSTEM)
+            own = pooled.get(known.replace("ego.", "ego.online_", 1), pooled.get(known))
             ours: Cell = "" if own is None else own.value
             rows.append((name.removeprefix(SYSTEM), row.value, ours, _short(row.states), row.n))
     return rows

@@ -6,20 +6,18 @@ driven by it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cwcli.errors import DataError
+from cwcli.evaluation.knowledge import HINDSIGHT, SYSTEM, TRUTH, against
 from cwcli.evaluation.predict import ERROR_HORIZONS_S, MAX_GAP_S, add_horizons, against_track
+from cwcli.evaluation.reference import Motion, reference_of
 from cwcli.evaluation.subject import Subject
 from cwcli.evaluation.system.placing import Placing, fitted
 from cwcli.evaluation.system.reading import read_system
-from cwcli.evaluation.system.state import Reference, reference_of
 from cwcli.prediction.paths import Paths
 from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
 
 STEP_S = 0.1
@@ -27,15 +25,6 @@ VEHICLE_FRAMES = frozenset({"base_link", "base_footprint", "ego_vehicle", "vehic
 """Frames whose origin is the car and whose x axis points ahead."""
 MIN_SPEED_MPS = 0.1
 """A path is gone along no slower than this, so that its time stays finite; where it ends so slowly, the car stands."""
-
-
-@dataclass(frozen=True)
-class _Track:
-    """The ego at the stamps of the paths: positions (n, 2), headings (n,), speeds (n,); NaN where not known."""
-
-    xy_m: FloatArray
-    heading_rad: FloatArray
-    speed_mps: FloatArray
 
 
 def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) -> None:
@@ -54,7 +43,7 @@ def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) ->
     reference = reference_of(subject)
     signal = read_system(subject, "ego_path", topic, (Role.PLANNED_PATH,))
     assert isinstance(signal, PathSignal)
-    ego = _ego_at(signal, reference)
+    ego = reference.motion.at(reference.stamp_ns, signal.stamp_ns)
     rows = np.flatnonzero(np.isfinite(ego.xy_m).all(axis=1))
     placing = _placing(subject, signal, ego, known)
     if not len(rows) or (placing is None and signal.frame_id not in VEHICLE_FRAMES):
@@ -81,14 +70,14 @@ def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) ->
         subject.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: gone along by {how}")
     stamp_ns = signal.stamp_ns[rows]
     paths = _paths(time_s, xy_m)
-    with subject.headline.of("system vs hindsight"):
+    with subject.headline.of(against(SYSTEM, HINDSIGHT)):
         states = subject.ego.states
         assert states is not None  # or the reference is missing, or a truth that needs them
         errors = against_track(paths, stamp_ns, states.stamp_ns, states.state[:, :2], MAX_GAP_S)
         add_horizons(subject.headline, "system.prediction.ego.", [errors])
     if subject.ego.truth is not None:
         truth = subject.ego.truth
-        with subject.headline.of("system vs truth"):
+        with subject.headline.of(against(SYSTEM, TRUTH)):
             errors = against_track(paths, stamp_ns, truth.stamp_ns, truth.xy, MAX_GAP_S)
             add_horizons(subject.headline, "system.prediction.ego.truth_", [errors])
 
@@ -97,14 +86,7 @@ def _points(signal: PathSignal, k: int) -> slice:
     return slice(int(signal.offsets[k]), int(signal.offsets[k + 1]))
 
 
-def _ego_at(signal: PathSignal, reference: Reference) -> _Track:
-    def at(values: FloatArray, *, is_angle: bool = False) -> FloatArray:
-        return resample(reference.stamp_ns, values, signal.stamp_ns, max_gap_s=MAX_GAP_S, is_angle=is_angle)
-
-    return _Track(at(reference.xy_m), at(reference.heading_rad, is_angle=True), at(reference.speed_mps))
-
-
-def _placing(subject: Subject, signal: PathSignal, ego: _Track, known: tuple[str, Placing] | None) -> Placing | None:
+def _placing(subject: Subject, signal: PathSignal, ego: Motion, known: tuple[str, Placing] | None) -> Placing | None:
     """Where the paths' frame lies in the map; None for the car's own frame."""
     if signal.frame_id in VEHICLE_FRAMES:
         return None
