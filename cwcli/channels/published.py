@@ -60,6 +60,14 @@ EGO_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego
 EGO_POSE = Channel("/cwcli/ego/pose", _POSE, "estimate", "the ego in `map`")
 TRANSFORMS = Channel("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`")
 TARGETS = Channel("/cwcli/targets", "cwcli.v1.Target", "track", "the tracked targets", "targets", "detections")
+TARGETS_ONLINE = Channel(
+    "/cwcli/targets/online",
+    "cwcli.v1.Target",
+    "track",
+    "the tracked targets as they could have been known",
+    "targets_online",
+    "detections",
+)
 TARGET_SCENE = Channel("/cwcli/targets/scene", _SCENE, "track", "the targets, with velocity and id")
 EGO_PATH = Channel("/cwcli/ego/path", _PATH, "predict", "the ego path", "ego_path", "ego_state")
 REMOTE_PATH = Channel(
@@ -91,7 +99,7 @@ PUBLISHED = tuple(each for each in tuple(globals().values()) if isinstance(each,
 """All of the above, in the order in which the stages run."""
 OF_ROLE = {channel.role: channel for channel in PUBLISHED if channel.role}
 """Role -> the channel that fills it."""
-ONLINE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_ONLINE}
+ONLINE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_ONLINE, TARGETS.role: TARGETS_ONLINE}
 """Role of states in hindsight -> the channel of the same states as they could have been known."""
 
 

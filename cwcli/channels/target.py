@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.output import output
-from cwcli.channels.published import TARGET_SCENE, TARGETS
+from cwcli.channels.published import TARGET_SCENE, TARGETS, TARGETS_ONLINE, Channel
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
 from cwcli.signals.columns import (
@@ -34,14 +34,15 @@ TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
 
 
 def write_targets(
-    result: TrackResult, *, in_map: bool, known_ns: tuple[Int64Array, Int64Array]
+    result: TrackResult, *, in_map: bool, known_ns: tuple[Int64Array, Int64Array], channel: Channel = TARGETS
 ) -> tuple[OutputChannel, ...]:
-    """The tracks as channels.
+    """The tracks as a channel, and as a scene for viewers.
 
     Args:
         result: The tracks.
         in_map: Their frame is the map, not the car's body.
         known_ns: Stamps of all scans, increasing, and the log times at which these were known.
+        channel: Those in hindsight, or the online ones; the scene is of the former alone.
     """
     rows = target_rows(result)
     motion = _motion_rows(result)
@@ -70,7 +71,9 @@ def write_targets(
         "accel_sigma_mps2": motion[order, 2],
         "yaw_rate_sigma_radps": motion[order, 3],
     }
-    targets = output(TARGETS, log_time_ns[order], fields)
+    targets = output(channel, log_time_ns[order], fields)
+    if channel != TARGETS:
+        return (targets,)
     return targets, _scene(log_time_ns[order], rows.stamp_ns[order], ids, frame, state)
 
 
@@ -173,7 +176,9 @@ def read_targets(columns: Columns) -> VehicleStates:
     state, full = np.zeros((n, N_STATES)), np.zeros((n, N_STATES, N_STATES))
     for _, unordered in rows_by_id(ids):
         rows = unordered[np.argsort(stamp_ns[unordered], kind="stable")]
-        state[rows], full[rows] = vehicle_states(given[rows], covariance[rows])
+        state[rows], full[rows] = vehicle_states(
+            given[rows], covariance[rows], looks_ahead=columns.topic != TARGETS_ONLINE.topic
+        )
     for at, name, sigma_name in (
         (ACCEL, "accel_mps2", "accel_sigma_mps2"),
         (YAW_RATE, "yaw_rate_radps", "yaw_rate_sigma_radps"),

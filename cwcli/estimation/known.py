@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,45 @@ SLACK_NS = 1_000
 """The filter counts in seconds: a row so little later than a state may be in it."""
 NEVER_NS = np.iinfo(np.int64).max
 LONG_AGO_NS = np.iinfo(np.int64).min
+LATE_S = 1.0
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is told of a channel of online states.
+
+    Attributes:
+        topic: The channel.
+        parameters: Where noise, latencies and sensors' errors are from.
+        stamp_ns, log_time_ns: Shape (n,): of the states, and when they could have been known.
+    """
+
+    topic: str
+    parameters: str
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+
+    @property
+    def n(self) -> int:
+        """States."""
+        return len(self.stamp_ns)
+
+    def after_s(self) -> tuple[float, ...]:
+        """How long after their stamps the states are known: median, 95 % and most; NaN without states."""
+        after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
+        return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n else (np.nan,) * 3
+
+    @property
+    def notes(self) -> list[str]:
+        """A remark where the states come seconds late."""
+        after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
+        late = after_s > LATE_S
+        if not late.any():
+            return []
+        return [
+            f"{self.topic}: {100.0 * late.mean():.0f} % of the states are known more than {LATE_S:g} s after their "
+            f"stamps (up to {after_s.max():.1f} s), and so are paths and warnings; if the stamps are off, --clock log"
+        ]
 
 
 def known_ns(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -32,15 +32,17 @@ class OfStates(Selection):
     ] = "online"
 
 
-def with_states(selection: OfStates, channels: Sequence[ChannelLike], roles: Collection[str]) -> dict[str, str]:
+def with_states(
+    topics: Mapping[str, str], which: States, channels: Sequence[ChannelLike], roles: Collection[str]
+) -> dict[str, str]:
     """Role -> topic: the choices of the user, and the online channels for the states among the roles.
 
     A stage binds the role of the states in hindsight (`ego_state`) and gets the channel that was asked for. What the
     user names with `--topic ego_state=` counts; where a log has no online states (another version wrote it), those in
     hindsight are left, and `states_notes` tells.
     """
-    chosen = dict(selection.topics)
-    if selection.states == "hindsight":
+    chosen = dict(topics)
+    if which == "hindsight":
         return chosen
     there = {channel.topic for channel in channels}
     for role in roles:
@@ -68,7 +70,7 @@ def bind_states(
     Raises:
         UsageError, MissingSignalError: As `bind`.
     """
-    chosen = with_states(selection, channels, (*required, *optional))
+    chosen = with_states(selection.topics, selection.states, channels, (*required, *optional))
     bound = bind(channels, chosen, required=required, optional=optional, where=where, command=command)
     return replace(bound, notes=(*bound.notes, *states_notes(bound, selection)))
 

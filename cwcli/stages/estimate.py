@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 
+from cwcli.channels.collected_states import CollectedStates
 from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, write_states
@@ -24,7 +24,7 @@ from cwcli.estimation.from_signals import (
     output_grid,
     remote_measurements,
 )
-from cwcli.estimation.known import SLACK_NS, in_time, known_ns
+from cwcli.estimation.known import SLACK_NS, Knowledge, in_time, known_ns
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
@@ -39,9 +39,9 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import EGO_ID, N_STATES
+from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
-from cwcli.stages.summaries.estimate import gap_notes, sections
+from cwcli.stages.summaries.estimate import gap_notes, knowledge_section, sections
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
@@ -50,6 +50,7 @@ EXAMPLES = (
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_BRIDGE_S = 60
 STATIONS_AT_ONCE = 4
+THIS_LOG, MESSAGES = "this log", "messages and defaults"
 
 
 def parse_origin(text: str) -> tuple[float, float, float]:
@@ -168,7 +169,16 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         channels.append(write_states(REMOTE_STATE, remote.hindsight, local_map))
         channels.append(write_states(REMOTE_ONLINE, remote.online, local_map))
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
-    summary = _summary(sources, apart, tracks)
+    parameters = _parameters(estimator)
+    told = [Knowledge(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
+    if remote is not None:
+        of_remote = MESSAGES if _is_blind(estimator) else parameters  # a calibration says nothing of other cars
+        told.append(Knowledge(REMOTE_ONLINE.topic, of_remote, remote.online.stamp_ns, remote.online.log_time_ns))
+        if remote.n_overtaken:
+            apart.append(
+                f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
+            )
+    summary = _summary(sources, apart, tracks, told)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -180,6 +190,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             replace(config, calibration=None),
             summary,
             sources=source_record(tracks),
+            online_parameters=parameters,
             **_origin_record(local_map),
             **calibration_entry(config.calibration),
         ),
@@ -247,7 +258,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
         said = remote_measurements(signal, own, local_map)
         return estimate_both(said, config, signal.stamp_ns[own], blind=_is_blind(estimator), in_time=fewer)
 
-    hindsight, online = _Collected(signal, np.ones_like(is_fresh)), _Collected(signal, is_fresh)
+    hindsight, online = CollectedStates(signal, np.ones_like(is_fresh)), CollectedStates(signal, is_fresh)
     tracks: dict[str, TrackSummary] = {}
     for first in range(0, len(stations), STATIONS_AT_ONCE):
         group = stations[first : first + STATIONS_AT_ONCE]
@@ -256,38 +267,6 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
             online.add(own[is_fresh[own]], known)
             tracks[station] = summarise(track)
     return RemoteStates(hindsight.states(), online.states(), tracks, int(np.count_nonzero(~is_fresh)))
-
-
-class _Collected:
-    """States of many vehicles, each put where it belongs in the channel."""
-
-    def __init__(self, signal: RemoteSignal, is_used: npt.NDArray[np.bool_]) -> None:
-        order = np.argsort(signal.log_time_ns, kind="stable")
-        self._signal, self._order = signal, order[is_used[order]]
-        n = len(self._order)
-        self._place = np.empty(len(order), np.intp)
-        self._place[self._order] = np.arange(n)
-        self._state, self._covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
-        self._flags = np.zeros(n, np.uint8)
-
-    def add(self, rows: Int64Array, track: Track) -> None:
-        """The states of some rows of the signal."""
-        at = self._place[rows]
-        self._state[at], self._covariance[at], self._flags[at] = track.state, track.covariance, track.flags
-
-    def states(self) -> VehicleStates:
-        """All of them."""
-        signal, order = self._signal, self._order
-        return VehicleStates(
-            signal.station.rows(order),
-            signal.stamp_ns[order],
-            signal.log_time_ns[order],
-            self._state,
-            self._covariance,
-            signal.length_m[order],
-            signal.width_m[order],
-            self._flags,
-        )
 
 
 def _is_blind(estimator: EstimatorConfig) -> bool:
@@ -303,7 +282,16 @@ def _known_ns(measurements: Sequence[Measurements], online: Track, estimator: Es
     return known_ns(measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns)
 
 
-def _summary(sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary]) -> Summary:
+def _parameters(estimator: EstimatorConfig) -> str:
+    """Where the parameters of the online states are from."""
+    if estimator.calibration is not None:
+        return f"calibration {estimator.calibration.name}"
+    return MESSAGES if _is_blind(estimator) else THIS_LOG
+
+
+def _summary(
+    sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary], online: Sequence[Knowledge]
+) -> Summary:
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
@@ -312,8 +300,18 @@ def _summary(sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackS
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
     notes.extend(_remote_notes(tracks))
+    if online[0].parameters == THIS_LOG:
+        notes.append(
+            "the online states' noise and latencies are those of the whole log; with --calibration or --latency none "
+            "they know nothing of what came later"
+        )
+    notes.extend(note for each in online for note in each.notes)
     return Summary(
-        "estimate", sections(tracks), sources.counts(), tuple(dict.fromkeys(notes)), verdict_of(tracks[EGO_ID])
+        "estimate",
+        (*sections(tracks), knowledge_section(online)),
+        sources.counts(),
+        tuple(dict.fromkeys(notes)),
+        verdict_of(tracks[EGO_ID]),
     )
 
 

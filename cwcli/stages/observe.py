@@ -21,10 +21,10 @@ from cwcli.errors import DataError, MissingSignalError
 from cwcli.estimation.calibration import Calibration, calibration_entry
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_entry
 from cwcli.pipeline.result import Cell, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.states import OfStates, bind_states
 from cwcli.signals.columns import Columns
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.calibrated import calibrated_sources
@@ -42,7 +42,7 @@ SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
 @dataclass(frozen=True)
-class ObserveConfig(Selection):
+class ObserveConfig(OfStates):
     """Settings of the stage.
 
     Attributes:
@@ -116,9 +116,9 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         UsageError: An unknown method, or a setting out of its range.
         DataError: The lanes are of another version, or the speed covers none of the frames.
     """
-    own = bind(
+    own = bind_states(
         log.channels,
-        config.topics,
+        config,
         required=(LANES.role,),
         optional=(EGO_STATE.role, Role.LATERAL_TRUTH),
         where=log.name,

@@ -13,7 +13,6 @@ from typing import Annotated, Literal
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.binding import bind
 from cwcli.channels.lanes import read_lanes
 from cwcli.channels.lateral_state import Observed, read_observed
 from cwcli.channels.path_image import PathFrames, Viewpoint, write_path_frames, write_path_lines
@@ -25,10 +24,10 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import vehicle_of
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.states import OfStates, bind_states
 from cwcli.prediction.lateral import LateralPathConfig, lateral_paths, map_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.prediction.paths import Paths
@@ -54,7 +53,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class PredictLaneConfig(Selection):
+class PredictLaneConfig(OfStates):
     """Settings of the stage.
 
     Attributes:
@@ -171,9 +170,9 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
         MissingSignalError: The log has no observer channel, or no frame of it has a state.
         DataError: The channel is of another version.
     """
-    own = bind(
+    own = bind_states(
         log.channels,
-        config.topics,
+        config,
         required=(OBSERVER.role,),
         optional=(EGO_STATE.role, Role.LATERAL_TRUTH),
         where=log.name,

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.published import EGO_STATE
+from cwcli.channels.published import EGO_STATE, TARGETS_ONLINE
 from cwcli.channels.target import write_targets
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import map_of, run_records
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.states import States, with_states
 from cwcli.signals.canonical import DetectionSignal, Signal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
@@ -24,17 +25,19 @@ from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from cwcli.stages.summaries import NIS_WORDS, bounds_text
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Counts, DetectionKind, EgoStates
+from cwcli.tracking.detections import Counts, DetectionKind, EgoStates, SensorModel
 from cwcli.tracking.from_signals import (
     check_carriers,
     detections_of,
+    known_scan_times,
     scan_times,
     sensor_models,
 )
+from cwcli.tracking.many import usual_density
 from cwcli.tracking.sensor_setting import SensorSetting, parse_sensors
 from cwcli.tracking.single import Consistency
 from cwcli.tracking.tables import VALUES, median_sigma_m, noise_of, noise_unit, track_tables, turn_noise_of
-from cwcli.tracking.tracker import Targets, TrackResult, track_targets
+from cwcli.tracking.tracker import Targets, TrackResult, track_online, track_targets
 
 EXAMPLES = (
     "cwcli track drive.mcap -o tracked.mcap --filter ukf --metrics tracks.parquet",
@@ -119,12 +122,20 @@ def track(log: Log, config: TrackConfig) -> StageResult:
         log, config.sources, command="track", required=(Role.DETECTIONS,), optional=(Role.TARGET_TRUTH,)
     )
     signals = [s for s in sources.by_role[Role.DETECTIONS] if isinstance(s, DetectionSignal)]
-    ego, ego_count = _ego(log, config.sources)
+    single = config.tracker.single
+    ego, ego_count = _ego(log, config.sources, "hindsight" if single.smooth else "online")
     models, notes = sensor_models(signals, config.sensors)
     in_map = check_carriers(models, has_ego=ego is not None, where=log.name)
     detections = [detections_of(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
-    result, how = track_targets(config.targets, detections, models, config.tracker, ego)
+    if not single.tune:
+        models = {d.source: _with_density(models[d.source], d.kind) for d in detections}
+    result, how = track_targets(config.targets, detections, models, config.tracker, _motion(ego))
     known_ns = scan_times(signals)
+    car, _ = _ego(log, config.sources, "online")
+    online = result
+    if single.smooth:
+        online = track_online(result, how, detections, models, config.tracker, _motion(car))
+    knowable_ns = known_scan_times(signals, None if car is None else (car.stamp_ns, car.log_time_ns))
     n_of_sensors = len(sources.notes) + len(notes)
     kinds = {d.source: d.kind for d in detections}
     notes.extend(_notes(result, signals, how, config))
@@ -136,7 +147,10 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     )
     return StageResult(
         stage="track",
-        channels=write_targets(result, in_map=in_map, known_ns=known_ns),
+        channels=(
+            *write_targets(result, in_map=in_map, known_ns=known_ns),
+            *write_targets(online, in_map=in_map, known_ns=knowable_ns, channel=TARGETS_ONLINE),
+        ),
         tables=track_tables(result, config.tracker.single, kinds),
         summary=summary,
         metadata=run_record(
@@ -158,9 +172,19 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     )
 
 
-def _ego(log: Log, config: SourceConfig) -> tuple[EgoStates | None, tuple[InputCount, ...]]:
-    """The car's states, if an earlier `cwcli estimate` has left them in the log."""
-    bound = bind(log.channels, config.topics, required=(), optional=(EGO_STATE.role,), where=log.name)
+def _with_density(model: SensorModel, kind: DetectionKind) -> SensorModel:
+    """The model with a clutter density that is not taken from the log."""
+    return model if model.clutter_density is not None else replace(model, clutter_density=usual_density(kind, model))
+
+
+def _motion(states: VehicleStates | None) -> EgoStates | None:
+    return None if states is None else EgoStates.of(states.stamp_ns, states.state)
+
+
+def _ego(log: Log, config: SourceConfig, which: States) -> tuple[VehicleStates | None, tuple[InputCount, ...]]:
+    """The car's states by stamp, if an earlier `cwcli estimate` has left them in the log."""
+    chosen = with_states(config.topics, which, log.channels, (EGO_STATE.role,))
+    bound = bind(log.channels, chosen, required=(), optional=(EGO_STATE.role,), where=log.name)
     topic = bound.topic(EGO_STATE.role)
     if topic is None:
         return None, ()
@@ -168,8 +192,7 @@ def _ego(log: Log, config: SourceConfig) -> tuple[EgoStates | None, tuple[InputC
     if not len(states):
         return None, ()
     count = InputCount(topic, EGO_STATE.role, len(states), len(states))
-    states = states.by_stamp()
-    return EgoStates.of(states.stamp_ns, states.state), (count,)
+    return states.by_stamp(), (count,)
 
 
 def _notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:

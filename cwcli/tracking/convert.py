@@ -89,14 +89,19 @@ def target_rows(result: TrackResult) -> TargetRows:
 
 
 def vehicle_states(
-    state: FloatArray, covariance: FloatArray, *, min_speed_mps: float = MIN_HEADING_SPEED_MPS
+    state: FloatArray,
+    covariance: FloatArray,
+    *,
+    min_speed_mps: float = MIN_HEADING_SPEED_MPS,
+    looks_ahead: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
     """One target's rows as vehicle states, so that prediction and warning take it like a V2X vehicle.
 
     Args:
         state: Shape (n, 4): x, y, vx, vy, in the order of time.
         covariance: Shape (n, 4, 4).
-        min_speed_mps: Below it the heading is the last one from above it (or the next, before the first).
+        min_speed_mps: Below it the heading is the last one from above it.
+        looks_ahead: Before the first one from above it, it is that one; else what little the velocity says.
 
     Returns:
         States (n, 8): x, y, speed, heading, acceleration, yaw rate, jerk, yaw acceleration, the last four 0, and their
@@ -108,7 +113,8 @@ def vehicle_states(
     moves = speed >= min_speed_mps
     if moves.any():
         last = np.maximum.accumulate(np.where(moves, np.arange(n), -1))
-        heading = heading[np.where(last >= 0, last, np.argmax(moves))]
+        before = np.argmax(moves) if looks_ahead else np.arange(n)
+        heading = heading[np.where(last >= 0, last, before)]
     out = np.zeros((n, 8))
     out[:, :2], out[:, 2] = state[:, :2], speed
     out[:, 3] = heading - 2.0 * np.pi * np.floor((heading + np.pi) / (2.0 * np.pi))

@@ -116,6 +116,22 @@ def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: s
     return has_ego or not moving
 
 
+def known_scan_times(
+    signals: Sequence[DetectionSignal], ego_ns: tuple[Int64Array, Int64Array] | None
+) -> tuple[Int64Array, Int64Array]:
+    """Stamps of all scans, increasing, and when what is known by them could have been known.
+
+    Args:
+        signals: The sensors.
+        ego_ns: Stamps, increasing, and log times of the car's states between which it is placed; None without them.
+    """
+    stamp_ns, log_time_ns = scan_times(signals)
+    if ego_ns is not None:
+        after = np.minimum(np.searchsorted(ego_ns[0], stamp_ns), len(ego_ns[0]) - 1)
+        log_time_ns = np.maximum(log_time_ns, ego_ns[1][after])
+    return stamp_ns, np.maximum.accumulate(log_time_ns)
+
+
 def scan_times(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
     """Stamps of all scans, increasing, and when each was known: its log time."""
     stamp_ns = np.concatenate([signal.stamp_ns for signal in signals])

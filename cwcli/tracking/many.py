@@ -6,6 +6,7 @@ import numpy as np
 
 from cwcli.kernels.track import RowKind
 from cwcli.tracking.config import TrackerConfig
+from cwcli.tracking.detections import DetectionKind, SensorModel
 from cwcli.tracking.prepare import PreparedDetections
 from cwcli.tracking.scan_loop import Association, ScanLoop
 
@@ -15,6 +16,20 @@ _LEAST_EXTENT = {
     RowKind.RADAR_WITHOUT_RATE: (20.0, 1.0),
     RowKind.RADAR: (20.0, 1.0, 10.0),
 }
+
+
+_USUAL_EXTENT = {
+    RowKind.POSITION: (100.0, 100.0),
+    RowKind.RADAR_WITHOUT_RATE: (100.0, 1.0),
+    RowKind.RADAR: (100.0, 1.0, 20.0),
+}
+
+
+def usual_density(kind: DetectionKind, model: SensorModel) -> float:
+    """The clutter density of a sensor of which nothing is known: one false detection in a scan."""
+    if kind == DetectionKind.POSITION:
+        return float(1.0 / np.prod(_USUAL_EXTENT[RowKind.POSITION]))
+    return float(1.0 / np.prod(_USUAL_EXTENT[RowKind.RADAR if model.use_range_rate else RowKind.RADAR_WITHOUT_RATE]))
 
 
 def volume(prepared: PreparedDetections, source: int) -> float:

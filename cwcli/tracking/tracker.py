@@ -19,6 +19,7 @@ from cwcli.tracking.single import Consistency, FilterOutput, consistency, run_fi
 from cwcli.tracking.tune import TunedFilter, rescale, tune
 
 Targets = Literal["auto", "one", "many"]
+NO_SCALE: Mapping[str, tuple[float, ...]] = {}
 MAX_GATED_SHARE = 0.1
 """Of the detections: with more outside the gate, one target is not all that there is."""
 
@@ -79,6 +80,7 @@ def track_one(
     sensors: Mapping[str, SensorModel] | None = None,
     config: TrackerConfig | None = None,
     ego: EgoStates | None = None,
+    scale: Mapping[str, tuple[float, ...]] = NO_SCALE,
 ) -> TrackResult:
     """One target that every detection belongs to (xiang2019): the filter starts at the first detection.
 
@@ -87,10 +89,11 @@ def track_one(
         sensors: Source -> model.
         config: Only `single` and `max_scan` are used.
         ego: The car's states, or None.
+        scale: Source -> factors on its sigmas that are known already (`TunedFilter.scale`).
     """
     config = config or TrackerConfig()
     prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
-    rows, single, tuned = prepared.rows, config.single, None
+    rows, single, tuned = rescale(prepared.rows, scale), config.single, None
     if single.tune and len(rows):
         tuned = tune([rows], single)
         rows, single = rescale(rows, tuned.scale), tuned.config
@@ -119,6 +122,7 @@ def track_many(
     sensors: Mapping[str, SensorModel] | None = None,
     config: TrackerConfig | None = None,
     ego: EgoStates | None = None,
+    scale: Mapping[str, tuple[float, ...]] = NO_SCALE,
 ) -> TrackResult:
     """Any number of targets: gating, global nearest neighbour, births and deaths, then each track on its own.
 
@@ -130,9 +134,11 @@ def track_many(
         sensors: Source -> model.
         config: Tracker and filter settings.
         ego: The car's states, or None.
+        scale: As of `track_one`.
     """
     config = config or TrackerConfig()
     prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
+    prepared = replace(prepared, rows=rescale(prepared.rows, scale))
     found = associate(prepared, config)
     tuned = None
     if config.single.tune and len(found.track_id):
@@ -234,6 +240,31 @@ def track_targets(
         if targets == "one" or gated <= MAX_GATED_SHARE * (gated + used):
             return result, "one"
     return track_many(detections, models, config, ego), "many"
+
+
+def track_online(
+    result: TrackResult,
+    how: str,
+    detections: Sequence[Detections],
+    models: Mapping[str, SensorModel],
+    config: TrackerConfig,
+    ego: EgoStates | None = None,
+) -> TrackResult:
+    """The tracks of the filter alone, with the noise, the clutter and the number of targets of another result.
+
+    Args:
+        result, how: Of `track_targets`.
+        detections, models, config: As it had them.
+        ego: The car's states as they could have been known.
+    """
+    tuned = result.tuned
+    single = replace(config.single if tuned is None else tuned.config, tune=False, smooth=False)
+    found = {
+        source: replace(model, clutter_density=result.clutter_density.get(source, model.clutter_density))
+        for source, model in models.items()
+    }
+    track = track_one if how == "one" else track_many
+    return track(detections, found, replace(config, single=single), ego, NO_SCALE if tuned is None else tuned.scale)
 
 
 def _most_in_a_scan(data: Detections) -> int:

@@ -7,7 +7,7 @@ search is Nelder and Mead's (Computer J. 7, 1965), in logarithms, so that every 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,8 +40,10 @@ class TunedFilter:
     n_evaluations: int
 
 
-def rescale(rows: Rows, scale: dict[str, tuple[float, ...]]) -> Rows:
+def rescale(rows: Rows, scale: Mapping[str, tuple[float, ...]]) -> Rows:
     """The rows with every sigma multiplied by its source's factors."""
+    if not scale:
+        return rows
     r = rows.r.copy()
     for k, name in enumerate(rows.sources):
         if name not in scale:

@@ -27,6 +27,7 @@ from cwcli.channels.published import (
     REMOTE_ONLINE,
     REMOTE_PATH,
     REMOTE_STATE,
+    TARGETS_ONLINE,
 )
 from cwcli.channels.target import read_targets, write_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
@@ -144,7 +145,9 @@ def of_targets(rng: np.random.Generator, n: int) -> Written:
     sources = np.zeros(n, np.int64)
     track = TargetTrack(4, stamp_ns, state, definite(rng, n, 5), sources, T0_NS)
     result = TrackResult((track,), "map", ("/lidar",), {}, {}, ("x_m", "y_m", "vx_mps", "vy_mps", "turn_rate_radps"))
-    channels = write_targets(result, in_map=True, known_ns=(stamp_ns, stamp_ns + 9))
+    known_ns = stamp_ns, stamp_ns + 9
+    channels = write_targets(result, in_map=True, known_ns=known_ns)
+    online = write_targets(result, in_map=True, known_ns=known_ns, channel=TARGETS_ONLINE)
     speed = np.hypot(*state[:, 2:4].T)
     given = {
         "ids": strings_from(["4"] * n),
@@ -172,7 +175,8 @@ def of_targets(rng: np.random.Generator, n: int) -> Written:
             "yaw_rate_variance": back.covariance[:, 5, 5],
         }
 
-    return Written(channels, {channels[0].topic: given}, {channels[0].topic: read})
+    topics = (channels[0].topic, online[0].topic)
+    return Written((*channels, *online), dict.fromkeys(topics, given), dict.fromkeys(topics, read))
 
 
 def of_warnings(rng: np.random.Generator, n: int) -> Written:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from cwcli.estimation.known import Knowledge
 from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.summary import TrackSummary, quantity_of
@@ -48,6 +49,15 @@ def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> lis
         )
     return notes[:MAX_GAP_NOTES] + (
         [f"{len(notes) - MAX_GAP_NOTES} more channels have gaps"] if len(notes) > MAX_GAP_NOTES else []
+    )
+
+
+def knowledge_section(online: Sequence[Knowledge]) -> Section:
+    """The table of the online states."""
+    columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "most")
+    title = "Online states: what could have been known, and when"
+    return Section(
+        "online", title, columns, tuple((each.topic, each.n, each.parameters, *each.after_s()) for each in online)
     )
 
 
