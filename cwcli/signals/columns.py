@@ -154,6 +154,18 @@ def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
     return column[start:stop]
 
 
+def column_at(column: Field, rows: npt.NDArray[np.intp]) -> Field:
+    """The given rows of a column, in the given order."""
+    if isinstance(column, Strings):
+        return column.rows(rows)
+    if isinstance(column, Ragged):
+        lengths = np.diff(column.offsets)[rows]
+        offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+        inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], lengths)
+        return Ragged(column.values[np.repeat(column.offsets[:-1][rows], lengths) + inside], offsets)
+    return column[rows]
+
+
 @dataclass(frozen=True)
 class OutputChannel:
     """A channel that a stage publishes, as columns named like the fields of its protobuf message.

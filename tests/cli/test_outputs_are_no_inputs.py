@@ -50,6 +50,7 @@ ARGUMENTS = {
     "simulate": ["SCENARIO"],
     "reproduce": ["song2016"],
     "layout": ["LOG"],
+    "export": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
 READING = {"config", "file", "vehicle", "observe__vehicle", "calibration", "labelled"}

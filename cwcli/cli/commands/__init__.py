@@ -18,6 +18,7 @@ COMMANDS = {
     "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",
+    "export": "Write states, paths, warnings or measures as a file of another tool.",
     "layout": "Make a viewer layout that shows every channel of cwcli.",
     "demo": "Estimate, predict and warn on two bundled logs.",
 }

@@ -1,0 +1,119 @@
+"""`cwcli export`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption, LogArgument
+from cwcli.cli.report import print_written
+from cwcli.errors import UsageError
+from cwcli.export.formats import TRACK_FORMATS
+
+if TYPE_CHECKING:
+    from cwcli.logs.read.reader import Log
+
+EXAMPLES = (
+    "cwcli export annotated.mcap --what ego --format tum -o ego.tum",
+    "cwcli export annotated.mcap --what remote --format gpx -o others.gpx",
+    "cwcli export annotated.mcap --what warnings --format csv | head",
+)
+WHAT = "ego, ego-online, remote, remote-online, targets, lanes, observer, paths, remote-paths, warnings, measures"
+TABLES = ("csv", "parquet")
+FORMATS = (*TABLES, *TRACK_FORMATS)
+MOST_NAMED = 10
+
+
+def command(
+    log: LogArgument,
+    talk: TalkOptions,
+    what: Annotated[str, typer.Option("--what", metavar="WHAT", help=f"What is exported: {WHAT}.")] = "ego",
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="FORMAT",
+            show_default="by the name of the file, else csv",
+            help=f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}. Tracks alone (ego, remote, targets) have all of them.",
+        ),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option("--id", metavar="ID", show_default="all", help="The vehicle; tum and kitti hold one a file."),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="FILE", show_default="-", help="Write it here; - is standard output."),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Write what cwcli added to a log as a file of another tool: a table, or tracks.
+
+    Tables have a column for each field of the channel, with its unit in the name. Tracks are positions over time: of
+    each vehicle where the format allows it, else of the one that --id names.
+    """
+    from cwcli.export.content import CONTENTS, require_content
+    from cwcli.logs.read.reader import Log
+    from cwcli.output import check_targets, write_file
+
+    output = "-" if output is None else str(stdout_or_file(output))
+    if output == "-" and talk.json:
+        raise UsageError("--json and -o - both want standard output", hint="write the file with -o FILE")
+    if what not in CONTENTS:
+        raise UsageError(
+            f"--what {what!r}: there is no such thing to export", hint=f"it is one of {', '.join(CONTENTS)}"
+        )
+    form = form or _format_of(output)
+    if form not in FORMATS:
+        raise UsageError(f"--format {form!r}: there is no such format", hint=f"it is one of {', '.join(FORMATS)}")
+    if form in TRACK_FORMATS and not CONTENTS[what].is_tracks:
+        raise UsageError(f"--format {form} holds tracks, and `{what}` are none", hint="export it as csv or parquet")
+    is_text = form != "parquet"
+    check_targets([] if output == "-" and is_text else [output], force=force, inputs=[log])
+    with Log.open(log) as opened:
+        require_content(opened, what)
+        content, n = _encode(opened, what, form, vehicle)
+        if output == "-" and is_text:
+            Console(quiet=talk.quiet).data(bytes(content).decode().removesuffix("\n"))
+        else:
+            write_file(output, content, force=force)
+    if talk.json:
+        said = {"command": "export", "what": what, "format": form, "output": output, "rows": n}
+        Console(quiet=talk.quiet).data(json.dumps(said))
+    elif output != "-":
+        print_written(Console(quiet=talk.quiet), [output])
+
+
+def _format_of(output: str) -> str:
+    """The format that a file's name tells; csv where it tells none."""
+    from cwcli.export.formats import track_format
+
+    suffix = Path(output).suffix.lower()
+    known = {f".{name}": name for name in TABLES} | {track_format(name).suffix: name for name in TRACK_FORMATS}
+    return known.get(suffix, TABLES[0])
+
+
+def _encode(opened: Log, what: str, form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
+    """The content of the file, and its number of rows."""
+    from cwcli.export.content import require_globe, table_to_export, tracks_to_export
+    from cwcli.export.formats import track_format
+    from cwcli.metrics.table import table_bytes
+
+    if form in TABLES:
+        table = table_to_export(opened, what, vehicle)
+        return table_bytes(table, f".{form}"), len(table)
+    tracks = tracks_to_export(opened, what, vehicle)
+    wanted = track_format(form)
+    if wanted.on_globe:
+        require_globe(tracks, opened, form)
+    if wanted.is_of_one and len(tracks) > 1:
+        names = ", ".join(track.id for track in tracks[:10])
+        raise UsageError(
+            f"--format {form} holds one track, and `{what}` has {len(tracks)}", hint=f"--id one of {names}"
+        )
+    return wanted.encode(tracks), sum(len(track.stamp_ns) for track in tracks)

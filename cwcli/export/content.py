@@ -1,0 +1,166 @@
+"""What of an annotated log is exported: its channels, as tables and as tracks."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cwcli.channels.published import (
+    EGO_ONLINE,
+    EGO_PATH,
+    EGO_STATE,
+    LANES,
+    MEASURED,
+    OBSERVER,
+    REMOTE_ONLINE,
+    REMOTE_PATH,
+    REMOTE_STATE,
+    TARGETS,
+    WARNINGS,
+    Channel,
+)
+from cwcli.channels.target import read_targets
+from cwcli.channels.vehicle_state import KINEMATICS, read_states
+from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.export.formats.base import Track
+from cwcli.logs.read.reader import Log
+from cwcli.metrics.table import Table
+from cwcli.pipeline.records import map_of, run_records
+from cwcli.signals.columns import Columns, Field, Strings, column_at
+from cwcli.signals.row_order import tracks_of
+from cwcli.text import join_names
+
+MOST_NAMED = 10
+
+
+class Content(NamedTuple):
+    """One thing to export.
+
+    Attributes:
+        channel: Where it is.
+        is_tracks: It is states of vehicles.
+    """
+
+    channel: Channel
+    is_tracks: bool = False
+
+
+CONTENTS = {
+    "ego": Content(EGO_STATE, is_tracks=True),
+    "ego-online": Content(EGO_ONLINE, is_tracks=True),
+    "remote": Content(REMOTE_STATE, is_tracks=True),
+    "remote-online": Content(REMOTE_ONLINE, is_tracks=True),
+    "targets": Content(TARGETS, is_tracks=True),
+    "lanes": Content(LANES),
+    "observer": Content(OBSERVER),
+    "paths": Content(EGO_PATH),
+    "remote-paths": Content(REMOTE_PATH),
+    "warnings": Content(WARNINGS),
+    "measures": Content(MEASURED),
+}
+"""What can be exported -> where it is."""
+
+
+def require_content(log: Log, what: str) -> None:
+    """Check that the log holds it.
+
+    Raises:
+        MissingSignalError: It does not; what it holds is named.
+    """
+    there = {channel.topic for channel in log.channels}
+    channel = CONTENTS[what].channel
+    if channel.topic in there:
+        return
+    held = tuple(f"{name} ({each.channel.topic})" for name, each in CONTENTS.items() if each.channel.topic in there)
+    raise MissingSignalError(
+        f"no channel {channel.topic}: there is no `{what}` to export",
+        where=log.name,
+        found=held or ("no channel of cwcli",),
+        hint=f"`cwcli {channel.stage} LOG -o annotated.mcap` makes it",
+    )
+
+
+def table_to_export(log: Log, what: str, vehicle: str | None) -> Table:
+    """The channel as a table, a row a message: log time, then its fields as they are published.
+
+    Args:
+        log: An annotated log.
+        what: A name in `CONTENTS`.
+        vehicle: Only the rows with this id, or None for all.
+
+    Raises:
+        UsageError: No row has the id; those there are are named.
+        InputError: The log is damaged.
+    """
+    columns = log.columns(CONTENTS[what].channel.topic)
+    fields: dict[str, Field] = {"log_time_ns": columns.log_time_ns, **columns.fields}
+    if vehicle is not None:
+        rows = _rows_of(columns, vehicle, what)
+        fields = {name: column_at(column, rows) for name, column in fields.items()}
+    return Table(what.replace("-", "_"), fields)
+
+
+def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
+    """The states as tracks, one a vehicle, in the order in which they were first heard.
+
+    Raises:
+        UsageError: No state has the id; those there are are named.
+        MissingSignalError: There is no state.
+        DataError: Another version wrote the channel.
+        InputError: The log is damaged.
+    """
+    topic = CONTENTS[what].channel.topic
+    if what == "targets":
+        states = read_targets(log.columns(topic))
+    else:
+        states = read_states(log.load({topic: KINEMATICS})[topic], with_covariance=False)
+    local_map = map_of(run_records(log).get("estimate", {}))
+    latitude_deg, longitude_deg = np.full((2, len(states)), np.nan)
+    if local_map is not None:
+        x_m, y_m = states.state[:, 0], states.state[:, 1]
+        latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(x_m, y_m, np.zeros(len(states)))
+    found = []
+    known = list(tracks_of(states.ids, states.stamp_ns))
+    for name, all_rows in known:
+        rows = all_rows[np.isfinite(states.state[all_rows, :4]).all(axis=1)]
+        if (vehicle is None or name == vehicle) and len(rows):
+            x_m, y_m, speed_mps, heading_rad = states.state[rows, :4].T
+            place = latitude_deg[rows], longitude_deg[rows]
+            found.append(Track(name, states.stamp_ns[rows], x_m, y_m, heading_rad, speed_mps, *place))
+    if vehicle is not None and not found:
+        raise _no_such_vehicle(vehicle, [name for name, _ in known], what)
+    if not found:
+        raise MissingSignalError(f"{topic} holds no state", where=log.name)
+    return found
+
+
+def require_globe(tracks: list[Track], log: Log, name: str) -> None:
+    """Check that the tracks have a place on the earth.
+
+    Raises:
+        DataError: They have not: the log's positions are Cartesian.
+    """
+    if not all(np.isfinite(track.latitude_deg).all() for track in tracks):
+        raise DataError(
+            f"{name} holds latitudes and longitudes, and the map of this log has no place on the earth",
+            where=log.name,
+            hint="export it as csv, parquet, tum or kitti",
+        )
+
+
+def _rows_of(columns: Columns, vehicle: str, what: str) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+    """The rows with an id."""
+    named = [columns.fields.get(field) for field in ("id", "other_id")]
+    ids = next((column for column in named if isinstance(column, Strings)), None)
+    if ids is None:
+        raise UsageError(f"--id {vehicle}: `{what}` is not about several vehicles")
+    if vehicle not in ids.values:
+        raise _no_such_vehicle(vehicle, list(ids.values), what)
+    return np.flatnonzero(ids.codes == ids.values.index(vehicle))
+
+
+def _no_such_vehicle(vehicle: str, known: list[str], what: str) -> UsageError:
+    shown = join_names(known[:MOST_NAMED]) if known else "nobody"
+    more = f" and {len(known) - MOST_NAMED} more" if len(known) > MOST_NAMED else ""
+    return UsageError(f"--id {vehicle}: `{what}` holds no such vehicle", hint=f"it holds {shown}{more}")

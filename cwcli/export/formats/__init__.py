@@ -1,0 +1,22 @@
+"""The formats of tracks, one file each: what it is called, and a function from tracks to the bytes of a file."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from cwcli.export.formats.base import TrackFormat
+
+TRACK_FORMATS = {
+    "tum": "cwcli.export.formats.tum",
+    "kitti": "cwcli.export.formats.kitti",
+    "gpx": "cwcli.export.formats.gpx",
+    "kml": "cwcli.export.formats.kml",
+    "geojson": "cwcli.export.formats.geojson",
+}
+"""Name -> the module with its `FORMAT`."""
+
+
+def track_format(name: str) -> TrackFormat:
+    """The format of a name in `TRACK_FORMATS`."""
+    found: TrackFormat = import_module(TRACK_FORMATS[name]).FORMAT
+    return found

@@ -1,0 +1,49 @@
+"""What a format of tracks is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from cwcli.signals.columns import FloatArray, Int64Array
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where a vehicle was, n rows in the order of their stamps.
+
+    Attributes:
+        id: The vehicle.
+        stamp_ns: Shape (n,), Unix time.
+        x_m, y_m, heading_rad: Shape (n,): in the map frame; the heading counter-clockwise from east.
+        speed_mps: Shape (n,).
+        latitude_deg, longitude_deg: Shape (n,), WGS84; NaN where the map has no place on the earth.
+    """
+
+    id: str
+    stamp_ns: Int64Array
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+
+
+@dataclass(frozen=True)
+class TrackFormat:
+    """A format.
+
+    Attributes:
+        suffix: Of its files.
+        what: What it is, and who reads it, in one line.
+        encode: Tracks -> the content of a file.
+        is_of_one: A file holds one track.
+        on_globe: It holds latitudes and longitudes.
+    """
+
+    suffix: str
+    what: str
+    encode: Callable[[Sequence[Track]], bytes]
+    is_of_one: bool = False
+    on_globe: bool = False

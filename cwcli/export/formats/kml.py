@@ -1,0 +1,32 @@
+"""KML 2.2 with Google's extension for tracks with times.
+
+Source: OGC 07-147r2, and developers.google.com/kml/documentation/kmlreference (`gx:Track`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from xml.sax.saxutils import escape
+
+from cwcli.export.formats.base import Track, TrackFormat
+from cwcli.export.text import degrees, iso_time, xml_text
+
+HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
+<Document>
+"""
+
+
+def encode(tracks: Sequence[Track]) -> bytes:
+    """Every track as a `Placemark`: first all its times, then all its places."""
+    parts = [HEAD]
+    for track in tracks:
+        parts.append(f"<Placemark><name>{escape(xml_text(track.id))}</name><gx:Track>\n")
+        parts += [f"<when>{iso_time(stamp_ns)}</when>\n" for stamp_ns in track.stamp_ns.tolist()]
+        places = zip(track.longitude_deg, track.latitude_deg, strict=True)
+        parts += [f"<gx:coord>{degrees(lon)} {degrees(lat)} 0</gx:coord>\n" for lon, lat in places]
+        parts.append("</gx:Track></Placemark>\n")
+    return "".join([*parts, "</Document>\n</kml>\n"]).encode()
+
+
+FORMAT = TrackFormat(".kml", "KML 2.2, for Google Earth", encode, on_globe=True)
