@@ -20,8 +20,9 @@ from cwcli.metrics.headline import Headline, metric_of
 from cwcli.metrics.table import Table, TableColumn
 from cwcli.pipeline.records import json_entry, run_records
 from cwcli.pipeline.result import Cell, Section, StageResult
+from cwcli.prediction.calibrate import stream_beginnings
 from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
-from cwcli.prediction.models import MODELS
+from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.record import measured_acted
@@ -189,6 +190,17 @@ def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | 
     tracks = {} if happened is None else dict(tracks_of(happened.ids, happened.stamp_ns))
     horizons = error_horizons(asked.horizon_s)
     acted = measured_acted(states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance)
+    begin = stream_beginnings(
+        DEFAULT_MODEL,
+        states.ids.codes,
+        states.stamp_ns,
+        states.log_time_ns,
+        states.state,
+        states.covariance,
+        acted,
+        horizon_s=max(horizons),
+        step_s=asked.step_s,
+    )
     records = []
     for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
         stamp_ns = states.stamp_ns[rows]
@@ -207,6 +219,7 @@ def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | 
             max_gap_s=MAX_GAP_S,
             discretisation=asked.discretisation,
             acted=acted[rows],
+            begin=begin[rows],
         )
         columns = horizon_table(compared)
         for i in range(len(columns["model"])):

@@ -44,6 +44,23 @@ def adapt_scale(
         miss_share: The part of the time that is to be spent outside.
     """
 
+def stream_quantiles(
+    cell: _Index, weight: _F, track: _Index, n_known: _Index, asking: _Index, prior: _F, levels: _F
+) -> _F:
+    """Quantiles of what was known of the others at some moments: a histogram of weights that begins with a prior.
+
+    Args:
+        cell, weight, track: Shape (e,): the outcomes in the order in which they became known: which cell of the
+            histogram, how much they count, whose they are.
+        n_known: Shape (m,), non-decreasing: how many outcomes were known at each moment.
+        asking: Shape (m,): whose outcomes do not count there.
+        prior: Shape (cells,): mass that is there without any outcome.
+        levels: Shape (l,), increasing.
+
+    Returns:
+        Shape (m, l): in cells from the first one's lower edge, linear within a cell.
+    """
+
 def on_track(at_ns: _I64, stamp_ns: _I64, xy: _F, max_gap_ns: float) -> tuple[_F, _B]:
     """Where a track is at given times, linear between its points.
 

@@ -129,6 +129,41 @@ def adapt_scale(const double[:, ::1] log_excess, is_known, const Py_ssize_t[::1]
     return log_scale_array
 
 
+def stream_quantiles(const Py_ssize_t[::1] cell, const double[::1] weight, const Py_ssize_t[::1] track,
+                     const Py_ssize_t[::1] n_known, const Py_ssize_t[::1] asking, const double[::1] prior,
+                     const double[::1] levels):
+    cdef Py_ssize_t n_cells = prior.shape[0], n_tracks = 1, e, i, c, level, seen = 0
+    for e in range(track.shape[0]):
+        n_tracks = max(n_tracks, track[e] + 1)
+    for i in range(asking.shape[0]):
+        n_tracks = max(n_tracks, asking[i] + 1)
+    cdef double[::1] all_mass = np.array(prior)
+    cdef double[:, ::1] own_mass = np.zeros((n_tracks, n_cells))
+    cdef double[::1] own_total = np.zeros(n_tracks)
+    out_array = np.empty((n_known.shape[0], levels.shape[0]))
+    cdef double[:, ::1] out = out_array
+    cdef double total = np.sum(prior), wanted, below, here
+    with nogil:
+        for i in range(n_known.shape[0]):
+            while seen < n_known[i]:
+                all_mass[cell[seen]] += weight[seen]
+                own_mass[track[seen], cell[seen]] += weight[seen]
+                own_total[track[seen]] += weight[seen]
+                total += weight[seen]
+                seen += 1
+            below = 0.0
+            c = 0
+            for level in range(levels.shape[0]):
+                wanted = levels[level] * (total - own_total[asking[i]])
+                here = all_mass[c] - own_mass[asking[i], c]
+                while below + here < wanted and c < n_cells - 1:
+                    below += here
+                    c += 1
+                    here = all_mass[c] - own_mass[asking[i], c]
+                out[i, level] = c + (min((wanted - below) / here, 1.0) if here > 0.0 else 1.0)
+    return out_array
+
+
 def on_track(const long long[:, ::1] at_ns, const long long[::1] stamp_ns, const double[:, :] xy, double max_gap_ns):
     found_array = np.empty((at_ns.shape[0], at_ns.shape[1], 2))
     cdef double[:, :, ::1] found = found_array

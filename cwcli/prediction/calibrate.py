@@ -1,4 +1,4 @@
-"""Ellipses that hold what they promise: scaled at each horizon by how well the vehicle's own earlier ones did.
+"""Ellipses that hold what they promise: scaled at each horizon by how well earlier ones did.
 
 The filter's covariance and the driver prior are models; on a given drive they may be too sure (a GNSS receiver with
 coloured errors) or not sure enough (a platoon). What is known at any moment is how the predictions made a horizon ago
@@ -8,9 +8,13 @@ conformal inference under distribution shift"), with time instead of counts:
     d(log s^2)/dt = rate * (outside - 0.1),    outside = 1 if the latest outcome fell outside its 90 % ellipse,
 
 so the log stays put exactly when a tenth of the time is spent outside. It uses only outcomes that were known by then.
-Each knot of `fleet.KNOTS_S` has a scale of its own; between them the logarithm is linear in time, at the start of a
-path it is 0: there the filter's own covariance stands. The default model begins with the fleet's scale, the others
-with 1.
+Outcomes have heavier tails than a normal distribution, so the 50 % ellipse follows a scale of its own, with 0.5.
+Each knot of `fleet.KNOTS_S` has its scales; between them the logarithm is linear in time, at the start of a path it is
+0: there the filter's own covariance stands.
+
+The default model begins with quantiles of what is known of others: the fleet's distribution of squared Mahalanobis
+distances, which counts as `STREAM_OUTCOMES` outcomes, and the outcomes so far of the log's other vehicles. The other
+models begin with 1.
 """
 
 from __future__ import annotations
@@ -20,18 +24,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.kernels.paths import adapt_scale
+from cwcli.kernels.paths import adapt_scale, stream_quantiles
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.fleet import KNOTS_S, fleet_prior
+from cwcli.prediction.fleet import KNOTS_S, QUANTILES, fleet_prior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.outcome import ELLIPSE_90, Actual, actual_positions, horizon_errors, needed_points, tiled
+from cwcli.prediction.outcome import (
+    ELLIPSE_50,
+    ELLIPSE_90,
+    Actual,
+    actual_positions,
+    horizon_errors,
+    needed_points,
+    tiled,
+)
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.record import known_tracks, measured_acted
-from cwcli.prediction.rollout import Discretisation, rollout
+from cwcli.prediction.record import NEVER_NS, Track, joined, known_at_ns, known_tracks, measured_acted
+from cwcli.prediction.rollout import Discretisation, rollout, time_grid
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-MISS_SHARE = 0.1
+LEVELS = np.array([0.5, 0.9])
+"""Of the two ellipses; the covariance of a path is that of the last."""
+LIMITS = np.array([ELLIPSE_50, ELLIPSE_90])
+STREAM_OUTCOMES = 6.0  # a 90 % quantile from so many is about as far off (in the log, 1) as logs are from each other
+CELL, FIRST_CELL, N_CELLS = 0.1, -10.0, 200  # of log squared distance
+TAIL = 2.0  # beyond the fleet's outermost quantiles
 
 
 @dataclass(frozen=True)
@@ -66,11 +83,20 @@ def calibrated(
         position_m: Shape (n, 2): where the vehicle was at its stamps: the outcomes.
         calibration: None: the default.
         outcome: `outcomes` of the same starts; None: they are looked up.
-        begin: Shape (sets, k): the logarithms of the scale without a record, by knot of `knots_s`; None: zeros.
+        begin: Shape (sets, n, k, 2): the logarithms of the scales without a record, by knot of `knots_s` and level;
+            None: zeros.
     """
     log_scale = log_variance_scale(paths, stamp_ns, position_m, calibration, outcome, begin)
-    factor = np.exp(between_knots(log_scale, paths.time_s))
-    return replace(paths, position_covariance_m2=paths.position_covariance_m2 * factor[..., None])
+    return _scaled(paths, log_scale)
+
+
+def _scaled(paths: Paths, log_scale: FloatArray) -> Paths:
+    core, whole = (between_knots(log_scale[..., i], paths.time_s) for i in (0, 1))
+    return replace(
+        paths,
+        position_covariance_m2=paths.position_covariance_m2 * np.exp(whole)[..., None],
+        core_factor=np.exp(core - whole),
+    )
 
 
 def knots_s(horizon_s: float) -> FloatArray:
@@ -78,12 +104,49 @@ def knots_s(horizon_s: float) -> FloatArray:
     return np.asarray([*(knot for knot in KNOTS_S if knot < horizon_s - 1e-9), min(horizon_s, float(KNOTS_S[-1]))])
 
 
+def _fleet_quantiles(knots: FloatArray) -> FloatArray:
+    """Of log squared distance, (k, l), at the fleet's levels: a normal distribution's at a path's start."""
+    normal = np.log(-2.0 * np.log1p(-QUANTILES))
+    fleet = np.concatenate([normal[None], fleet_prior().log_squared])
+    return np.stack([np.interp(knots, [0.0, *KNOTS_S], column) for column in fleet.T], axis=1)
+
+
 def beginning(model: str, horizon_s: float) -> FloatArray:
-    """The logarithm of the scale without a record at `knots_s`, shape (k,)."""
+    """The logarithms of the scales without any outcome at `knots_s`, shape (k, 2)."""
     knots = knots_s(horizon_s)
     if not (model in MODELS and MODELS[model].learns):
-        return np.zeros(len(knots))
-    return np.asarray(np.interp(knots, [0.0, *KNOTS_S], [0.0, *fleet_prior().log_scale]))
+        return np.zeros((len(knots), len(LEVELS)))
+    return np.asarray(_fleet_quantiles(knots)[:, np.searchsorted(QUANTILES, LEVELS)] - np.log(LIMITS))
+
+
+def stream_beginning(track: Track, squared: FloatArray, knots: FloatArray) -> FloatArray:
+    """The logarithms of the default's scales by what was known of the log's other vehicles, (n, k, 2).
+
+    Args:
+        track: All vehicles of the log, n rows.
+        squared: Shape (n, k): squared Mahalanobis distances of the outcomes before any scale; NaN where unknown.
+        knots: Shape (k,): see `knots_s`.
+    """
+    known_ns, index, step_s = known_at_ns(track, knots), track.index(), track.step_s()
+    by_now = np.argsort(track.known_ns, kind="stable")
+    edges = FIRST_CELL + CELL * np.arange(N_CELLS + 1)
+    out = np.empty((*squared.shape, len(LEVELS)))
+    for k, quantiles in enumerate(_fleet_quantiles(knots)):
+        shares = np.interp(edges, [quantiles[0] - TAIL, *quantiles, quantiles[-1] + TAIL], [0.0, *QUANTILES, 1.0])
+        rows = np.flatnonzero(np.isfinite(squared[:, k]) & (known_ns[:, k] < NEVER_NS))
+        rows = rows[np.argsort(known_ns[rows, k], kind="stable")]
+        cell = (np.log(np.maximum(squared[rows, k], 1e-300)) - FIRST_CELL) / CELL
+        found = stream_quantiles(
+            np.clip(cell, 0, N_CELLS - 1).astype(np.intp),
+            step_s[rows] / knots[k],
+            index[rows],
+            np.searchsorted(known_ns[rows, k], track.known_ns[by_now], side="right"),
+            index[by_now],
+            STREAM_OUTCOMES * np.diff(shares),
+            LEVELS,
+        )
+        out[by_now, k] = FIRST_CELL + CELL * found - np.log(LIMITS)
+    return out
 
 
 def between_knots(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
@@ -109,39 +172,56 @@ def log_variance_scale(
     outcome: Actual | None = None,
     begin: FloatArray | None = None,
 ) -> FloatArray:
-    """The logarithm of the factor s^2 on the variance at each knot for each path, (n, k); `begin` until an outcome.
+    """The logarithms of the factors s^2 on the variance for each path, (n, k, 2); `begin` until an outcome.
 
     Args: as of `calibrated`.
     """
     settings = calibration or Calibration()
-    n = len(stamp_ns)
-    knots = knots_s(float(paths.time_s[-1]))
+    n, knots = len(stamp_ns), knots_s(float(paths.time_s[-1]))
+    squared = squared_distances(paths, stamp_ns, position_m, settings, outcome)
+    begin = np.zeros((*squared.shape, len(LEVELS))) if begin is None else begin
+    return _followed(squared, begin, stamp_ns, knots, settings).reshape(len(squared) * n, len(knots), len(LEVELS))
+
+
+def squared_distances(
+    paths: Paths, stamp_ns: Int64Array, position_m: FloatArray, settings: Calibration, outcome: Actual | None = None
+) -> FloatArray:
+    """Squared Mahalanobis distances of the outcomes at the knots, (sets, n, k); NaN where none is known."""
+    n, knots = len(stamp_ns), knots_s(float(paths.time_s[-1]))
     sets = len(paths) // n if n else 0
-    begin = np.zeros((sets, len(knots))) if begin is None else begin
-    if n < 2:
-        return np.repeat(begin, n, axis=0)
     if outcome is None:
         outcome = outcomes(float(paths.time_s[-1]), stamp_ns, position_m, settings)
     errors = horizon_errors(
         paths, np.tile(stamp_ns, sets), stamp_ns, position_m, knots.tolist(), settings.max_gap_s, tiled(outcome, sets)
     )
-    squared = np.where(errors.is_known, errors.mahalanobis2, np.nan).reshape(sets, n, len(knots))
-    excess = np.log(np.maximum(squared, 1e-300) / ELLIPSE_90) - begin[:, None, :]
+    return np.where(errors.is_known, errors.mahalanobis2, np.nan).reshape(sets, n, len(knots))
+
+
+def _followed(
+    squared: FloatArray, begin: FloatArray, stamp_ns: Int64Array, knots: FloatArray, settings: Calibration
+) -> FloatArray:
+    """`begin` (sets, n, k, 2) and what the vehicle's own outcomes (sets, n, k) add to it."""
+    if len(stamp_ns) < 2:
+        return begin
+    excess = np.log(np.maximum(squared, 1e-300))[..., None] - np.log(LIMITS) - begin
+    is_known = np.isfinite(squared)
     step_s = np.minimum(np.diff(stamp_ns, prepend=stamp_ns[0]) / NS_PER_S, settings.max_gap_s)
     out = np.empty_like(excess)
     for k, knot_s in enumerate(knots.tolist()):
         # for each start: the first start whose outcome is not yet known
         n_known = np.searchsorted(stamp_ns + round(knot_s * NS_PER_S), stamp_ns, side="right")
-        out[..., k] = adapt_scale(
-            np.ascontiguousarray(excess[..., k]),
-            np.ascontiguousarray(np.isfinite(squared[..., k])),
-            n_known,
-            step_s,
-            rate_1ps=settings.rate_1ps,
-            bound=float(np.log(settings.limit)),
-            miss_share=MISS_SHARE,
-        )
-    return np.asarray((out + begin[:, None, :]).reshape(sets * n, len(knots)))
+        known = np.ascontiguousarray(is_known[..., k])
+        for level, share in enumerate(LEVELS.tolist()):
+            out[..., k, level] = adapt_scale(
+                np.ascontiguousarray(excess[..., k, level]),
+                known,
+                n_known,
+                step_s,
+                rate_1ps=settings.rate_1ps,
+                bound=float(np.log(settings.limit)),
+                miss_share=1.0 - share,
+            )
+    return np.asarray(out + begin)
 
 
 def predict_vehicles(
@@ -178,15 +258,53 @@ def predict_vehicles(
         prior=prior,
         acted=measured_acted(vehicle, stamp_ns, log_time_ns, state, covariance) if learns else None,
     )
-    begin = beginning(model, float(paths.time_s[-1]))[None]
     known_ns = stamp_ns if log_time_ns is None else log_time_ns
-    judged = paths.at(needed_points(paths.time_s, knots_s(float(paths.time_s[-1])).tolist()))
-    log_scale = np.repeat(begin, len(state), axis=0)
-    for track in known_tracks(vehicle, stamp_ns, known_ns, state, None):
-        own = log_variance_scale(judged.take(track.rows), track.stamp_ns, track.state[:, :2], calibration, None, begin)
+    knots, settings = knots_s(float(paths.time_s[-1])), calibration or Calibration()
+    judged = paths.at(needed_points(paths.time_s, knots.tolist()))
+    log_scale = np.tile(beginning(model, float(paths.time_s[-1])), (len(state), 1, 1))
+    tracks = known_tracks(vehicle, stamp_ns, known_ns, state, None)
+    squared = [_squared(judged, track, settings) for track in tracks]
+    if learns and len(tracks) > 1:
+        every = joined(tracks)
+        log_scale[every.rows] = stream_beginning(every, np.concatenate(squared), knots)
+    for track, distances in zip(tracks, squared, strict=True):
+        own = _followed(distances[None], log_scale[track.rows][None], track.stamp_ns, knots, settings)[0]
         rows = np.flatnonzero(vehicle == vehicle[track.rows[0]])  # one that was overtaken goes by the newest before it
-        newest = np.searchsorted(track.known_ns, known_ns[rows], side="right") - 1
-        log_scale[rows] = np.where((newest >= 0)[:, None], own[np.maximum(newest, 0)], begin)
+        if len(rows) > len(track.rows):
+            newest = np.searchsorted(track.known_ns, known_ns[rows], side="right") - 1
+            log_scale[rows] = np.where((newest >= 0)[:, None, None], own[np.maximum(newest, 0)], log_scale[rows])
         log_scale[track.rows] = own
-    paths.position_covariance_m2[...] *= np.exp(between_knots(log_scale, paths.time_s))[..., None]
-    return paths
+    return _scaled(paths, log_scale)
+
+
+def _squared(judged: Paths, track: Track, settings: Calibration) -> FloatArray:
+    return np.asarray(squared_distances(judged.take(track.rows), track.stamp_ns, track.state[:, :2], settings)[0])
+
+
+def stream_beginnings(
+    model: str,
+    vehicle: npt.NDArray[np.integer],
+    stamp_ns: Int64Array,
+    known_ns: Int64Array,
+    state: FloatArray,
+    covariance: FloatArray | None,
+    acted: FloatArray,
+    *,
+    horizon_s: float,
+    step_s: float,
+) -> FloatArray:
+    """With which scales the ellipses of a model that learns begin at each row, (n, k, 2): see `stream_beginning`.
+
+    Args: as of `predict_vehicles`; `acted` by `record.measured_acted`.
+    """
+    time_s = time_grid(horizon_s, step_s)
+    knots = knots_s(float(time_s[-1]))
+    out = np.tile(beginning(model, float(time_s[-1])), (len(state), 1, 1))
+    tracks = known_tracks(vehicle, stamp_ns, known_ns, state, None)
+    if len(tracks) > 1:
+        points = needed_points(time_s, knots.tolist())
+        judged = rollout(model, state, covariance, horizon_s=horizon_s, step_s=step_s, points=points, acted=acted)
+        every = joined(tracks)
+        squared = np.concatenate([_squared(judged, track, Calibration()) for track in tracks])
+        out[every.rows] = stream_beginning(every, squared, knots)
+    return out

@@ -19,6 +19,7 @@ KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
 """Horizons at which gains and ellipses are measured; between them they are interpolated."""
 PARTS = ("unclear", "lasting", "new")
 """A derivative's parts, see `prediction.record.parts_of`."""
+QUANTILES = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,13 @@ class FleetPrior:
     Attributes:
         gain: Shape (2, k, 3): the share of each part that moves the car, by each knot of `KNOTS_S`.
         error_m: Shape (2, k): what is left over, mean of its size.
-        log_scale: Shape (k,): logarithm of the factor on the variance of `auto` with which an ellipse begins.
+        log_squared: Shape (k, l): quantiles at `QUANTILES` of the logarithm of the squared Mahalanobis distance of the
+            outcomes of `auto`, before any scale.
     """
 
     gain: FloatArray
     error_m: FloatArray
-    log_scale: FloatArray
+    log_squared: FloatArray
 
 
 @lru_cache(maxsize=1)
@@ -44,7 +46,7 @@ def fleet_prior() -> FleetPrior:
     return FleetPrior(
         gain=np.array([[axis[part] for part in PARTS] for axis in axes], dtype=np.float64).transpose(0, 2, 1),
         error_m=np.array([axis["error_m"] for axis in axes], dtype=np.float64),
-        log_scale=np.log(np.array(table["ellipse"]["variance_factor"], dtype=np.float64)),
+        log_squared=np.log(np.array(table["ellipse"]["squared"], dtype=np.float64)),
     )
 
 

@@ -44,12 +44,14 @@ def compare_models(
     prior: DriverPrior | None = None,
     calibrate: bool = True,
     acted: FloatArray | None = None,
+    begin: FloatArray | None = None,
 ) -> dict[str, HorizonErrors]:
     """`horizon_errors` of each model from the same starts; constant velocity comes first, asked for or not.
 
     The starts are of one vehicle in time order. "paper" applies to the models that the paper has; the others stay
     exact. With `calibrate` each model's covariance follows its own record (`prediction.calibrate`).
-    `acted`: the measured gains of the starts, for a model that learns (`record.measured_acted`); None: no record.
+    `acted`, `begin`: the measured gains of the starts and the scales with which their ellipses begin, for a model that
+    learns (`record.measured_acted`, `calibrate.stream_beginnings`); None: no record, the fleet's.
     """
     errors: dict[str, HorizonErrors] = {}
     actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
@@ -78,8 +80,8 @@ def compare_models(
             ]
         )
         if calibrate:
-            begin = np.stack([beginning(name, float(time_s[-1])) for name in some])
-            paths = calibrated(paths, start_stamp_ns, state[:, :2], outcome=outcome, begin=begin)
+            begins = [_begin(name, float(time_s[-1]), n, begin) for name in some]
+            paths = calibrated(paths, start_stamp_ns, state[:, :2], outcome=outcome, begin=np.stack(begins))
         starts_ns = np.tile(start_stamp_ns, len(some))
         together = horizon_errors(
             paths, starts_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, tiled(actual, len(some))
@@ -87,6 +89,12 @@ def compare_models(
         for k, name in enumerate(some):
             errors[name] = together.rows(slice(k * n, (k + 1) * n))
     return errors
+
+
+def _begin(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> FloatArray:
+    if learned is not None and MODELS[model].learns:
+        return learned
+    return np.tile(beginning(model, horizon_s), (n, 1, 1))
 
 
 def horizon_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatArray | Int64Array | list[str]]:
@@ -149,7 +157,8 @@ def _rows(errors: Sequence[HorizonErrors], baseline: HorizonErrors, column: int)
     cross = np.stack([error.cross_m[known, column] for error in errors])
     squared = np.stack([error.mahalanobis2[known, column] for error in errors])
     has_ellipse = np.isfinite(squared)
-    inside_50, inside_90 = (has_ellipse & (squared <= limit) for limit in (ELLIPSE_50, ELLIPSE_90))
+    core = np.stack([error.core_mahalanobis2[known, column] for error in errors])
+    inside_50, inside_90 = has_ellipse & (core <= ELLIPSE_50), has_ellipse & (squared <= ELLIPSE_90)
     base = baseline.distance_m[known & baseline.is_known[:, column], column]
     base_mean = float(_mean(base[None])[0]) if len(base) else np.nan
     mean = _mean(distance)

@@ -29,7 +29,8 @@ class HorizonErrors:
         is_known: Shape (n, h): the track holds the moment, and not inside a gap. The rest is NaN elsewhere.
         distance_m: Shape (n, h).
         along_m, cross_m: Shape (n, h): along the predicted heading (positive: the car got farther) and to its left.
-        mahalanobis2: Shape (n, h): squared, under the predicted position covariance.
+        mahalanobis2: Shape (n, h): squared, under the predicted position covariance: for the 90 % ellipse.
+        core_mahalanobis2: Shape (n, h): the same with the paths' `core_factor`: for the 50 % ellipse.
     """
 
     horizon_s: FloatArray
@@ -38,6 +39,7 @@ class HorizonErrors:
     along_m: FloatArray
     cross_m: FloatArray
     mahalanobis2: FloatArray
+    core_mahalanobis2: FloatArray
 
     def rows(self, rows: slice) -> HorizonErrors:
         """Those of some starts."""
@@ -48,6 +50,7 @@ class HorizonErrors:
             self.along_m[rows],
             self.cross_m[rows],
             self.mahalanobis2[rows],
+            self.core_mahalanobis2[rows],
         )
 
 
@@ -96,6 +99,7 @@ def horizon_errors(
         along_m=error_x * cosine + error_y * sine,
         cross_m=-error_x * sine + error_y * cosine,
         mahalanobis2=squared,
+        core_mahalanobis2=squared if paths.core_factor is None else squared / predicted["core"],
     )
 
 
@@ -150,7 +154,8 @@ def _at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, FloatArray]:
         return np.asarray(values[:, after - 1] + share * (values[:, after] - values[:, after - 1]))
 
     covariance = paths.position_covariance_m2
-    return {
+    core = {} if paths.core_factor is None else {"core": at(paths.core_factor)}
+    return core | {
         "x": at(paths.x_m),
         "y": at(paths.y_m),
         "heading": at(paths.heading_rad),

@@ -19,7 +19,8 @@ class Paths:
         time_s: Shape (k,), from the start: 0, step, 2 step, ...
         x_m, y_m, heading_rad, speed_mps: Shape (n, k). Column 0 is the start itself. Headings are continuous
             along a path (not wrapped).
-        position_covariance_m2: Shape (n, k, 3): xx, xy, yy.
+        position_covariance_m2: Shape (n, k, 3): xx, xy, yy. Its 90 % ellipse is that of a normal distribution.
+        core_factor: Shape (n, k): times this it is the covariance whose 50 % ellipse is right; None: the same.
     """
 
     time_s: FloatArray
@@ -28,6 +29,7 @@ class Paths:
     heading_rad: FloatArray
     speed_mps: FloatArray
     position_covariance_m2: FloatArray
+    core_factor: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -41,6 +43,7 @@ class Paths:
             self.heading_rad[:, points],
             self.speed_mps[:, points],
             self.position_covariance_m2[:, points],
+            None if self.core_factor is None else self.core_factor[:, points],
         )
 
     def take(self, rows: npt.NDArray[np.intp]) -> Paths:
@@ -52,11 +55,12 @@ class Paths:
             self.heading_rad[rows],
             self.speed_mps[rows],
             self.position_covariance_m2[rows],
+            None if self.core_factor is None else self.core_factor[rows],
         )
 
 
 def stacked(sets: Sequence[Paths]) -> Paths:
-    """Paths over the same times, one set below the other."""
+    """Paths over the same times, one set below the other; as they are before a `core_factor`."""
     if len(sets) == 1:
         return sets[0]
     return Paths(

@@ -21,10 +21,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels import record as kernel
 from cwcli.prediction.fleet import KNOTS_S, FleetPrior, acted_s, fleet_prior
 from cwcli.prediction.outcome import actual_positions
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -40,22 +42,21 @@ MAX_GAP_S = 0.5
 MIN_CHORD_M = 1.0
 MAX_CHORD_ANGLE_RAD = 2.0
 PRIOR_OUTCOMES = np.array([4.0, 1.0, 1.0])
-POSITIVE_PART = 1.0 / np.sqrt(2.0 * np.pi)  # mean of max(z, 0), z standard normal
 NEVER_NS = np.iinfo(np.int64).max
 
-N_SUMS = 9  # of a regression with three parts: xx' above the diagonal, and x y
 Rows = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
 class Track:
-    """One vehicle's states in the order in which they became known; one that a newer one overtook is no part of it.
+    """Vehicles' states, each one's in the order in which they became known; one that a newer overtook is no part of it.
 
     Attributes:
         rows: Shape (n,): which rows of the whole they are.
-        stamp_ns, known_ns: Shape (n,): strictly increasing; non-decreasing.
+        stamp_ns, known_ns: Shape (n,): strictly increasing; non-decreasing: by vehicle.
         state: Shape (n, 8).
         clear: Shape (n, 2): see `clearness`.
+        first: Where each vehicle's rows begin; one after the other.
     """
 
     rows: Rows
@@ -63,6 +64,36 @@ class Track:
     known_ns: Int64Array
     state: FloatArray
     clear: FloatArray
+    first: tuple[int, ...] = (0,)
+
+    def vehicles(self) -> list[slice]:
+        """The rows of each vehicle."""
+        return [slice(a, b) for a, b in pairwise((*self.first, len(self.rows)))]
+
+    def index(self) -> Rows:
+        """Which vehicle each row is of, from 0, shape (n,)."""
+        return np.repeat(np.arange(len(self.first)), np.diff((*self.first, len(self.rows))))
+
+    def step_s(self) -> FloatArray:
+        """The time since the row before, as far as it counts, shape (n,); 0 at a vehicle's first."""
+        step_s = np.minimum(np.diff(self.stamp_ns, prepend=self.stamp_ns[:1]) / NS_PER_S, MAX_GAP_S)
+        step_s[list(self.first)] = 0.0
+        return step_s
+
+
+def joined(tracks: Sequence[Track]) -> Track:
+    """Several vehicles, one after the other."""
+    if len(tracks) == 1:
+        return tracks[0]
+    starts = accumulate((len(track.rows) for track in tracks[:-1]), initial=0)
+    return Track(
+        np.concatenate([track.rows for track in tracks]),
+        np.concatenate([track.stamp_ns for track in tracks]),
+        np.concatenate([track.known_ns for track in tracks]),
+        np.concatenate([track.state for track in tracks]),
+        np.concatenate([track.clear for track in tracks]),
+        tuple(starts),
+    )
 
 
 def clearness(state: FloatArray, covariance: FloatArray | None) -> FloatArray:
@@ -103,22 +134,18 @@ def parts_of(track: Track) -> FloatArray:
     unclear: within what may be noise. lasting: clear, and the mean over the last h/2 before a horizon h was as large:
     what lasts that long ahead has mostly lasted some time. new: the rest, a manoeuvre that has just begun.
     """
-    age_s = (track.stamp_ns - track.stamp_ns[:1]) / NS_PER_S
-    now = np.stack([track.state[:, ACCEL], track.state[:, YAW_RATE]], axis=1)
-    was = (track.state[:, SPEED], np.unwrap(track.state[:, HEADING]))
-    out = np.empty((len(age_s), 2, len(KNOTS_S), 3))
-    for k, knot_s in enumerate(KNOTS_S.tolist()):
-        then_s = np.maximum(age_s - max(LOOK_BACK_SHARE * knot_s, MIN_LOOK_BACK_S), 0.0)
-        passed_s = age_s - then_s
-        for axis in (0, 1):
-            change = was[axis] - np.interp(then_s, age_s, was[axis])
-            promised = now[:, axis] * passed_s
-            is_told = (passed_s >= MIN_TRACK_S) & (promised != 0.0)
-            share = np.where(is_told, np.clip(change / np.where(is_told, promised, 1.0), 0.0, 1.0), 0.0)
-            clear = track.clear[:, axis]
-            out[:, axis, k, 0] = 1.0 - clear
-            out[:, axis, k, 1] = clear * share
-            out[:, axis, k, 2] = clear * (1.0 - share)
+    begins = np.array(track.first, dtype=np.intp)[track.index()]
+    age_s = (track.stamp_ns - track.stamp_ns[begins]) / NS_PER_S
+    heading = np.concatenate([np.unwrap(track.state[rows, HEADING]) for rows in track.vehicles()])
+    look_back_s = np.maximum(LOOK_BACK_SHARE * KNOTS_S, MIN_LOOK_BACK_S)
+    change, passed_s = kernel.changes(age_s, np.stack([track.state[:, SPEED], heading]), begins, look_back_s)
+    promised = track.state[:, [ACCEL, YAW_RATE], None] * passed_s[:, None, :]
+    is_told = (passed_s >= MIN_TRACK_S)[:, None, :] & (promised != 0.0)
+    clear = track.clear[:, :, None]
+    out = np.empty((*promised.shape, 3))
+    out[..., 0] = 1.0 - clear
+    out[..., 1] = clear * np.where(is_told, np.clip(change / np.where(is_told, promised, 1.0), 0.0, 1.0), 0.0)
+    out[..., 2] = clear - out[..., 1]
     return out
 
 
@@ -141,7 +168,11 @@ def followed_m(track: Track) -> FloatArray:
 
     Along: the arc's length beyond v h; across: the angle of its chord times |v| h.
     """
-    found, is_known = actual_positions(track.stamp_ns, track.stamp_ns, track.state[:, :2], KNOTS_S.tolist(), MAX_GAP_S)
+    outcome = [
+        actual_positions(track.stamp_ns[rows], track.stamp_ns[rows], track.state[rows, :2], KNOTS_S.tolist(), MAX_GAP_S)
+        for rows in track.vehicles()
+    ]
+    found, is_known = (np.concatenate(each) for each in zip(*outcome, strict=True))
     moved = found - track.state[:, None, :2]
     speed, heading = track.state[:, SPEED, None], track.state[:, HEADING, None]
     forward = np.where(speed < 0.0, -1.0, 1.0)
@@ -156,15 +187,19 @@ def followed_m(track: Track) -> FloatArray:
     return np.where(is_arc[:, None, :], out, np.nan)
 
 
-def known_with(track: Track) -> Rows:
-    """The state with which each start's outcome at each knot became known, shape (n, k); never: n."""
-    at_ns = track.stamp_ns[:, None] + np.rint(KNOTS_S * NS_PER_S).astype(np.int64)
-    return np.asarray(np.searchsorted(track.stamp_ns, at_ns))
+def known_with(track: Track, knots_s: FloatArray = KNOTS_S) -> Rows:
+    """The row with which each start's outcome at each knot became known, shape (n, k); never: n."""
+    at_ns = track.stamp_ns[:, None] + np.rint(knots_s * NS_PER_S).astype(np.int64)
+    out = np.empty(at_ns.shape, dtype=np.intp)
+    for rows in track.vehicles():
+        after = rows.start + np.searchsorted(track.stamp_ns[rows], at_ns[rows])
+        out[rows] = np.where(after < rows.stop, after, len(track.rows))
+    return out
 
 
-def known_at_ns(track: Track) -> Int64Array:
+def known_at_ns(track: Track, knots_s: FloatArray = KNOTS_S) -> Int64Array:
     """When each start's outcome at each knot became known, shape (n, k); never: `NEVER_NS`."""
-    return np.append(track.known_ns, NEVER_NS)[known_with(track)]
+    return np.append(track.known_ns, NEVER_NS)[known_with(track, knots_s)]
 
 
 def measured_acted(
@@ -187,8 +222,10 @@ def measured_acted(
     log_ns = stamp_ns if log_time_ns is None else log_time_ns
     share = np.einsum("nai,aki->nak", _unrecorded(clearness(state, covariance)), chosen.gain)
     tracks = [track for track in known_tracks(vehicle, stamp_ns, log_ns, state, covariance) if len(track.rows) > 1]
-    for track, gain in zip(tracks, measured_gains(tracks, chosen), strict=True):
-        share[track.rows] = np.einsum("naki,naki->nak", parts_of(track), gain)
+    if tracks:
+        track = joined(tracks)
+        parts = parts_of(track)
+        share[track.rows] = np.einsum("naki,naki->nak", parts, measured_gains(track, parts, chosen))
     return acted_s(np.clip(share, 0.0, 1.0))
 
 
@@ -197,110 +234,42 @@ def _unrecorded(clear: FloatArray) -> FloatArray:
     return np.stack([1.0 - clear, clear, np.zeros_like(clear)], axis=-1)
 
 
-def measured_gains(tracks: Sequence[Track], prior: FleetPrior) -> list[FloatArray]:
-    """The gain of each part, by axis and knot, for each state of each track: (n, 2, k, 3)."""
-    promised = [promised_m(track.state)[..., None] * parts_of(track) for track in tracks]
-    sums = [_running_sums(track, x, prior) for track, x in zip(tracks, promised, strict=True)]
-    known_ns = [known_at_ns(track) for track in tracks]
-    # Of several states that became known at once a later one tells an earlier one nothing.
-    own = [
-        _gathered(s, [np.searchsorted(with_row, np.arange(len(track.rows)), side="right") for with_row in with_rows.T])
-        for track, s, with_rows in zip(tracks, sums, map(known_with, tracks), strict=True)
-    ]
-    others = _others(tracks, sums, known_ns) if len(tracks) > 1 else [None] * len(tracks)
-    return [_posterior(mine, rest, prior) for mine, rest in zip(own, others, strict=True)]
+def measured_gains(track: Track, parts: FloatArray, prior: FleetPrior) -> FloatArray:
+    """The gain of each part, by axis and knot, for each state of each vehicle: (n, 2, k, 3).
 
-
-def _running_sums(track: Track, promised: FloatArray, prior: FleetPrior) -> FloatArray:
-    """q x x' (above the diagonal) and q x y of the first 0, 1, ..., n outcomes, shape (k, n + 1, 2, 9)."""
-    followed = followed_m(track)
-    is_known = np.isfinite(followed)
-    y = np.where(is_known, followed, 0.0)
-    left = np.abs(y - np.einsum("naki,aki->nak", promised, prior.gain))
-    step_s = np.minimum(np.diff(track.stamp_ns, prepend=track.stamp_ns[:1]) / NS_PER_S, MAX_GAP_S)
-    weight = np.where(is_known, step_s[:, None, None] / KNOTS_S / (1.0 + left / prior.error_m), 0.0)
-    out = np.zeros((len(y) + 1, *y.shape[1:], N_SUMS))
-    x = np.moveaxis(promised, -1, 0)
-    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    for column, (i, j) in enumerate(pairs):
-        out[1:, ..., column] = weight * x[i] * x[j]
-    for i in range(3):
-        out[1:, ..., 6 + i] = weight * x[i] * y
-    return np.ascontiguousarray(np.moveaxis(np.cumsum(out, axis=0, out=out), 2, 0))
-
-
-def _gathered(sums: FloatArray, counts: Sequence[npt.NDArray[np.intp]]) -> FloatArray:
-    """The sums over the first so many outcomes, which differ by knot: (k, n, 2, 9)."""
-    return np.stack([of_knot[count] for of_knot, count in zip(sums, counts, strict=True)])
-
-
-def _others(
-    tracks: Sequence[Track], sums: Sequence[FloatArray], known_ns: Sequence[Int64Array]
-) -> list[FloatArray | None]:
-    """What was known of the log's other vehicles at each state of each track: their sums, (k, n, 2, 9)."""
-    steps = np.concatenate([np.diff(each, axis=1) for each in sums], axis=1)
-    when_ns = np.concatenate(known_ns).T
-    order = np.argsort(when_ns, axis=1, kind="stable")
-    total = np.zeros((len(KNOTS_S), steps.shape[1] + 1, *steps.shape[2:]))
-    for k in range(len(KNOTS_S)):
-        np.cumsum(steps[k, order[k]], axis=0, out=total[k, 1:])
-    when_ns = np.take_along_axis(when_ns, order, axis=1)
-    out: list[FloatArray | None] = []
-    for track, mine, known in zip(tracks, sums, known_ns, strict=True):
-        every, own = (
-            _gathered(each, [np.searchsorted(then_ns, track.known_ns, side="right") for then_ns in when])
-            for each, when in ((total, when_ns), (mine, known.T))
-        )
-        out.append(every - own)
-    return out
-
-
-def _posterior(own: FloatArray, others: FloatArray | None, prior: FleetPrior) -> FloatArray:
-    """The gains (n, 2, k, 3), from the shortest knot to the longest."""
-    n = own.shape[1]
-    out = np.empty((n, 2, len(KNOTS_S), 3))
-    for k in range(len(KNOTS_S)):
-        gain = np.broadcast_to(prior.gain[:, k], (n, 2, 3))
-        if k:
-            gain = _carried_on(out[:, :, k - 1], prior, k)
-        ridge = PRIOR_OUTCOMES * prior.error_m[:, k, None] ** 2
-        for sums in (others, own):
-            if sums is not None:
-                gain = np.clip(_ridge_solution(sums[k], ridge, gain), 0.0, 1.0)
-        out[:, :, k] = gain
-    return out
-
-
-def _carried_on(gain: FloatArray, prior: FleetPrior, k: int) -> FloatArray:
-    """What gains (n, 2, 3) at the knot before k let expect at k: the fleet's fall from knot to knot.
-
-    What is unclear falls like what lasts. Where the fleet's gain was 0 at the knot before, it is taken as it is at k.
+    Args:
+        track: All vehicles of the log that teach each other.
+        parts: Shape (n, 2, k, 3): `parts_of` it.
+        prior: What the record begins with.
     """
-    before, now = prior.gain[:, k - 1], prior.gain[:, k]
-    ratio = np.where(before > 0.0, now / np.where(before > 0.0, before, 1.0), np.nan)
-    ratio[:, 0] = ratio[:, 1]
-    return np.asarray(np.where(np.isfinite(ratio), np.clip(gain * ratio, 0.0, 1.0), now))
+    known_row = known_with(track)
+    known_ns = np.append(track.known_ns, NEVER_NS)[known_row]
+    return kernel.gains(
+        parts,
+        promised_m(track.state),
+        followed_m(track),
+        step_s=track.step_s(),
+        knots_s=KNOTS_S,
+        track=track.index(),
+        known_row=known_row,
+        known_ns=known_ns,
+        now_ns=track.known_ns,
+        by_known=np.ascontiguousarray(np.argsort(known_ns, axis=0, kind="stable").T),
+        by_now=np.argsort(track.known_ns, kind="stable"),
+        prior=np.ascontiguousarray(prior.gain),
+        error_m=np.ascontiguousarray(prior.error_m),
+        carried=_carried(prior),
+        prior_outcomes=PRIOR_OUTCOMES,
+    )
 
 
-def _ridge_solution(sums: FloatArray, ridge: FloatArray, prior: FloatArray) -> FloatArray:
-    """(A + diag(ridge))^-1 (b + ridge prior) for sums (..., 9), by Cholesky's factors written out; (..., 3).
+def _carried(prior: FleetPrior) -> FloatArray:
+    """What a gain at one knot lets expect at the next, as a factor, (2, k, 3): the fleet's fall from knot to knot.
 
-    The unclear part comes last in the elimination: 1 / l22^2 is the variance of its gain over that of an outcome.
-    What it has more than its prior is less what a gain of 0 would show on average.
+    What is unclear falls like what lasts. NaN where the fleet's gain was 0 at the knot before, and at the first.
     """
-    a22, a12, a02, a11, a01, a00, b2, b1, b0 = np.moveaxis(sums, -1, 0)
-    b0, b1, b2 = (b + ridge[..., 2 - i] * prior[..., 2 - i] for i, b in enumerate((b0, b1, b2)))
-    l00 = np.sqrt(a00 + ridge[..., 2])
-    l10, l20 = a01 / l00, a02 / l00
-    l11 = np.sqrt(a11 + ridge[..., 1] - l10**2)
-    l21 = (a12 - l20 * l10) / l11
-    l22 = np.sqrt(a22 + ridge[..., 0] - l20**2 - l21**2)
-    c0 = b0 / l00
-    c1 = (b1 - l10 * c0) / l11
-    c2 = (b2 - l20 * c0 - l21 * c1) / l22
-    g2 = c2 / l22
-    g1 = (c1 - l21 * g2) / l11
-    g0 = (c0 - l10 * g1 - l20 * g2) / l00
-    error_m = np.sqrt(ridge[..., 0] / PRIOR_OUTCOMES[0])
-    doubted = np.maximum(g2 - POSITIVE_PART * error_m / l22, np.minimum(g2, prior[..., 0]))
-    return np.stack([doubted, g1, g0], axis=-1)
+    out = np.full(prior.gain.shape, np.nan)
+    before = prior.gain[:, :-1]
+    np.divide(prior.gain[:, 1:], before, out=out[:, 1:], where=before > 0.0)
+    out[:, :, 0] = out[:, :, 1]
+    return out

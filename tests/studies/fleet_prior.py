@@ -11,8 +11,8 @@ in steps of 0.05, at all knots together because one path has to meet them all, f
     mean(r) + 20 mean(max(r - 1, 0)) + 10 mean(max(r95 - 1, 0)),
 
 r and r95 the ratios of the mean error and of its 95th percentile to those of constant velocity: never to be worse is
-worth more than to be better. The ellipse's factor is the one with which 90 % of all outcomes are inside, each group
-weighing the same, before any record.
+worth more than to be better. The ellipses begin with the quantiles of the outcomes' squared Mahalanobis distances
+before any scale, each group weighing the same.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.prediction import fleet
-from cwcli.prediction.fleet import KNOTS_S, PARTS, FleetPrior, acted_s
+from cwcli.prediction.fleet import KNOTS_S, PARTS, QUANTILES, FleetPrior, acted_s
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.prediction.outcome import ELLIPSE_90, horizon_errors
+from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.record import followed_m, known_tracks, measured_acted, parts_of, promised_m
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.simulation.catalogue import scenario_names
-from tests.studies.prediction_bounds import LOGS, causal_states, scenario_states
+from tests.studies.prediction_bounds import LOGS, Known, known_states, scenario_states
 
 LEARNED_FROM = ("balzer-dresden-2014-03-26.ros2", "openacc-dynamic-part23.ros2")
 SEEDS = (11, 12, 13, 14)
@@ -161,21 +161,21 @@ def _searched(gain: FloatArray, cost: Callable[[FloatArray], float]) -> FloatArr
     return gain
 
 
-def learned_factors(classes: Sequence[Sequence[VehicleStates]], prior: FleetPrior) -> FloatArray:
-    """The factor on the variance at each knot with which 90 % are inside."""
-    ratios: list[FloatArray] = []
+def learned_quantiles(classes: Sequence[Sequence[VehicleStates]], prior: FleetPrior) -> FloatArray:
+    """Of the squared distances at each knot, (k, l) at `QUANTILES`; each class counts the same."""
+    found: list[FloatArray] = []
     weights: list[FloatArray] = []
     for several in classes:
         squared = np.concatenate([_squared(states, prior) for states in several])
-        ratios.append(squared)
+        found.append(squared)
         weights.append(1.0 / np.maximum(np.isfinite(squared).sum(axis=0), 1) * np.ones_like(squared))
     out = []
     for k in range(len(KNOTS_S)):
-        value, weight = np.concatenate([r[:, k] for r in ratios]), np.concatenate([w[:, k] for w in weights])
+        value, weight = np.concatenate([r[:, k] for r in found]), np.concatenate([w[:, k] for w in weights])
         value, weight = value[np.isfinite(value)], weight[np.isfinite(value)]
         order = np.argsort(value)
         share = np.cumsum(weight[order]) / weight.sum()
-        out.append(value[order][np.searchsorted(share, 0.9)] / ELLIPSE_90)
+        out.append(value[order][np.searchsorted(share, QUANTILES)])
     return np.array(out)
 
 
@@ -194,12 +194,12 @@ def _squared(states: VehicleStates, prior: FleetPrior) -> FloatArray:
     return np.concatenate([np.where(each.is_known, each.mahalanobis2, np.nan) for each in out])
 
 
-def classes_of(logs: Sequence[Mapping[str, VehicleStates]]) -> list[list[VehicleStates]]:
+def classes_of(logs: Sequence[Mapping[str, Known]]) -> list[list[VehicleStates]]:
     """The states of each class, those of several logs together."""
     found: dict[str, list[VehicleStates]] = {}
     for states in logs:
         for who, each in states.items():
-            found.setdefault(who, []).append(each)
+            found.setdefault(who, []).append(each.online)
     return list(found.values())
 
 
@@ -210,7 +210,9 @@ def written(prior: FleetPrior, source: str) -> str:
     for name, gain, error_m in zip(("along", "across"), prior.gain, prior.error_m, strict=True):
         out += ["", f"[{name}]", *(f"{part} = {gain[:, i].round(2).tolist()}" for i, part in enumerate(PARTS))]
         out.append(f"error_m = {error_m.round(3).tolist()}")
-    out += ["", "[ellipse]", f"variance_factor = {np.exp(prior.log_scale).round(2).tolist()}"]
+    out += ["", "[ellipse]", f"quantiles = {QUANTILES.tolist()}", "squared = ["]
+    out += [f"    {row.round(3).tolist()}," for row in np.exp(prior.log_squared)]
+    out.append("]")
     return "\n".join(out) + "\n"
 
 
@@ -221,12 +223,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--logs", nargs="*", default=list(LEARNED_FROM))
     parser.add_argument("--write", action="store_true")
     asked = parser.parse_args(arguments)
-    classes = [group for name in asked.logs for group in classes_of([causal_states(LOGS / f"{name}.mcap")])]
+    classes = [group for name in asked.logs for group in classes_of([known_states(LOGS / f"{name}.mcap")])]
     for name in scenario_names():
         classes += classes_of([scenario_states(name, seed) for seed in asked.seeds])
     gain, error_m = learned_gains([group_of(each, sure) for sure in (1.0, TOO_SURE) for each in classes])
-    prior = FleetPrior(gain, error_m, np.zeros(len(KNOTS_S)))
-    prior = replace(prior, log_scale=np.log(learned_factors(classes, prior)))
+    prior = FleetPrior(gain, error_m, np.zeros((len(KNOTS_S), len(QUANTILES))))
+    prior = replace(prior, log_squared=np.log(learned_quantiles(classes, prior)))
     names = ", ".join(scenario_names())
     source = f"scenarios {names} (seeds {', '.join(map(str, asked.seeds))})\n# and logs {', '.join(asked.logs)}"
     text = written(prior, source)

@@ -4,11 +4,19 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.calibrate import Calibration, calibrated, log_variance_scale, predict_vehicles
+from cwcli.prediction.calibrate import (
+    Calibration,
+    calibrated,
+    log_variance_scale,
+    predict_vehicles,
+    stream_beginnings,
+)
 from cwcli.prediction.fleet import fleet_prior
+from cwcli.prediction.horizon import compare_models
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.outcome import ELLIPSE_90, horizon_errors
+from cwcli.prediction.outcome import ELLIPSE_50, ELLIPSE_90, horizon_errors
 from cwcli.prediction.paths import Paths
+from cwcli.prediction.record import measured_acted
 from cwcli.prediction.rollout import rollout
 
 FloatArray = npt.NDArray[np.float64]
@@ -32,8 +40,8 @@ def white(n: int, sigma_m: float, seed: int) -> FloatArray:
 
 
 def variance_scale(paths: Paths, stamp_ns: npt.NDArray[np.int64], xy: FloatArray, *settings: Calibration) -> FloatArray:
-    """At 2.5 s, the last knot."""
-    return np.exp(log_variance_scale(paths, stamp_ns, xy, *settings)[:, -1])
+    """Of the 90 % ellipse at 2.5 s, the last knot."""
+    return np.exp(log_variance_scale(paths, stamp_ns, xy, *settings)[:, -1, 1])
 
 
 @pytest.mark.parametrize("true_sigma", [0.3, 1.0, 2.5])
@@ -43,8 +51,23 @@ def test_coverage_reaches_its_level_whatever_the_claimed_sigma(true_sigma: float
     positions = white(n, true_sigma, 0)
     paths = calibrated(standing(n, 1.0), stamps(n), positions)
     errors = horizon_errors(paths, stamps(n), stamps(n), positions, [horizon_s])
-    inside = errors.mahalanobis2[errors.is_known[:, 0], 0] <= ELLIPSE_90
-    assert inside[2000:].mean() == pytest.approx(0.9, abs=0.02)
+    known = errors.is_known[:, 0]
+    assert (errors.mahalanobis2[known, 0] <= ELLIPSE_90)[2000:].mean() == pytest.approx(0.9, abs=0.02)
+    assert (errors.core_mahalanobis2[known, 0] <= ELLIPSE_50)[2000:].mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_each_ellipse_holds_its_share_of_errors_with_heavy_tails() -> None:
+    n = 12_000
+    positions = (
+        white(n, 1.0, 6)
+        * np.repeat(np.random.default_rng(7).choice([0.3, 3.0], p=[0.8, 0.2], size=n // 40), 40)[:, None]
+    )
+    paths = calibrated(standing(n, 1.0), stamps(n), positions)
+    errors = horizon_errors(paths, stamps(n), stamps(n), positions, [1.0])
+    known = errors.is_known[:, 0]
+    assert (errors.mahalanobis2[known, 0] <= ELLIPSE_90)[2000:].mean() == pytest.approx(0.9, abs=0.03)
+    assert (errors.mahalanobis2[known, 0] <= ELLIPSE_50)[2000:].mean() > 0.6
+    assert (errors.core_mahalanobis2[known, 0] <= ELLIPSE_50)[2000:].mean() == pytest.approx(0.5, abs=0.03)
 
 
 def test_scale_knows_nothing_of_outcomes_to_come() -> None:
@@ -84,7 +107,7 @@ def test_scale_is_linear_between_the_knots_and_nothing_at_the_start() -> None:
     found = calibrated(paths, stamps(300), far)
     np.testing.assert_array_equal(found.position_covariance_m2[:, 0], paths.position_covariance_m2[:, 0])
     ratio = np.log(found.position_covariance_m2[60, :, 0] / paths.position_covariance_m2[60, :, 0])
-    at_knots = log_variance_scale(paths, stamps(300), far)[60]
+    at_knots = log_variance_scale(paths, stamps(300), far)[60, :, 1]
     assert at_knots[0] > at_knots[-1] > 0.0  # the first outcomes are known sooner at 0.5 s than at 2.5 s
     np.testing.assert_allclose(ratio, np.interp(paths.time_s, [0.0, 0.5, 1.0, 2.5], [0.0, *at_knots]), atol=1e-12)
 
@@ -92,14 +115,16 @@ def test_scale_is_linear_between_the_knots_and_nothing_at_the_start() -> None:
 def test_path_shorter_than_a_knot_is_judged_at_its_end() -> None:
     paths = rollout("cv", np.zeros((50, 8)), np.tile(np.eye(8), (50, 1, 1)), horizon_s=0.3)
     scale = log_variance_scale(paths, stamps(50), np.full((50, 2), 100.0))
-    assert scale.shape == (50, 1)
-    assert np.flatnonzero(scale[:, 0])[0] == 4  # the outcome of start 1 is known at start 4; the first one's step is 0
+    assert scale.shape == (50, 1, 2)
+    assert (
+        np.flatnonzero(scale[:, 0, 1])[0] == 4
+    )  # the outcome of start 1 is known at start 4; the first one's step is 0
 
 
 def test_default_begins_with_the_ellipse_of_the_fleet() -> None:
     state, covariance = np.zeros((3, 8)), np.tile(np.eye(8), (3, 1, 1))
     args = (np.zeros(3, dtype=np.int64), stamps(3), state, covariance)
-    for name, factor in (("auto", np.exp(fleet_prior().log_scale)), ("cv", np.ones(4))):
+    for name, factor in (("auto", np.exp(fleet_prior().log_squared[:, 4]) / ELLIPSE_90), ("cv", np.ones(4))):
         assert MODELS[name].learns == (name == "auto")
         bare = rollout(name, state, covariance, horizon_s=5.0).position_covariance_m2[:, [10, 20, 50, 100], 0]
         found = predict_vehicles(name, *args, horizon_s=5.0).position_covariance_m2[:, [10, 20, 50, 100], 0]
@@ -121,3 +146,44 @@ def test_vehicles_are_kept_apart_and_rows_may_be_mixed() -> None:
         found = np.empty_like(mixed.position_covariance_m2)
         found[order] = mixed.position_covariance_m2
         np.testing.assert_allclose(found[rows], alone.position_covariance_m2)
+
+
+def test_ellipses_of_a_vehicle_begin_with_what_the_others_showed() -> None:
+    # four cars stay where they are, nearer than the ellipses expect: a fifth appears when much is known of them
+    n = 600
+    state, covariance = np.zeros((n + 100, 8)), np.tile(np.eye(8) * 25.0, (n + 100, 1, 1))
+    vehicle = np.concatenate([np.arange(n) % 4, np.full(100, 4)])
+    stamp_ns = np.concatenate([stamps(n), stamps(n)[-1] + stamps(100) + 1])
+    paths = predict_vehicles("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5)
+    area = paths.position_covariance_m2[:, -1, 0]
+    assert area[n] < 0.5 * area[0]
+    cut = predict_vehicles("auto", vehicle[:n], stamp_ns[:n], state[:n], covariance[:n], horizon_s=2.5)
+    np.testing.assert_array_equal(paths.position_covariance_m2[:n], cut.position_covariance_m2)
+    assert paths.core_factor is not None and cut.core_factor is not None
+    np.testing.assert_array_equal(paths.core_factor[:n], cut.core_factor)
+
+
+def test_errors_of_the_models_have_the_ellipses_of_the_published_paths() -> None:
+    rng = np.random.default_rng(8)
+    n = 240
+    state, covariance = np.zeros((n, 8)), np.tile(np.eye(8), (n, 1, 1))
+    state[:, :2] = rng.normal(size=(n, 2))
+    vehicle, stamp_ns = np.arange(n) % 3, stamps(n)
+    paths = predict_vehicles("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5)
+    acted = measured_acted(vehicle, stamp_ns, stamp_ns, state, covariance)
+    begin = stream_beginnings("auto", vehicle, stamp_ns, stamp_ns, state, covariance, acted, horizon_s=2.5, step_s=0.05)
+    rows = np.flatnonzero(vehicle == 1)
+    track = stamp_ns[rows], state[rows, :2]
+    published = horizon_errors(paths.take(rows), stamp_ns[rows], *track, [1.0, 2.5])
+    compared = compare_models(
+        ["auto"],
+        state[rows],
+        covariance[rows],
+        stamp_ns[rows],
+        *track,
+        horizons_s=[1.0, 2.5],
+        acted=acted[rows],
+        begin=begin[rows],
+    )["auto"]
+    np.testing.assert_allclose(compared.mahalanobis2, published.mahalanobis2)
+    np.testing.assert_allclose(compared.core_mahalanobis2, published.core_mahalanobis2)

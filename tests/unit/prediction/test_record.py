@@ -65,7 +65,8 @@ def test_prior_that_ships_has_gains_between_0_and_1_and_nothing_for_what_is_uncl
     assert ((prior.gain >= 0.0) & (prior.gain <= 1.0)).all()
     assert (prior.gain[..., 0] == 0.0).all()
     assert (prior.error_m > 0.0).all()
-    assert prior.log_scale.shape == (4,)
+    assert prior.log_squared.shape == (4, 6)
+    assert (np.diff(prior.log_squared, axis=1) > 0.0).all()
 
 
 def test_derivative_that_goes_on_acts_all_the_time() -> None:
@@ -147,8 +148,8 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
     state = drive(rng.normal(size=n), rng.normal(size=n) * 0.1)
     state[:, 4:6] += rng.normal(size=(n, 2)) * [0.5, 0.05]
     track = track_of(state)
-    prior = FleetPrior(np.full((2, 4, 3), 0.4), np.full((2, 4), 0.7), np.zeros(4))
-    (gain,) = measured_gains([track], prior)
+    prior = FleetPrior(np.full((2, 4, 3), 0.4), np.full((2, 4), 0.7), np.zeros((4, 6)))
+    gain = measured_gains(track, parts_of(track), prior)
     promised, followed = promised_m(state)[..., None] * parts_of(track), followed_m(track)
     at = 100
     for axis in (0, 1):
@@ -185,7 +186,7 @@ def test_derivatives_that_hold_are_followed_though_the_fleet_doubts_them() -> No
     rng = np.random.default_rng(3)
     accel = np.repeat(rng.choice([-0.5, 0.5], size=12), 100)  # each for 10 s
     state = drive(accel, np.repeat(rng.choice([-0.1, 0.1], size=12), 100), speed=25.0)
-    doubt = FleetPrior(np.zeros((2, 4, 3)), np.full((2, 4), 1.0), np.zeros(4))
+    doubt = FleetPrior(np.zeros((2, 4, 3)), np.full((2, 4), 1.0), np.zeros((4, 6)))
     n = len(state)
     vehicle = np.zeros(n, dtype=np.int64)
     acted = measured_acted(vehicle, stamps(n), None, state, sure(n), doubt)
