@@ -11,32 +11,37 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from cwcli.channels.published import EGO_PATH, ONLINE, REMOTE_PATH, WARNINGS
+from cwcli.errors import CwcliError
+from cwcli.estimation.calibration import Calibration
+from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.execute import run_stages
 from cwcli.pipeline.missing import SignalsFor
 from cwcli.stages import STAGES
+from cwcli.stages.estimate import EstimateConfig
+from cwcli.stages.inputs.sources import SourceConfig
+from cwcli.stages.predict import PredictConfig
+from cwcli.stages.track import TrackConfig
+from cwcli.stages.warn import WarnConfig
+from cwcli.stages.warn_targets import WarnTargetsConfig
+from cwcli.tracking.config import FilterConfig, TrackerConfig
 
-ONLINE_TOPICS = (
-    "/cwcli/ego/online",
-    "/cwcli/remote/online",
-    "/cwcli/targets/online",
-    "/cwcli/ego/path",
-    "/cwcli/remote/path",
-    "/cwcli/warnings",
-)
+ONLINE_TOPICS = (*(channel.topic for channel in ONLINE.values()), EGO_PATH.topic, REMOTE_PATH.topic, WARNINGS.topic)
 Message = tuple[int, bytes]
+Messages = Mapping[str, list[Message]]
+"""Topic -> (log time, payload) of each online message, in file order."""
 
 
 @dataclass(frozen=True)
-class Cut:
-    """A cut and what it changed.
+class Change:
+    """A message that a cut changed or took away, though it is older.
 
     Attributes:
         at_ns: Messages from this log time on were cut off.
-        topic: Of the first message that changed.
-        log_time_ns: Of that message.
+        topic, log_time_ns: Of the message.
         words: How it changed.
     """
 
@@ -46,6 +51,27 @@ class Cut:
     words: str
 
 
+def stages_of(
+    calibration: Calibration | None = None, ego_station: str | None = None, *, blind: bool = True
+) -> dict[str, Any]:
+    """The stages that say something online, with the settings with which they know nothing of what comes.
+
+    Args:
+        calibration: Of the sensors; None: the stamps are trusted.
+        ego_station: Station of the ego's own messages.
+        blind: False: the defaults, with which parameters come from the whole log.
+    """
+    estimator = EstimatorConfig(latency="none" if calibration is None and blind else "auto")
+    tracker = TrackerConfig(FilterConfig(tune=not blind))
+    return {
+        "estimate": EstimateConfig(SourceConfig(ego_station=ego_station), estimator, calibration=calibration),
+        "track": TrackConfig(tracker=tracker, targets="many"),
+        "predict": PredictConfig(),
+        "warn": WarnConfig(),
+        "warn-targets": WarnTargetsConfig(),
+    }
+
+
 def cut_log(source: Path, at_ns: int, target: Path) -> None:
     """Write the messages that were logged before `at_ns`, and every channel, by the official library."""
     with source.open("rb") as stream, target.open("wb") as out:
@@ -53,11 +79,9 @@ def cut_log(source: Path, at_ns: int, target: Path) -> None:
         summary = reader.get_summary()
         assert summary is not None
         writer = Writer(out)
-        header = reader.get_header()
-        writer.start(profile=header.profile, library="")
+        writer.start(profile=reader.get_header().profile, library="")
         schemas = {
-            key: writer.register_schema(schema.name, schema.encoding, schema.data)
-            for key, schema in summary.schemas.items()
+            key: writer.register_schema(each.name, each.encoding, each.data) for key, each in summary.schemas.items()
         }
         channels = {
             key: writer.register_channel(
@@ -65,54 +89,56 @@ def cut_log(source: Path, at_ns: int, target: Path) -> None:
             )
             for key, each in summary.channels.items()
         }
-        for _, channel, message in reader.iter_messages(end_time=at_ns):
+        for _, channel, message in reader.iter_messages():
+            if message.log_time >= at_ns:
+                break
             writer.add_message(
                 channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
             )
         writer.finish()
 
 
-def online_messages(
-    source: Path, configs: Mapping[str, Any], topics: Mapping[str, str], folder: Path
-) -> dict[str, list[Message]]:
-    """Topic -> (log time, payload) of each online message that the stages make of a log, in file order."""
+def online_messages(source: Path, stages: Mapping[str, Any], folder: Path) -> dict[str, list[Message]]:
+    """What the stages make of a log, online; nothing where it has no signal for them (yet).
+
+    Args:
+        source: The log.
+        stages: Name -> configuration.
+        folder: For the annotated log.
+    """
+    found: dict[str, list[Message]] = {topic: [] for topic in ONLINE_TOPICS}
     target = folder / "annotated.mcap"
     with Log.open(str(source)) as log:
-        stages = {name: StageCall(STAGES[name], config) for name, config in configs.items()}
-        ego_station = configs["estimate"].sources.ego_station if "estimate" in configs else None
-        _, annotated = run_stages(
-            log,
-            stages,
-            Selection(topics=topics),
-            missing=SignalsFor(STAGES, ego_station),
-            lenient=True,
-            strict=False,
-            step=lambda words: None,
-        )
+        calls = {name: StageCall(STAGES[name], config) for name, config in stages.items()}
+        station = stages["estimate"].sources.ego_station
+        try:
+            _, annotated = run_stages(
+                log,
+                calls,
+                Selection(),
+                missing=SignalsFor(STAGES, station),
+                lenient=True,
+                strict=False,
+                step=lambda words: None,
+            )
+        except CwcliError:
+            return found
         annotate(annotated, (), {}, str(target), replace=True, force=True)
-    found: dict[str, list[Message]] = {topic: [] for topic in ONLINE_TOPICS}
     with target.open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(topics=list(ONLINE_TOPICS)):
             found[channel.topic].append((message.log_time, message.data))
     return found
 
 
-def first_change(whole: Mapping[str, list[Message]], cut: Mapping[str, list[Message]], at_ns: int) -> Cut | None:
-    """The first message before the cut that it changed or took away; None: there is none."""
+def first_change(whole: Messages, cut: Messages, at_ns: int) -> Change | None:
+    """The first online message before the cut that it changed or took away; None: there is none."""
     changes = []
     for topic, messages in whole.items():
-        before = [each for each in messages if each[0] < at_ns]
-        after = cut.get(topic, [])
+        before, after = [each for each in messages if each[0] < at_ns], cut[topic]
         for k, each in enumerate(before):
             if k >= len(after) or after[k] != each:
-                words = (
-                    "is not there"
-                    if k >= len(after)
-                    else "has another log time"
-                    if after[k][1] == each[1]
-                    else "is another"
-                )
-                changes.append(Cut(at_ns, topic, each[0], f"message {k} of {len(before)} {words}"))
+                words = "is not there" if k >= len(after) else "is another"
+                changes.append(Change(at_ns, topic, each[0], f"message {k} of {len(before)} {words}"))
                 break
     return min(changes, key=lambda change: change.log_time_ns, default=None)
 

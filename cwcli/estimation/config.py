@@ -108,3 +108,8 @@ class EstimatorConfig:
     blind: bool = False
     rate_hz: float = 20.0
     song2016_step_s: float = 0.05
+
+    @property
+    def is_blind_online(self) -> bool:
+        """Whether online states take no parameter from the log: there is a calibration, or the stamps are trusted."""
+        return self.calibration is not None or self.latency == "none"

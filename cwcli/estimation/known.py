@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import SourceReport
 from cwcli.signals.columns import Int64Array
@@ -18,6 +19,14 @@ SLACK_NS = 1_000
 NEVER_NS = np.iinfo(np.int64).max
 LONG_AGO_NS = np.iinfo(np.int64).min
 LATE_S = 1.0
+THIS_LOG, MESSAGES = "this log", "messages and defaults"
+
+
+def parameters_of(config: EstimatorConfig) -> str:
+    """Where noise, latencies and sensors' errors of the ego's online states are from."""
+    if config.calibration is not None:
+        return f"calibration {config.calibration.name}"
+    return MESSAGES if config.is_blind_online else THIS_LOG
 
 
 @dataclass(frozen=True)

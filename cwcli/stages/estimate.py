@@ -24,7 +24,7 @@ from cwcli.estimation.from_signals import (
     output_grid,
     remote_measurements,
 )
-from cwcli.estimation.known import SLACK_NS, Knowledge, in_time, known_ns
+from cwcli.estimation.known import MESSAGES, SLACK_NS, THIS_LOG, Knowledge, in_time, known_ns, parameters_of
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
@@ -50,7 +50,6 @@ EXAMPLES = (
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_BRIDGE_S = 60
 STATIONS_AT_ONCE = 4
-THIS_LOG, MESSAGES = "this log", "messages and defaults"
 
 
 def parse_origin(text: str) -> tuple[float, float, float]:
@@ -157,7 +156,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     measurements, apart = near_positions(_ego_measurements(sources, local_map), MAX_BRIDGE_S)
     grid_ns = output_grid(measurements, config.rate_hz, MAX_BRIDGE_S)
     estimator = replace(config.estimator, calibration=config.calibration)
-    ego, online = estimate_both(measurements, estimator, grid_ns, blind=_is_blind(estimator))
+    ego, online = estimate_both(measurements, estimator, grid_ns, blind=estimator.is_blind_online)
     remote = _remote_states(sources, local_map, estimator)
     hindsight = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags)
     knowable = replace(
@@ -169,10 +168,10 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         channels.append(write_states(REMOTE_STATE, remote.hindsight, local_map))
         channels.append(write_states(REMOTE_ONLINE, remote.online, local_map))
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
-    parameters = _parameters(estimator)
+    parameters = parameters_of(estimator)
     told = [Knowledge(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
     if remote is not None:
-        of_remote = MESSAGES if _is_blind(estimator) else parameters  # a calibration says nothing of other cars
+        of_remote = MESSAGES if estimator.is_blind_online else parameters  # a calibration says nothing of other cars
         told.append(Knowledge(REMOTE_ONLINE.topic, of_remote, remote.online.stamp_ns, remote.online.log_time_ns))
         if remote.n_overtaken:
             apart.append(
@@ -256,7 +255,7 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
         if len(heard) < len(own):
             fewer = remote_measurements(signal, heard, local_map), signal.stamp_ns[heard]
         said = remote_measurements(signal, own, local_map)
-        return estimate_both(said, config, signal.stamp_ns[own], blind=_is_blind(estimator), in_time=fewer)
+        return estimate_both(said, config, signal.stamp_ns[own], blind=estimator.is_blind_online, in_time=fewer)
 
     hindsight, online = CollectedStates(signal, np.ones_like(is_fresh)), CollectedStates(signal, is_fresh)
     tracks: dict[str, TrackSummary] = {}
@@ -269,24 +268,12 @@ def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: Esti
     return RemoteStates(hindsight.states(), online.states(), tracks, int(np.count_nonzero(~is_fresh)))
 
 
-def _is_blind(estimator: EstimatorConfig) -> bool:
-    """Whether online states take no parameter from the log."""
-    return estimator.calibration is not None or estimator.latency == "none"
-
-
 def _known_ns(measurements: Sequence[Measurements], online: Track, estimator: EstimatorConfig) -> Int64Array:
     """When the ego's online states could have been known, (n,)."""
     slack_ns = SLACK_NS
     if estimator.model == "song2016":  # whose measurements go to the nearest step
         slack_ns += round(0.5 * estimator.song2016_step_s * NS_PER_S)
     return known_ns(measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns)
-
-
-def _parameters(estimator: EstimatorConfig) -> str:
-    """Where the parameters of the online states are from."""
-    if estimator.calibration is not None:
-        return f"calibration {estimator.calibration.name}"
-    return MESSAGES if _is_blind(estimator) else THIS_LOG
 
 
 def _summary(
