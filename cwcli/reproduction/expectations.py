@@ -57,6 +57,7 @@ class Expectations:
         source: Its authors, title and journal.
         figures: By name, in the order of the output.
         fits, reasons: By key.
+        notes: Pages beside the generated one.
     """
 
     paper: str
@@ -64,6 +65,7 @@ class Expectations:
     figures: Mapping[str, Figure]
     fits: Mapping[str, Fit]
     reasons: Mapping[str, str]
+    notes: tuple[str, ...] = ()
 
     def row(self, figure: str, what: str) -> Expectation:
         """The expectation of a number.
@@ -116,7 +118,8 @@ def expectations_of(document: Mapping[str, Any]) -> Expectations:
     every = [row for figure in figures.values() for row in figure.rows.values()]
     _check_keys("fit", {row.fit for row in every} - {""}, fits)
     _check_keys("reason", {row.why for row in every} - {""} | {BEYOND}, reasons)
-    return Expectations(document["paper"], document["source"], figures, fits, reasons)
+    notes = tuple(document.get("notes", ()))
+    return Expectations(document["paper"], document["source"], figures, fits, reasons, notes)
 
 
 def _row(figure: str, fields: Mapping[str, Any]) -> Expectation:

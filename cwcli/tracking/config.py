@@ -6,6 +6,7 @@ import operator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from cwcli.errors import UsageError
 from cwcli.kernels import track as kernel
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.option import Option
@@ -42,6 +43,17 @@ MODELS: dict[str, MotionModel] = {
 }
 FilterName = Literal["ukf", "ekf"]
 FILTERS: dict[FilterName, bool] = {"ukf": True, "ekf": False}
+
+
+def _share(given: float) -> float:
+    """0 or more, and no NaN.
+
+    Raises:
+        UsageError: As it says.
+    """
+    if not given >= 0.0:
+        raise UsageError(f"--cartesian-below {given:g} is not a share of the range", hint="0 or more; 0 is never")
+    return given
 
 
 @dataclass(frozen=True)
@@ -90,7 +102,18 @@ class FilterConfig:
     start_speed_mps: float = 10.0
     start_sigma: float | None = None
     kappa: float = 0.0
-    cartesian_below: float = 0.3
+    cartesian_below: Annotated[
+        float,
+        Option(
+            "--cartesian-below",
+            "Radar detections are taken in Cartesian form while the position's sigma is above this share of the range; "
+            "0: never, as in the paper.",
+            metavar="SHARE",
+            default="0.3",
+            at_most=1.0,
+            parse=_share,
+        ),
+    ] = 0.3
     gate_probability: Annotated[
         float,
         Option(

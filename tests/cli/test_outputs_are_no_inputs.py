@@ -20,11 +20,8 @@ from cwcli.cli.app import COMMANDS, load_command
 from cwcli.cli.commands import reproduce
 from cwcli.cli.main import run
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
-from cwcli.metrics.table import Table
-from cwcli.pipeline.result import Summary
-from cwcli.reproduction.expectations import load_expectations
-from cwcli.reproduction.findings import Curve, Plot
-from cwcli.reproduction.findings_report import Reproduction
+from cwcli.reproduction.findings import Curve, Part, Plot
+from cwcli.reproduction.findings_report import Reproduction, reproduction
 from cwcli.stages import STAGES
 
 ROOT = Path(__file__).parents[2]
@@ -55,7 +52,7 @@ ARGUMENTS = {
 """Each command with everything that it can read, beside the configuration."""
 READING = {"config", "file", "vehicle", "observe__vehicle", "calibration", "labelled"}
 """Parameters with a file that is read."""
-FOLDERS = {"metrics_dir", "directory", "plots"}
+FOLDERS = {"metrics_dir", "directory", "plots", "report"}
 """Each has tests of its own below."""
 
 
@@ -218,22 +215,46 @@ def test_a_table_in_a_folder_is_no_input(
     assert state(tmp_path) == before
 
 
+def a_reproduction() -> Reproduction:
+    plots = [
+        Plot(name, "A line", "x", "y", (Curve("measured", np.arange(3.0), np.arange(3.0)),))
+        for name in ("fig 1", "fig 2")
+    ]
+    return reproduction("song2016", [Part((), tuple(plots))], "no seeds")
+
+
 def test_a_figure_is_no_input(
     files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "plots"
     folder.mkdir()
-    plots = [
-        Plot(name, "A line", "x", "y", (Curve("measured", np.arange(3.0), np.arange(3.0)),))
-        for name in ("fig 1", "fig 2")
-    ]
-    nothing = load_expectations("song2016")
-    outcome = Reproduction(nothing, (), tuple(plots), Table("made", {"x": np.zeros(1)}), Summary("made", ()))
+    outcome = a_reproduction()
     paper = dataclasses.replace(reproduce.PAPERS["song2016"], run=lambda request: outcome)
     monkeypatch.setitem(reproduce.PAPERS, "song2016", paper)
     (folder / "fig-2.png").hardlink_to(files["CONFIG"])
     arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--plots", str(folder)]
     before = state(tmp_path)
+    assert run([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
+    assert FORBIDDEN in capsys.readouterr().err
+    assert state(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["song2016.md", "figures/song2016/fig-2.png"])
+def test_a_page_on_a_paper_is_no_input(
+    name: str,
+    files: dict[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = tmp_path / "papers"
+    (folder / "figures" / "song2016").mkdir(parents=True)
+    made = a_reproduction()
+    paper = dataclasses.replace(reproduce.PAPERS["song2016"], run=lambda request: made)
+    monkeypatch.setitem(reproduce.PAPERS, "song2016", paper)
+    (folder / name).hardlink_to(files["CONFIG"])
+    before = state(tmp_path)
+    arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--report", str(folder)]
     assert run([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from cwcli.reproduction.classes import CLASSES
+from cwcli.reproduction.expectations import load_expectations
 from tests.cli.conftest import Run
 
 
@@ -48,12 +50,38 @@ def test_fewer_seeds_give_the_same_numbers_again(cwcli: Run) -> None:
         assert one["sections"][name] == two["sections"][name]
 
 
+def test_the_page_has_every_figure_and_every_number(cwcli: Run, tmp_path: Path) -> None:
+    done = cwcli("reproduce", "xiang2019", "--seeds", "100", "--report", "pages", "--metrics", "x.csv", "--quiet")
+    assert done.returncode == 0, done.stderr.decode()
+    page = (tmp_path / "pages" / "xiang2019.md").read_text(encoding="utf-8")
+    expected = load_expectations("xiang2019")
+    headings = [line.removeprefix("### ") for line in page.splitlines() if line.startswith("### ")]
+    assert headings == list(expected.figures)
+    for figure in expected.figures.values():
+        assert figure.prints in page
+        assert not figure.why_none or figure.why_none in page
+        assert all(
+            (tmp_path / "pages/figures/xiang2019" / f"{name.replace(' ', '-')}.png").exists()
+            for name in figure.pictures
+        )
+    with (tmp_path / "x.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("| ")]
+    shown = {(cells[0], cells[4]) for cells in lines if len(cells) == 6}
+    for row in rows:
+        what = f"{row['what']} [{row['unit']}]" if row["unit"] else row["what"]
+        assert (what, row["class"]) in shown
+    counted = {cells[0]: int(cells[1]) for cells in lines if len(cells) == 3 and cells[0] in CLASSES}
+    assert counted == {name: sum(row["class"] == name for row in rows) for name in CLASSES}
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         (("xiang2018",), b"xiang2019"),
         (("xiang2019", "--seeds", "1"), b"--seeds"),
         (("xiang2019", "--only", "fig 99"), b"fig6"),
+        (("xiang2019", "--report", "a", "--only", "fig6"), b"--report has every figure"),
         (("xiang2019", "--labelled", "a.mcap"), b"--labelled"),
     ],
 )

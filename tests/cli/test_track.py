@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
+from cwcli.logs.read.reader import Log
 from tests.cli.conftest import ROOT, Run
 from tests.cli.detection_logs import (
     DELAY_NS,
@@ -75,6 +76,22 @@ def test_the_ekf_and_every_model_run_on_the_lidar_radar_log(cwcli: Run, lidar_ra
         (row,) = summary(cwcli("track", lidar_radar, *options, "--json"))["sections"]["errors"]
         assert max(row["x [m]"], row["y [m]"]) < 0.1
         assert max(row["vx [m/s]"], row["vy [m/s]"]) < 0.4
+
+
+def test_the_papers_pure_tracker_on_the_lidar_radar_log(cwcli: Run, lidar_radar: Path, tmp_path: Path) -> None:
+    """`--cartesian-below 0`: every radar detection in polar form (xiang2019 eq. 8)."""
+    paper = ("--model", "cv", "--gate", "1", "--no-tune", "--causal")
+    made = {}
+    for share in ("0", "1e-9"):  # never Cartesian; always while anything is unknown of the place
+        done = cwcli("track", lidar_radar, *paper, "--cartesian-below", share, "-o", f"{share}.mcap")
+        assert done.returncode == 0, done.stderr.decode()
+        with Log.open(tmp_path / f"{share}.mcap") as log:
+            fields = log.columns("/cwcli/targets").fields
+        made[share] = np.column_stack([np.asarray(fields[name], np.float64) for name in ("x_m", "y_m")])
+    assert made["0"].shape == made["1e-9"].shape
+    away_m = np.linalg.norm(made["0"] - made["1e-9"], axis=1)
+    assert 1e-6 < away_m.max() < 0.5
+    assert cwcli("track", lidar_radar, "--cartesian-below", "-1").returncode == 2
 
 
 def test_tuning_sees_no_truth(cwcli: Run, lidar_radar: Path, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from cwcli.cli.report import print_result, print_written
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 
 if TYPE_CHECKING:
+    from cwcli.output import Together
     from cwcli.reproduction.findings_report import Reproduction
 
 EXAMPLES = (
@@ -27,6 +28,7 @@ EXAMPLES = (
     "cwcli reproduce song2016 --only fig9 --only table1",
     "cwcli reproduce song2016 --seeds 20 --plots figures/ --json",
     "cwcli reproduce xiang2019 --metrics xiang2019.parquet",
+    "cwcli reproduce song2016 --report docs/papers --force",
     "cwcli reproduce zhang2011 --frames 100 --seeds 5 --labelled labelled.mcap",
 )
 
@@ -119,6 +121,87 @@ def _figures(paper: str, only: list[str]) -> tuple[str, ...]:
     return tuple(known[_plain(text)] for text in only)
 
 
+@dataclass(frozen=True)
+class Targets:
+    """What is to be written: see the options."""
+
+    plots: str | None
+    plot_format: str
+    report: str | None
+    metrics: str | None
+    force: bool
+
+
+def _check(paper: str, entry: Paper, seeds: int, jobs: int, *, frames: int | None, labelled: str | None) -> None:
+    """Refuse numbers and inputs that a paper has no use for.
+
+    Raises:
+        UsageError: As it says.
+    """
+    if seeds < 2 or jobs < 1:
+        raise UsageError("--seeds must be at least 2 and --jobs at least 1")
+    if frames is not None and not entry.frames:
+        raise UsageError(f"{paper} renders no frames", hint="leave out --frames")
+    if frames is not None and frames < 1:
+        raise UsageError("--frames must be at least 1")
+    if labelled is not None and not entry.has_labelled:
+        raise UsageError(f"{paper} looks at no frames", hint="leave out --labelled")
+
+
+def _check_targets(paper: str, targets: Targets, labelled: str | None) -> None:
+    """Refuse what can't be written or drawn, before any work is done."""
+    from cwcli.metrics.table import check_table_name
+    from cwcli.output import check_targets
+
+    if targets.metrics is not None:
+        check_table_name(targets.metrics)
+    folder = targets.report
+    page = None if folder is None or not Path(folder).is_dir() else str(Path(folder) / f"{paper}.md")
+    inputs = () if labelled is None else (labelled,)
+    check_targets([targets.metrics, page], [targets.plots, folder], force=targets.force, inputs=inputs)
+    if targets.plots is not None or targets.report is not None:
+        from cwcli.reproduction.plots import check_format, check_matplotlib
+
+        check_format(targets.plot_format)
+        check_matplotlib()
+
+
+def _write(made: Reproduction, paper: str, targets: Targets) -> list[str]:
+    """All that is asked for, or nothing; the names of the files."""
+    from cwcli.metrics.table import write_table
+    from cwcli.output import Together, make_folder
+
+    written: list[str] = []
+    with Together() as together:
+        if targets.plots is not None:
+            from cwcli.reproduction.plots import write_plots
+
+            make_folder(targets.plots)
+            written += write_plots(
+                made.plots, targets.plots, together, paper=paper, file_format=targets.plot_format, force=targets.force
+            )
+        if targets.report is not None:
+            written += _write_report(made, targets.report, together, force=targets.force)
+        if targets.metrics is not None:
+            write_table(made.table, targets.metrics, force=targets.force, together=together)
+            written.append(targets.metrics)
+    return written
+
+
+def _write_report(made: Reproduction, folder: str, together: Together, *, force: bool) -> list[str]:
+    """The page and its pictures, in a folder beside it; the names of the files."""
+    from cwcli.output import make_folder, write_file
+    from cwcli.reproduction.page import page, picture_folder
+    from cwcli.reproduction.plots import write_plots
+
+    paper = made.expectations.paper
+    target, pictures = Path(folder) / f"{paper}.md", Path(folder) / picture_folder(paper)
+    make_folder(pictures, parents=True)
+    written = write_plots(made.plots, str(pictures), together, paper=paper, file_format="png", force=force)
+    write_file(target, page(made).encode(), force=force, together=together)
+    return [str(target), *written]
+
+
 def _findings(made: Reproduction) -> list[dict[str, str | float | bool | None]]:
     """The findings with their numbers; what there is not is null."""
     return [
@@ -180,6 +263,15 @@ def command(
             help="Real frames with labels of lanes in TuSimple's form, for zhang2011.",
         ),
     ] = None,
+    report: Annotated[
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="DIR",
+            show_default=False,
+            help="Write PAPER.md into this folder: every figure and table beside ours (needs matplotlib).",
+        ),
+    ] = None,
     metrics: MetricsOption = None,
     force: ForceOption = False,
 ) -> int:
@@ -192,41 +284,18 @@ def command(
     if entry is None:
         raise UsageError(f"there is no reproduction of '{paper}'", hint=f"one of: {', '.join(PAPERS)}")
     n_seeds = entry.seeds if seeds is None else seeds
-    if n_seeds < 2 or jobs < 1:
-        raise UsageError("--seeds must be at least 2 and --jobs at least 1")
     n_frames = entry.frames if frames is None else frames
-    if frames is not None and not entry.frames:
-        raise UsageError(f"{paper} renders no frames", hint="leave out --frames")
-    if frames is not None and frames < 1:
-        raise UsageError("--frames must be at least 1")
-    if labelled is not None and not entry.has_labelled:
-        raise UsageError(f"{paper} looks at no frames", hint="leave out --labelled")
+    _check(paper, entry, n_seeds, jobs, frames=frames, labelled=labelled)
+    if report is not None and only:
+        raise UsageError("--report has every figure", hint="leave out --only, or take --plots")
     wanted = _figures(paper, only or [])
-    from cwcli.metrics.table import check_table_name, write_table
-    from cwcli.output import Together, check_targets, make_folder
-
-    if metrics is not None:
-        check_table_name(metrics)
-    check_targets([metrics], [plots], force=force)
-    if plots is not None:
-        from cwcli.reproduction.plots import check_format, check_matplotlib
-
-        check_format(plot_format)
-        check_matplotlib()
-    written: list[str] = []
+    targets = Targets(plots, plot_format, report, metrics, force)
+    _check_targets(paper, targets, labelled)
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reproducing {paper}")
         where = None if labelled is None else Path(labelled)
         made = entry.run(Request(n_seeds, jobs, n_frames, wanted, where, progress.step))
-        with Together() as together:
-            if plots is not None:
-                from cwcli.reproduction.plots import write_plots
-
-                make_folder(plots)
-                written += write_plots(made.plots, plots, together, paper=paper, file_format=plot_format, force=force)
-            if metrics is not None:
-                write_table(made.table, metrics, force=force, together=together)
-                written.append(metrics)
+        written = _write(made, paper, targets)
     console = Console(quiet=talk.quiet)
     if talk.json:
         document = {

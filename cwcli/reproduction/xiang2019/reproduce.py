@@ -2,7 +2,7 @@
 
 Every comparison is paired: both filters see the same detections of the same seed. Intervals are 95 % of the mean. The
 paper's numbers stand beside ours. What the paper leaves open (noise, the shapes of the four tracks, process noise) is
-declared once, here and in `simulation.dual_sensor`, and is the same for both filters. See docs/papers/xiang2019.md.
+declared once, here and in `simulation.dual_sensor`, and is the same for both filters: docs/papers/xiang2019-filter.md.
 """
 
 from __future__ import annotations
