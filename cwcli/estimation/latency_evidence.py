@@ -16,6 +16,7 @@ from cwcli.signals.columns import FloatArray
 
 BLOCK_S = 10.0  # longer than a manoeuvre
 MIN_BLOCKS = 8  # of a short log: shorter blocks rather than fewer
+LEAST_BLOCKS = 3  # two have one degree of freedom
 FEW_BLOCKS = 2.0  # with fewer that carry the information there is no scatter to speak of
 FEW_BLOCKS_FACTOR = 3.0  # on the sigma by the bend, at least, where too few blocks tell
 
@@ -70,14 +71,17 @@ class Evidence:
     def sigma_s(self) -> float:
         """A quarter of the 95 % interval, by the scatter of the slopes at the vertex over blocks.
 
-        The larger one of the scatters over blocks of BLOCK_S (of short logs: MIN_BLOCKS blocks) and over blocks twice
-        as long, because errors that last for longer than a block err alike in neighbours. Never less than `formal_s`:
-        a small scatter of a few blocks is luck.
+        The largest one of the scatters over blocks of BLOCK_S (of short logs: MIN_BLOCKS blocks), over blocks twice
+        as long, because errors that last for longer than a block err alike in neighbours, and, where these are still
+        shorter than BLOCK_S, over as few as LEAST_BLOCKS. Never less than `formal_s`: a small scatter of a few blocks
+        is luck.
         """
         if not np.isfinite(self.formal_s):
             return self.formal_s
-        n_blocks = max(int((self.time_s[-1] - self.time_s[0]) / BLOCK_S), MIN_BLOCKS)
-        return max(self.formal_s, self._scatter_s(n_blocks), self._scatter_s(n_blocks // 2))
+        n_whole = int((self.time_s[-1] - self.time_s[0]) / BLOCK_S)
+        n_blocks = max(n_whole, MIN_BLOCKS)
+        lengths = {n_blocks, n_blocks // 2, min(n_blocks // 2, max(n_whole, LEAST_BLOCKS))}
+        return max(self.formal_s, *(self._scatter_s(n) for n in sorted(lengths)))
 
     def _scatter_s(self, n_blocks: int) -> float:
         """The sigma by the scatter over so many blocks of equal length, for as few degrees of freedom as they have."""
