@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+
+import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import RATES, Kind
@@ -12,6 +14,7 @@ from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE
 from cwcli.estimation.passes import Series
 
 SIGNIFICANT_SIGMAS = 3.0
+DRIFT_REACH_S = 150.0  # half of what is searched
 
 
 class LatencyStatus(StrEnum):
@@ -20,6 +23,7 @@ class LatencyStatus(StrEnum):
     Attributes:
         REFERENCE: The others' latencies are against this source.
         APPLIED: Found, clearly there, and corrected.
+        DRIFTS: It changes along the log, and is corrected along a line.
         NOT_SIGNIFICANT: Found, but it may as well be zero: not corrected.
         NOT_OBSERVABLE: The log has too little in it to tell: not corrected.
         GIVEN: Corrected as the user said.
@@ -29,6 +33,7 @@ class LatencyStatus(StrEnum):
 
     REFERENCE = "reference"
     APPLIED = "applied"
+    DRIFTS = "drifts"
     NOT_SIGNIFICANT = "not significant"
     NOT_OBSERVABLE = "not observable"
     GIVEN = "given"
@@ -36,7 +41,7 @@ class LatencyStatus(StrEnum):
     OFF = "off"
 
 
-CORRECTED = (LatencyStatus.APPLIED, LatencyStatus.GIVEN, LatencyStatus.CALIBRATED)
+CORRECTED = (LatencyStatus.APPLIED, LatencyStatus.DRIFTS, LatencyStatus.GIVEN, LatencyStatus.CALIBRATED)
 
 
 @dataclass(frozen=True)
@@ -49,17 +54,32 @@ class Latency:
         sigma_s: One sigma of what was found (see `latency_evidence.Evidence.sigma_s`); NaN where nothing was.
         bound_s: The least sigma that any estimator without bias could have, by the filter's information about it; NaN
             where it was not looked for.
+        drift: How much it grows in a second, seconds; 0 but for DRIFTS.
+        middle_s: Stamp, since the epoch, at which it is `found_s` where it drifts.
     """
 
     status: LatencyStatus
     found_s: float = float("nan")
     sigma_s: float = float("nan")
     bound_s: float = float("nan")
+    drift: float = 0.0
+    middle_s: float = 0.0
 
     @property
     def applied_s(self) -> float:
-        """What is taken off the stamps, seconds."""
+        """What is taken off the stamps, seconds; where it drifts, in the middle."""
         return self.found_s if self.status in CORRECTED else 0.0
+
+
+def straightened(series: Series, latency: Latency) -> Series:
+    """The series with its stamps as they would be if the latency stayed as it is in the middle.
+
+    Farther from the middle than DRIFT_REACH_S it is held: the line was not found there.
+    """
+    if not latency.drift:
+        return series
+    away_s = np.clip(series.time_s - latency.middle_s, -DRIFT_REACH_S, DRIFT_REACH_S)
+    return replace(series, time_s=series.time_s - latency.drift * away_s)
 
 
 NO_LATENCY = Latency(LatencyStatus.OFF)

@@ -69,6 +69,9 @@ def _moved(told: Sequence[Told], group: Sequence[Told]) -> tuple[list[Latency], 
             moved.append(Latency(LatencyStatus.APPLIED, -early_s, sigma_s, bound_s))
         elif each in group:
             moved.append(Latency(LatencyStatus.REFERENCE))
+        elif latency.status is LatencyStatus.DRIFTS:
+            both_s = float(np.hypot(latency.sigma_s, sigma_s))
+            moved.append(replace(latency, found_s=latency.found_s - early_s, sigma_s=both_s))
         elif latency.status in (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT):
             found_s, both_s = latency.found_s - early_s, float(np.hypot(latency.sigma_s, sigma_s))
             is_clear = abs(found_s) > SIGNIFICANT_SIGMAS * both_s

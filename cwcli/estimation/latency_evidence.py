@@ -16,6 +16,7 @@ from cwcli.signals.columns import FloatArray
 
 BLOCK_S = 10.0  # longer than a manoeuvre
 MIN_BLOCKS = 8  # of a short log: shorter blocks rather than fewer
+GAIN = 4.5  # of the log-likelihood: three sigma
 LEAST_BLOCKS = 3  # two have one degree of freedom
 FEW_BLOCKS = 2.0  # with fewer that carry the information there is no scatter to speak of
 FEW_BLOCKS_FACTOR = 3.0  # on the sigma by the bend, at least, where too few blocks tell
@@ -98,6 +99,31 @@ class Evidence:
         least_s = FEW_BLOCKS_FACTOR * self.formal_s if n_effective < FEW_BLOCKS else 0.0
         return max(_student_factor(n_used - 1.0) * scatter_s, least_s)
 
+    def drift(self) -> tuple[float, float] | None:
+        """How much the latency grows in a second, and the time about which it does; None where it may be constant.
+
+        A line is found in two blocks of BLOCK_S of four and judged in the others, and the other way round. It must
+        predict these better than a constant that was found like it, by GAIN.
+        """
+        span_s = float(self.time_s[-1] - self.time_s[0])
+        n_blocks = int(span_s / BLOCK_S)
+        if n_blocks < MIN_BLOCKS or not np.isfinite(self.formal_s):
+            return None
+        block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span_s)).astype(np.int64), n_blocks - 1)
+        bend = np.bincount(block, self.bend, n_blocks)
+        slope = np.bincount(block, self.slope, n_blocks) + bend * (self.latency_s - self.centre_s)
+        told = np.asarray(np.maximum(bend, 0.0))
+        middle_s = self.time_s[0] + (np.arange(n_blocks) + 0.5) * (span_s / n_blocks)
+        about_s = float(told @ middle_s / told.sum())
+        away_s = middle_s - about_s
+        gain, first = 0.0, np.arange(n_blocks) // 2 % 2 == 0
+        for found, judged in ((first, ~first), (~first, first)):
+            offset_s, rate = _line(away_s[found], slope[found], told[found])
+            constant_s = _vertex(0.0, float(slope[found].sum()), float(told[found].sum()))
+            gain += _cost(constant_s, slope[judged], told[judged])
+            gain -= _cost(offset_s + rate * away_s[judged], slope[judged], told[judged])
+        return (_line(away_s, slope, told)[1], about_s) if gain > GAIN else None
+
     def crossed(self) -> float:
         """The negative log-likelihood of all rows, each half's with the latency that the other half says.
 
@@ -119,6 +145,20 @@ class Evidence:
 def _student_factor(dof: float) -> float:
     """Student's 97.5 % quantile over the normal distribution's (Abramowitz and Stegun 26.7.5); dof >= 1."""
     return 1.0 + (1.210 + (1.440 + 1.304 / dof) / dof) / dof
+
+
+def _line(away_s: FloatArray, slope: FloatArray, bend: FloatArray) -> tuple[float, float]:
+    """Offset and rate of the likeliest line through blocks with these slopes and bends; NaN where there is none."""
+    total, first, second = float(bend.sum()), float(bend @ away_s), float(bend @ away_s**2)
+    determinant = total * second - first**2
+    if not determinant > 0.0:
+        return float("nan"), float("nan")
+    at_zero, by_rate = float(slope.sum()), float(slope @ away_s)
+    return (first * by_rate - second * at_zero) / determinant, (first * at_zero - total * by_rate) / determinant
+
+
+def _cost(move_s: FloatArray | float, slope: FloatArray, bend: FloatArray) -> float:
+    return float((slope * move_s + 0.5 * bend * np.square(move_s)).sum())
 
 
 def _vertex(centre_s: float, slope: float, bend: float) -> float:

@@ -14,7 +14,8 @@ The errors of fixes are slow. Where the log is likelier with a slow error of the
 goes on with one; the bound on the latency's sigma then is that with coloured noise.
 
 What was found is applied only where it is clearly there: more than three sigma from zero, with the sigma of the scatter
-over the blocks of the log, and better than zero at predicting rows from which it was not found.
+over the blocks of the log, and better than zero at predicting rows from which it was not found. Where a line predicts
+blocks from which it was not found better than a constant, the latency drifts, and is corrected along the line.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references
+from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references, straightened
 from cwcli.estimation.latency_evidence import Evidence
 from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.model import ModelParameters
@@ -254,6 +255,8 @@ class _Search:
 
     def _decided(self, target: Series, evidence: Evidence, profile: _Profile) -> Latency:
         """What is made of a latency that was weighed."""
+        if (drifting := self._drifting(target, evidence, profile)) is not None:
+            return drifting
         found_s, bound_s = evidence.latency_s, evidence.formal_s
         if not (bound_s < TOLD_S and GRID_S[0] < found_s < GRID_S[-1]):
             return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
@@ -263,6 +266,24 @@ class _Search:
         if not bound_s < OBSERVABLE_S:
             return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
         return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s, bound_s)
+
+    def _drifting(self, target: Series, evidence: Evidence, profile: _Profile) -> Latency | None:
+        """The latency as one that changes along the log, where that is likelier than a constant and than none."""
+        drift = evidence.drift()
+        if drift is None:
+            return None
+        rate, about_s = drift
+        line = Latency(LatencyStatus.DRIFTS, drift=rate, middle_s=about_s + evidence.latency_s)
+        weighed = replace(self, target=self._matched(straightened(target, line)))._weighed()
+        if weighed is None:
+            return None
+        straight, found = weighed
+        bent = replace(target, noise=straight.noise, latency_s=evidence.latency_s)
+        gain = self._likelihood(replace(straight, latency_s=found.latency_s)) - self._likelihood(bent)
+        if not (gain > FALL and found.formal_s < TOLD_S and self._predicts(bent, found)):
+            return None
+        sigma_s = max(found.sigma_s, profile.least_sigma_s(found))
+        return replace(line, found_s=found.latency_s, sigma_s=sigma_s, bound_s=found.formal_s)
 
     def _weighed(self) -> tuple[Series, Evidence] | None:
         """Weigh the evidence about the likeliest latency until it and the noise stay; None where nothing stays.

@@ -186,7 +186,13 @@ def _latencies(
     told = []
     for key in keys:
         own = [(r.compared, drive.minutes) for r, drive in reports if (r.source, r.kind) == key]
-        constant = pooled([Said(latency.found_s, latency.sigma_s, minutes) for latency, minutes in own])
+        constant = pooled(
+            [
+                Said(latency.found_s, latency.sigma_s, minutes)
+                for latency, minutes in own
+                if latency.status is not LatencyStatus.DRIFTS  # no constant of the car
+            ]
+        )
         if constant.is_known and constant.sigma > OBSERVABLE_S:
             constant = replace(constant, status=ConstantStatus.NOT_OBSERVABLE, value=math.nan)
         is_reference = any(latency.status is LatencyStatus.REFERENCE for latency, _ in own)

@@ -86,6 +86,7 @@ def source_record(tracks: Mapping[str, TrackSummary]) -> str:
                 "latency_s": finite(report.latency.applied_s),
                 "latency_found_s": finite(report.latency.found_s),
                 "latency_sigma_s": finite(report.latency.sigma_s),
+                "latency_drift": finite(report.latency.drift),
                 "latency_status": report.latency.status.value,
             }
             for vehicle, track in tracks.items()

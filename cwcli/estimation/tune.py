@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.calibrated import calibrated_model, calibrated_motion, with_latencies, with_priors
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import NO_LATENCY, Latency, LatencyStatus, latency_roles, references
+from cwcli.estimation.latency import NO_LATENCY, Latency, LatencyStatus, latency_roles, references, straightened
 from cwcli.estimation.latency_clock import Told, on_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
@@ -25,6 +25,7 @@ from cwcli.signals.columns import FloatArray
 
 ACCEL_BIAS_PRIOR = 3.0  # m/s^2: gravity through 18 degrees of pitch
 YAW_RATE_BIAS_PRIOR = 0.02  # rad/s
+MS_PER_MINUTE = 6e4  # of a rate in seconds per second
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,12 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s)
     )
+    drifting = (
+        f"{s.source}: latency of {s.kind.name.lower()} drifts by {MS_PER_MINUTE * latency.drift:.0f} ms per minute, "
+        "corrected along a line"
+        for s, latency in zip(series, latencies, strict=True)
+        if latency.status is LatencyStatus.DRIFTS
+    )
     return TunedSeries(
         gated,
         tuple(latencies),
@@ -88,7 +95,7 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         tuple(compared),
         parameters,
         sensors,
-        (*moved, *unknown),
+        (*moved, *unknown, *drifting),
     )
 
 
@@ -157,7 +164,10 @@ def _corrected(layout: Layout, latencies: Sequence[Latency], *, likeliest: bool 
     corrections = [
         latency.found_s if likeliest and np.isfinite(latency.found_s) else latency.applied_s for latency in latencies
     ]
-    series = [replace(s, latency_s=found_s) for s, found_s in zip(layout.series, corrections, strict=True)]
+    series = [
+        replace(straightened(s, latency), latency_s=found_s)
+        for s, latency, found_s in zip(layout.series, latencies, corrections, strict=True)
+    ]
     return replace(layout, series=series)
 
 

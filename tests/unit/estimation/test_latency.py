@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.estimation import EstimatorConfig, Kind, Latency, LatencyStatus, Measurements, estimate_track
+from cwcli.estimation import EstimatorConfig, Kind, Latency, LatencyStatus, Measurements, Track, estimate_track
+from cwcli.estimation.latency import straightened
+from cwcli.estimation.passes import Series
 from tests.studies.city_drive import EPOCH_NS, Sensors, city_drive, measure
 from tests.studies.latency import SOURCES, TOLERANCE_S, one_run, with_slow_error
 
@@ -73,26 +75,47 @@ def test_sigma_is_that_of_the_error_where_noise_is_white() -> None:
     assert 0.6 < np.sqrt(np.mean(pulls**2)) < 1.15
 
 
-def test_a_latency_that_only_half_of_the_drive_has_is_not_applied_to_all_of_it() -> None:
-    """The mean says 100 ms and is wrong everywhere; found on one half it makes the other worse."""
-    gnss, *rest = measure(city_drive(0, DURATION_S), 0, {})
-    late_ns = np.where(gnss.stamp_ns > EPOCH_NS + 150 * 10**9, 200_000_000, 0)
-    track = estimate_track([replace(gnss, stamp_ns=gnss.stamp_ns + late_ns), *rest], EstimatorConfig())
-    latency = track.sources[0].latency
-    assert latency.status is LatencyStatus.NOT_SIGNIFICANT
-    assert latency.found_s == pytest.approx(0.1, abs=0.05)
-    assert latency.sigma_s > 0.015  # a constant latency is known to 4 ms
+def drifting(late_s) -> tuple[Track, Track, np.ndarray]:
+    """The default's track and the one that trusts the stamps, both at the fixes, and where the car was then."""
+    drive = city_drive(0, DURATION_S)
+    gnss, *rest = measure(drive, 0, {})
+    late_ns = np.round(1e9 * late_s((gnss.stamp_ns - EPOCH_NS) / 1e9)).astype(np.int64)
+    measurements = [replace(gnss, stamp_ns=gnss.stamp_ns + late_ns), *rest]
+    when_ns = EPOCH_NS + np.arange(20, 280, dtype=np.int64) * 10**9
+    default, trusting = (
+        estimate_track(measurements, EstimatorConfig(latency=mode), when_ns) for mode in ("auto", "none")
+    )
+    aligned = estimate_track([gnss, *rest], EstimatorConfig(latency="none"), when_ns)
+    return default, trusting, aligned.state[:, :2]
 
 
-def test_a_latency_that_drifts_is_applied_and_its_sigma_says_so() -> None:
-    """From 0 to 200 ms over the drive."""
-    gnss, *rest = measure(city_drive(0, DURATION_S), 0, {})
-    late_ns = ((gnss.stamp_ns - EPOCH_NS) * (0.2 / DURATION_S)).astype(np.int64)
-    track = estimate_track([replace(gnss, stamp_ns=gnss.stamp_ns + late_ns), *rest], EstimatorConfig())
-    latency = track.sources[0].latency
-    assert latency.status is LatencyStatus.APPLIED
+@pytest.mark.parametrize(
+    ("late_s", "rate", "left"),
+    [
+        pytest.param(lambda t: 0.2 * t / DURATION_S, 0.2 / DURATION_S, 0.2, id="from 0 to 200 ms"),
+        # The least squares' line through a step of 0.2 s grows by 1.5 times 0.2 s over the drive, and leaves 50 of the
+        # 141 ms (root mean squares); the filter that trusts the stamps believes the fixes less, and errs less.
+        pytest.param(lambda t: np.where(t > DURATION_S / 2, 0.2, 0.0), 1.5 * 0.2 / DURATION_S, 0.6, id="a step"),
+    ],
+)
+def test_a_latency_that_drifts_is_corrected_along_a_line(late_s, rate: float, left: float) -> None:
+    default, trusting, xy = drifting(late_s)
+    latency = default.sources[0].latency
+    assert latency.status is LatencyStatus.DRIFTS
     assert latency.found_s == pytest.approx(0.1, abs=0.02)
-    assert latency.sigma_s > 0.008
+    assert latency.drift == pytest.approx(rate, rel=0.2)
+    assert [note for note in default.notes if "drifts by" in note]
+    error, without = (np.hypot(*(track.state[:, :2] - xy).T) for track in (default, trusting))
+    assert np.sqrt(np.mean(error**2)) < left * np.sqrt(np.mean(without**2))
+
+
+def test_beyond_what_was_searched_a_drift_is_held() -> None:
+    """0.1 s and 1 ms per second about 1000 s: at 1100 s 0.2 s; from 1150 s on it stays 0.25 s."""
+    stamps = Series(
+        "gnss", Kind.POSITION, np.array([1000.0, 1100.0, 1150.0, 1400.0]), np.zeros((4, 2)), np.zeros((4, 3))
+    )
+    latency = Latency(LatencyStatus.DRIFTS, 0.1, drift=0.001, middle_s=1000.0)
+    np.testing.assert_allclose(straightened(stamps, latency).time_s, [1000.0, 1099.9, 1149.85, 1399.85])
 
 
 @pytest.mark.parametrize("seed", [0, 2, 4])

@@ -97,3 +97,23 @@ def test_rows_are_put_in_time_order_and_those_that_a_pass_does_not_know_left_out
     np.testing.assert_array_equal(found.time_s, [2.0, 3.0])
     np.testing.assert_array_equal(found.slope, [2.0, 1.0])
     np.testing.assert_array_equal(found.bend, [4.0, 2.0])
+
+
+def test_a_line_through_the_blocks_is_the_drift() -> None:
+    """Sixteen blocks that are known to 10 ms, later by 5 ms every 10 s."""
+    found = blocks(0.1 + 0.005 * np.arange(16), 0.01).drift()
+    assert found is not None
+    assert found == (pytest.approx(5e-4, rel=1e-2), pytest.approx(80.0))
+
+
+@pytest.mark.parametrize(
+    ("latency_s", "sigma_s"),
+    [
+        pytest.param(np.full(16, 0.1), 0.01, id="constant"),
+        pytest.param(0.1 + 0.005 * np.arange(16), 0.05, id="a drift that the blocks are too unsure of"),
+        pytest.param(np.tile([0.0, 0.0, 0.1, 0.1], 4), 0.01, id="swings"),
+        pytest.param(0.1 + 0.05 * np.arange(7), 0.01, id="too few blocks"),
+    ],
+)
+def test_no_drift_where_a_line_predicts_no_better(latency_s: F, sigma_s: float) -> None:
+    assert blocks(latency_s, sigma_s).drift() is None

@@ -16,6 +16,7 @@ NAN = math.nan
 FLAGGED = {"starting": 2, "after_reset": 0, "bridged": 1}
 CASES = {
     "/applied": (Latency(LatencyStatus.APPLIED, 0.4551, 0.0882), "455 +- 88", 0.4551),
+    "/drifts": (Latency(LatencyStatus.DRIFTS, 0.0961, 0.0074, 0.004, 6e-4, 148.0), "96 +- 7", 0.0961),
     "/insignificant": (Latency(LatencyStatus.NOT_SIGNIFICANT, -0.0042, 0.0071), "-4 +- 7", 0.0),
     "/unobservable": (Latency(LatencyStatus.NOT_OBSERVABLE), "", 0.0),
     "/given": (Latency(LatencyStatus.GIVEN, 0.3), "300", 0.3),
@@ -54,6 +55,7 @@ def test_record_holds_what_was_applied_and_why(tracks: dict[str, TrackSummary]) 
     for source, (latency, _, applied_s) in CASES.items():
         assert record[source]["latency_s"] == applied_s
         assert record[source]["latency_status"] == latency.status.value
+        assert record[source]["latency_drift"] == latency.drift
     assert (record["/insignificant"]["latency_found_s"], record["/insignificant"]["latency_sigma_s"]) == (
         -0.0042,
         0.0071,
