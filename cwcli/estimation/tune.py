@@ -131,12 +131,13 @@ def _latencies_and_sensors(
     if config.blind:
         return *told, FoundModel()
     # The likeliest latencies, clear or not: what is found with them then moves with the stamps.
-    found = find_sensor_model(_settled(_corrected(base, told[0], likeliest=True)))
+    likeliest = _corrected(base, told[0], likeliest=True)
+    found = find_sensor_model(_settled(likeliest))
     if found.model.parts and None in roles:
-        again = _latencies(lay_out(base, found.model), roles, config)
-        if [a.applied_s for a in again[1]] != [a.found_s for a in told[0]]:
-            found = find_sensor_model(_settled(_corrected(base, again[1])), found)
-        told = again
+        told = _latencies(lay_out(base, found.model), roles, config)
+        corrected = _corrected(base, told[1])
+        if [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
+            found = find_sensor_model(_settled(corrected), found)
     plain = _corrected(base, told[1])
     return *told, if_better(found, _settled(plain), _settled(lay_out(plain, found.model)))
 
