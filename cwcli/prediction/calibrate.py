@@ -10,7 +10,9 @@ conformal inference under distribution shift"), with time instead of counts:
 so the log stays put exactly when a tenth of the time is spent outside. It uses only outcomes that were known by then.
 Outcomes have heavier tails than a normal distribution, so the 50 % ellipse follows a scale of its own, with 0.5.
 Each knot of `fleet.KNOTS_S` has its scales; between them the logarithm is linear in time, at the start of a path it is
-0: there the filter's own covariance stands.
+0: there the filter's own covariance P0 stands. What a vehicle learns online of its paths is how far it went, not where
+it was: errors of its position that last, it has at the start as at the outcome. So a scale below 1 leaves P0 as it is
+and scales what the path added: P0 + s^2 (P - P0).
 
 The default model begins with quantiles of what is known of others: the fleet's distribution of squared Mahalanobis
 distances, which counts as `STREAM_OUTCOMES` outcomes, and the outcomes so far of the log's other vehicles. The other
@@ -92,11 +94,10 @@ def calibrated(
 
 def _scaled(paths: Paths, log_scale: FloatArray) -> Paths:
     core, whole = (between_knots(log_scale[..., i], paths.time_s) for i in (0, 1))
-    return replace(
-        paths,
-        position_covariance_m2=paths.position_covariance_m2 * np.exp(whole)[..., None],
-        core_factor=np.exp(core - whole),
-    )
+    factor = np.exp(whole)[..., None]
+    covariance = paths.position_covariance_m2 * factor
+    covariance += paths.position_covariance_m2[:, :1] * np.maximum(1.0 - factor, 0.0)
+    return replace(paths, position_covariance_m2=covariance, core_factor=np.exp(core - whole))
 
 
 def knots_s(horizon_s: float) -> FloatArray:

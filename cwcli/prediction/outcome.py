@@ -89,9 +89,13 @@ def horizon_errors(
     error_x, error_y = found[..., 0] - predicted["x"], found[..., 1] - predicted["y"]
     cosine, sine = np.cos(predicted["heading"]), np.sin(predicted["heading"])
     xx, xy, yy = (predicted[name] for name in ("xx", "xy", "yy"))
-    determinant = xx * yy - xy**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        squared = (yy * error_x**2 - 2.0 * xy * error_x * error_y + xx * error_y**2) / determinant
+    squared = core_squared = _squared(error_x, error_y, xx, xy, yy)
+    if paths.core_factor is not None:
+        factor = predicted["core"]
+        kept = np.maximum(1.0 - factor, 0.0)
+        start = np.moveaxis(paths.position_covariance_m2[:, :1], -1, 0)
+        core = (factor * now + kept * then for now, then in zip((xx, xy, yy), start, strict=True))
+        core_squared = _squared(error_x, error_y, *core)
     return HorizonErrors(
         horizon_s=horizon,
         is_known=is_known & np.isfinite(error_x),
@@ -99,8 +103,13 @@ def horizon_errors(
         along_m=error_x * cosine + error_y * sine,
         cross_m=-error_x * sine + error_y * cosine,
         mahalanobis2=squared,
-        core_mahalanobis2=squared if paths.core_factor is None else squared / predicted["core"],
+        core_mahalanobis2=core_squared,
     )
+
+
+def _squared(x: FloatArray, y: FloatArray, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2))
 
 
 def actual_positions(
@@ -136,9 +145,9 @@ def _on_track(
 
 
 def needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:
-    """Which points of a path its errors at some horizons depend on, and the last one; increasing."""
+    """Which points of a path its errors at some horizons depend on, the first and the last one; increasing."""
     after = _points_after(time_s, np.asarray(horizons_s, dtype=np.float64))
-    return np.unique(np.concatenate([after - 1, after, [len(time_s) - 1]]))
+    return np.unique(np.concatenate([[0], after - 1, after, [len(time_s) - 1]]))
 
 
 def _points_after(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:

@@ -20,7 +20,8 @@ class Paths:
         x_m, y_m, heading_rad, speed_mps: Shape (n, k). Column 0 is the start itself. Headings are continuous
             along a path (not wrapped).
         position_covariance_m2: Shape (n, k, 3): xx, xy, yy. Its 90 % ellipse is that of a normal distribution.
-        core_factor: Shape (n, k): times this it is the covariance whose 50 % ellipse is right; None: the same.
+        core_factor: Shape (n, k): P0 + f (P - P0), P0 that at the start, has the 50 % ellipse that is right; f P where
+            f is above 1. None: P itself has.
     """
 
     time_s: FloatArray

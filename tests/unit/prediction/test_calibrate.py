@@ -1,5 +1,7 @@
 """The scale of the ellipses: causal, bounded, and on target in the long run."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -35,6 +37,13 @@ def standing(n: int, variance_m2: float) -> Paths:
     return rollout("cv", np.zeros((n, 8)), covariance)
 
 
+def known_start(paths: Paths) -> Paths:
+    """The same paths from a start that is known to the millimetre."""
+    covariance = paths.position_covariance_m2.copy()
+    covariance[:, 0, [0, 2]] = 1e-6
+    return replace(paths, position_covariance_m2=covariance)
+
+
 def white(n: int, sigma_m: float, seed: int) -> FloatArray:
     return np.random.default_rng(seed).normal(size=(n, 2)) * sigma_m
 
@@ -49,7 +58,7 @@ def variance_scale(paths: Paths, stamp_ns: npt.NDArray[np.int64], xy: FloatArray
 def test_coverage_reaches_its_level_whatever_the_claimed_sigma(true_sigma: float, horizon_s: float) -> None:
     n = 12_000  # 20 min
     positions = white(n, true_sigma, 0)
-    paths = calibrated(standing(n, 1.0), stamps(n), positions)
+    paths = calibrated(known_start(standing(n, 1.0)), stamps(n), positions)
     errors = horizon_errors(paths, stamps(n), stamps(n), positions, [horizon_s])
     known = errors.is_known[:, 0]
     assert (errors.mahalanobis2[known, 0] <= ELLIPSE_90)[2000:].mean() == pytest.approx(0.9, abs=0.02)
@@ -62,7 +71,7 @@ def test_each_ellipse_holds_its_share_of_errors_with_heavy_tails() -> None:
         white(n, 1.0, 6)
         * np.repeat(np.random.default_rng(7).choice([0.3, 3.0], p=[0.8, 0.2], size=n // 40), 40)[:, None]
     )
-    paths = calibrated(standing(n, 1.0), stamps(n), positions)
+    paths = calibrated(known_start(standing(n, 1.0)), stamps(n), positions)
     errors = horizon_errors(paths, stamps(n), stamps(n), positions, [1.0])
     known = errors.is_known[:, 0]
     assert (errors.mahalanobis2[known, 0] <= ELLIPSE_90)[2000:].mean() == pytest.approx(0.9, abs=0.03)
@@ -126,9 +135,25 @@ def test_default_begins_with_the_ellipse_of_the_fleet() -> None:
     args = (np.zeros(3, dtype=np.int64), stamps(3), state, covariance)
     for name, factor in (("auto", np.exp(fleet_prior().log_squared[:, 4]) / ELLIPSE_90), ("cv", np.ones(4))):
         assert MODELS[name].learns == (name == "auto")
-        bare = rollout(name, state, covariance, horizon_s=5.0).position_covariance_m2[:, [10, 20, 50, 100], 0]
+        bare = rollout(name, state, covariance, horizon_s=5.0).position_covariance_m2[:, [0, 10, 20, 50, 100], 0]
         found = predict_vehicles(name, *args, horizon_s=5.0).position_covariance_m2[:, [10, 20, 50, 100], 0]
-        np.testing.assert_allclose(found / bare, np.tile(factor, (3, 1)))
+        kept = np.maximum(1.0 - factor, 0.0) * bare[:, :1]  # of the start, where the factor is below 1
+        np.testing.assert_allclose(found, factor * bare[:, 1:] + kept)
+
+
+def test_scale_below_one_leaves_the_uncertainty_of_the_start_as_it_is() -> None:
+    # P0 = 4 and P = 9 m^2 from 0.5 s on; all outcomes inside: the log falls by 0.3 * 0.1 s * 0.1 with each
+    n = 400
+    paths = standing(n, 9.0)
+    covariance = paths.position_covariance_m2.copy()
+    covariance[:, 0, [0, 2]] = 4.0
+    found = calibrated(replace(paths, position_covariance_m2=covariance), stamps(n), np.zeros((n, 2)))
+    scale = np.exp(-0.003 * (n - 1 - 25))  # the first outcome is known after 2.5 s, and its step is 0
+    assert found.position_covariance_m2[-1, 0, 0] == pytest.approx(4.0)
+    assert found.position_covariance_m2[-1, -1, 0] == pytest.approx(4.0 + scale * (9.0 - 4.0))
+    # the logarithm of the 50 % ellipse falls by 0.3 * 0.1 s * 0.5: at start 200 by 0.015 * 175
+    errors = horizon_errors(found, stamps(n), stamps(n), np.full((n, 2), 1.0), [2.5])
+    assert errors.core_mahalanobis2[200, 0] == pytest.approx(2.0 / (4.0 + np.exp(-0.015 * 175) * (9.0 - 4.0)))
 
 
 def test_vehicles_are_kept_apart_and_rows_may_be_mixed() -> None:
