@@ -59,6 +59,7 @@ REMOTE_ONLINE = Channel(
 EGO_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego on the globe")
 EGO_POSE = Channel("/cwcli/ego/pose", _POSE, "estimate", "the ego in `map`")
 TRANSFORMS = Channel("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`")
+REJECTED = Channel("/cwcli/rejected", "cwcli.v1.Rejected", "estimate", "the measurements that were gated")
 TARGETS = Channel("/cwcli/targets", "cwcli.v1.Target", "track", "the tracked targets", "targets", "detections")
 TARGETS_ONLINE = Channel(
     "/cwcli/targets/online",

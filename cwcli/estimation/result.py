@@ -12,7 +12,7 @@ from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, Parameter, SlowError
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,29 @@ class SourceReport:
 
 
 @dataclass(frozen=True)
+class Gated:
+    """Measurements that the chi-square gate rejected, k rows in the order of their stamps.
+
+    Attributes:
+        stamp_ns: Shape (k,): as measured, latencies included.
+        topic, quantity: The source and what it measures.
+        nis, bound: Shape (k,): the normalised innovation squared, and the largest that is believed.
+    """
+
+    stamp_ns: Int64Array
+    topic: Strings
+    quantity: Strings
+    nis: FloatArray
+    bound: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+NOTHING_GATED = Gated(np.zeros(0, np.int64), constant_strings("", 0), constant_strings("", 0), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True)
 class Track:
     """An estimated track.
 
@@ -95,6 +118,7 @@ class Track:
         log_likelihood: Of the innovations of the forward pass.
         notes: One-line remarks for the user (resets, what could not be observed).
         manoeuvre: Sigma of the motion model -> what was found or given; of `model.ModelParameters`.
+        gated: What the gate rejected, one by one; nothing of the paper's filter, which has no gate.
     """
 
     stamp_ns: Int64Array
@@ -105,3 +129,4 @@ class Track:
     log_likelihood: float = float("nan")
     notes: tuple[str, ...] = field(default=())
     manoeuvre: Mapping[str, float] = field(default_factory=dict)
+    gated: Gated = NOTHING_GATED

@@ -24,7 +24,7 @@ from cwcli.estimation.noise import MANOEUVRE_SIGMAS
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Series, Start, old_rows, run_pass
 from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, prepare_blind, seconds
-from cwcli.estimation.result import SourceReport, Track
+from cwcli.estimation.result import Gated, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundModel
 from cwcli.estimation.song2016 import estimate_song2016
@@ -32,8 +32,8 @@ from cwcli.estimation.start import hold_before_start, start_with_parameters, wit
 from cwcli.estimation.trust import state_flags
 from cwcli.estimation.tune import TunedSeries, tune
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.metrics.chi_square import mean_bounds
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.metrics.chi_square import gate_nis, mean_bounds
+from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED
 
@@ -168,6 +168,25 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
         result.log_likelihood,
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMAS},
+        _gated(tuned, result, settled.epoch_ns, config.gate_probability),
+    )
+
+
+def _gated(tuned: TunedSeries, result: PassResult, epoch: int, probability: float) -> Gated:
+    """The rows that the gate rejected, of all series."""
+    rows = [np.flatnonzero(status == UpdateStatus.GATED) for status in result.status]
+    counts = [len(own) for own in rows]
+    time_s = np.concatenate([s.time_s[own] for s, own in zip(tuned.series, rows, strict=True)])
+    nis = np.concatenate([found[own, 0] for found, own in zip(result.nis, rows, strict=True)])
+    code = np.repeat(np.arange(len(rows), dtype=np.int32), counts)
+    bound = np.array([gate_nis(probability, s.width) for s in tuned.series])[code]
+    order = np.argsort(time_s, kind="stable")
+    return Gated(
+        epoch + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
+        Strings(code[order], tuple(s.source for s in tuned.series)),
+        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)),
+        nis[order],
+        bound[order],
     )
 
 

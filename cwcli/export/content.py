@@ -13,6 +13,7 @@ from cwcli.channels.published import (
     LANES,
     MEASURED,
     OBSERVER,
+    REJECTED,
     REMOTE_ONLINE,
     REMOTE_PATH,
     REMOTE_STATE,
@@ -58,6 +59,7 @@ CONTENTS = {
     "remote-paths": Content(REMOTE_PATH),
     "warnings": Content(WARNINGS),
     "measures": Content(MEASURED),
+    "rejected": Content(REJECTED),
 }
 """What can be exported -> where it is."""
 

@@ -26,12 +26,14 @@ class Section:
         title: Heading on the terminal.
         columns: Column headings, units included.
         rows: One tuple a row, as long as `columns`.
+        is_timed: It tells how long something took, so that it differs from run to run: it is in no record.
     """
 
     key: str
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+    is_timed: bool = False
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,7 @@ class Summary:
                     "rows": [[_json_cell(cell) for cell in row] for row in section.rows[:MAX_RECORDED_ROWS]],
                 }
                 for section in self.sections
+                if not section.is_timed
             ],
         }
         return {"summary": json.dumps(told)}

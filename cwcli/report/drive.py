@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from cwcli.channels.lanes import LaneRows, read_lanes
-from cwcli.channels.published import EGO_STATE, LANES, REMOTE_STATE, TARGETS, WARNINGS
+from cwcli.channels.published import EGO_STATE, LANES, REJECTED, REMOTE_STATE, TARGETS, WARNINGS
+from cwcli.channels.rejected import read_rejected
 from cwcli.channels.target import read_targets
 from cwcli.channels.vehicle_state import KINEMATICS, VehicleStates, read_states
 from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.from_signals import ego_measurements
 from cwcli.estimation.measurements import Measurements
+from cwcli.estimation.result import NOTHING_GATED, Gated
 from cwcli.evaluation.estimate import read_ego_truth
 from cwcli.evaluation.records import rule_of, sources_of, warn_record
 from cwcli.evaluation.subject import EgoTruth
@@ -76,6 +78,7 @@ class Drive:
         camera: Topic of the camera frames, or "".
         notes: What the reader of the page should know.
         truth: The ego's, None where the log has none.
+        gated: The ego's measurements that were not believed.
     """
 
     name: str
@@ -91,6 +94,7 @@ class Drive:
     camera: str
     notes: tuple[str, ...] = ()
     truth: EgoTruth | None = None
+    gated: Gated = NOTHING_GATED
 
     def seconds(self, stamp_ns: Int64Array) -> FloatArray:
         """Stamps as seconds from the log's start."""
@@ -107,6 +111,7 @@ TOPICS: Mapping[str, tuple[str, ...] | None] = {
     TARGETS.topic: None,
     WARNINGS.topic: WITHOUT_WORDS,
     LANES.topic: None,
+    REJECTED.topic: None,
 }
 """The channels that the report shows, and which of their fields it needs (None: all)."""
 
@@ -161,6 +166,7 @@ def read_drive(log: Log) -> Drive:
         records=records,
         camera=_camera(log, records),
         notes=tuple(notes),
+        gated=read_rejected(columns[REJECTED.topic]) if REJECTED.topic in columns else NOTHING_GATED,
     )
 
 

@@ -199,6 +199,8 @@ def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, w
     if motion is not None:
         n = len(drive.ego) if drive.ego is not None else 0
         hint = "blue: estimated, with its 1-sigma band; grey: measured"
+        if len(drive.gated):
+            hint += "; red crosses: not believed"
         if n > 2 * detail.n_pieces:
             hint += (
                 f". {n} states are drawn as the least and the largest value of each of {detail.n_pieces} pieces, "

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.result import Gated
 from cwcli.report.decimate import band, envelope_rows, spot_rows
 from cwcli.report.drawing import (
     ALERT,
@@ -26,6 +27,7 @@ from cwcli.report.drive import Drive
 from cwcli.report.encounters import Meetings
 from cwcli.report.map_figure import with_breaks
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 MAX_MARKED = 30
@@ -34,7 +36,7 @@ GAP = 0.035
 
 @dataclass(frozen=True)
 class Curve:
-    """One signal: stamps, values and standard deviations (n,), and what was measured of it."""
+    """One signal: stamps, values and standard deviations (n,), what was measured of it, and which of that was gated."""
 
     title: str
     unit: str
@@ -43,6 +45,7 @@ class Curve:
     values: FloatArray
     sigma: FloatArray
     raw: tuple[Int64Array, FloatArray] | None = None
+    gated: BoolArray | None = None
 
 
 def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
@@ -61,10 +64,11 @@ def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | N
     ):
         raw = _raw(drive.measured, kinds[0])
         if raw is not None and kinds[0] is Kind.HEADING:
-            raw = raw[0], _near(raw[0], raw[1], ego.stamp_ns, ego.state[:, 3])
-        scaled = None if raw is None else (raw[0], raw[1] * scale)
+            raw = replace(raw, values=_near(raw.stamp_ns, raw.values, ego.stamp_ns, ego.state[:, 3]))
+        scaled = None if raw is None else (raw.stamp_ns, raw.values * scale)
         values, spread = ego.state[:, state] * scale, sigma[:, state] * scale
-        curves.append(Curve(title, unit, decimals, ego.stamp_ns, values, spread, scaled))
+        gated = None if raw is None else _is_gated(raw, drive.gated)
+        curves.append(Curve(title, unit, decimals, ego.stamp_ns, values, spread, scaled, gated))
     return stacked(drive, curves, meetings, n_pieces)
 
 
@@ -82,17 +86,38 @@ def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | Non
     return stacked(drive, curves, meetings, n_pieces)
 
 
-def _raw(measured: tuple[Measurements, ...], kind: Kind) -> tuple[Int64Array, FloatArray] | None:
+@dataclass(frozen=True)
+class _Raw:
+    """What a source measured of a quantity: stamps and values (n,)."""
+
+    topic: str
+    quantity: Kind
+    stamp_ns: Int64Array
+    values: FloatArray
+
+
+def _raw(measured: tuple[Measurements, ...], kind: Kind) -> _Raw | None:
     """The first source of a quantity, as measured: a velocity serves for the speed, an IMU for the last two."""
     for source in measured:
         if source.kind is kind:
-            return source.stamp_ns, source.values[:, 0]
+            return _Raw(source.source, kind, source.stamp_ns, source.values[:, 0])
     for source in measured:
         if source.kind is Kind.VELOCITY and kind is Kind.SPEED:
-            return source.stamp_ns, np.hypot(source.values[:, 0], source.values[:, 1])
+            speed = np.hypot(source.values[:, 0], source.values[:, 1])
+            return _Raw(source.source, Kind.VELOCITY, source.stamp_ns, speed)
         if source.kind is Kind.IMU and kind in (Kind.ACCEL, Kind.YAW_RATE):
-            return source.stamp_ns, source.values[:, 0 if kind is Kind.ACCEL else 5]
+            return _Raw(source.source, kind, source.stamp_ns, source.values[:, 0 if kind is Kind.ACCEL else 5])
     return None
+
+
+def _is_gated(raw: _Raw, gated: Gated) -> BoolArray:
+    """Which of the measurements the estimator did not believe, (n,)."""
+    is_own = np.zeros(len(gated), bool)
+    if raw.topic in gated.topic.values and raw.quantity.name.lower() in gated.quantity.values:
+        topics = [name == raw.topic for name in gated.topic.values]
+        quantities = [name == raw.quantity.name.lower() for name in gated.quantity.values]
+        is_own = np.array(topics)[gated.topic.codes] & np.array(quantities)[gated.quantity.codes]
+    return np.asarray(np.isin(raw.stamp_ns, gated.stamp_ns[is_own]))
 
 
 def _near(stamp_ns: Int64Array, heading: FloatArray, track_ns: Int64Array, track: FloatArray) -> FloatArray:
@@ -112,13 +137,15 @@ def stacked(
     data: list[Trace] = []
     layout: dict[str, Any] = {"shapes": [], "annotations": []}
     height = (1.0 + GAP) / len(curves) - GAP
+    first_gated = next((k for k, each in enumerate(curves) if each.gated is not None and each.gated.any()), -1)
     for index, curve in enumerate(curves):
         name = "y" if index == 0 else f"y{index + 1}"
         top = 1.0 - index * (height + GAP)
         layout[f"yaxis{name[1:]}"] = axis(
             f"{curve.title}<br>[{curve.unit}]", domain=[round(max(top - height, 0.0), 4), round(top, 4)]
         )
-        data += _curve(drive, curve, name, n_pieces, is_first=index == 0, around_zero=around_zero)
+        in_legend = index == first_gated
+        data += _curve(drive, curve, name, n_pieces, is_first=index == 0, around_zero=around_zero, with_gated=in_legend)
     layout["xaxis"] = axis("time since the log began [s]", anchor=f"y{len(curves)}" if len(curves) > 1 else "y")
     for encounter in meetings.encounters[:MAX_MARKED]:
         at = round((encounter.raised_ns - drive.start_ns) / NS_PER_S, 3)
@@ -128,7 +155,9 @@ def stacked(
     return {"data": data, "layout": layout}
 
 
-def _curve(drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bool, around_zero: bool) -> list[Trace]:
+def _curve(
+    drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bool, around_zero: bool, with_gated: bool
+) -> list[Trace]:
     both = np.column_stack([curve.values, curve.sigma])
     stamp_ns, both = with_breaks(curve.stamp_ns, both)
     values, sigma = both.T
@@ -140,6 +169,11 @@ def _curve(drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bo
         rows = spot_rows(at, raw, n_pieces, 150)
         x, y = rounded(at[rows], 2), rounded(raw[rows], curve.decimals)
         traces.append(dots(x, y, "measured", RAW, size=3, opacity=0.55, legendgroup="raw", hoverinfo="skip", **more))
+        if curve.gated is not None and curve.gated.any():
+            rows = np.flatnonzero(curve.gated)[spot_rows(at[curve.gated], raw[curve.gated], n_pieces, 150)]
+            x, y = rounded(at[rows], 2), rounded(raw[rows], curve.decimals)
+            crosses = {"symbol": "x", "size": 5, "legendgroup": "gated", "hovertemplate": "%{x} s: gated", **more}
+            traces.append(dots(x, y, "gated", ALERT, **{**crosses, "showlegend": with_gated}))
     if np.isfinite(sigma).any():
         middle = np.zeros_like(values) if around_zero else values
         x, y = _band(seconds, middle - sigma, middle + sigma, curve.decimals, n_pieces // 2)

@@ -12,6 +12,7 @@ import numpy as np
 from cwcli.channels.collected_states import CollectedStates
 from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
+from cwcli.channels.rejected import rejected_table, write_rejected
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import UsageError
 from cwcli.estimation.calibration import Calibration, calibration_entry
@@ -163,7 +164,11 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         VehicleStates.of_ego(online.stamp_ns, online.state, online.covariance, flags=online.flags),
         log_time_ns=_known_ns(measurements, online, estimator),
     )
-    channels = [*write_ego(hindsight, local_map), write_states(EGO_ONLINE, knowable, local_map)]
+    channels = [
+        *write_ego(hindsight, local_map),
+        write_states(EGO_ONLINE, knowable, local_map),
+        *([write_rejected(ego.gated)] if len(ego.gated) else []),
+    ]
     if remote is not None:
         channels.append(write_states(REMOTE_STATE, remote.hindsight, local_map))
         channels.append(write_states(REMOTE_ONLINE, remote.online, local_map))
@@ -181,7 +186,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
-        tables=estimate_tables(tracks),
+        tables={**estimate_tables(tracks), "rejected": rejected_table(ego.gated)},
         summary=summary,
         metadata=run_record(
             "estimate",

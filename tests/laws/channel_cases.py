@@ -29,12 +29,14 @@ from cwcli.channels.published import (
     REMOTE_STATE,
     TARGETS_ONLINE,
 )
+from cwcli.channels.rejected import read_rejected, write_rejected
 from cwcli.channels.target import read_targets, write_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
 from cwcli.channels.warning import read_warnings, write_warnings
 from cwcli.control.encounter import POLICIES
 from cwcli.dynamics.samples import STATE_NAMES as LATERAL_NAMES
 from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_statuses
+from cwcli.estimation.result import Gated
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import Columns, OutputChannel, Strings, strings_from
 from cwcli.signals.geodesy import LocalMap
@@ -315,7 +317,15 @@ def of_measures(rng: np.random.Generator, n: int) -> Written:
     return Written((write_measures(ego, columns),))
 
 
+def of_rejected(rng: np.random.Generator, n: int) -> Written:
+    stamp_ns, _ = times(n)
+    gated = Gated(stamp_ns, names(n), names(n), rng.uniform(11.0, 500.0, n), np.full(n, 10.8))
+    channel = write_rejected(gated)
+    return Written((channel,), {channel.topic: gated}, {channel.topic: read_rejected})
+
+
 CASES = (
+    of_rejected,
     of_measures,
     of_states,
     of_ego,

@@ -23,7 +23,10 @@ EXAMPLES = (
     "cwcli export annotated.mcap --what remote --format gpx -o others.gpx",
     "cwcli export annotated.mcap --what warnings --format csv | head",
 )
-WHAT = "ego, ego-online, remote, remote-online, targets, lanes, observer, paths, remote-paths, warnings, measures"
+WHAT = (
+    "ego, ego-online, remote, remote-online, targets, lanes, observer, paths, remote-paths, warnings, measures, "
+    "rejected"
+)
 TABLES = ("csv", "parquet")
 FORMATS = (*TABLES, *TRACK_FORMATS)
 MOST_NAMED = 10

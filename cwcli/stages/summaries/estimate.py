@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from cwcli.channels.published import REJECTED
 from cwcli.estimation.known import Knowledge
 from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.parameter import ParameterStatus
@@ -74,7 +75,9 @@ def _sources_section(ego: TrackSummary) -> Section:
         for report in ego.sources
     ]
     columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status")
-    return Section("sources", "Ego sources: what was used and corrected", columns, tuple(rows))
+    gated = any(report.n_gated for report in ego.sources)
+    where = f" ({REJECTED.topic} names what was gated)" if gated else ""
+    return Section("sources", f"Ego sources: what was used and corrected{where}", columns, tuple(rows))
 
 
 def _parameters_section(ego: TrackSummary) -> Section:

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.result import Gated
 from cwcli.report.drive import Drive
 from cwcli.report.encounters import Meetings
 from cwcli.report.sensors import along_error, doubts, sensors_view
+from cwcli.report.signal_figures import motion_figure
 from cwcli.report.story import tell
+from cwcli.signals.columns import strings_from
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 from cwcli.warning.types import WarningConfig
 
@@ -96,3 +100,14 @@ def test_band_of_a_position_error_is_the_ellipse_in_its_direction() -> None:
     # Along the axes the standard deviations themselves; diagonally sqrt(2 / (1/4 + 1/1)); without an error the mean.
     expected = [2.0, 1.0, np.sqrt(1.6), np.sqrt(2.5)]
     np.testing.assert_allclose(along_error(error, covariance), expected)
+
+
+def test_what_was_gated_is_marked_where_it_was_measured() -> None:
+    stamps = np.arange(10) * S
+    fix = Measurements("/speed", Kind.SPEED, stamps, np.full((10, 1), 5.0), None)
+    names, quantities = strings_from(["/speed", "/other", "/speed"]), strings_from(["speed", "speed", "accel"])
+    gated = Gated(np.array([3, 4, 5]) * S, names, quantities, np.full(3, 50.0), np.full(3, 10.8))
+    made = motion_figure(replace(drive(speed=5.0), measured=(fix,), gated=gated), Meetings((), (), None, 0), 100)
+    assert made is not None
+    (crosses,) = (trace for trace in made["data"] if trace["name"] == "gated")
+    assert (crosses["x"], crosses["y"]) == ([3], [5])
