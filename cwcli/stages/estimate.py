@@ -36,13 +36,14 @@ from cwcli.pipeline.result import StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal, Signal, TimedSignal
 from cwcli.signals.columns import Int64Array
+from cwcli.signals.gap_notes import gap_notes
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
-from cwcli.stages.summaries.estimate import gap_notes, knowledge_section, sections
+from cwcli.stages.summaries.estimate import knowledge_section, sections
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",

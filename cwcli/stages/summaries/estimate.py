@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from cwcli.channels.published import REJECTED
 from cwcli.estimation.known import Knowledge
@@ -13,13 +11,8 @@ from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.summary import TrackSummary, quantity_of
 from cwcli.pipeline.result import Cell, Section
-from cwcli.signals.canonical import TimedSignal
-from cwcli.signals.clocks import find_gaps
-from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
 from cwcli.stages.summaries import NIS_WORDS, bounds_text
-
-MAX_GAP_NOTES = 5
 
 
 def sections(tracks: Mapping[str, TrackSummary]) -> tuple[Section, ...]:
@@ -27,30 +20,6 @@ def sections(tracks: Mapping[str, TrackSummary]) -> tuple[Section, ...]:
     ego = tracks[EGO_ID]
     found = _parameters_section(ego)
     return (_sources_section(ego), *([found] if found.rows else []), _noise_section(ego), _vehicles_section(tracks))
-
-
-def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:
-    """One line for each signal with gaps, a late start and an early end included: how many, and where the longest is.
-
-    Args:
-        signals: Canonical signals.
-        start_ns, end_ns: Span in which the signals should have been there.
-    """
-    notes = []
-    for signal in signals:
-        gaps = find_gaps(np.sort(signal.stamp_ns), start_ns=start_ns, end_ns=end_ns)
-        if not gaps:
-            continue
-        longest = max(gaps, key=lambda gap: gap.duration_s)
-        at_s = (longest.start_ns - start_ns) / NS_PER_S
-        count = len(gaps)
-        notes.append(
-            f"{signal.source}: {count} gap{'s' if count > 1 else ''}, the longest {longest.duration_s:.1f} s "
-            f"from {at_s:.1f} s on"
-        )
-    return notes[:MAX_GAP_NOTES] + (
-        [f"{len(notes) - MAX_GAP_NOTES} more channels have gaps"] if len(notes) > MAX_GAP_NOTES else []
-    )
 
 
 def knowledge_section(online: Sequence[Knowledge]) -> Section:

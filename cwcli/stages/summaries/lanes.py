@@ -70,4 +70,4 @@ def lanes_section(frames: LaneFrames, *, n_searches: int, search_s: float) -> Se
         ("searches begun", n_searches),
         ("time of the search per frame (ms)", 1e3 * search_s / n),
     ]
-    return Section("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows))
+    return Section("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows), is_timed=True)
