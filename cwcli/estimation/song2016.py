@@ -207,7 +207,8 @@ def filter_vectors(
     sensor = np.array(VECTOR_KINDS, np.int32)
     sources = ekf.SourceTable(
         sensor=sensor,
-        parameters=np.full((len(sensor), 5), -1, np.int32),
+        parameters=np.full((len(sensor), 6), -1, np.int32),
+        place_m=np.zeros((len(sensor), 2)),
         gate_nis=np.zeros(len(sensor)),
         patience=np.ones(len(sensor), np.int32),
     )

@@ -42,7 +42,7 @@ from cwcli.kernels.ekf_motion cimport (
     turn_round,
     yaw_rate_of,
 )
-from cwcli.kernels.ekf_sensors cimport Parameters, count_slots, expect, inflate, tells_heading
+from cwcli.kernels.ekf_sensors cimport Parameters, Place, count_slots, expect, inflate, tells_heading
 
 # The gate widens with the time since a source was last used: the model's errors grow over an outage in ways that
 # its covariance does not know of, and the first position after a tunnel must not be taken for an outlier.
@@ -111,9 +111,10 @@ cdef class SourceTable:
     cdef const int[::1] sensor, patience
     cdef const int[:, ::1] parameters
     cdef const double[::1] gate_nis
+    cdef const double[:, ::1] place_m
 
-    def __init__(self, *, sensor, parameters, gate_nis, patience):
-        self.sensor, self.parameters = sensor, parameters
+    def __init__(self, *, sensor, parameters, place_m, gate_nis, patience):
+        self.sensor, self.parameters, self.place_m = sensor, parameters, place_m
         self.gate_nis, self.patience = gate_nis, patience
 
 
@@ -166,7 +167,9 @@ cdef int forward(
     cdef const double[:, ::1] values = events.values, noise = events.noise
     cdef const int[::1] sensor = sources.sensor, patience = sources.patience
     cdef const int[:, ::1] parameters = sources.parameters
+    cdef const double[:, ::1] place_m = sources.place_m
     cdef const Parameters* own
+    cdef const Place* at
     cdef double[::1] state = result.last_state, yaw_decay = result.yaw_decay
     cdef double[:, ::1] covariance = result.last_covariance, nis = result.nis, out_x = result.state
     cdef double[:, :, ::1] out_p = result.covariance
@@ -224,8 +227,9 @@ cdef int forward(
             for u in range(first[k], first[k + 1]):
                 s = source[u]
                 own = <const Parameters*>&parameters[s, 0]
-                width = expect(x, sensor[s], own, values[u, 1], h, hx, idx)
-                m = count_slots(sensor[s], own)
+                at = <const Place*>&place_m[s, 0]
+                width = expect(x, sensor[s], own, at, values[u, 1], h, hx, idx)
+                m = count_slots(sensor[s], own, at)
                 for axis in range(width):
                     nu[axis] = values[u, axis] - h[axis]
                 if sensor[s] == Sensor.HEADING:

@@ -7,7 +7,7 @@ from cwcli.kernels.ekf cimport MotionModel
 
 cdef enum:
     NMAX = 24  # states at most
-    NH = 7     # states that one measurement depends on at most
+    NH = 8     # states that one measurement depends on at most
 
 # From N_MOTION on stand the slowly varying parameters. SONG2016 has the first six.
 cdef enum:

@@ -15,17 +15,31 @@ cdef struct Parameters:
     int slow       # slow error; of a position's y the next state
     int scale      # minus 1
     int lever      # lever arm, m
+    int ahead      # by how much the sensor stands ahead of where it is said to, m
     int latency
+
+
+cdef struct Place:
+    # Where a source stands on the car, m from the estimated point. The rows of `SourceTable.place_m` have this order.
+    double ahead
+    double left
 
 
 cdef inline bint tells_heading(int sensor) noexcept nogil:
     return sensor == Sensor.POSITION or sensor == Sensor.VELOCITY or sensor == Sensor.HEADING
 
 
-cdef inline int count_slots(int sensor, const Parameters* own) noexcept nogil:
+cdef inline bint is_apart(const Parameters* own, const Place* at) noexcept nogil:
+    """Whether the source stands elsewhere than the estimated point."""
+    return own.ahead >= 0 or at.ahead != 0.0 or at.left != 0.0
+
+
+cdef inline int count_slots(int sensor, const Parameters* own, const Place* at) noexcept nogil:
     """Number of Jacobian entries that `expect` fills per axis."""
+    if is_apart(own, at):
+        return NH
     if sensor == Sensor.POSITION:
-        return NH if own.latency >= 0 else (4 if own.slow >= 0 else 2)
+        return 7 if own.latency >= 0 else (4 if own.slow >= 0 else 2)
     if own.latency >= 0:
         return 5
     if sensor == Sensor.VELOCITY:
@@ -35,23 +49,29 @@ cdef inline int count_slots(int sensor, const Parameters* own) noexcept nogil:
     return 2 if own.bias >= 0 or own.scale >= 0 else 1
 
 
-cdef inline int expect(const double* x, int sensor, const Parameters* own, double pitch_rate, double* h, double* hx,
-                       int* idx) noexcept nogil:
+cdef inline int expect(const double* x, int sensor, const Parameters* own, const Place* at, double pitch_rate,
+                       double* h, double* hx, int* idx) noexcept nogil:
     """Expected measurement h (1 or 2), its Jacobian hx (2 x NH) at the state indices idx. Returns the width.
 
     A latency state tau is the part of the latency that the stamps do not correct yet: z = h(x(t - tau)) to first order.
     A speed is (1 + scale) (v - lever pitch_rate): of a point that is the lever arm lower than the estimated one, while
-    the body turns nose down. `count_slots` says how many slots are in use; the others are not touched.
+    the body turns nose down. A source at (a, b) ahead and to the left of the estimated point p measures there: at the
+    position p + R(heading) (a, b), with the velocity that the yaw rate w adds, R(heading) (-w b, w a), and the forward
+    acceleration - w^2 a - w' b. `count_slots` says how many slots are in use; the others are not touched.
     """
-    cdef double c, s, u, th, k = 1.0, tau = 0.0
+    cdef double c, s, u, th, k = 1.0, tau = 0.0, ahead = at.ahead, left = at.left
+    cdef bint apart = is_apart(own, at)
     cdef int i
-    cdef int m = count_slots(sensor, own)
+    cdef int m = count_slots(sensor, own, at)
     for i in range(m):
         hx[i] = 0.0
         hx[NH + i] = 0.0
         idx[i] = 0
     if own.latency >= 0:
         tau = x[own.latency]
+    if own.ahead >= 0:
+        ahead += x[own.ahead]
+        idx[NH - 1] = own.ahead
     if sensor == Sensor.POSITION:
         idx[0] = X
         idx[1] = Y
@@ -81,6 +101,17 @@ cdef inline int expect(const double* x, int sensor, const Parameters* own, doubl
             hx[NH + 5] = -tau * u * c
             hx[6] = -u * c
             hx[NH + 6] = -u * s
+        if apart:
+            c = cos(x[HEADING])
+            s = sin(x[HEADING])
+            idx[5] = HEADING
+            h[0] += ahead * c - left * s
+            h[1] += ahead * s + left * c
+            hx[5] -= ahead * s + left * c
+            hx[NH + 5] += ahead * c - left * s
+            if own.ahead >= 0:
+                hx[NH - 1] = c
+                hx[2 * NH - 1] = s
         return 2
     if sensor == Sensor.VELOCITY:                         # over ground
         u = x[SPEED] - tau * x[ACCEL]
@@ -105,6 +136,19 @@ cdef inline int expect(const double* x, int sensor, const Parameters* own, doubl
             hx[NH + 3] = -tau * u * c
             hx[4] = -x[ACCEL] * c + u * x[YAW_RATE] * s
             hx[NH + 4] = -x[ACCEL] * s - u * x[YAW_RATE] * c
+        if apart:
+            c = cos(x[HEADING])
+            s = sin(x[HEADING])
+            idx[3] = YAW_RATE
+            h[0] -= x[YAW_RATE] * (ahead * s + left * c)
+            h[1] += x[YAW_RATE] * (ahead * c - left * s)
+            hx[1] -= x[YAW_RATE] * (ahead * c - left * s)
+            hx[NH + 1] -= x[YAW_RATE] * (ahead * s + left * c)
+            hx[3] -= ahead * s + left * c
+            hx[NH + 3] += ahead * c - left * s
+            if own.ahead >= 0:
+                hx[NH - 1] = -x[YAW_RATE] * s
+                hx[2 * NH - 1] = x[YAW_RATE] * c
         return 2
     # Scalars: state i with the rate of change in state r.
     cdef int r
@@ -123,10 +167,23 @@ cdef inline int expect(const double* x, int sensor, const Parameters* own, doubl
     u = x[i] - tau * x[r]
     if own.lever >= 0:
         u -= x[own.lever] * pitch_rate
+    if apart and sensor == Sensor.SPEED:
+        u -= x[YAW_RATE] * left
+        idx[5] = YAW_RATE
+    elif apart and sensor == Sensor.ACCEL:
+        u -= x[YAW_RATE] * x[YAW_RATE] * ahead + x[YAW_ACCEL] * left
+        idx[5] = YAW_RATE
+        idx[6] = YAW_ACCEL
+        hx[5] = -2.0 * x[YAW_RATE] * ahead
+        hx[6] = -left
+        if own.ahead >= 0:
+            hx[NH - 1] = -x[YAW_RATE] * x[YAW_RATE]
     if own.scale >= 0:
         k += x[own.scale]
         idx[1] = own.scale
         hx[1] = u
+    if apart and sensor == Sensor.SPEED:
+        hx[5] = -k * left
     idx[0] = i
     hx[0] = k
     h[0] = k * u

@@ -7,7 +7,9 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const int[::1] sensor = sources.sensor
     cdef const int[:, ::1] parameters = sources.parameters
+    cdef const double[:, ::1] place_m = sources.place_m
     cdef const Parameters* own
+    cdef const Place* at
     cdef const signed char[::1] status = result.status, flip = result.flip
     cdef const double[:, ::1] x_post = result.x_post, offset = result.offset, nis = result.nis
     cdef const double[:, ::1] partials = result.partials, residual = result.residual
@@ -44,8 +46,9 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
                 s = source[u]
                 # Only the indices are wanted here; the values were stored.
                 own = <const Parameters*>&parameters[s, 0]
-                width = expect(&x_post[k, 0], sensor[s], own, 0.0, h, hx, idx)
-                m = count_slots(sensor[s], own)
+                at = <const Place*>&place_m[s, 0]
+                width = expect(&x_post[k, 0], sensor[s], own, at, 0.0, h, hx, idx)
+                m = count_slots(sensor[s], own, at)
                 for axis in range(width):
                     hv = &partials[2 * u + axis, 0]
                     weight = residual[2 * u + axis, 1]

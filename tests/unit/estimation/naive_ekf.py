@@ -76,20 +76,24 @@ def process_noise(x: F, cov: F, dt: float, untold_s: float, p: ModelParameters, 
 def expected(x: F, s: Series, row: int) -> F:
     """h(x) of a row, shape (width,)."""
     tau = x[s.latency_state] if s.latency_state >= 0 else 0.0
+    ahead, left = s.place_m
+    ahead += x[s.ahead_state] if s.ahead_state >= 0 else 0.0
+    turn = np.array([[np.cos(x[3]), -np.sin(x[3])], [np.sin(x[3]), np.cos(x[3])]])
     if s.kind is Kind.POSITION:
         slow = x[s.slow_state : s.slow_state + 2] if s.slow_state >= 0 else 0.0
-        return np.array([x[0] - tau * x[2] * np.cos(x[3]), x[1] - tau * x[2] * np.sin(x[3])]) + slow
+        return np.array([x[0] - tau * x[2] * np.cos(x[3]), x[1] - tau * x[2] * np.sin(x[3])]) + slow + turn @ [ahead, left]
     if s.kind is Kind.VELOCITY:
         speed, heading = x[2] - tau * x[4], x[3] - tau * x[5]
-        return np.array([speed * np.cos(heading), speed * np.sin(heading)])
+        return np.array([speed * np.cos(heading), speed * np.sin(heading)]) + x[5] * turn @ [-left, ahead]
     state, rate = {Kind.SPEED: (2, 4), Kind.HEADING: (3, 5), Kind.ACCEL: (4, 6), Kind.YAW_RATE: (5, 7)}[s.kind]
     bias = (x[s.bias_state] if s.bias_state >= 0 else 0.0) + (x[s.slow_state] if s.slow_state >= 0 else 0.0)
     lever = 0.0
     if s.pitch_rate is not None and s.lever_state >= 0:
         when = s.time_s[row] - s.latency_s
         lever = x[s.lever_state] * np.interp(when, s.pitch_rate.time_s, s.pitch_rate.value_radps)
+    apart = {Kind.SPEED: -x[5] * left, Kind.ACCEL: -(x[5] ** 2) * ahead - x[7] * left}.get(s.kind, 0.0)
     scale = 1.0 + (x[s.scale_state] if s.scale_state >= 0 else 0.0)
-    return np.array([scale * (x[state] - lever - tau * x[rate]) + bias])
+    return np.array([scale * (x[state] - lever - tau * x[rate] + apart) + bias])
 
 
 def jacobian(function, x: F, step: float = 1e-6) -> F:  # type: ignore[no-untyped-def]

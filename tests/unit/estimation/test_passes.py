@@ -25,7 +25,7 @@ def series_of(kind: Kind, time: np.ndarray, values: np.ndarray, noise: tuple[flo
 
 
 def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
-    """A bend with every kind of measurement, parameters of every kind and a gap; 18 states."""
+    """A bend with every kind of measurement, parameters of every kind, sensors apart and a gap; 21 states."""
     rng = np.random.default_rng(seed)
     t = np.sort(rng.uniform(0.0, 4.0, 25))
     t = t[(t < 2.0) | (t > 2.7)]
@@ -34,8 +34,18 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
     xy = np.stack([8 * t, 3 * t], axis=1) + rng.normal(0, 0.5, (n, 2))
     uv = np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1) + rng.normal(0, 0.2, (n, 2))
     series = [
-        series_of(Kind.POSITION, t, xy, (0.3, 0.1, 0.4), latency_s=0.05, latency_state=10, slow_state=12),
-        series_of(Kind.VELOCITY, t + 0.013, uv, (0.05, -0.01, 0.04), latency_state=11),
+        series_of(
+            Kind.POSITION,
+            t,
+            xy,
+            (0.3, 0.1, 0.4),
+            latency_s=0.05,
+            latency_state=10,
+            slow_state=12,
+            place_m=(0.7, -0.4),
+            ahead_state=18,
+        ),
+        series_of(Kind.VELOCITY, t + 0.013, uv, (0.05, -0.01, 0.04), latency_state=11, ahead_state=19),
         series_of(
             Kind.SPEED,
             t + 0.02,
@@ -45,19 +55,27 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
             latency_state=17,
             scale_state=15,
             lever_state=16,
+            place_m=(1.0, 0.6),
             pitch_rate=PitchRate(np.linspace(-0.1, 5, 100), rng.normal(0, 0.5, 100)),
         ),
         series_of(Kind.HEADING, t, (heading + 2 * np.pi)[:, None], (0.001, 0, 0)),
         series_of(
-            Kind.ACCEL, t + 0.031, (1.2 + rng.normal(0, 0.1, n))[:, None], (0.01, 0, 0), bias_state=8, slow_state=14
+            Kind.ACCEL,
+            t + 0.031,
+            (1.2 + rng.normal(0, 0.1, n))[:, None],
+            (0.01, 0, 0),
+            bias_state=8,
+            slow_state=14,
+            place_m=(-0.5, 0.8),
+            ahead_state=20,
         ),
         series_of(Kind.YAW_RATE, t + 0.031, (0.21 + rng.normal(0, 0.01, n))[:, None], (1e-4, 0, 0), bias_state=9),
     ]
-    state = np.zeros(18)
+    state = np.zeros(21)
     state[2:4] = 7.5, 0.35
-    state[12:] = 0.1, -0.2, 0.1, 0.02, 0.5, 0.03
-    sigma = np.array([1, 1, 1, 0.2, 1, 0.1, 1, 0.1, 0.5, 0.01, 0.1, 0.1, 1, 1, 0.3, 0.05, 1, 0.1])
-    walk = np.zeros(18)
+    state[12:] = 0.1, -0.2, 0.1, 0.02, 0.5, 0.03, 1.1, 0.4, 1.5
+    sigma = np.array([1, 1, 1, 0.2, 1, 0.1, 1, 0.1, 0.5, 0.01, 0.1, 0.1, 1, 1, 0.3, 0.05, 1, 0.1, 1, 1, 2])
+    walk = np.zeros(21)
     walk[8:10] = 1e-4, 1e-8
     walk[12:15] = 0.5, 0.5, 0.1
     return series, Start(0.0, state, np.diag(sigma**2)), walk
