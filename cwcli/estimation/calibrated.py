@@ -116,7 +116,7 @@ def calibrated_motion(parameters: ModelParameters, calibration: Calibration) -> 
 def calibrated_model(series: Sequence[Series], calibration: Calibration) -> FoundModel:
     """The sensors' errors of the calibration; gravity follows the pitch gyroscope where there is one."""
     slow: dict[int, Slow] = {}
-    follows, scaled, levered = set(), set(), set()
+    follows, scaled, levered, ahead = set(), set(), set(), set()
     for i, s in enumerate(series):
         sigma, time_s = (calibration.of(s.source, s.kind, name) for name in ("slow_sigma", "slow_time_s"))
         if sigma.is_known and time_s.is_known and sigma.value > 0.0 and time_s.value > 0.0:
@@ -127,7 +127,9 @@ def calibrated_model(series: Sequence[Series], calibration: Calibration) -> Foun
             scaled.add(i)
         if s.kind is Kind.SPEED and calibration.of(s.source, s.kind, "lever_arm_m").is_known:
             levered.add(i)
-    model = SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered))
+        if s.place_m is None and calibration.of(s.source, s.kind, "ahead_m").is_known:
+            ahead.add(i)
+    model = SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered), frozenset(ahead))
     return FoundModel(model, dict.fromkeys(model.parts, ParameterStatus.GIVEN))
 
 
@@ -137,6 +139,7 @@ def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibr
     for s in series:
         for name, state, none in (
             ("bias", s.bias_state, 0.0), ("scale", s.scale_state, 1.0), ("lever_arm_m", s.lever_state, 0.0),
+            ("ahead_m", s.ahead_state, 0.0),
         ):  # fmt: skip
             known = calibration.of(s.source, s.kind, name) if state >= 0 else UNKNOWN
             if known.is_known:

@@ -61,6 +61,7 @@ NAMES: Mapping[str, Name] = {
     "bias": Name(-1e3, 1e3, "in the unit of the quantity", RATES),
     "scale": Name(0.5, 2.0, "read for a true 1", ("speed",)),
     "lever_arm_m": Name(-20.0, 20.0, "m", ("speed",)),
+    "ahead_m": Name(-20.0, 20.0, "m", ("position", "velocity", "accel")),
     "nose_up_rad": Name(-1.0, 1.0, "rad", ("imu",)),
     "left_up_rad": Name(-1.0, 1.0, "rad", ("imu",)),
     "jerk_sigma_mps3": Name(0.0, 1e3, "m/s^3", (MOTION,)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from cwcli.errors import UsageError
@@ -14,6 +14,9 @@ from cwcli.option import Option
 ModelName = Literal["cwcli", "song2016"]
 SensorModelOption = Literal["auto", "none"]
 LatencyOption = Literal["auto", "none"] | Mapping[str, float]
+LeverArms = Mapping[str, tuple[float, float]]
+"""Source -> where it stands, m ahead and to the left of the reference point, whose course is the heading."""
+MAX_AHEAD_M, MAX_LEFT_M = 20.0, 5.0
 MS_PER_S = 1000.0
 MAX_LATENCY_S = 3600.0
 
@@ -45,6 +48,35 @@ def parse_latency(entries: Sequence[str]) -> LatencyOption:
     return found
 
 
+def parse_lever_arms(entries: Sequence[str]) -> LeverArms:
+    """Source -> metres ahead and to the left, from `NAME=AHEAD,LEFT` entries.
+
+    Raises:
+        UsageError: An entry is malformed or off the car, or a source comes twice.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for entry in entries:
+        name, _, text = entry.rpartition("=")
+        try:
+            ahead_m, left_m = (float(part) for part in text.split(","))
+        except ValueError:
+            ahead_m = left_m = math.nan
+        if not name or not is_on_car(ahead_m, left_m):
+            raise UsageError(
+                f"--lever-arm {entry!r} is not NAME=AHEAD,LEFT in metres, at most {MAX_AHEAD_M:g} and {MAX_LEFT_M:g}",
+                hint="for example --lever-arm /gps/fix=1.2,0",
+            )
+        if name in found:
+            raise UsageError(f"--lever-arm names {name} twice")
+        found[name] = (ahead_m, left_m)
+    return found
+
+
+def is_on_car(ahead_m: float, left_m: float) -> bool:
+    """Whether a sensor can stand there; not where a value is none."""
+    return abs(ahead_m) <= MAX_AHEAD_M and abs(left_m) <= MAX_LEFT_M
+
+
 @dataclass(frozen=True)
 class EstimatorConfig:
     """Settings of `estimate_track`.
@@ -58,6 +90,8 @@ class EstimatorConfig:
             Positive means late: true time = stamp - latency.
         sensor_model: "auto" finds slow errors of the fixes, gravity through the road's grade, and scale and lever arm
             of a speed, and uses what the log is predicted better with; "none" takes all for biases and white noise.
+        lever_arms: Source -> where it stands, m ahead and to the left of the reference point, whose course is the
+            heading (about the middle of the rear axle); the published states are then of that point.
         gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 = off.
         reset_after: Consecutive rejections of one source after which its next measurement is used.
         calibration: What earlier drives say of the sensors. With `causal` it is used as it is, and nothing that the log
@@ -93,6 +127,17 @@ class EstimatorConfig:
             "noise alone.",
         ),
     ] = "auto"
+    lever_arms: Annotated[
+        LeverArms,
+        Option(
+            "--lever-arm",
+            "Where a topic's sensor stands, in metres ahead and to the left of the middle of the rear axle, of which "
+            "the states are then; else from the log's transforms. Repeatable.",
+            metavar="NAME=AHEAD,LEFT",
+            kind=list[str],
+            parse=parse_lever_arms,
+        ),
+    ] = field(default_factory=dict)
     gate_probability: Annotated[
         float,
         Option(

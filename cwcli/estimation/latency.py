@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -69,6 +70,14 @@ class Latency:
     def applied_s(self) -> float:
         """What is taken off the stamps, seconds; where it drifts, in the middle."""
         return self.found_s if self.status in CORRECTED else 0.0
+
+    @property
+    def left_s(self) -> float:
+        """One sigma of what the corrected stamps are still late by; infinite where nothing tells."""
+        if self.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
+            return 0.0
+        left_s = math.hypot(self.found_s - self.applied_s, self.sigma_s)
+        return left_s if math.isfinite(left_s) else math.inf
 
 
 def straightened(series: Series, latency: Latency) -> Series:

@@ -61,7 +61,7 @@ class Series:
         bias_state, latency_state: Index of the parameter state, or -1.
         slow_state: Of its slow error (Gauss-Markov), or -1; a POSITION's are two, this one and the next.
         scale_state, lever_state: Of a SPEED's scale (minus 1) and lever arm, or -1.
-        place_m: Where it stands, ahead and to the left of the estimated point.
+        place_m: Where it stands, ahead and to the left of the estimated point, as far as it was given; else None.
         ahead_state: Of what is to be added to that ahead (POSITION, VELOCITY and ACCEL), or -1.
         pitch_rate: An IMU's, at its ACCEL; at a SPEED with a lever arm the one that goes with it. None: unknown.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
@@ -82,7 +82,7 @@ class Series:
     slow_state: int = -1
     scale_state: int = -1
     lever_state: int = -1
-    place_m: tuple[float, float] = (0.0, 0.0)
+    place_m: tuple[float, float] | None = None
     ahead_state: int = -1
     pitch_rate: PitchRate | None = None
     gate_nis: float = 0.0
@@ -270,10 +270,13 @@ def pass_input(
     sources = ekf.SourceTable(
         sensor=np.array([s.kind for s in series], np.int32),
         parameters=np.array(
-            [(s.bias_state, s.slow_state, s.scale_state, s.lever_state, s.ahead_state, s.latency_state) for s in series],
+            [
+                (s.bias_state, s.slow_state, s.scale_state, s.lever_state, s.ahead_state, s.latency_state)
+                for s in series
+            ],
             np.int32,
         ).reshape(-1, 6),
-        place_m=np.array([s.place_m for s in series], np.float64).reshape(-1, 2),
+        place_m=np.array([s.place_m or (0.0, 0.0) for s in series], np.float64).reshape(-1, 2),
         gate_nis=np.array([s.gate_nis for s in series], np.float64),
         patience=order_of.patience,
     )

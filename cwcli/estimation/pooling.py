@@ -173,6 +173,7 @@ OF_REPORT: dict[str, Callable[[SourceReport, float], Iterator[Said]]] = {
     "bias": _bias,
     "scale": _parameter(lambda report: report.scale),
     "lever_arm_m": _parameter(lambda report: report.lever_arm_m),
+    "ahead_m": _parameter(lambda report: report.ahead_m),
 }
 """Name of a constant -> what a log's report says of it, if anything."""
 

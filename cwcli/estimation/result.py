@@ -47,6 +47,7 @@ class SourceReport:
         scale: SPEED: what the source reads for a true 1; a wheel that is taken for larger than it is reads above 1.
         lever_arm_m: SPEED: by how much the estimated point (the IMU) is higher than the point whose speed is measured:
             the source reads scale * (v - lever arm * pitch rate), the pitch rate positive nose down.
+        ahead_m: POSITION, VELOCITY, ACCEL: by how much it stands ahead of the point whose course is the heading.
         slow_error: POSITION: the coloured part of the noise, m, of each axis. ACCEL: gravity through the road's grade,
             m/s^2 (divided by 9.80665 m/s^2 it is radians).
         follows_pitch_rate: ACCEL: gravity through what the pitch gyroscope turns was taken out first.
@@ -76,6 +77,7 @@ class SourceReport:
     bias_sigma: float = float("nan")
     scale: Parameter = NO_PARAMETER
     lever_arm_m: Parameter = NO_PARAMETER
+    ahead_m: Parameter = NO_PARAMETER
     slow_error: SlowError = NO_SLOW_ERROR
     follows_pitch_rate: bool = False
     mounting: ImuMounting | None = None

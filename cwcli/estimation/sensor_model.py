@@ -1,4 +1,4 @@
-"""What a source's errors are made of beside white noise: slow errors, a scale, a lever arm. Laid out as states.
+"""What a source's errors are made of beside white noise: slow errors, a scale, lever arms. Laid out as states.
 
 - A POSITION's errors stay for seconds (multipath, the atmosphere): a Gauss-Markov error of each axis.
 - A forward accelerometer has gravity in it where the road rises: z = a + bias - g pitch. The pitch is a Gauss-Markov
@@ -8,6 +8,8 @@
   a pitch rate, p' = q - yaw rate * roll; the roll is not known, and counts as noise by radian turned.
 - A SPEED has a scale (the wheels' circumference) and, where the IMU has a pitch gyroscope, a lever arm: wheels a height
   l below the IMU move by l q slower while the body turns nose down. z = scale (v - l q).
+- A sensor that stands ahead of the point whose course is the heading (about the rear axle) measures there: a POSITION
+  p + R l, a VELOCITY v + w R (0, l), an ACCEL a - w^2 l, with the yaw rate w and l = (ahead, 0).
 
 `sensor_search` says which of them a log shows.
 """
@@ -31,6 +33,8 @@ SCALE_PRIOR = 0.02
 """One sigma: tyres differ by wear, pressure and size by a couple of percent."""
 LEVER_PRIOR_M = 1.0
 """One sigma: an IMU lies between the axles' height and a truck's roof."""
+AHEAD_PRIOR_M = 2.0
+"""One sigma: an antenna stands between the front and the rear of a car."""
 TURN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
 """By which gravity's forward part changes where a car turns by a radian: the road across is sloped like the one ahead,
 by 2 degrees (one sigma), and turning from one to the other is no pitch rate."""
@@ -38,7 +42,7 @@ MAX_STATES = 23
 """The kernel's 24 but for one, which the search for a latency adds."""
 
 
-Part = tuple[int, Literal["slow", "scale", "lever"]]
+Part = tuple[int, Literal["slow", "scale", "lever", "ahead"]]
 """One error: the index of its series and its name."""
 
 
@@ -63,12 +67,14 @@ class SensorModel:
         slow: Slow errors of POSITION and ACCEL series.
         follows: ACCEL series from which gravity by the pitch gyroscope is taken out; they have a slow error, too.
         scaled, levered: SPEED series with a scale, with a lever arm.
+        ahead: POSITION, VELOCITY and ACCEL series that stand ahead of the point whose course is the heading.
     """
 
     slow: Mapping[int, Slow] = field(default_factory=dict)
     follows: frozenset[int] = frozenset()
     scaled: frozenset[int] = frozenset()
     levered: frozenset[int] = frozenset()
+    ahead: frozenset[int] = frozenset()
 
     @property
     def parts(self) -> list[Part]:
@@ -77,6 +83,7 @@ class SensorModel:
             *((i, "slow") for i in sorted(self.slow)),
             *((i, "scale") for i in sorted(self.scaled)),
             *((i, "lever") for i in sorted(self.levered)),
+            *((i, "ahead") for i in sorted(self.ahead)),
         ]
 
     def without(self, part: Part) -> SensorModel:
@@ -87,6 +94,8 @@ class SensorModel:
             return replace(self, slow=slow, follows=self.follows - {i})
         if name == "scale":
             return replace(self, scaled=self.scaled - {i})
+        if name == "ahead":
+            return replace(self, ahead=self.ahead - {i})
         return replace(self, levered=self.levered - {i})
 
 
@@ -143,6 +152,8 @@ def lay_out(base: Layout, model: SensorModel) -> Layout:
             series[i] = replace(series[i], scale_state=add(1, SCALE_PRIOR**2, 0.0))
         if i in model.levered and len(s) and imu_rate is not None:
             series[i] = replace(series[i], lever_state=add(1, LEVER_PRIOR_M**2, 0.0), pitch_rate=imu_rate)
+        if i in model.ahead and len(s):
+            series[i] = replace(series[i], ahead_state=add(1, AHEAD_PRIOR_M**2, 0.0))
     parameters = replace(base.parameters, time_constant_s=time_constant_s, turn_noise=turn_noise)
     return Layout(series, parameters, np.array(walk), np.array(prior))
 

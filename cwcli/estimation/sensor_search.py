@@ -21,7 +21,7 @@ from cwcli.estimation.noise import LEAD_IN_S, MIN_ROWS_FOR_NOISE, busiest_window
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import PassResult, Series, run_pass
 from cwcli.estimation.prepare import thinned_to
-from cwcli.estimation.sensor_model import Layout, Part, SensorModel, Slow, lay_out, pitch_rate_of
+from cwcli.estimation.sensor_model import AHEAD_PRIOR_M, Layout, Part, SensorModel, Slow, lay_out, pitch_rate_of
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import gate_nis
@@ -32,7 +32,7 @@ WINDOW_S = 240.0
 THINNED_HZ = 10.0
 GATE_PROBABILITY = 1.0 - 1e-5
 GAIN = 4.5  # of the log-likelihood, by each number that is fitted: three sigma
-N_FITTED = {"slow": 2, "scale": 1, "lever": 1}
+N_FITTED = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
 GRADE = Slow(0.2, 15.0)  # m/s^2, 1.2 degrees; a hill of a few hundred metres at town speed
 POSITION_TIME_S = 10.0  # where the climb begins
 TIME_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}  # a slope lasts; a body's pitch does not
@@ -42,6 +42,9 @@ SIDE_SLIP_M = (
 MIN_TURNS = 5.0  # time constants in a log
 STEPS = (3.0, 3.0**0.5)  # of the time constant, or of sigma^2
 RIDGE = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
+MIN_TURN_RAD = 0.5  # in a log without a turn nothing tells where a sensor stands
+WAY_S = 2.0  # between two fixes whose distance is a way and not noise
+CLEAR_SIGMAS = 3.0
 MAX_CLIMB = 9  # trials in the climb of one slow error
 SETTLED = 1.1
 MAX_MATCHINGS = 3
@@ -55,24 +58,37 @@ class FoundModel:
     Attributes:
         model: The sensor model to use.
         status: What was made of each error that was looked for.
+        ahead_m: Place ahead and its sigma, of the series that have one.
     """
 
     model: SensorModel = field(default_factory=SensorModel)
     status: Mapping[Part, ParameterStatus] = field(default_factory=dict)
+    ahead_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+
+    def without_ahead(self, series: Sequence[int]) -> FoundModel:
+        """The same, but where some series stand can't be told."""
+        parts: list[Part] = [(i, "ahead") for i in series]
+        model = replace(self.model, ahead=self.model.ahead - set(series))
+        return FoundModel(model, {**self.status, **dict.fromkeys(parts, ParameterStatus.NOT_OBSERVABLE)})
 
 
-def find_sensor_model(base: Layout, before: FoundModel | None = None) -> FoundModel:
+def find_sensor_model(
+    base: Layout, before: FoundModel | None = None, left_s: Sequence[float] | None = None
+) -> FoundModel:
     """Find which errors the log shows, and sigma and time constant of the slow ones.
 
     Args:
         base: Series with latencies and noise settled, and their biases as the only parameter states.
         before: What was found with other latencies: the climb begins there, and what was of no use is tried again.
+        left_s: Parallel to the series: one sigma of what the stamps are still late by; None: nothing. A car that turns
+            while its fixes are late by tau looks like one whose antenna stands by v tau behind.
     """
     first, last = _window(base.series)
-    whole = _whole_model(base.series, SensorModel() if before is None else before.model)
+    slack_m = _slack_m(base.series, [0.0] * len(base.series) if left_s is None else left_s)
+    whole = _whole_model(base.series, SensorModel() if before is None else before.model, slack_m)
     if last - first < MIN_SPAN_S or not whole.parts:
         return FoundModel()
-    trials = _Trials(base)
+    trials = _Trials(base, slack_m)
     trial = trials.try_model(whole)
     for i in whole.slow:
         trial = trials.climbed(trial, i)
@@ -82,17 +98,21 @@ def find_sensor_model(base: Layout, before: FoundModel | None = None) -> FoundMo
     return _reduced(trials, trial)
 
 
-def _whole_model(series: Sequence[Series], known: SensorModel) -> SensorModel:
+def _whole_model(series: Sequence[Series], known: SensorModel, slack_m: Sequence[float]) -> SensorModel:
     """All errors that the sources can have; the slow ones as far as known."""
     slow: dict[int, Slow] = {}
-    follows, scaled, levered = set(), set(), set()
+    follows, scaled, levered, ahead = set(), set(), set(), set()
     has_ground = any(s.kind in (Kind.POSITION, Kind.VELOCITY) and len(s) >= MIN_ROWS_FOR_NOISE for s in series)
     # Of positions alone a slow error can't be told from the way.
     has_motion = any(s.kind in (Kind.ACCEL, Kind.SPEED, Kind.VELOCITY) and len(s) >= MIN_ROWS_FOR_NOISE for s in series)
     has_pitch = pitch_rate_of(series) is not None
+    has_turns = _turned_rad(series) > MIN_TURN_RAD
     for i, s in enumerate(series):
         if len(s) < MIN_ROWS_FOR_NOISE:
             continue
+        may_stand = has_turns and has_ground and s.place_m is None and slack_m[i] < NARROWED * AHEAD_PRIOR_M
+        if may_stand and s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.ACCEL):
+            ahead.add(i)
         if s.kind is Kind.ACCEL and s.bias_state >= 0 and has_ground:
             slow[i] = known.slow.get(i, GRADE)
             if has_pitch:
@@ -104,7 +124,32 @@ def _whole_model(series: Sequence[Series], known: SensorModel) -> SensorModel:
                 scaled.add(i)
             if has_pitch:
                 levered.add(i)
-    return SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered))
+    return SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered), frozenset(ahead))
+
+
+def _slack_m(series: Sequence[Series], left_s: Sequence[float]) -> list[float]:
+    """How far each source's place ahead may seem to be off by what its stamps are late, one sigma."""
+    fixes = max((s for s in series if s.kind is Kind.POSITION), key=len)
+    span_s = max(float(np.ptp(fixes.time_s)), WAY_S)
+    few = fixes.values[:: max(1, int(WAY_S * len(fixes) / span_s))]
+    speed_mps = float(np.hypot(*np.diff(few, axis=0).T).sum() / span_s)
+    return [
+        speed_mps * each if s.kind in (Kind.POSITION, Kind.VELOCITY) else 0.0
+        for s, each in zip(series, left_s, strict=True)
+    ]
+
+
+def _turned_rad(series: Sequence[Series]) -> float:
+    """How far the car's heading goes from one side to the other, as far as a gyroscope or a heading tells."""
+    turned = 0.0
+    for s in series:
+        if len(s) < MIN_ROWS_FOR_NOISE:
+            continue
+        if s.kind is Kind.YAW_RATE:
+            turned = max(turned, float(np.ptp(np.cumsum(s.values[1:, 0] * np.diff(s.time_s)))))
+        elif s.kind is Kind.HEADING:
+            turned = max(turned, float(np.ptp(np.unwrap(s.values[:, 0]))))
+    return turned
 
 
 def _sigma(s: Series) -> float:
@@ -120,13 +165,14 @@ class _Trial:
         model: The model.
         score: See `_score`.
         factors: On the noise of each series, so that its innovations are as large as they should be.
-        sigma: Of each parameter state at the end, by its index.
+        state, sigma: Each state and its sigma at the end, by its index.
         layout: Where these states are.
     """
 
     model: SensorModel
     score: float
     factors: tuple[float, ...]
+    state: FloatArray
     sigma: FloatArray
     layout: Layout
 
@@ -134,11 +180,11 @@ class _Trial:
 class _Trials:
     """Passes over the same rows with different sensor models."""
 
-    def __init__(self, base: Layout) -> None:
+    def __init__(self, base: Layout, slack_m: Sequence[float]) -> None:
         """Cut a window and leave out what the filter rejects without a sensor model."""
         begin, end = _window(base.series)
         cut = [s.at((s.time_s - s.latency_s >= begin) & (s.time_s - s.latency_s <= end)) for s in base.series]
-        self.span_s = end - begin
+        self.span_s, self.slack_m = end - begin, slack_m
         self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SIDE_SLIP_M))
         self._rows: list[npt.NDArray[np.bool_]] | None = None
         gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in self._series(self.base)]
@@ -168,7 +214,7 @@ class _Trials:
             factors *= change
         score = _score(scaled, result)
         sigma = np.sqrt(np.maximum(np.diagonal(result.last_covariance), 0.0))
-        return _Trial(model, score, tuple(factors.tolist()), sigma, layout)
+        return _Trial(model, score, tuple(factors.tolist()), result.last_state, sigma, layout)
 
     def climbed(self, trial: _Trial, i: int) -> _Trial:
         """Move sigma and time constant of one slow error to where the log is predicted best.
@@ -271,19 +317,39 @@ def _reduced(trials: _Trials, trial: _Trial) -> FoundModel:
         loss = [trial.score - other.score - GAIN * N_FITTED[part[1]] for part, other in zip(parts, others, strict=True)]
         least = int(np.argmin(loss))
         if loss[least] > 0.0:
-            break
+            unclear = [parts.index((i, "ahead")) for i in _unclear(_ahead_m(trial), trials.slack_m)]
+            if not unclear:
+                break
+            least = unclear[0]
         status[parts[least]], trial = ParameterStatus.NOT_BETTER, others[least]
-    return FoundModel(trial.model, status)
+    return FoundModel(trial.model, status, _ahead_m(trial))
 
 
 def _observed(trial: _Trial, part: Part) -> ParameterStatus:
     """Has the log narrowed a constant's prior?"""
     i, name = part
     s = trial.layout.series[i]
-    state = {"scale": s.scale_state, "lever": s.lever_state}.get(name, -1)
-    if name != "slow" and (state < 0 or trial.sigma[state] > NARROWED * trial.layout.prior[state] ** 0.5):
+    state = {"scale": s.scale_state, "lever": s.lever_state, "ahead": s.ahead_state}.get(name, -1)
+    if name == "slow":
+        return ParameterStatus.USED
+    if state < 0 or trial.sigma[state] > NARROWED * trial.layout.prior[state] ** 0.5:
         return ParameterStatus.NOT_OBSERVABLE
     return ParameterStatus.USED
+
+
+def _ahead_m(trial: _Trial) -> dict[int, tuple[float, float]]:
+    states = {i: trial.layout.series[i].ahead_state for i in sorted(trial.model.ahead)}
+    return {i: (float(trial.state[k]), float(trial.sigma[k])) for i, k in states.items()}
+
+
+def _unclear(ahead_m: Mapping[int, tuple[float, float]], slack_m: Sequence[float]) -> list[int]:
+    """The series whose place is no more than its own error and what is left of the latencies can make of it."""
+    return [i for i, (value, sigma) in ahead_m.items() if not abs(value) > CLEAR_SIGMAS * np.hypot(sigma, slack_m[i])]
+
+
+def unclear_places(found: FoundModel, series: Sequence[Series], left_s: Sequence[float]) -> list[int]:
+    """The series whose place ahead may as well be a latency; for `left_s` see `find_sensor_model`."""
+    return _unclear({i: at for i, at in found.ahead_m.items() if i in found.model.ahead}, _slack_m(series, left_s))
 
 
 def _window(series: Sequence[Series]) -> tuple[float, float]:

@@ -115,6 +115,8 @@ def _report_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
         ("scale_sigma", report.scale.sigma, ""),
         ("lever_arm", report.lever_arm_m.value, "m"),
         ("lever_arm_sigma", report.lever_arm_m.sigma, "m"),
+        ("ahead", report.ahead_m.value, "m"),
+        ("ahead_sigma", report.ahead_m.sigma, "m"),
         ("slow_sigma", report.slow_error.sigma, unit),
         ("slow_time", report.slow_error.time_s, "s"),
     )

@@ -17,6 +17,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.gaps import restarts_after_gaps
 from cwcli.estimation.latency import CORRECTED
+from cwcli.estimation.lever_arms import at_antenna, placed
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
@@ -126,6 +127,7 @@ def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _
     positions = [m for m in measurements if m.kind is Kind.POSITION]
     epoch = epoch_ns(positions if config.blind else measurements)  # a row that comes later may be of an earlier time
     prepared, notes = _prepared(measurements, epoch, config)
+    prepared = placed(prepared, config.lever_arms)
     return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes))
 
 
@@ -158,11 +160,11 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
         if r.n_resets and r.kind not in RATES:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} believed again after rejections, {often}")
-    state = np.ascontiguousarray(result.state[:, :N_MOTION])
+    state, covariance = at_antenna(tuned.series, result.state, result.covariance)
     return Track(
         output_stamp_ns,
         state,
-        result.covariance[:, :N_MOTION, :N_MOTION] + _of_latency(state, tuned),
+        covariance + _of_latency(state, tuned),
         state_flags(tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal),
         reports,
         result.log_likelihood,
@@ -302,6 +304,7 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         bias_sigma=bias_sigma,
         scale=_parameter(found, (i, "scale"), s.scale_state, result, 1.0),
         lever_arm_m=_parameter(found, (i, "lever"), s.lever_state, result, 0.0),
+        ahead_m=_parameter(found, (i, "ahead"), s.ahead_state, result, 0.0),
         slow_error=SlowError(
             float("nan") if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,

@@ -18,7 +18,7 @@ from cwcli.estimation.noise import settle_noise
 from cwcli.estimation.passes import N_MOTION, Series
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.sensor_model import Layout, lay_out
-from cwcli.estimation.sensor_search import FoundModel, find_sensor_model, if_better
+from cwcli.estimation.sensor_search import FoundModel, find_sensor_model, if_better, unclear_places
 from cwcli.kernels import ekf
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
@@ -135,9 +135,13 @@ def _latencies_and_sensors(
     found = find_sensor_model(_settled(likeliest))
     if found.model.parts and None in roles:
         told = _latencies(lay_out(base, found.model), roles, config)
+        unclear = unclear_places(found, base.series, [each.left_s for each in told[1]])
+        if unclear:  # a latency or a place: of the two the latency is the likelier
+            found = found.without_ahead(unclear)
+            told = _latencies(lay_out(base, found.model), roles, config)
         corrected = _corrected(base, told[1])
-        if [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
-            found = find_sensor_model(_settled(corrected), found)
+        if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
+            found = find_sensor_model(_settled(corrected), found, [each.left_s for each in told[1]])
     plain = _corrected(base, told[1])
     return *told, if_better(found, _settled(plain), _settled(lay_out(plain, found.model)))
 

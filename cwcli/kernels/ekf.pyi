@@ -88,9 +88,9 @@ class SourceTable:
 
     Args:
         sensor: A `Sensor`.
-        parameters: (S, 6): indices of the states of its bias, slow error (a position's are two), scale, lever arm, place
-            ahead and latency; -1 = none. A bias is for rates, a slow error for all but speeds and velocities, scale and
-            lever arm for speeds alone, the place ahead for positions, velocities and accelerations.
+        parameters: (S, 6): indices of the states of its bias, slow error (a position's are two), scale, lever arm,
+            place ahead and latency; -1 = none. A bias is for rates, a slow error for all but speeds and velocities,
+            scale and lever arm for speeds alone, the place ahead for positions, velocities and accelerations.
         place_m: (S, 2): where it stands, ahead and to the left of the estimated point; the place ahead adds to it.
         gate_nis: Limit of the squared normalised innovation; <= 0 switches the gate off.
         patience: After so many gated updates in a row the next one is used.

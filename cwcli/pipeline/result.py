@@ -58,6 +58,14 @@ class InputCount:
     set_aside: Mapping[str, int] = field(default_factory=dict)
     first_fault_ns: Mapping[str, int] = field(default_factory=dict)
 
+    @classmethod
+    def of_transforms(cls, topic: str, read: int, used: int, unreadable: int) -> InputCount:
+        """Of a channel of transforms, whose messages count where they tell of a new frame of reference."""
+        rejected = {"not a transform": unreadable} if unreadable else {}
+        aside = read - used - unreadable
+        known = {"a frame known already": aside} if aside else {}
+        return cls(topic, "transform", read, used, rejected, {}, known)
+
 
 @dataclass(frozen=True)
 class Summary:

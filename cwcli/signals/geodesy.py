@@ -6,11 +6,13 @@ is not a map projection, so distances near the origin are not scaled.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
 
 if TYPE_CHECKING:
@@ -90,3 +92,18 @@ class LocalMap:
         result = self._transformer.transform(a, b, c, direction=direction)
         first, second, third = (np.where(is_finite, values, np.nan) for values in result)
         return first, second, third
+
+
+def parse_origin(text: str) -> tuple[float, float, float]:
+    """`LAT,LON,ALT` in degrees and metres.
+
+    Raises:
+        UsageError: It is not three numbers in range.
+    """
+    try:
+        latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--truth-origin {text!r} is not LAT,LON,ALT") from None
+    if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180 and math.isfinite(altitude_m)):
+        raise UsageError(f"--truth-origin {text!r} is not on the earth")
+    return latitude_deg, longitude_deg, altitude_m

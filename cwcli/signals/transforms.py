@@ -67,6 +67,18 @@ def body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, Flo
     return None
 
 
+def carried_by_body(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
+    """The body frame that carries a frame, and (4, 4) body from frame; None where none of its ancestors is one.
+
+    `base_link` itself tells nothing: many drivers stamp it on whatever they send.
+    """
+    up = _to_root(tree, frame)
+    for body in BODY_FRAMES if frame not in BODY_FRAMES else ():
+        if body in up and np.isfinite(up[body]).all():
+            return body, up[body]
+    return None
+
+
 def _to_root(tree: Mapping[str, Transform], frame: str) -> dict[str, FloatArray]:
     """Each ancestor, from the frame itself on, with (4, 4) ancestor from frame."""
     made = {frame: np.eye(4)}

@@ -50,7 +50,10 @@ Model = Callable[[FloatArray, FloatArray, Mapping[str, Any]], tuple[FloatArray, 
 def gnss(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """East, north, up, metres in the map frame. Shapes (n, 3) and (3,)."""
     bias = np.array([settings["bias_east_m"], settings["bias_north_m"], 0.0])
-    position = np.column_stack([state[:, 0], state[:, 1], np.zeros(len(state))])
+    ahead, left = settings["ahead_m"] or 0.0, settings["left_m"] or 0.0
+    c, s = np.cos(state[:, 3]), np.sin(state[:, 3])
+    x, y = state[:, 0] + ahead * c - left * s, state[:, 1] + ahead * s + left * c
+    position = np.column_stack([x, y, np.zeros(len(state))])
     return position + bias, np.full(3, settings["sigma_m"])
 
 
@@ -77,12 +80,16 @@ def imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tup
 
     A mount that is pitched nose down by p about the left axis reads f cos p - u sin p forward and f sin p + u cos p up,
     where f and u are the level forces, and the yaw rate on its forward and up axes alike. The car's own pitch adds to
-    the mount's, and its roll shows on the left axis.
+    the mount's, and its roll shows on the left axis. At (a, b) ahead and to the left of the host's point the turning
+    adds -w^2 a - w' b forward and w' a - w^2 b to the left, with the yaw rate w.
     """
+    ahead, side = settings["ahead_m"] or 0.0, settings["left_m"] or 0.0
     mount = np.radians(settings["mount_pitch_deg"])
     pitch = mount + tilt[:, 0]
     forward, yaw_rate = state[:, 4], state[:, 5]
     left = state[:, 2] * yaw_rate + STANDARD_GRAVITY_MPS2 * tilt[:, 1]
+    forward = forward - yaw_rate**2 * ahead - state[:, 7] * side
+    left = left + state[:, 7] * ahead - yaw_rate**2 * side
     values = np.column_stack(
         [
             forward * np.cos(pitch) - STANDARD_GRAVITY_MPS2 * np.sin(pitch) + settings["accel_bias_mps2"],

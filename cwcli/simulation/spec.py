@@ -193,6 +193,11 @@ _SENSOR_KEYS: Keys = {
     "outages": Intervals((), "Intervals in which nothing is sent."),
 }
 
+_PLACE_KEYS: Keys = {
+    "ahead_m": NumberKey(None, -20, 20, "m", "Where it stands, ahead of the host's point; 0 if not given."),
+    "left_m": NumberKey(None, -5, 5, "m", "To the left of it; 0 if not given."),
+}
+
 SENSOR_KEYS: Mapping[str, Keys] = {
     "gnss": {
         **_SENSOR_KEYS,
@@ -201,6 +206,7 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         "bias_north_m": NumberKey(0, -100, 100, "m", "Constant error, north."),
         "slow_sigma_m": NumberKey(None, 0, 100, "m", "Slow error of east and north, each, 1 sigma (Gauss-Markov)."),
         "slow_time_s": NumberKey(None, 0.1, 3600, "s", "Its time constant; 20 s if only its sigma is given."),
+        **_PLACE_KEYS,
     },
     "gnss_heading": {
         **_SENSOR_KEYS,
@@ -222,6 +228,7 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         "yaw_rate_bias_dps": NumberKey(0, -20, 20, "deg/s", "Constant error of the up axis."),
         "mount_pitch_deg": NumberKey(0, -30, 30, "deg", "Mounting error: positive = nose down."),
         "pitch_rate_bias_dps": NumberKey(None, -20, 20, "deg/s", "Constant error of the left axis; 0 if not given."),
+        **_PLACE_KEYS,
     },
 }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
@@ -13,10 +12,11 @@ from cwcli.channels.collected_states import CollectedStates
 from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.rejected import rejected_table, write_rejected
+from cwcli.channels.transforms import read_lever_arms
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import UsageError
 from cwcli.estimation.calibration import Calibration, calibration_entry
-from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.from_signals import (
     EgoSignal,
     ego_measurements,
@@ -32,12 +32,12 @@ from cwcli.estimation.summary import TrackSummary, estimate_tables, source_recor
 from cwcli.estimation.track import each_in_threads, estimate_both
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.result import StageResult, Summary
+from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal, Signal, TimedSignal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.gap_notes import gap_notes
-from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.geodesy import LocalMap, parse_origin
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
@@ -52,21 +52,6 @@ EXAMPLES = (
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_BRIDGE_S = 60
 STATIONS_AT_ONCE = 4
-
-
-def parse_origin(text: str) -> tuple[float, float, float]:
-    """`LAT,LON,ALT` in degrees and metres.
-
-    Raises:
-        UsageError: It is not three numbers in range.
-    """
-    try:
-        latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"--truth-origin {text!r} is not LAT,LON,ALT") from None
-    if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180 and math.isfinite(altitude_m)):
-        raise UsageError(f"--truth-origin {text!r} is not on the earth")
-    return latitude_deg, longitude_deg, altitude_m
 
 
 @dataclass(frozen=True)
@@ -152,12 +137,14 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         optional=(*EGO_ROLES[1:], Role.REMOTE, Role.TRUTH),
     )
     _check_latencies(config.estimator, log)
-    if config.calibration is not None and config.estimator.model != "cwcli":
-        raise UsageError(f"--calibration is not for --model {config.estimator.model}")
+    if config.estimator.model != "cwcli" and (config.calibration is not None or config.estimator.lever_arms):
+        option = "--lever-arm" if config.calibration is None else "--calibration"
+        raise UsageError(f"{option} is not for --model {config.estimator.model}")
+    lever_arms, transforms, stands = _lever_arms(log, sources, config.estimator)
     local_map = _local_map(sources)
     measurements, apart = near_positions(_ego_measurements(sources, local_map), MAX_BRIDGE_S)
     grid_ns = output_grid(measurements, config.rate_hz, MAX_BRIDGE_S)
-    estimator = replace(config.estimator, calibration=config.calibration)
+    estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
     ego, online = estimate_both(measurements, estimator, grid_ns, blind=estimator.is_blind_online)
     remote = _remote_states(sources, local_map, estimator)
     hindsight = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags)
@@ -183,7 +170,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _summary(sources, apart, tracks, told)
+    summary = _summary(sources, (*stands, *apart), tracks, told, transforms)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -223,6 +210,18 @@ def _ego_measurements(sources: Sources, local_map: LocalMap | None) -> list[Meas
             assert isinstance(signal, EgoSignal)
             found.extend(ego_measurements(signal, local_map))
     return found
+
+
+def _lever_arms(
+    log: Log, sources: Sources, estimator: EstimatorConfig
+) -> tuple[LeverArms, tuple[InputCount, ...], tuple[str, ...]]:
+    """What `read_lever_arms` does; of the paper's filter nothing."""
+    if estimator.model != "cwcli":
+        return {}, (), ()
+    known = {channel.topic for channel in log.channels}
+    topics = [s.source for role in EGO_ROLES for s in sources.by_role.get(role, ()) if s.source in known]
+    found, counts, notes = read_lever_arms(log, list(dict.fromkeys(topics)), estimator.lever_arms)
+    return found, tuple(InputCount.of_transforms(*each) for each in counts), notes
 
 
 def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
@@ -283,12 +282,16 @@ def _known_ns(measurements: Sequence[Measurements], online: Track, estimator: Es
 
 
 def _summary(
-    sources: Sources, apart: Sequence[str], tracks: Mapping[str, TrackSummary], online: Sequence[Knowledge]
+    sources: Sources,
+    remarks: Sequence[str],
+    tracks: Mapping[str, TrackSummary],
+    online: Sequence[Knowledge],
+    transforms: Sequence[InputCount],
 ) -> Summary:
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
-    notes = [*sources.notes, *apart, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
+    notes = [*sources.notes, *remarks, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
     position = signals[0]
     if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
         notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
@@ -302,7 +305,7 @@ def _summary(
     return Summary(
         "estimate",
         (*sections(tracks), knowledge_section(online)),
-        sources.counts(),
+        (*sources.counts(), *transforms),
         tuple(dict.fromkeys(notes)),
         verdict_of(tracks[EGO_ID]),
     )

@@ -19,7 +19,7 @@ from cwcli.cli.options.stage import StageOptions
 from cwcli.cli.options.values import time_ns, utc
 from cwcli.errors import UsageError
 from cwcli.estimation.config import parse_latency
-from cwcli.stages.estimate import parse_origin
+from cwcli.signals.geodesy import parse_origin
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, replace
 
 from cwcli.channels.binding import bind, is_truth_topic
 from cwcli.channels.published import LANES, OWN_PREFIX
+from cwcli.channels.transforms import read_tree
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
@@ -218,7 +219,7 @@ def _from_transforms(log: Log, frame_id: str) -> tuple[CameraPose | None, tuple[
     tree: dict[str, Transform] = {}
     counts = []
     for topic in topics:
-        counts.append(_read(log, topic, tree, frame_id))
+        counts.append(InputCount.of_transforms(*read_tree(log, topic, tree, frame_id)))
         if body_from_frame(tree, frame_id) is not None:
             break
     found = body_from_frame(tree, frame_id)
@@ -251,26 +252,6 @@ def _fault(pose: CameraPose | None, frame_id: str, body: str) -> str:
     if abs(pose.roll_rad) > MAX_TURN_RAD:
         return f"{frame_id} is rolled by {math.degrees(pose.roll_rad):.0f} degrees in {body}, not upright"
     return ""
-
-
-def _read(log: Log, topic: str, tree: dict[str, Transform], frame_id: str) -> InputCount:
-    """Fill the tree from one topic until it leads from the camera to the road below the car."""
-    read, used, unreadable = 0, 0, 0
-    for transforms in log.transforms(topic):
-        read += 1
-        if transforms is None:
-            unreadable += 1
-            continue
-        new = [each for each in transforms if each.child not in tree]
-        for each in new:
-            tree.setdefault(each.child, each)
-        used += bool(new)
-        found = body_from_frame(tree, frame_id) if new else None
-        if found is not None and found[0] == BODY_FRAMES[0]:
-            break
-    rejected = {"not a transform": unreadable} if unreadable else {}
-    aside = read - used - unreadable
-    return InputCount(topic, "transform", read, used, rejected, {}, {"a frame known already": aside} if aside else {})
 
 
 def _is_left_out(topic: str) -> bool:

@@ -57,7 +57,9 @@ def _parameters_section(ego: TrackSummary) -> Section:
         name = (report.source, quantity_of(report))
         if not math.isnan(report.bias):
             rows.append((*name, "bias", _with_sigma(report.bias, report.bias_sigma, ".3g"), unit, "used"))
-        for label, found, own_unit in (("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m")):
+        for label, found, own_unit in (
+            ("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m"), ("ahead", report.ahead_m, "m"),
+        ):  # fmt: skip
             if found.status is not ParameterStatus.OFF:
                 value = _with_sigma(found.value, found.sigma, ".4g")
                 rows.append((*name, label, value, own_unit, found.status.value))

@@ -76,12 +76,14 @@ def process_noise(x: F, cov: F, dt: float, untold_s: float, p: ModelParameters, 
 def expected(x: F, s: Series, row: int) -> F:
     """h(x) of a row, shape (width,)."""
     tau = x[s.latency_state] if s.latency_state >= 0 else 0.0
-    ahead, left = s.place_m
+    ahead, left = s.place_m or (0.0, 0.0)
     ahead += x[s.ahead_state] if s.ahead_state >= 0 else 0.0
     turn = np.array([[np.cos(x[3]), -np.sin(x[3])], [np.sin(x[3]), np.cos(x[3])]])
     if s.kind is Kind.POSITION:
         slow = x[s.slow_state : s.slow_state + 2] if s.slow_state >= 0 else 0.0
-        return np.array([x[0] - tau * x[2] * np.cos(x[3]), x[1] - tau * x[2] * np.sin(x[3])]) + slow + turn @ [ahead, left]
+        return (
+            np.array([x[0] - tau * x[2] * np.cos(x[3]), x[1] - tau * x[2] * np.sin(x[3])]) + slow + turn @ [ahead, left]
+        )
     if s.kind is Kind.VELOCITY:
         speed, heading = x[2] - tau * x[4], x[3] - tau * x[5]
         return np.array([speed * np.cos(heading), speed * np.sin(heading)]) + x[5] * turn @ [-left, ahead]

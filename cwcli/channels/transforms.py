@@ -1,0 +1,94 @@
+"""Where sensors stand on the car: what the user says, else what the log's transforms do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from cwcli.errors import UsageError
+from cwcli.estimation.config import LeverArms, is_on_car
+from cwcli.logs.read.reader import Log
+from cwcli.signals.columns import Strings
+from cwcli.signals.transforms import BODY_FRAMES, Transform, body_from_frame, carried_by_body
+
+FRAME_FIELDS = ("header.frame_id", "frame_id")
+
+
+class TransformCount(NamedTuple):
+    """What became of a topic's transforms: messages read, with a new frame, and unreadable ones."""
+
+    topic: str
+    read: int
+    used: int
+    unreadable: int
+
+
+def read_lever_arms(
+    log: Log, topics: Sequence[str], given: LeverArms
+) -> tuple[LeverArms, tuple[TransformCount, ...], tuple[str, ...]]:
+    """The places of the ego's sensors, what became of the transforms' messages, and notes.
+
+    Of the transforms those count whose frame the car carries; the first of each frame, those of static channels before
+    the others. A log without transforms is not read.
+
+    Args:
+        log: The log.
+        topics: Of the ego's sensors.
+        given: By the user; they count before the transforms.
+
+    Raises:
+        UsageError: A given topic is none of the ego's sensors.
+    """
+    for name in given:
+        if name not in topics:
+            hint = f"these are {', '.join(topics)}"
+            raise UsageError(f"--lever-arm {name}: no sensor of the ego", where=log.name, hint=hint)
+    open_topics = [topic for topic in topics if topic not in given]
+    channels = sorted({c.topic for c in log.transform_channels()}, key=lambda name: ("static" not in name, name))
+    if not channels or not open_topics:
+        return given, (), ()
+    tree: dict[str, Transform] = {}
+    counts = tuple(read_tree(log, topic, tree) for topic in channels)
+    found, notes = dict(given), []
+    for topic, frame in _frames(log, open_topics).items():
+        carried = carried_by_body(tree, frame)
+        if carried is None:
+            continue
+        body, matrix = carried
+        ahead_m, left_m = float(matrix[0, 3]), float(matrix[1, 3])
+        stands = f"{ahead_m:.2f} m ahead and {left_m:.2f} m to the left of {body} ({frame})"
+        if is_on_car(ahead_m, left_m):
+            found[topic] = ahead_m, left_m
+            notes.append(f"{topic} stands {stands}")
+        else:
+            notes.append(f"{topic}: {stands} is not on the car, not used")
+    return found, counts, tuple(notes)
+
+
+def read_tree(log: Log, topic: str, tree: dict[str, Transform], frame: str = "") -> TransformCount:
+    """Fill the tree from one topic; with a frame only until it leads from there to the road below the car."""
+    read, used, unreadable = 0, 0, 0
+    for transforms in log.transforms(topic):
+        read += 1
+        if transforms is None:
+            unreadable += 1
+            continue
+        new = [each for each in transforms if each.child not in tree]
+        for each in new:
+            tree.setdefault(each.child, each)
+        used += bool(new)
+        found = body_from_frame(tree, frame) if new and frame else None
+        if found is not None and found[0] == BODY_FRAMES[0]:
+            break
+    return TransformCount(topic, read, used, unreadable)
+
+
+def _frames(log: Log, topics: Sequence[str]) -> Mapping[str, str]:
+    """Topic -> the frame of reference that its first message names."""
+    found = {}
+    for topic, columns in log.load(dict.fromkeys(topics, FRAME_FIELDS)).items():
+        for name in FRAME_FIELDS:
+            values = columns.fields.get(name)
+            if isinstance(values, Strings) and len(values) and values.codes[0] >= 0:
+                found[topic] = values.values[values.codes[0]].lstrip("/")
+    return found
