@@ -41,7 +41,7 @@ from cwcli.prediction.outcome import (
 )
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.record import NEVER_NS, Track, joined, known_at_ns, known_tracks, measured_acted
-from cwcli.prediction.rollout import Discretisation, rollout, time_grid
+from cwcli.prediction.rollout import ROWS_AT_ONCE, Discretisation, rollout, time_grid
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -89,15 +89,22 @@ def calibrated(
             None: zeros.
     """
     log_scale = log_variance_scale(paths, stamp_ns, position_m, calibration, outcome, begin)
-    return _scaled(paths, log_scale)
+    return _scaled(replace(paths, position_covariance_m2=paths.position_covariance_m2.copy()), log_scale, True)
 
 
-def _scaled(paths: Paths, log_scale: FloatArray) -> Paths:
-    core, whole = (between_knots(log_scale[..., i], paths.time_s) for i in (0, 1))
-    factor = np.exp(whole)[..., None]
-    covariance = paths.position_covariance_m2 * factor
-    covariance += paths.position_covariance_m2[:, :1] * np.maximum(1.0 - factor, 0.0)
-    return replace(paths, position_covariance_m2=covariance, core_factor=np.exp(core - whole))
+def _scaled(paths: Paths, log_scale: FloatArray, has_core: bool) -> Paths:
+    """The paths with their covariance scaled in place, and if it is wanted the factor for the 50 % ellipse."""
+    core_factor = np.empty(paths.x_m.shape) if has_core else None
+    for first in range(0, len(paths), ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        covariance, whole = paths.position_covariance_m2[rows], between_knots(log_scale[rows, :, 1], paths.time_s)
+        factor = np.exp(whole)
+        kept = np.maximum(1.0 - factor, 0.0)[..., None] * covariance[:, :1]
+        covariance *= factor[..., None]
+        covariance += kept
+        if core_factor is not None:
+            core_factor[rows] = np.exp(between_knots(log_scale[rows, :, 0], paths.time_s) - whole)
+    return replace(paths, core_factor=core_factor)
 
 
 def knots_s(horizon_s: float) -> FloatArray:
@@ -238,6 +245,7 @@ def predict_vehicles(
     prior: DriverPrior | None = None,
     calibration: Calibration | None = None,
     log_time_ns: Int64Array | None = None,
+    has_core: bool = False,
 ) -> Paths:
     """`rollout` of all rows with their measured gains, then each vehicle's covariance `calibrated` by its own record.
 
@@ -247,6 +255,7 @@ def predict_vehicles(
         state, covariance, horizon_s, step_s, discretisation, prior: As in `rollout`.
         calibration: None: the default.
         log_time_ns: Shape (n,): when the states were known; None: at their stamps.
+        has_core: The paths have a `core_factor`.
     """
     learns = model in MODELS and MODELS[model].learns
     paths = rollout(
@@ -275,7 +284,7 @@ def predict_vehicles(
             newest = np.searchsorted(track.known_ns, known_ns[rows], side="right") - 1
             log_scale[rows] = np.where((newest >= 0)[:, None, None], own[np.maximum(newest, 0)], log_scale[rows])
         log_scale[track.rows] = own
-    return _scaled(paths, log_scale)
+    return _scaled(paths, log_scale, has_core)
 
 
 def _squared(judged: Paths, track: Track, settings: Calibration) -> FloatArray:

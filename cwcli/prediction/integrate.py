@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import paths as kernel
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.fleet import acted_at
+from cwcli.prediction.fleet import KNOTS_S, acted_at
 from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
@@ -174,7 +174,8 @@ def _stop_time(motion: _Motion, state: FloatArray, speed: FloatArray) -> FloatAr
             before_v, after_v = speed[rows, after - 1], speed[rows, after]
             stop_s[rows] = time_s[after - 1] + (time_s[1] - time_s[0]) * before_v / (before_v - after_v)
         else:
-            stop_s[rows] = _bisect(motion.of(rows), state[rows], direction[rows], time_s[after - 1], time_s[after])
+            found = _between_knots if motion.acted is not None else _bisect
+            stop_s[rows] = found(motion.of(rows), state[rows], direction[rows], time_s[after - 1], time_s[after])
     stop_s[standing] = 0.0
     return stop_s
 
@@ -186,6 +187,23 @@ def _bisect(motion: _Motion, state: FloatArray, direction: FloatArray, low: Floa
         moving = direction * _speed(state, motion.at(middle[:, None]))[:, 0] >= 0.0
         low, high = np.where(moving, middle, low), np.where(moving, high, middle)
     return 0.5 * (low + high)
+
+
+def _between_knots(
+    motion: _Motion, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """The same for an acceleration that acts for a time that is linear between knots: so is the speed."""
+
+    def ahead_mps(time_s: FloatArray) -> FloatArray:
+        return np.asarray(direction * _speed(state, motion.at(time_s[:, None]))[:, 0])
+
+    for knot_s in KNOTS_S.tolist():
+        inside = (low < knot_s) & (knot_s < high)
+        if inside.any():
+            moving = ahead_mps(np.full(len(state), knot_s)) >= 0.0
+            low, high = np.where(inside & moving, knot_s, low), np.where(inside & ~moving, knot_s, high)
+    before, after = np.maximum(ahead_mps(low), 0.0), np.minimum(ahead_mps(high), 0.0)
+    return np.asarray(low + (high - low) * before / np.maximum(before - after, STANDS_MPS))
 
 
 def _stopping(motion: _Motion, state: FloatArray, stop_s: FloatArray) -> Integral:

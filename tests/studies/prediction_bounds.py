@@ -153,6 +153,7 @@ def _errors(model: str, known: Known) -> list[HorizonErrors]:
         states.covariance,
         horizon_s=HORIZONS_S[-1],
         log_time_ns=states.log_time_ns,
+        has_core=True,
     )
     found = []
     for name, rows in tracks_of(states.ids, states.stamp_ns):

@@ -179,10 +179,10 @@ def test_ellipses_of_a_vehicle_begin_with_what_the_others_showed() -> None:
     state, covariance = np.zeros((n + 100, 8)), np.tile(np.eye(8) * 25.0, (n + 100, 1, 1))
     vehicle = np.concatenate([np.arange(n) % 4, np.full(100, 4)])
     stamp_ns = np.concatenate([stamps(n), stamps(n)[-1] + stamps(100) + 1])
-    paths = predict_vehicles("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5)
+    paths = predict_vehicles("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5, has_core=True)
     area = paths.position_covariance_m2[:, -1, 0]
     assert area[n] < 0.5 * area[0]
-    cut = predict_vehicles("auto", vehicle[:n], stamp_ns[:n], state[:n], covariance[:n], horizon_s=2.5)
+    cut = predict_vehicles("auto", vehicle[:n], stamp_ns[:n], state[:n], covariance[:n], horizon_s=2.5, has_core=True)
     np.testing.assert_array_equal(paths.position_covariance_m2[:n], cut.position_covariance_m2)
     assert paths.core_factor is not None and cut.core_factor is not None
     np.testing.assert_array_equal(paths.core_factor[:n], cut.core_factor)
@@ -194,7 +194,7 @@ def test_errors_of_the_models_have_the_ellipses_of_the_published_paths() -> None
     state, covariance = np.zeros((n, 8)), np.tile(np.eye(8), (n, 1, 1))
     state[:, :2] = rng.normal(size=(n, 2))
     vehicle, stamp_ns = np.arange(n) % 3, stamps(n)
-    paths = predict_vehicles("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5)
+    paths = predict_vehicles("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5, has_core=True)
     acted = measured_acted(vehicle, stamp_ns, stamp_ns, state, covariance)
     begin = stream_beginnings("auto", vehicle, stamp_ns, stamp_ns, state, covariance, acted, horizon_s=2.5, step_s=0.05)
     rows = np.flatnonzero(vehicle == 1)
