@@ -13,6 +13,8 @@ from cwcli import __version__
 from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
 from cwcli.errors import CwcliError, InputError
+from cwcli.evaluation.system.topics import System
+from cwcli.fleet.results import read_metrics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateResult, check_gates
 from cwcli.metrics.pooling import LogMetrics, MetricRow, rows_of
@@ -24,6 +26,7 @@ from cwcli.report.section import Detail, log_view
 from cwcli.report.sensors import doubts
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
+from cwcli.report.system import judged_system, system_sentences
 from cwcli.report.tables import value_text
 from cwcli.report.views import LogView
 from cwcli.text import count, printable
@@ -83,29 +86,37 @@ class _Candidate:
 
 
 def build_report(
-    source: str, *, gates: Sequence[str] = (), recover: bool = False, progress: Progress | None = None
+    source: str,
+    *,
+    gates: Sequence[str] = (),
+    system: System | None = None,
+    recover: bool = False,
+    progress: Progress | None = None,
 ) -> Report:
     """Make the page.
 
     Args:
         source: An output folder of `cwcli run -d`, or one annotated log.
         gates: Gate expressions beside those of the pipeline.
+        system: Another system in the logs, which is judged too, or None.
         recover: Read what is intact of a single damaged log.
         progress: Told which log is worked on.
 
     Raises:
         InputError: The source can't be read.
         MissingSignalError: No stage of cwcli has run on the log.
-        UsageError: The extra `report` is not installed, or a gate is malformed.
+        UsageError: The extra `report` is not installed, a gate is malformed, or another system's topic or field is not
+            there.
     """
     say = progress or (lambda text: None)
     renderer = Renderer()
     run = read_run(source)
+    if system is not None and run.is_folder:
+        run = _scored_again(run, source, system, say)
     gates = [*run.gates, *gates]
     if len(run.entries) == 1 and not run.entries[0].has_failed and run.entries[0].log is not None:
-        return _of_one_log(
-            run, source if not run.is_folder else str(run.entries[0].log), gates, renderer, say, recover=recover
-        )
+        source = source if not run.is_folder else str(run.entries[0].log)
+        return _of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
     results = check_gates(gates, [_log_metrics(each) for each in run.entries])
     candidates = sorted((_candidate(each, results) for each in run.entries), key=_order)
     is_few = len(candidates) <= FEW_LOGS
@@ -116,7 +127,7 @@ def build_report(
     for index, candidate in enumerate(shown):
         say(candidate.entry.name)
         is_open = len(shown) <= OPEN_LOGS or index == 0
-        made = _section(candidate, f"log-{index + 1}", renderer, budget, is_few=is_few, is_open=is_open)
+        made = _section(candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open)
         if made is None:
             n_misfits += 1
             if n_misfits == MAX_MISFITS:
@@ -131,7 +142,14 @@ def build_report(
 
 
 def _of_one_log(
-    run: Run, source: str, gates: Sequence[str], renderer: Renderer, say: Progress, *, recover: bool
+    run: Run,
+    source: str,
+    gates: Sequence[str],
+    renderer: Renderer,
+    say: Progress,
+    *,
+    system: System | None,
+    recover: bool,
 ) -> Report:
     """The page of one annotated log."""
     say(run.name)
@@ -140,11 +158,11 @@ def _of_one_log(
         require_results(log)
         if not run.is_folder:
             name = log.name.rpartition("/")[2]
-            entry = Entry(entry.id, name, log.name, entry.log, metrics=_evaluated(log, is_needed=bool(gates)))
+            entry = Entry(entry.id, name, log.name, entry.log, metrics=_evaluated(log, system, is_needed=bool(gates)))
         results = check_gates(gates, [_log_metrics(entry)])
         section, story, badges = "", None, []
         for detail in (Detail(), Detail(n_pieces=400), FOLDED, TIGHT):
-            view = _view(log, entry, "log-1", [], detail, is_alone=True, is_open=True)
+            view = _view(log, entry, "log-1", [], detail, system, is_alone=True, is_open=True)
             if not entry.metrics:
                 note = "No metrics are shown; `cwcli evaluate` computes them."
                 view = replace(view, notes=(*view.notes, note))
@@ -174,7 +192,16 @@ def _log_metrics(entry: Entry) -> LogMetrics:
     return LogMetrics(entry.id, entry.metrics, error)
 
 
-def _evaluated(log: Log, *, is_needed: bool) -> dict[str, MetricRow]:
+def _scored_again(run: Run, source: str, system: System, say: Progress) -> Run:
+    """The run with the metrics of another system among those of each log."""
+    found = {log.id: log for log in read_metrics(source, system=system, step=say).logs}
+    known = {entry.id: found[entry.id].rows for entry in run.entries if entry.id in found}
+    return replace(
+        run, entries=tuple(replace(each, metrics=known.get(each.id) or each.metrics) for each in run.entries)
+    )
+
+
+def _evaluated(log: Log, system: System | None, *, is_needed: bool) -> dict[str, MetricRow]:
     """The headline metrics of a log that is not part of a run; none where they can't be computed.
 
     Args:
@@ -184,11 +211,13 @@ def _evaluated(log: Log, *, is_needed: bool) -> dict[str, MetricRow]:
     from cwcli.evaluation.evaluate_log import evaluate_log
 
     n_paths = sum(channel.message_count or 0 for channel in log.channels if channel.schema_name == EGO_PATH.schema)
-    if n_paths > MAX_PATHS and not is_needed:
+    if n_paths > MAX_PATHS and not is_needed and system is None:
         return {}
     try:
-        return rows_of(evaluate_log(log))
+        return rows_of(evaluate_log(log, system=system))
     except CwcliError:
+        if system is not None:  # it is asked for
+            raise
         return {}
 
 
@@ -233,7 +262,14 @@ def _order(candidate: _Candidate) -> tuple[Any, ...]:
 
 
 def _section(
-    candidate: _Candidate, anchor: str, renderer: Renderer, budget: int, *, is_few: bool, is_open: bool
+    candidate: _Candidate,
+    anchor: str,
+    renderer: Renderer,
+    budget: int,
+    system: System | None,
+    *,
+    is_few: bool,
+    is_open: bool,
 ) -> str | None:
     """The log's part of the page, in as much detail as the budget allows; None where even the least is too much."""
     assert candidate.entry.log is not None
@@ -241,7 +277,8 @@ def _section(
     try:
         with Log.open(candidate.entry.log) as log:
             for detail in details:
-                view = _view(log, candidate.entry, anchor, candidate.badges, detail, is_alone=False, is_open=is_open)
+                entry, badges = candidate.entry, candidate.badges
+                view = _view(log, entry, anchor, badges, detail, system, is_alone=False, is_open=is_open)
                 candidate.story = candidate.story or view.story.headline[:MAX_STORY]
                 made = renderer.log(view)
                 if len(made.encode()) <= budget:
@@ -254,11 +291,20 @@ def _section(
 
 
 def _view(
-    log: Log, entry: Entry, anchor: str, badges: Sequence[Badge], detail: Detail, *, is_alone: bool, is_open: bool
+    log: Log,
+    entry: Entry,
+    anchor: str,
+    badges: Sequence[Badge],
+    detail: Detail,
+    system: System | None,
+    *,
+    is_alone: bool,
+    is_open: bool,
 ) -> LogView:
-    drive = read_drive(log)
+    drive = replace(read_drive(log), system=judged_system(log, system))
     meetings = find_meetings(drive)
     story: Story = tell(drive, meetings, entry.left_out.get("warn", ""), doubts(drive))
+    story = replace(story, more=(*story.more, *system_sentences(drive)))
     return log_view(
         log,
         entry,

@@ -19,6 +19,8 @@ Trace = dict[str, Any]
 
 EGO = "#0072B2"
 ALERT = "#D55E00"
+SYSTEM = "#5B3A8C"
+"""Another system's warnings."""
 RAW = "#767676"
 TRUTH = "#000000"
 OTHERS = ("#CC79A7", "#009E73", "#8A6D00", "#56B4E9", "#5B3A8C", "#A6611A")

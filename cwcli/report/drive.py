@@ -21,6 +21,7 @@ from cwcli.estimation.result import NOTHING_GATED, Gated
 from cwcli.evaluation.estimate import read_ego_truth
 from cwcli.evaluation.records import rule_of, sources_of, warn_record
 from cwcli.evaluation.subject import EgoTruth
+from cwcli.evaluation.system.warnings import FlagScores
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
 from cwcli.pipeline.records import inputs_of, map_of, run_records
@@ -62,6 +63,15 @@ class OtherTrack:
 
 
 @dataclass(frozen=True)
+class JudgedSystem:
+    """Another system's warnings: their topic, what became of them, and what is to be said of them."""
+
+    topic: str
+    found: FlagScores
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Drive:
     """One annotated log.
 
@@ -79,6 +89,7 @@ class Drive:
         notes: What the reader of the page should know.
         truth: The ego's, None where the log has none.
         gated: The ego's measurements that were not believed.
+        system: Another system's warnings, None where none are judged.
     """
 
     name: str
@@ -95,6 +106,7 @@ class Drive:
     notes: tuple[str, ...] = ()
     truth: EgoTruth | None = None
     gated: Gated = NOTHING_GATED
+    system: JudgedSystem | None = None
 
     def seconds(self, stamp_ns: Int64Array) -> FloatArray:
         """Stamps as seconds from the log's start."""

@@ -30,6 +30,7 @@ from cwcli.report.drawing import (
 from cwcli.report.drive import Drive, ego_size
 from cwcli.report.encounters import Encounter, Nearest
 from cwcli.report.map_figure import other_name, with_breaks
+from cwcli.report.signal_figures import system_marks
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
@@ -226,6 +227,7 @@ def _nearness(
     ]
     drawn = [_level(drive.rule.distance_m)]
     drawn += [upright(round((at_ns - drive.start_ns) / NS_PER_S, 3), text, colour) for at_ns, text, colour in marks]
+    drawn += system_marks(drive, span_ns)
     layout: dict[str, Any] = {
         "xaxis": axis("time since the log began [s]", anchor="y2"),
         "yaxis": axis("distance [m]", domain=[0.4, 1.0], range=_distances(columns)),

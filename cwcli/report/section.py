@@ -22,6 +22,7 @@ from cwcli.report.sensors import error_figure, sensors_view
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
 from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, verdict_badge, verdict_sentence
+from cwcli.report.system import system_tables
 from cwcli.report.tables import all_warnings, encounter_facts, log_tables
 from cwcli.report.views import EventView, LogView, Picture, Plot
 from cwcli.signals.row_order import rows_by_id
@@ -63,7 +64,7 @@ def log_view(
     is_open: bool,
 ) -> LogView:
     """Everything that is shown of a log."""
-    notes = list(drive.notes)
+    notes = [*drive.notes, *(drive.system.notes if drive.system is not None else ())]
     chosen = sorted(most_critical(meetings)[: detail.n_events], key=lambda each: (each.raised_ns, each.event_id))
     pictures, why = _pictures(log, drive, chosen[: detail.n_frame_events], detail)
     if why:
@@ -99,6 +100,7 @@ def log_view(
         events=tuple(events),
         event_table=all_warnings(drive, meetings) if len(meetings.encounters) > len(chosen) else None,
         signals=tuple(signals),
+        system=tuple(system_tables(drive, entry.metrics)),
         frames=tuple(_evenly(drive, pictures)) if not chosen else (),
         sensors=sensors_view(drive),
         tables=tuple(log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),

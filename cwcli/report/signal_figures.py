@@ -14,6 +14,7 @@ from cwcli.report.drawing import (
     ALERT,
     EGO,
     RAW,
+    SYSTEM,
     Figure,
     Trace,
     axis,
@@ -152,7 +153,18 @@ def stacked(
         shape, label = upright(at, f"warning {encounter.event_id}", ALERT)
         layout["shapes"].append(shape)
         layout["annotations"].append(label)
+    for shape, label in system_marks(drive):
+        layout["shapes"].append(shape)
+        layout["annotations"].append(label)
     return {"data": data, "layout": layout}
+
+
+def system_marks(drive: Drive, span_ns: tuple[int, int] | None = None) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Upright lines where another system warned, the first `MAX_MARKED`; their words stand at the bottom."""
+    judged = () if drive.system is None else drive.system.found.judged
+    raised = [each.raised_ns for each in judged if span_ns is None or span_ns[0] <= each.raised_ns <= span_ns[1]]
+    marks = [upright(round((at - drive.start_ns) / NS_PER_S, 3), "other system", SYSTEM) for at in raised[:MAX_MARKED]]
+    return [(shape, {**label, "y": 0, "yanchor": "bottom"}) for shape, label in marks]
 
 
 def _curve(

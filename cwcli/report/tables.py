@@ -130,9 +130,13 @@ def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
     for metric in list(entry.metrics.values())[: 2 * MAX_ROWS]:
         known = metric_of(metric.metric)
         value, between = value_text(metric.metric, metric.value), interval(metric.low, metric.high)
-        row = (metric.metric, value, metric.unit, between, str(metric.n))
+        if metric.stage == "system":  # beside cwcli's own, in a table of its own
+            continue
+        row = (metric.metric, value, metric.unit, metric.states, between, str(metric.n))
         (main if known is not None and known.is_compared else rest).append(row)
-    columns = (("metric", False), ("value", True), ("unit", False), ("95 % interval", False), ("samples", True))
+    texts = ("metric", "unit", "states", "95 % interval")
+    names = ("metric", "value", "unit", "states", "95 % interval", "samples")
+    columns = tuple((name, name not in texts) for name in names)
     tables = [TableView("Headline metrics", columns, tuple(main))] if main else []
     if rest and has_all_metrics:
         tables.append(TableView("Further metrics", columns, tuple(rest), is_folded=True))

@@ -86,4 +86,5 @@ class LogView:
     frames: tuple[Picture, ...] = ()
     tables: tuple[TableView, ...] = ()
     sensors: SensorsView | None = None
+    system: tuple[TableView, ...] = ()
     notes: tuple[str, ...] = field(default=())

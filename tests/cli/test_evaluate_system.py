@@ -7,6 +7,7 @@ import math
 import re
 import shlex
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,13 @@ import numpy as np
 import pytest
 
 from cwcli.cli.main import run
+from cwcli.evaluation.system.topics import parse_system
 from cwcli.logs.read.reader import Log
+from cwcli.report.drive import read_drive
+from cwcli.report.encounter_figures import distance_figure
+from cwcli.report.encounters import find_meetings
+from cwcli.report.signal_figures import motion_figure
+from cwcli.report.system import judged_system, system_sentences, system_tables
 from tests.cli.rewritten_logs import Logged, read, write
 
 ROOT = Path(__file__).parents[2]
@@ -151,3 +158,48 @@ def test_a_log_without_states_and_a_table_can_not_be_judged(
     assert run(["evaluate", str(drive / "annotated.mcap"), "--metrics", str(tmp_path / "m.parquet"), "--quiet"]) == 0
     assert run(["evaluate", str(tmp_path / "m.parquet"), option]) == 2
     assert "--topic needs the annotated logs" in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_report_shows_the_other_systems_warnings(drive: Path, tmp_path: Path) -> None:
+    page, option = tmp_path / "report.html", "--topic=warning=/adas/fcw:data==true"
+    assert run(["report", str(drive / "annotated.mcap"), "-o", str(page), option, "--quiet"]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "The other system (/adas/fcw) gave 1 warning: 1 came true. It warned of 1 of 1 conflict" in text
+    assert "The other system beside cwcli" in text
+    assert "Warnings of /adas/fcw" in text
+    assert run(["report", str(drive / "annotated.mcap"), "-o", str(page), "--force", "--quiet"]) == 0
+    assert "other system" not in page.read_text(encoding="utf-8")
+
+
+def test_the_figures_mark_the_other_systems_warnings(drive: Path) -> None:
+    system = parse_system(["warning=/adas/fcw:data==true"])
+    with Log.open(drive / "annotated.mcap") as log:
+        found = read_drive(log)
+        judged = replace(found, system=judged_system(log, system))
+    meetings = find_meetings(judged)
+    for figure in (motion_figure(judged, meetings, 100), distance_figure(judged, meetings.encounters[0])):
+        assert figure is not None
+        marks = [label["x"] for label in figure["layout"]["annotations"] if label["text"] == "other system"]
+        assert marks == [UP_S[0]]
+    assert system_sentences(found) == system_tables(found, {}) == []
+
+
+def test_a_report_of_a_wrong_field_is_not_written(drive: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    option = "--topic=warning=/adas/fcw:dta==true"
+    assert run(["report", str(drive / "annotated.mcap"), "-o", str(page), option, "--quiet"]) == 2
+    assert not page.exists()
+
+
+def test_a_run_over_several_logs(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    option = "--topic=warning=/adas/fcw:data==true"
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.mcap").write_bytes((drive / "drive.mcap").read_bytes())
+    logs = [str(tmp_path / f"{name}.mcap") for name in ("a", "b")]
+    assert run(["run", *logs, "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
+    code, found = document(capsys, "evaluate", tmp_path / "out", option)
+    assert code == 0
+    assert found["pooled"]["system.warnings.count"]["value"] == 2
+    page = tmp_path / "report.html"
+    assert run(["report", str(tmp_path / "out"), "-o", str(page), option, "--quiet"]) == 0
+    assert page.read_text(encoding="utf-8").count("Warnings of /adas/fcw") == 2

@@ -33,8 +33,6 @@ EXAMPLES = (
     "cwcli evaluate out/ --gate 'pooled(warnings.recall) >= 0.9' --markdown -",
     "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true --gate 'system.warnings.recall >= 0.9'",
 )
-SYSTEM = "system."
-"""Another system's metrics have the names of cwcli's own behind it."""
 BESIDE = ("metric", "the system", "cwcli", "states", "n")
 MAX_SHOWN = 20
 MAX_IN_MARKDOWN = 200
@@ -136,7 +134,7 @@ def _show(
     what = "Headline metrics" if run.is_one_log else f"Headline metrics, {count(len(done), 'log')} pooled"
     console.heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_telling(name)]
-    own = [row for row in shown if not row.metric.startswith(SYSTEM)]
+    own = [row for row in shown if row.stage != "system"]
     console.summary(table(("metric", "value", "states", "95 % interval", "n"), [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
@@ -163,14 +161,12 @@ def _show(
 
 def _beside(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
     """Another system's metrics, each beside cwcli's own."""
-    rows: list[tuple[Cell, ...]] = []
-    for name, row in pooled.items():
-        if name.startswith(SYSTEM):
-            known = name.removeprefix(SYSTEM)
-            own = pooled.get(known.replace("ego.", "ego.online_", 1), pooled.get(known))
-            ours: Cell = "" if own is None else own.value
-            rows.append((name.removeprefix(SYSTEM), row.value, ours, _short(row.states), row.n))
-    return rows
+    from cwcli.metrics.beside import beside
+
+    return [
+        (name, row.value, "" if own is None else own.value, _short(row.states), row.n)
+        for name, row, own in beside(pooled)
+    ]
 
 
 def _notes(run: RunMetrics) -> dict[str, list[str]]:

@@ -9,7 +9,7 @@ import typer
 
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.runs import GatesOption
+from cwcli.cli.options.runs import GatesOption, SystemOption
 from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
@@ -18,6 +18,7 @@ from cwcli.cli.text import count
 EXAMPLES = (
     "cwcli report out/ -o report.html",
     "cwcli report drive.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
+    "cwcli report annotated.mcap -o report.html --topic warning=/adas/fcw:data==true",
 )
 
 SourceArgument = Annotated[
@@ -41,6 +42,7 @@ def command(
     source: SourceArgument,
     output: PageOption,
     talk: TalkOptions,
+    topics: SystemOption = None,
     gates: GatesOption = None,
     recover: RecoverOption = False,
     force: ForceOption = False,
@@ -52,15 +54,21 @@ def command(
     logs the failed and the warned ones come first, and the page says what is left out. A failed gate is shown; the
     exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
     """
+    from cwcli.evaluation.system.topics import parse_system
     from cwcli.output import check_targets, write_file
     from cwcli.report.build import build_report
 
+    system = parse_system(topics) if topics else None
     target = str(stdout_or_file(output))
     check_targets([target], force=force, inputs=[source])
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
         report = build_report(
-            source, gates=gates or (), recover=recover, progress=lambda name: progress.step(f"report {name}")
+            source,
+            gates=gates or (),
+            system=system,
+            recover=recover,
+            progress=lambda name: progress.step(f"report {name}"),
         )
         write_file(target, report.html, force=force)
     document = {
