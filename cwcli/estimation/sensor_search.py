@@ -14,12 +14,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
 from cwcli.estimation.noise import LEAD_IN_S, MIN_ROWS_FOR_NOISE, busiest_window, noise_factor
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, Series, run_pass
+from cwcli.estimation.passes import PassResult, Series, TimeOrder, run_pass
 from cwcli.estimation.prepare import thinned_to
 from cwcli.estimation.sensor_model import AHEAD_PRIOR_M, Layout, Part, SensorModel, Slow, lay_out, pitch_rate_of
 from cwcli.estimation.start import start_with_parameters
@@ -181,19 +180,24 @@ class _Trials:
     """Passes over the same rows with different sensor models."""
 
     def __init__(self, base: Layout, slack_m: Sequence[float]) -> None:
-        """Cut a window and leave out what the filter rejects without a sensor model."""
+        """Cut a window, thin it, and leave out what the filter rejects without a sensor model."""
         begin, end = _window(base.series)
-        cut = [s.at((s.time_s - s.latency_s >= begin) & (s.time_s - s.latency_s <= end)) for s in base.series]
+        cut = [
+            replace(thinned_to(s.at((s.time_s - s.latency_s >= begin) & (s.time_s - s.latency_s <= end)), THINNED_HZ),
+                    gate_nis=gate_nis(GATE_PROBABILITY, s.width))
+            for s in base.series
+        ]  # fmt: skip
         self.span_s, self.slack_m = end - begin, slack_m
         self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SIDE_SLIP_M))
-        self._rows: list[npt.NDArray[np.bool_]] | None = None
-        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in self._series(self.base)]
-        result = self._pass(gated, self.base)
+        self._orders: dict[float, TimeOrder] = {}
+        result = self._pass(cut, self.base)
         # A spike of an inertial sensor spoils a row or two; a manoeuvre that looks like one must stay.
-        self._rows = [
-            np.asarray((status >= UpdateStatus.USED) | (s.kind in RATES))
-            for s, status in zip(gated, result.status, strict=True)
+        kept = [
+            replace(s.at((status >= UpdateStatus.USED) | (s.kind in RATES)), gate_nis=0.0)
+            for s, status in zip(cut, result.status, strict=True)
         ]
+        self.base = replace(self.base, series=kept)
+        self._orders.clear()
 
     def try_model(self, model: SensorModel, near: _Trial | None = None) -> _Trial:
         """Run the filter until the noise agrees with the innovations.
@@ -203,7 +207,7 @@ class _Trials:
             near: A trial whose noise is a good first guess.
         """
         layout = lay_out(self.base, model)
-        series = self._series(layout)
+        series = layout.series
         factors = np.ones(len(series)) if near is None else np.array(near.factors)
         for _ in range(MAX_MATCHINGS):
             scaled = [s.scaled(float(f)) for s, f in zip(series, factors, strict=True)]
@@ -259,15 +263,10 @@ class _Trials:
         moved = Slow(slow.sigma * wider, slow.time_s * longer)
         return moved if shortest <= moved.time_s <= min(longest, self.span_s / MIN_TURNS) else None
 
-    def _series(self, layout: Layout) -> list[Series]:
-        """The layout's rows as they are tried: thinned, without outliers, not gated."""
-        series = [replace(thinned_to(s, THINNED_HZ), gate_nis=0.0) for s in layout.series]
-        return series if self._rows is None else [s.at(rows) for s, rows in zip(series, self._rows, strict=True)]
-
     def _pass(self, series: Sequence[Series], layout: Layout) -> PassResult:
         start = start_with_parameters(series, layout.prior, causal=False)
         motion = layout.parameters.motion(layout.walk)
-        return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50)
+        return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=self._orders)
 
 
 def _score(series: Sequence[Series], result: PassResult) -> float:
@@ -289,8 +288,6 @@ def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
         found: The model and what was made of each error.
         plain, modelled: The log without and with it, noise settled.
     """
-    if not found.model.parts:
-        return found
     scores = []
     for layout in (plain, modelled):
         thin = [thinned_to(s, THINNED_HZ) for s in layout.series]

@@ -142,6 +142,8 @@ def _latencies_and_sensors(
         corrected = _corrected(base, told[1])
         if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
             found = find_sensor_model(_settled(corrected), found, [each.left_s for each in told[1]])
+    if not found.model.parts:
+        return *told, found
     plain = _corrected(base, told[1])
     return *told, if_better(found, _settled(plain), _settled(lay_out(plain, found.model)))
 
