@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.calibrated import calibrated_model, calibrated_motion, with_latencies, with_priors
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import NO_LATENCY, Latency, LatencyStatus, latency_roles, references, straightened
+from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, references, straightened
 from cwcli.estimation.latency_clock import Told, on_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
@@ -78,7 +78,7 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
     unknown = (
         f"{s.source}: latency of {s.kind.name.lower()} not observable{_bound(latency)}, not corrected"
         for s, latency in zip(series, latencies, strict=True)
-        if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s)
+        if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s) and not config.blind
     )
     drifting = (
         f"{s.source}: latency of {s.kind.name.lower()} drifts by {MS_PER_MINUTE * latency.drift:.0f} ms per minute, "
@@ -158,7 +158,7 @@ def _latencies(
     """
     series = [replace(s, slow_state=-1) if s.kind is Kind.POSITION else s for s in layout.series]
     if config.blind:
-        compared = [NO_LATENCY if role is None else role for role in roles]
+        compared = [Latency(LatencyStatus.NOT_OBSERVABLE) if role is None else role for role in roles]
     else:
         compared = find_latencies(series, roles, layout.parameters, layout.walk, layout.prior)
     if config.calibration is None:

@@ -12,6 +12,7 @@ from cwcli.errors import UsageError
 from cwcli.estimation import EstimatorConfig, Kind, LatencyStatus, Measurements, estimate_track
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.pooling import Drive, Said, calibrated, pooled
+from cwcli.estimation.track import estimate_both
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
 
 LATE = {"gnss": 0.12, "speed": 0.04}
@@ -92,6 +93,17 @@ def test_causal_estimate_with_a_calibration_knows_nothing_of_what_comes_later(ca
     # Without one the noise and the latencies come from the whole log.
     looked_ahead = [estimate_track(m, EstimatorConfig(causal=True), output_ns).state for m in (whole, first)]
     assert not np.array_equal(*looked_ahead)
+
+
+def test_online_states_use_the_calibration_as_the_causal_estimate_does(car: Calibration) -> None:
+    """Without a search whose result would not count: latencies, biases and states are the same."""
+    measurements = measure(city_drive(9, 60.0), 9, LATE)
+    output_ns = EPOCH_NS + np.arange(1_000_000_000, 59_500_000_000, 50_000_000)
+    _, online = estimate_both(measurements, EstimatorConfig(calibration=car), output_ns, blind=True)
+    causal = estimate_track(measurements, EstimatorConfig(causal=True, calibration=car), output_ns)
+    assert [each.latency.applied_s for each in online.sources] == [each.latency.applied_s for each in causal.sources]
+    assert any(each.latency.applied_s > 0.1 for each in online.sources)
+    np.testing.assert_allclose(online.state, causal.state, atol=1e-6)
 
 
 def test_with_the_smoother_the_calibration_is_weighed_with_the_log(car: Calibration) -> None:
