@@ -106,7 +106,9 @@ class EstimatorConfig:
         ModelName,
         Option("--model", "cwcli: eight states, each sensor at its own time; song2016: the paper's six-state filter."),
     ] = "cwcli"
-    causal: Annotated[bool, Option("--causal", "The filter alone: no estimate uses what was measured later.")] = False
+    causal: Annotated[
+        bool, Option("--causal", "Without the smoother: the states in hindsight are the online ones.")
+    ] = False
     latency: Annotated[
         LatencyOption,
         Option(

@@ -47,7 +47,7 @@ from cwcli.stages.summaries.estimate import knowledge_section, sections
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
-    "cwcli estimate drive.mcap --latency /gps/vel=300 --causal -o estimated.mcap",
+    "cwcli estimate drive.mcap --latency /gps/vel=300 -o estimated.mcap",
 )
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_BRIDGE_S = 60

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "cwcli calibrate monday.mcap tuesday.mcap wednesday.mcap -o car.toml",
-    "cwcli estimate drive.mcap --calibration car.toml --causal -o estimated.mcap",
+    "cwcli estimate drive.mcap --calibration car.toml -o estimated.mcap",
 )
 COLUMNS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
 TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale", "slow_sigma",
