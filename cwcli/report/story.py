@@ -10,7 +10,10 @@ from typing import Literal
 
 import numpy as np
 
+from cwcli.estimation.known import THIS_LOG
 from cwcli.evaluation.conflicts import FALSE, LATE, TRUE, UNDECIDED
+from cwcli.evaluation.records import warn_record
+from cwcli.pipeline.records import configuration_of
 from cwcli.report.drive import Drive
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.signals.units import NS_PER_S
@@ -66,6 +69,8 @@ def tell(drive: Drive, meetings: Meetings, left_out: str = "", doubts: Sequence[
         doubts: What makes the estimate hard to believe; it is said first.
     """
     story = _story(drive, meetings, left_out)
+    if knowledge := _knowledge(drive):
+        story = replace(story, more=(knowledge, *story.more))
     if not doubts:
         return story
     first = f"Do not trust this estimate as it is: it has {join_names(doubts)}."
@@ -228,6 +233,19 @@ def _nobody_near(drive: Drive, meetings: Meetings) -> str:
     name = f"{nearest.other.kind} {printable(nearest.other.id)[:MAX_ID]}"
     at = _at(drive, nearest.stamp_ns)
     return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away (centre to centre) at {at}."
+
+
+def _knowledge(drive: Drive) -> str:
+    """Which states the warnings started from; "" where there are none, or an older version made them."""
+    record, _ = warn_record(drive.records)
+    states = configuration_of(record).get("states")
+    if drive.warnings is None or states is None:
+        return ""
+    if states != "online":
+        return "Warnings are from states in hindsight, which know what came: no car could have given them like this."
+    used = drive.records.get("estimate", {}).get("online_parameters", "")
+    but = ", but with noise and latencies from the whole log" if used == THIS_LOG else ""
+    return f"Warnings are from what the car could have known by then{but}; what happened is told in hindsight."
 
 
 def _length(drive: Drive) -> str:

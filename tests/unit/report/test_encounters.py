@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -168,3 +169,25 @@ def test_no_warnings_computed_says_why() -> None:
 def test_standing_car_has_a_way_of_nothing() -> None:
     scene = drive(None, None, moves=False)
     assert "the car drove 0 m, at most 0 km/h" in " ".join(tell(scene, find_meetings(scene)).more)
+
+
+@pytest.mark.parametrize(
+    ("states", "parameters", "words"),
+    [
+        ("online", "calibration car.toml", "from what the car could have known by then; what happened"),
+        (
+            "online",
+            "this log",
+            "known by then, but with noise and latencies from the whole log; what happened",
+        ),
+        ("hindsight", "this log", "from states in hindsight, which know what came"),
+    ],
+)
+def test_the_first_sentence_below_the_headline_says_what_was_known(states: str, parameters: str, words: str) -> None:
+    scene = drive(straight(30.0, 30.0, 10.0, math.pi), warning(1.0, "7"))
+    records = {
+        "warn": {"configuration": json.dumps({"states": states})},
+        "estimate": {"online_parameters": parameters},
+    }
+    scene = replace(scene, records=records)
+    assert words in tell(scene, find_meetings(scene)).more[0]
