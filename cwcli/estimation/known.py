@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.prepare import epoch_ns, seconds
 from cwcli.estimation.result import SourceReport
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -93,12 +94,11 @@ def known_ns(
     """
     known = np.full(len(stamp_ns), LONG_AGO_NS)
     reached = np.full(len(stamp_ns), NEVER_NS)
-    positions = measurements[0]
+    positions, epoch = measurements[0], epoch_ns(measurements)
     for m in measurements:
         if not len(m):
             continue
-        late_ns = max((_latency_ns(s) for s in sources if s.source == m.source and _is_of(s, m)), default=0)
-        used_ns = m.stamp_ns - late_ns
+        used_ns = m.stamp_ns - _late_ns(m, sources, epoch)
         order = np.argsort(used_ns, kind="stable")
         newest = np.searchsorted(used_ns[order], stamp_ns + slack_ns, side="right")
         known = np.maximum(known, np.append(LONG_AGO_NS, np.maximum.accumulate(m.received_ns[order]))[newest])
@@ -131,9 +131,9 @@ def _placed_ns(measurements: Sequence[Measurements], stamp_ns: Int64Array, max_p
     return np.asarray(first_ns[np.maximum(np.searchsorted(begins, stamp_ns, side="right") - 1, 0)])
 
 
-def _latency_ns(source: SourceReport) -> int:
-    return round(source.latency.applied_s * NS_PER_S)
-
-
-def _is_of(source: SourceReport, m: Measurements) -> bool:
-    return m.kind in (source.kind, Kind.IMU)
+def _late_ns(m: Measurements, sources: Sequence[SourceReport], epoch: int) -> Int64Array:
+    """What was taken off the stamps, (n,); of an IMU the larger of its two kinds' latencies."""
+    time_s = seconds(m.stamp_ns, epoch)
+    own = [s.latency for s in sources if s.source == m.source and m.kind in (s.kind, Kind.IMU)]
+    late_s = [latency.applied_s + latency.drifted_s(time_s) for latency in own]
+    return np.asarray(np.rint(np.max(late_s or [np.zeros(len(m))], axis=0) * NS_PER_S), np.int64)

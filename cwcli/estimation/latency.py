@@ -13,6 +13,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE
 from cwcli.estimation.passes import Series
+from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0
 DRIFT_REACH_S = 150.0  # half of what is searched
@@ -79,16 +80,17 @@ class Latency:
         left_s = math.hypot(self.found_s - self.applied_s, self.sigma_s)
         return left_s if math.isfinite(left_s) else math.inf
 
+    def drifted_s(self, time_s: FloatArray) -> FloatArray:
+        """How much more than in the middle is taken off stamps (n,), seconds since the epoch.
+
+        Farther from the middle than DRIFT_REACH_S it is held: the line was not found there.
+        """
+        return np.asarray(self.drift * np.clip(time_s - self.middle_s, -DRIFT_REACH_S, DRIFT_REACH_S))
+
 
 def straightened(series: Series, latency: Latency) -> Series:
-    """The series with its stamps as they would be if the latency stayed as it is in the middle.
-
-    Farther from the middle than DRIFT_REACH_S it is held: the line was not found there.
-    """
-    if not latency.drift:
-        return series
-    away_s = np.clip(series.time_s - latency.middle_s, -DRIFT_REACH_S, DRIFT_REACH_S)
-    return replace(series, time_s=series.time_s - latency.drift * away_s)
+    """The series with its stamps as they would be if the latency stayed as it is in the middle."""
+    return replace(series, time_s=series.time_s - latency.drifted_s(series.time_s)) if latency.drift else series
 
 
 NO_LATENCY = Latency(LatencyStatus.OFF)
