@@ -1,8 +1,8 @@
 """Mamdani inference over vectors of inputs: minimum for AND, clipped consequents, maximum to aggregate, centroid out.
 
 Own code: scikit-fuzzy 0.5 was considered. It takes 40 ms for one operating point and 1.2 ms for each of a hundred at
-once, against 0.3 and 0.01 ms here, and the closed loop asks 1,600 times a run (docs/papers/song2016.md). The tests
-compare this one with integrals worked out by hand and with scikit-fuzzy's numbers.
+once, against 0.3 and 0.01 ms here, and the closed loop asks 1,600 times a run (docs/papers/song2016-choices.md). The
+tests compare this one with integrals worked out by hand and with scikit-fuzzy's numbers.
 """
 
 from __future__ import annotations

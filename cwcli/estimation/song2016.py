@@ -52,7 +52,7 @@ def process_noise(step_s: float, jerk: float = JERK_SIGMA, yaw_accel: float = YA
     of spectral density (0.2 m/s^3)^2/Hz lets the acceleration change by 0.2 m/s^2 (one sigma) within a second, a yaw
     acceleration of (0.02 rad/s^2)^2/Hz the yaw rate by 0.02 rad/s. Less would smooth more and lag more: at the values
     with which the filter's own covariance would give table 1's reductions of a and of the yaw rate (0.08 and 0.0016)
-    the lag makes both errors larger than the measurement's on the drives of the paper (docs/papers/song2016.md).
+    the lag makes both errors larger than the measurement's on the drives of the paper: docs/papers/song2016-choices.md.
     Both are integrated over the step into speed and heading; their share of the position within one step is below a
     millimetre and left out.
 

@@ -73,6 +73,8 @@ STYLES: dict[str, dict[str, Any]] = {
     "our default": {"color": "tab:red", "linestyle": "--"},
 }
 """A method looks the same in every figure; ours is dashed where it may lie on the paper's."""
+LONG_LABEL = 15
+"""Letters; of longer ones five do not stand side by side."""
 PALETTE = 200
 """Colours of a PNG: half the bytes of true colour, and no visible difference."""
 
@@ -111,7 +113,9 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
         axes.set_ylim(plot.y_range)
     if plot.image is None:
         axes.grid(alpha=0.3)
-    figure.legend(loc="outside lower center", ncols=min(len(axes.get_legend_handles_labels()[0]), 5), fontsize="small")
+    labels = axes.get_legend_handles_labels()[1]
+    columns = 5 if max(map(len, labels), default=0) < LONG_LABEL else 3
+    figure.legend(loc="outside lower center", ncols=max(min(len(labels), columns), 1), fontsize="small")
     sink = io.BytesIO()
     metadata = {"Date": None} if file_format == "svg" else {"Software": "cwcli"}
     figure.savefig(sink, format=file_format, dpi=110, metadata=metadata)

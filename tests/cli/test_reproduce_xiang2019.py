@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from cwcli.cli.main import run
 from cwcli.reproduction.classes import CLASSES
 from cwcli.reproduction.expectations import load_expectations
 from tests.cli.conftest import Run
@@ -89,3 +90,17 @@ def test_what_it_refuses(cwcli: Run, options: tuple[str, ...], said: bytes) -> N
     done = cwcli("reproduce", *options)
     assert done.returncode == 2
     assert said in done.stderr
+
+
+def test_without_matplotlib_nothing_is_begun(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    for option in ("--plots", "--report"):
+        assert run(["reproduce", "xiang2019", option, "figures"]) == 2
+        error = capsys.readouterr().err
+        assert "plots need matplotlib" in error
+        assert "cwcli[plots]" in error
+        assert not Path("figures").exists()

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Run
+from tests.cli.conftest import ROOT, Run
 
 SMALL = ("reproduce", "zhang2011", "--frames", "10", "--seeds", "3")
 
@@ -32,6 +37,24 @@ def test_lanes_and_motion_stand_beside_the_paper_s(cwcli: Run, tmp_path: Path) -
     drawn = {path.name for path in (tmp_path / "figures").iterdir()}
     photographs = {f"fig-{number}.png" for number in (*range(3, 11), 13, 14, 15, 16)}
     assert {"lanes-good.png", "lanes-hard.png", "fig-17a.png", *photographs} <= drawn
+
+
+def test_an_interrupted_study_leaves_no_process_and_no_file(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "cwcli", "reproduce", "zhang2011", "--only", "conclusion1", "--metrics", "z.csv"]
+    study = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    workers: set[int] = set()
+    for _ in range(300):
+        time.sleep(0.1)
+        children = Path(f"/proc/{study.pid}/task/{study.pid}/children").read_text().split()
+        workers |= set(map(int, children))
+        if len(workers) >= 2:
+            break
+    study.send_signal(signal.SIGINT)
+    assert study.wait(20) == 130
+    assert len(workers) >= 2
+    time.sleep(0.2)
+    assert not [worker for worker in workers if Path(f"/proc/{worker}").exists()]
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

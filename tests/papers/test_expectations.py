@@ -6,6 +6,7 @@ import math
 import tomllib
 from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,8 +25,9 @@ from cwcli.reproduction.classes import (
 )
 from cwcli.reproduction.expectations import expectations_of, load_expectations
 from cwcli.reproduction.findings import Part
-from cwcli.reproduction.findings_report import counts, exit_note, reproduction
+from cwcli.reproduction.findings_report import counts, exit_note, reproduction, row_cells
 
+DOCS = Path(__file__).parents[2] / "docs" / "papers"
 PAPERS = ("song2016", "xiang2019", "zhang2011")
 NUMBERED = {  # of each paper, counted in the papers themselves
     "song2016": ([f"fig {n}" for n in range(1, 16)], ["table 1"]),
@@ -62,6 +64,30 @@ def test_no_row_claims_reproduced_with_a_fitted_input_or_without_a_printed_numbe
             assert document["fits"][row["fit"]]["width"]
         if row["class"] in {"better", "differs", "not determinable"}:
             assert document["reasons"][row["why"]]
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_the_page_in_the_docs_is_that_of_the_expectations(paper: str) -> None:
+    """Its numbers need a run; what it says of the paper, its rows, their tolerances and reasons do not."""
+    page = (DOCS / f"{paper}.md").read_text(encoding="utf-8")
+    expected = load_expectations(paper)
+    assert [line[4:] for line in page.splitlines() if line.startswith("### ")] == list(expected.figures)
+    rows = {
+        (cells[0], cells[1], cells[3])
+        for cells in ([cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines())
+        if len(cells) == 6
+    }
+    for name, figure in expected.figures.items():
+        assert figure.prints in page
+        assert figure.why_none in page
+        for picture in figure.pictures:
+            assert f"figures/{paper}/{picture.replace(' ', '-')}.png" in page, name
+            assert (DOCS / "figures" / paper / f"{picture.replace(' ', '-')}.png").exists()
+        for row in figure.rows.values():
+            cells = row_cells(Finding(row, Measured(name, row.what, 0.0)))
+            assert (cells[0], cells[1], cells[3]) in rows, f"{name}, {row.what}"
+    for text in expected.reasons.values():
+        assert text.replace("<", "&lt;") in page
 
 
 def document_with(**fields: Any) -> dict[str, Any]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 from cwcli.pipeline.result import Section
 from cwcli.reproduction.findings import Part
 from cwcli.reproduction.findings_report import Reproduction, reproduction
+from cwcli.reproduction.processes import processes
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.estimation import table1_part
 from cwcli.reproduction.song2016.prediction import horizon_part, path_part, prediction_errors, prediction_part
@@ -59,7 +59,7 @@ def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) 
     ]
     made: list[tuple[list[Part], list[Section]]] = []
     if config.jobs > 1:
-        with ProcessPoolExecutor(config.jobs) as pool:
+        with processes(config.jobs) as pool:
             running = [(task, pool.submit(_run, *task)) for task in tasks]
             for task, future in running:
                 made.append(future.result())

@@ -14,7 +14,6 @@ from cwcli.reproduction.xiang2019.reproduce import (
     N_LOOKS,
     N_SEGMENT,
     NOISE,
-    STATIC_NOISE,
     Table,
     rows_of,
 )
@@ -25,6 +24,8 @@ from cwcli.tracking.single import run_filter
 
 SENSORS = ("lidar", "radar")
 FIGURE_OF = {"ekf": "fig 7", "ukf": "fig 8"}
+APART_M = 14.0
+"""The segments are drawn beside one another."""
 
 
 def numbers(tables: Mapping[str, Table]) -> tuple[Measured, ...]:
@@ -116,51 +117,50 @@ MAKERS = {
 }
 
 
-def looks_part() -> Part:
-    """Figures 5 and 6: the four looks of each sensor at the five ranges, and the errors (seed 0)."""
-    config = replace(FILTER, noise=STATIC_NOISE, start_speed_mps=STATIC_NOISE)
-    ranges: FloatArray = np.array(PAPER_RANGES_M)
-    at: dict[str, list[float]] = {"lidar": [], "radar": []}
-    errors: dict[str, list[float]] = {"lidar": [], "radar": [], "both": []}
+def looks_plot() -> Plot:
+    """Figure 5: the four looks of each sensor at the five ranges (seed 0)."""
+    at: dict[str, list[float]] = {sensor: [] for sensor in SENSORS}
     for true_m in PAPER_RANGES_M:
         scene = static_target(true_m, 2 * N_LOOKS, NOISE, np.random.default_rng([0, round(100 * true_m)]))
-        looks = {"lidar": np.hypot(*scene.lidar_xy.T), "radar": scene.radar[:, 0]}
-        for sensor, found in looks.items():
-            at[sensor] += (found - true_m).tolist()
-            errors[sensor].append(abs(float(found.mean()) - true_m))
-        state = run_filter(rows_of(scene, NOISE), config).state[-1]
-        errors["both"].append(abs(float(np.hypot(state[0], state[1])) - true_m))
-    shown = np.repeat(ranges, N_LOOKS)
-    five = Plot(
+        at["lidar"] += (np.hypot(*scene.lidar_xy.T) - true_m).tolist()
+        at["radar"] += (scene.radar[:, 0] - true_m).tolist()
+    shown = np.repeat(np.array(PAPER_RANGES_M), N_LOOKS)
+    return Plot(
         "fig 5", "four looks of each sensor (first seed)", "true distance [m]", "measured less true distance [m]",
         [Curve(sensor, shown, np.array(values), is_points=True) for sensor, values in at.items()],
         level=("true", 0.0),
     )  # fmt: skip
-    six = Plot(
-        "fig 6", "error of the mean of four looks, and of both sensors together (first seed)", "true distance [m]",
-        "error [m]", [Curve(name, ranges, np.array(values)) for name, values in errors.items()],
-        level=("the paper's", 0.01),
-    )  # fmt: skip
-    return Part((), (five, six))
+
+
+def errors_plot(table: Table) -> Plot:
+    """Figure 6: the mean errors over the seeds."""
+    labels = {"lidar": "four looks of the lidar", "radar": "four looks of the radar", "combined": "all eight"}
+    ranges = _column(table, "range_m")
+    curves = [Curve(label, ranges, _column(table, f"{name}_error_m")) for name, label in labels.items()]
+    title = "error of the distance, mean over the seeds"
+    return Plot(
+        "fig 6", title, "true distance [m]", "error [m]", curves, level=("the paper's", 0.01), y_range=(0, 0.12)
+    )
 
 
 def tracks_part() -> Part:
     """Figures 7 and 8: the four segments as each filter tracks them (seed 0): true, detected, estimated."""
     plots = []
     for name, figure in FIGURE_OF.items():
-        curves: list[Curve] = []
+        lines: dict[str, list[FloatArray]] = {"detected": [], "true": [], "estimated": []}
         for k, segment in enumerate(SEGMENTS):
             scene = watch(*segment_truth(segment, N_SEGMENT), NOISE, np.random.default_rng([0, k]))
             state = run_filter(rows_of(scene, NOISE), replace(FILTER, filter="ekf" if name == "ekf" else "ukf")).state
-            shift = 14.0 * k
-            radar_x, radar_y = (scene.radar[:, 0] * f(scene.radar[:, 1]) for f in (np.cos, np.sin))
-            detected = np.concatenate([scene.lidar_xy, np.stack([radar_x, radar_y], axis=1)])
-            curves += [
-                Curve("detected" if k == 0 else "", detected[:, 0] + shift, detected[:, 1], is_points=True),
-                Curve("true" if k == 0 else "", scene.truth_state[:, 0] + shift, scene.truth_state[:, 1]),
-                Curve("estimated" if k == 0 else "", state[:, 0] + shift, state[:, 1]),
-            ]
-        title = f"{name.upper()}: {', '.join(SEGMENTS)}, 14 m apart (first seed)"
+            reach, azimuth = scene.radar[:, 0], scene.radar[:, 1]
+            radar_xy = np.stack([reach * np.cos(azimuth), reach * np.sin(azimuth)], axis=1)
+            found = (np.concatenate([scene.lidar_xy, radar_xy]), scene.truth_state[:, :2], state[:, :2])
+            for line, points in zip(lines.values(), found, strict=True):
+                line += [points + np.array([APART_M * k, 0.0]), np.full((1, 2), np.nan)]  # the gap ends the line
+        curves = []
+        for label, parts in lines.items():
+            x, y = np.concatenate(parts).T
+            curves.append(Curve(label, x, y, is_points=label == "detected"))
+        title = f"{name.upper()}: {', '.join(SEGMENTS)}, {APART_M:g} m apart (first seed)"
         plots.append(Plot(figure, title, "x, to the right [m]", "y, ahead [m]", curves, is_map=True))
     return Part((), tuple(plots))
 

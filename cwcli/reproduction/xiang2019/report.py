@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cwcli.pipeline.result import Cell, Section
 from cwcli.reproduction.findings import Part
 from cwcli.reproduction.findings_report import Reproduction, reproduction
-from cwcli.reproduction.xiang2019.figures import looks_part, numbers, tracks_part
+from cwcli.reproduction.xiang2019.figures import errors_plot, looks_plot, numbers, tracks_part
 from cwcli.reproduction.xiang2019.reproduce import Table, reproduce
 from cwcli.reproduction.xiang2019.sentences import verdict
 
@@ -91,8 +91,10 @@ def report_xiang2019(config: ReproduceConfig, tick: Callable[[str], None] = lamb
     names = [name for name, figures in MADE_BY.items() if is_wanted(*figures)]
     tables = reproduce(config.seeds, progress=tick, names=names) if names else {}
     parts = [Part(numbers(tables))]
-    if is_wanted("fig 5", "fig 6"):
-        parts.append(looks_part())
+    if is_wanted("fig 5"):
+        parts.append(Part((), (looks_plot(),)))
+    if "figure_6" in tables:
+        parts.append(Part((), (errors_plot(tables["figure_6"]),)))
     if is_wanted("fig 7", "fig 8"):
         parts.append(tracks_part())
     sections = [_section(name, tables[name]) for name in TITLES if name in tables]

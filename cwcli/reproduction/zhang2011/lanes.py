@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from cwcli.metrics.intervals import clustered_proportion_interval
 from cwcli.reproduction.classes import Measured
 from cwcli.reproduction.findings import Curve, Part, Plot
+from cwcli.reproduction.processes import processes
 from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, BoolArray, MethodOnDrives, run_drives
 from cwcli.vision.methods import METHODS
 
@@ -73,7 +73,7 @@ def _results(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -
             tick(f"lanes: {task[0]}")
 
     if jobs > 1:
-        with ProcessPoolExecutor(jobs) as pool:
+        with processes(jobs) as pool:
             running = [(task, pool.submit(run_drives, *task, seed=seed)) for task in tasks]
             for task, future in running:
                 take(task, future.result())

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from cwcli.reproduction.findings import Part
 from cwcli.reproduction.findings_report import Reproduction, reproduction
+from cwcli.reproduction.processes import processes
 from cwcli.reproduction.zhang2011.drives import DRIVES, drive_part
 from cwcli.reproduction.zhang2011.example import example_part, tables_part
 from cwcli.reproduction.zhang2011.labelled import FIGURE as LABELLED
@@ -87,7 +87,7 @@ def _others(config: ReproduceConfig, tick: Callable[[str], None]) -> list[Part]:
     wanted = {name: task for name, (figures, task) in tasks.items() if _is_wanted(config, figures)}
     if config.jobs == 1:
         return [_done(name, task(), tick) for name, task in wanted.items()]
-    with ProcessPoolExecutor(config.jobs) as pool:
+    with processes(config.jobs) as pool:
         running = {name: pool.submit(task) for name, task in wanted.items()}
         return [_done(name, future.result(), tick) for name, future in running.items()]
 
