@@ -95,8 +95,6 @@ def test_what_it_refuses(cwcli: Run, options: tuple[str, ...], said: bytes) -> N
 def test_without_matplotlib_nothing_is_begun(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     for option in ("--plots", "--report"):
         assert run(["reproduce", "xiang2019", option, "figures"]) == 2

@@ -12,7 +12,9 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import STEP_S, filter_vectors, trailing_slope
 from cwcli.estimation.track import estimate_track
+from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.paths import Paths
+from cwcli.prediction.record import measured_acted
 from cwcli.prediction.rollout import rollout
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
@@ -122,7 +124,15 @@ class Known:
         )
 
     def _paths(self, model: str) -> Paths:
-        return rollout(model, self.track.state, self.track.covariance, horizon_s=self.horizon_s, step_s=STEP_S)
+        acted = acted_online(self.track, self.log_time_ns) if model == DEFAULT_MODEL else None
+        state, covariance = self.track.state, self.track.covariance
+        return rollout(model, state, covariance, horizon_s=self.horizon_s, step_s=STEP_S, acted=acted)
+
+
+def acted_online(track: Track, log_time_ns: Int64Array | None = None) -> FloatArray:
+    """For how long derivatives act by the vehicle's own record, as in `predict`; for our default model."""
+    vehicle = np.zeros(len(track.state), np.int64)
+    return measured_acted(vehicle, track.stamp_ns, log_time_ns, track.state, track.covariance)
 
 
 def known_exactly(run: Run, name: str) -> Known:

@@ -16,6 +16,7 @@ from cwcli.reproduction.findings import Curve, Part, Plot, median_interval, orde
 from cwcli.reproduction.song2016.methods import (
     FAMILIES,
     HORIZON_S,
+    acted_online,
     our_track,
     paper_points,
     paper_states,
@@ -166,5 +167,6 @@ def _errors_at(
 
 
 def _default_points(track: Track) -> FloatArray:
-    paths = rollout(DEFAULT_MODEL, track.state, track.covariance, horizon_s=HORIZON_S, step_s=STEP_S)
+    acted = acted_online(track)
+    paths = rollout(DEFAULT_MODEL, track.state, track.covariance, horizon_s=HORIZON_S, step_s=STEP_S, acted=acted)
     return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])
