@@ -30,8 +30,13 @@ class ImuMounting:
     sigma_rad: float = float("nan")
 
     @classmethod
-    def of(cls, force: FloatArray) -> ImuMounting | None:
-        """By the mean direction of the specific force (n, 3); None where there is no gravity in it, or not upward."""
+    def of(cls, force: FloatArray, gyro: FloatArray) -> ImuMounting | None:
+        """By the mean direction of the specific force (n, 3); None where there is no gravity in it, or not upward.
+
+        What goes with the turn rate (n, 3) about that direction is a bend's acceleration, and taken off first: a drive
+        that turns to one side more than to the other would seem rolled.
+        """
+        force = _without_bends(force, gyro)
         up = force.mean(axis=0) if len(force) else np.zeros(3)
         norm = float(np.linalg.norm(up))
         if not (norm > LEAST_GRAVITY_MPS2 and up[2] > 0.5 * norm):
@@ -82,8 +87,9 @@ def level_imu(
 ) -> LevelledImu:
     """Level an IMU by the mean direction of gravity and leave out invented samples.
 
-    The yaw rate is the gyroscope's component along the mean specific force: over minutes the accelerations of a drive
-    average out and gravity remains, so a mount that is pitched or rolled needs no calibration.
+    The yaw rate is the gyroscope's component along the mean specific force: without what goes with the yaw rate the
+    accelerations of a drive average out over minutes and gravity remains, so a mount that is pitched or rolled needs no
+    calibration.
 
     Args:
         time_s: Shape (n,), sorted.
@@ -92,7 +98,7 @@ def level_imu(
         mounting: Known from other drives; None: found here.
     """
     invented = interpolated_samples(time_s, values)
-    known, mounting = mounting, mounting or ImuMounting.of(values[:, :3])
+    known, mounting = mounting, mounting or ImuMounting.of(values[:, :3], values[:, 3:])
     # An IMU whose gravity was taken out already, or no accelerometer: trust the mounting.
     up = np.array([0.0, 0.0, 1.0]) if mounting is None else mounting.up
     keep = ~invented
@@ -109,6 +115,21 @@ def level_imu(
         int(invented.sum()),
         mounting,
     )
+
+
+def _without_bends(force: FloatArray, gyro: FloatArray) -> FloatArray:
+    """The specific force (n, 3) as it would be without turning: each axis less its slope over the yaw rate, times that.
+
+    v w to the left has about the mean speed of the bends as its slope over w.
+    """
+    mean = force.mean(axis=0) if len(force) else np.zeros(3)
+    yaw_rate = gyro @ mean / max(float(np.linalg.norm(mean)), 1e-9)
+    turning = yaw_rate - np.mean(yaw_rate) if len(yaw_rate) else yaw_rate
+    power = float(np.einsum("i,i", turning, turning))
+    if not power > 0.0:
+        return force
+    slope = np.einsum("i,ij->j", turning, force) / power
+    return np.asarray(force - yaw_rate[:, None] * slope)
 
 
 def _pitch_rate(left: FloatArray, yaw_rate: FloatArray) -> FloatArray:

@@ -5,8 +5,8 @@ speed, slow errors of the fixes (1.5 m, 15 s) and latencies. Each seed is estima
 (`--latency auto`: found; `none`: the stamps trusted). Printed are the errors, the NEES per degree of freedom, and what
 was found against what was planted. The exit code is 1 where a bound is missed.
 
-`--ahead 1.5 --imu-ahead 0.8` does the same with `city` and sensors that stand ahead of the car's point (0: none does);
-the errors of the position are those of the antenna, which is what is published.
+`--ahead 1.5 --imu-ahead 0.8` does the same with `city` (or `--scenario`) and sensors ahead of the car's point
+(0: none does); the errors of the position are those of the antenna, which is what is published.
 """
 
 from __future__ import annotations
@@ -131,10 +131,10 @@ def planted(seeds: Sequence[int], latency: str) -> bool:
     return all(inside) and all(slow)
 
 
-def places(seeds: Sequence[int], latency: str, ahead_m: float, imu_ahead_m: float) -> bool:
+def places(scenario: str, seeds: Sequence[int], latency: str, ahead_m: float, imu_ahead_m: float) -> bool:
     """Print what is found of sensors that stand ahead; whether the errors are as large as they say."""
-    runs = [one_run("city", seed, latency, ahead_m, imu_ahead_m) for seed in seeds]
-    print(f"city, {len(runs)} seeds, GNSS {ahead_m:g} m and IMU {imu_ahead_m:g} m ahead, latency {latency}")
+    runs = [one_run(scenario, seed, latency, ahead_m, imu_ahead_m) for seed in seeds]
+    print(f"{scenario}, {len(runs)} seeds, GNSS {ahead_m:g} m and IMU {imu_ahead_m:g} m ahead, latency {latency}")
     print("| quantity | error (m, m/s, deg) | NEES per degree of freedom |\n|---|---|---|")
     mean = {name: float(np.mean([r.nees[name] for r in runs])) for name in COLUMNS}
     for name in COLUMNS:
@@ -162,12 +162,13 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first-seed", type=int, default=1000)
     parser.add_argument("--latency", choices=("given", "auto", "none"), default="given")
+    parser.add_argument("--scenario", default="city", help="With --ahead.")
     parser.add_argument("--ahead", type=float, metavar="M")
     parser.add_argument("--imu-ahead", type=float, metavar="M", default=0.0)
     options = parser.parse_args()
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     if options.ahead is not None:
-        return 0 if places(seeds, options.latency, options.ahead, options.imu_ahead) else 1
+        return 0 if places(options.scenario, seeds, options.latency, options.ahead, options.imu_ahead) else 1
     return 0 if planted(seeds, options.latency) else 1
 
 

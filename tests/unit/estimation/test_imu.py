@@ -65,3 +65,32 @@ def test_held_back_finds_the_burst_but_not_jitter() -> None:
     late = held_back(np.sort(burst))
     assert late[101:118].all()
     assert late.sum() <= 21
+
+
+def test_a_bend_to_one_side_does_not_look_like_a_rolled_mount() -> None:
+    """15 s of a bend in 36 s at 10 m/s, 0.25 rad/s: the mean force leans by atan(1.04 / 9.81), 6 degrees."""
+    time_s = np.arange(0.0, 36.0, 0.05)
+    values = np.zeros((len(time_s), 6))
+    values[:, 5] = np.where((time_s > 13.0) & (time_s < 28.0), 0.25, 0.0)
+    values[:, 1], values[:, 2] = 10.0 * values[:, 5], 9.80665
+    levelled = level_imu(time_s, values, None)
+    assert levelled.mounting is not None
+    assert levelled.mounting.left_up_rad == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(levelled.yaw_rate_radps, values[:, 5], atol=1e-9)
+
+
+def test_a_rolled_mount_in_a_bend_is_still_found() -> None:
+    """Left axis 4 degrees up: gravity shows on it by sin, the bend's 10 m/s * w by cos."""
+    rng = np.random.default_rng(2)
+    time_s = np.arange(0.0, 60.0, 0.02)
+    w = np.where(time_s > 30.0, 0.2, 0.0) + 0.05 * np.sin(time_s)
+    roll = np.radians(4.0)
+    level = np.stack([np.zeros_like(w), 10.0 * w, np.full_like(w, 9.80665)], axis=1) + rng.normal(
+        0.0, 0.05, (len(w), 3)
+    )
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(roll), np.sin(roll)], [0.0, -np.sin(roll), np.cos(roll)]])
+    values = np.column_stack([level @ turn.T, np.stack([0.0 * w, 0.0 * w, w], axis=1) @ turn.T])
+    levelled = level_imu(time_s, values, None)
+    assert levelled.mounting is not None
+    assert levelled.mounting.left_up_rad == pytest.approx(roll, abs=np.radians(0.1))
+    np.testing.assert_allclose(levelled.yaw_rate_radps, w, atol=1e-3)
