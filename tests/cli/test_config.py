@@ -8,7 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from cwcli.cli.app import load_command
+from cwcli.cli.commands import COMMANDS
+from cwcli.cli.main import run
+from cwcli.cli.options.configfile import WRITES as READ_WRITES
 from cwcli.cli.options.toml import toml
+from cwcli.errors import EXIT_USAGE
 from tests.cli.conftest import Run
 
 
@@ -104,3 +109,47 @@ def test_toml_of_awkward_text() -> None:
     }
     read = tomllib.loads(toml(document))
     assert read == {"a": document["a"], "b": [], "t": {"y": [1.5, True], "z": 1e-9}}
+
+
+WRITES = {
+    "estimate": ("output", "force", "metrics", "metrics-dir"),
+    "run": ("output", "force", "metrics_dir", "directory"),
+    "evaluate": ("force", "metrics", "junit", "markdown_file"),
+    "compare": ("force", "metrics", "markdown_file"),
+    "report": ("output", "force"),
+    "simulate": ("output", "force"),
+    "layout": ("output", "force"),
+    "calibrate": ("output", "force"),
+    "reproduce": ("force", "metrics", "plots"),
+    "demo": ("directory",),
+}
+
+
+@pytest.mark.parametrize(("command", "key"), [(each, key) for each, keys in WRITES.items() for key in keys])
+def test_a_file_says_not_what_is_written(
+    command: str, key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither in the command's table nor at the top."""
+    path, target = tmp_path / "c.toml", tmp_path / "target"
+    target.write_text("mine")
+    value = "true" if key == "force" else f'"{target}"'
+    arguments = (
+        ["LOG"] if command not in ("run", "compare", "demo") else ["LOG", "OTHER"] if command == "compare" else []
+    )
+    for text in (f"[{command}]\n{key} = {value}\n", f"{key} = {value}\n"):
+        path.write_text(text)
+        assert run([command, *arguments, "--config", str(path)]) == EXIT_USAGE
+        assert f"{key} is for the command line" in capsys.readouterr().err
+    assert target.read_text() == "mine"
+    assert [each.name for each in tmp_path.iterdir() if each != target] == ["c.toml"]
+
+
+def test_every_option_that_writes_is_known_as_one() -> None:
+    """By what its help says: a new one must be in the list, or be told from those here that write nothing."""
+    wrote = set()
+    for command in COMMANDS:
+        for each in load_command(command).params:
+            words = str(getattr(each, "help", "") or "")
+            if words.startswith(("Write ", "Overwrite ")) or each.name in ("directory", "plots"):
+                wrote.add(each.name)
+    assert wrote == READ_WRITES

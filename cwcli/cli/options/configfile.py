@@ -8,6 +8,8 @@
 
 Keys at the top are options that commands share; a command takes those that it has. A table holds the options of one
 command, and `cwcli run` reads the tables of its stages. A name that no command knows is an error.
+
+What is written where, and what is overwritten, is said on the command line alone: a file of somebody else can't do it.
 """
 
 from __future__ import annotations
@@ -23,12 +25,15 @@ from cwcli.errors import UsageError
 OF_STAGE = "__"
 """Between stage and option in the parameters of a command that runs several stages: no name of either holds it."""
 
+WRITES = frozenset({"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "plots"})
+"""Parameters that say where files are written, or let them be overwritten."""
+
 
 def read_config(ctx: typer.Context, value: str | None) -> str | None:
     """Take the file's values as the command's defaults (Typer callback of `--config`).
 
     Raises:
-        UsageError: The file can't be read, is no TOML, or holds an unknown or unfit key.
+        UsageError: The file can't be read, is no TOML, or holds an unknown or unfit key, or one that writes.
     """
     if value is None or ctx.resilient_parsing:
         return value
@@ -45,6 +50,7 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
         prefix = "" if table == command else f"{_name(table)}{OF_STAGE}"
         own = [name for name in options if name.startswith(prefix) and (prefix or OF_STAGE not in name)]
         for key, entry in entries.items() if own else ():
+            _check_writes_nothing(value, key)
             option = f"{prefix}{_name(key)}"
             if option not in own:
                 shown = [name.removeprefix(prefix) for name in own if not getattr(options[name], "hidden", False)]
@@ -78,7 +84,9 @@ def _top_level(path: str, document: dict[str, Any]) -> dict[str, Any]:
         if isinstance(entry, dict):
             if key not in COMMANDS:
                 raise _unknown(path, f"[{key}]", list(COMMANDS))
-        elif _name(key) in shared:
+            continue
+        _check_writes_nothing(path, key)
+        if _name(key) in shared:
             found[_name(key)] = entry
         else:
             raise _unknown(path, key, sorted(shared))
@@ -89,7 +97,13 @@ def shared_names() -> set[str]:
     """Names of the options that commands share."""
     kinds = (ReadingOptions, SensorOptions, WritingOptions, TalkOptions)
     names = {field.name for kind in kinds for field in fields(kind)}
-    return (names | {"metrics", "metrics_dir", "gates"}) - {"config"}
+    return (names | {"gates"}) - {"config"} - WRITES
+
+
+def _check_writes_nothing(path: str, key: str) -> None:
+    if _name(key) in WRITES:
+        what = f"{key} is for the command line: a configuration neither names files to write nor overwrites any"
+        raise UsageError(what, where=path, hint="leave it out here, and give it there")
 
 
 def _check_selection(path: str, defaults: dict[str, Any]) -> None:
