@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from cwcli.channels.published import Channel
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, constant_strings
+from cwcli.signals.columns import Columns, Field, Int64Array, NumericArray, OutputChannel, Strings, constant_strings
 from cwcli.signals.leaf_fields import matrix, numbers, texts, whole_numbers
+from cwcli.signals.units import NS_PER_S
 
 MAX_SPREAD_S = 1e-6
 """Step and horizon of one channel's paths may differ by rounding only."""
@@ -44,8 +45,17 @@ class PredictedPaths:
         return len(self.stamp_ns)
 
 
-def write_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = "") -> OutputChannel:
-    """One message a path; an empty frame is `map`."""
+def write_paths(
+    channel: Channel, predicted: PredictedPaths, *, frame_id: str = "", rate_hz: float | None = None
+) -> OutputChannel:
+    """One message a path.
+
+    Args:
+        channel: Where they are published.
+        predicted: The paths.
+        frame_id: "" for `map`.
+        rate_hz: A file gets so many of each vehicle at most; None: all. Later stages of the same run see all.
+    """
     n, paths = len(predicted), predicted.paths
     fields: dict[str, Field] = {
         "stamp_ns": predicted.stamp_ns,
@@ -61,7 +71,24 @@ def write_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = 
     }
     if frame_id:
         fields["frame_id"] = constant_strings(frame_id, n)
-    return output(channel, predicted.log_time_ns, fields)
+    made = output(channel, predicted.log_time_ns, fields)
+    if rate_hz is None:
+        return made
+    ids, stamp_ns = made.fields["id"], made.fields["stamp_ns"]
+    assert isinstance(ids, Strings) and isinstance(stamp_ns, np.ndarray)
+    return replace(made, written=first_of_each_period(ids.codes, stamp_ns.astype(np.int64), rate_hz))
+
+
+def first_of_each_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
+    """The first row of each vehicle in each period of a clock that ticks at a rate; increasing.
+
+    Args:
+        codes, stamp_ns: Shape (n,): vehicle and time of each row.
+        rate_hz: Of the clock, whose first tick is at time 0.
+    """
+    period_ns = max(round(NS_PER_S / rate_hz), 1)
+    pairs = np.stack([codes.astype(np.int64), stamp_ns // period_ns], axis=1)
+    return np.sort(np.unique(pairs, axis=0, return_index=True)[1]).astype(np.int64)
 
 
 def read_paths(columns: Columns) -> PredictedPaths:

@@ -176,12 +176,14 @@ class OutputChannel:
         log_time_ns: Shape (n,), int64, non-decreasing.
         fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated numbers, `Repeated` fills repeated
             messages. A field that is not named is left out of the message.
+        written: Increasing rows that a file gets, None for all: later stages of the same run see every row.
     """
 
     topic: str
     schema_name: str
     log_time_ns: Int64Array
     fields: Mapping[str, OutputField] = field(default_factory=dict)
+    written: Int64Array | None = None
 
     def __len__(self) -> int:
         return len(self.log_time_ns)

@@ -35,6 +35,7 @@ class PredictConfig(OfStates):
         model: A key of `cwcli.prediction.models.MODELS`.
         horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
         discretisation: "exact", or "paper" for song2016's recursion.
+        path_rate_hz: Paths of each vehicle that a file gets, at most; None: one from each state.
     """
 
     model: Annotated[str, Option("--model", "{choices}", metavar="NAME", choices="cwcli.prediction.models:MODELS")] = (
@@ -46,6 +47,16 @@ class PredictConfig(OfStates):
         Discretisation,
         Option("--discretisation", "Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
     ] = "exact"
+    path_rate_hz: Annotated[
+        float | None,
+        Option(
+            "--path-rate",
+            "Paths of each vehicle in the written log, at most; the stages of the same run see all.",
+            metavar="HZ",
+            default="one from each state",
+            above=0.0,
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a log.
@@ -98,7 +109,7 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
             log_time_ns=states.log_time_ns,
         )
         predicted.append(PredictedPaths.of(states, config.model, paths))
-        channels.append(write_paths(path_channel, predicted[-1]))
+        channels.append(write_paths(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
         made[role] = states
     channels.append(write_path_scene(predicted))
     summary = Summary(title="predict", inputs=tuple(inputs), notes=bound.notes)
