@@ -43,7 +43,8 @@ def check_messages(case: Messages) -> tuple[int, int]:
         decoder.add(_payloads(case.payloads[start : start + case.n_at_once]))
         for path in case.blobs:
             with suppress(KeyError):  # the mutated schema holds no such octets
-                shown.setdefault(path, []).extend(map(bytes, decoder.blobs(path)))
+                blobs = decoder.blobs(path)
+                shown.setdefault(path, []).extend(map(bytes, blobs))
     is_ok = decoder.outcome().is_ok
     decode = _official(case)
     rows, decoded = [], []
@@ -61,9 +62,9 @@ def check_messages(case: Messages) -> tuple[int, int]:
         fields = {path: column for path, column in fields.items() if not _is_mixed(path, column, decoded)}
     columns = Columns("/m", case.schema_name, case.encoding, none, none, none.astype(np.uint32), fields)
     assert_same(columns, official, expect_paths=False)
-    for path, blobs in shown.items():
+    for path, found in shown.items():
         for row, message in zip(rows, decoded, strict=True):
-            assert blobs[row] == bytes(getattr(message, path)), path
+            assert found[row] == bytes(getattr(message, path)), path
     return int(is_ok.sum()), len(rows)
 
 

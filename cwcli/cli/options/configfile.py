@@ -25,7 +25,9 @@ from cwcli.errors import UsageError
 OF_STAGE = "__"
 """Between stage and option in the parameters of a command that runs several stages: no name of either holds it."""
 
-WRITES = frozenset({"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "plots"})
+WRITES = frozenset(
+    {"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "plots", "report"}
+)
 """Parameters that say where files are written, or let them be overwritten."""
 
 

@@ -109,7 +109,7 @@ def find_definition(definitions: Definitions, name: str) -> tuple[MessageField, 
 
 def _fields(package: str, body: str) -> tuple[MessageField, ...]:
     fields = []
-    for raw_line in body.replace("\t", " ").split("\n"):
+    for raw_line in body.replace("\t", " ").splitlines():
         line = raw_line.partition("#")[0].strip()
         if not line:
             continue

@@ -278,6 +278,21 @@ def test_definitions_with_constants_defaults_bounds_and_comments() -> None:
     ]
 
 
+def test_lines_end_where_the_official_parser_ends_them(tmp_path: Path) -> None:
+    r"""At vertical tabs and their like, too: `f\vfloat64` was one name, and what followed was read 8 bytes early."""
+    text = "uint8 a\x0bfloat64 b\x0cuint8 c\u2028uint8 d # e\ruint8 g\n"
+    message = b"\0\1\0\0\5" + b"\0" * 7 + np.float64(2.5).tobytes() + b"\7\x08\x09"
+    path = tmp_path / "log.mcap"
+    data = log_bytes([Declared("/m", "cdr", "test_msgs/Root", "ros2msg", text.encode())], [Sent("/m", T0_NS, message)])
+    path.write_bytes(data)
+    with Log.open(path) as log:
+        found = log.columns("/m")
+    assert_same(found, read_officially(data)["/m"])
+    assert {name: column.tolist() for name, column in found.fields.items()} == {
+        "a": [5], "b": [2.5], "c": [7], "d": [8], "g": [9],
+    }  # fmt: skip
+
+
 def test_array_longer_than_the_messages_is_not_allocated() -> None:
     """16 million numbers a row, a million rows promised, messages of 100 bytes."""
     schema = b"float64[16000000] latitude\n"
