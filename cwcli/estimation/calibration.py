@@ -50,7 +50,7 @@ class Name:
 
 RATES = ("accel", "yaw_rate")
 MEASURED = ("position", "velocity", "speed", "heading", *RATES)
-QUANTITIES = (*MEASURED, "imu")
+QUANTITIES = (*MEASURED, "imu", "camera")
 NAMES: Mapping[str, Name] = {
     "latency_s": Name(-3600.0, 3600.0, "s, positive is late", MEASURED),
     "noise_sigma": Name(0.0, 1e4, "one sigma in the unit of the quantity", MEASURED),
@@ -64,6 +64,7 @@ NAMES: Mapping[str, Name] = {
     "ahead_m": Name(-20.0, 20.0, "m", ("position", "velocity", "accel")),
     "nose_up_rad": Name(-1.0, 1.0, "rad", ("imu",)),
     "left_up_rad": Name(-1.0, 1.0, "rad", ("imu",)),
+    "pitch_rad": Name(-0.785, 0.785, "rad, nose down positive", ("camera",)),
     "jerk_sigma_mps3": Name(0.0, 1e3, "m/s^3", (MOTION,)),
     "yaw_accel_sigma_radps2": Name(0.0, 1e3, "rad/s^2", (MOTION,)),
 }

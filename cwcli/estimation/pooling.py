@@ -8,8 +8,8 @@ weights, too (DerSimonian and Laird, 1986), and is told.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,10 +39,12 @@ class Drive:
     Attributes:
         log: Its name.
         track: Estimated from the whole of it.
+        camera_pitch_rad: Topic of a camera -> its pitch and one sigma, where lanes were found without being told it.
     """
 
     log: str
     track: Track
+    camera_pitch_rad: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def minutes(self) -> float:
@@ -109,6 +111,9 @@ def calibrated(drives: Sequence[Drive], name: str = "") -> Calibration:
         sensors.setdefault(key[0], {})[key[1].name.lower()] = constants
     for source, mounting in _mountings(drives).items():
         sensors[source]["imu"] = mounting
+    for topic in dict.fromkeys(topic for drive in drives for topic in drive.camera_pitch_rad):
+        said = [Said(*d.camera_pitch_rad[topic], d.minutes) for d in drives if topic in d.camera_pitch_rad]
+        sensors.setdefault(topic, {})["camera"] = {"pitch_rad": pooled(said)}
     total_s = sum(drive.minutes for drive in drives) * SECONDS_PER_MINUTE
     return Calibration(
         name=name,

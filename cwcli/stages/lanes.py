@@ -17,7 +17,7 @@ from cwcli.channels.binding import bind
 from cwcli.channels.lanes import LaneFrames, write_lane_frames, write_lane_lines, write_lanes
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
-from cwcli.estimation.calibration import Calibration, calibration_entry
+from cwcli.estimation.calibration import UNKNOWN, Calibration, calibration_entry
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
@@ -69,7 +69,7 @@ class LanesConfig(Selection):
         mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.
         field_of_view_rad: Horizontal, for a log without calibration; None: the stated default.
         render: Topic for the frames with the lines burnt in, or None.
-        calibration: Constants of the speed and the gyroscope from other drives, or None.
+        calibration: Constants of the camera, the speed and the gyroscope from other drives, or None.
     """
 
     method: Annotated[str, Option("--method", "{choices}", metavar="NAME", choices="cwcli.vision.methods:METHODS")] = (
@@ -132,7 +132,8 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
     check_render_topic(log, config.render, topic)
-    mount = mounting_source(log, _frame_id(log, topic), config.mounting)
+    choice, calibrated = _calibrated(config, topic)
+    mount = mounting_source(log, _frame_id(log, topic), choice)
     config = replace(config, mounting=mount.mounting)
     source = camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
     motion = read_motion(log, config.topics, config.calibration) if method.uses_motion else Motion()
@@ -165,12 +166,31 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         title=f"lanes ({config.method})",
         sections=(lanes_section(frames, n_searches=run.n_searches, search_s=run.search_s),),
         inputs=(count, *source.counts, *mount.counts, *motion.counts),
-        notes=(*bound.notes, *source.notes, *mount.notes, *motion.notes, *_notes_of(source, is_rectified), *run.notes),
+        notes=(
+            *bound.notes,
+            *source.notes,
+            *calibrated,
+            *mount.notes,
+            *motion.notes,
+            *_notes_of(source, is_rectified),
+            *run.notes,
+        ),
     )
     table: Table = lanes_table(frames)
     known = calibration_entry(config.calibration)
     record = run_record("lanes", log, replace(config, calibration=None), summary, **known)
     return StageResult("lanes", tuple(channels), {"lanes": table}, summary, record)
+
+
+def _calibrated(config: LanesConfig, topic: str) -> tuple[MountingChoice | Mounting, tuple[str, ...]]:
+    """The user's choice, with the calibration's pitch where that is left open, and a note on it."""
+    known = UNKNOWN if config.calibration is None else config.calibration.of(topic, "camera", "pitch_rad")
+    choice = config.mounting
+    if isinstance(choice, Mounting) or choice.pitch_rad is not None or not known.is_known:
+        return choice, ()
+    assert config.calibration is not None
+    note = f"the camera's pitch is {np.degrees(known.value):.2f} degrees, by the calibration {config.calibration.name}"
+    return replace(choice, pitch_rad=known.value), (note,)
 
 
 def _notes_of(source: CameraSource, is_rectified: bool) -> tuple[str, ...]:

@@ -28,9 +28,9 @@ EXAMPLES = (
 )
 COLUMNS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
 TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale", "slow_sigma",
-        "slow_time_s", "nose_up_rad", "left_up_rad")  # fmt: skip
+        "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
 """What the table shows; the file has some more."""
-NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "nose_up_rad", "left_up_rad")
+NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "nose_up_rad", "left_up_rad", "pitch_rad")
 
 
 def command(
@@ -99,6 +99,7 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
     from cwcli.estimation.pooling import Drive
     from cwcli.logs.read.reader import Log
     from cwcli.pipeline.call import with_selection
+    from cwcli.pipeline.camera_pitch import camera_pitch
     from cwcli.pipeline.execute import Outcome, refuse_faults
     from cwcli.pipeline.selection import select
 
@@ -108,7 +109,9 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
         result = call.stage.function(log, with_selection(call.config, selection))
         if reading.strict:
             refuse_faults(Outcome(log.name, results=[result], faults=log.faults.counts()), log.start_ns)
-    return Drive(Path(name).name, result.made.ego)
+        pitch = camera_pitch(log)
+    cameras = {} if pitch is None else {pitch.topic: (pitch.pitch_rad, pitch.sigma_rad)}
+    return Drive(Path(name).name, result.made.ego, cameras)
 
 
 def _rows(found: Calibration) -> list[tuple[Cell, ...]]:

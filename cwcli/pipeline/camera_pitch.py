@@ -1,0 +1,53 @@
+"""What a log's lanes say of the pitch at which its camera is mounted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.channels.lanes import read_lanes
+from cwcli.channels.published import LANES
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
+from cwcli.signals.role import Role
+
+MIN_FRAMES = 100
+BLOCKS = 10
+FLOOR_RAD = 5e-4
+"""Half a pixel of the horizon at a focal length of 1000 pixels: what many frames err by alike."""
+
+
+@dataclass(frozen=True)
+class CameraPitch:
+    """The mean over the frames in which both boundaries were found; the body's own pitching averages out.
+
+    Attributes:
+        topic: Of the camera.
+        pitch_rad, sigma_rad: Nose down positive; one sigma, by the scatter over parts of the log.
+    """
+
+    topic: str
+    pitch_rad: float
+    sigma_rad: float
+
+
+def camera_pitch(log: Log) -> CameraPitch | None:
+    """The camera's pitch, found by `cwcli lanes` where nothing told it.
+
+    None without lanes, with too few frames, or where the pitch was given: what the search then finds leans on that.
+    """
+    record = run_records(log).get(LANES.stage, {})
+    topic = next((str(each.get("topic")) for each in inputs_of(record) if each.get("role") == Role.CAMERA.value), "")
+    mounting = configuration_of(record).get("mounting")
+    is_open = isinstance(mounting, dict) and number(mounting, "pitch_rad") == 0.0
+    if not topic or not is_open or all(channel.topic != LANES.topic for channel in log.channels):
+        return None
+    lanes = read_lanes(log.columns(LANES.topic))
+    pitch_rad = lanes.camera_pitch_rad[lanes.found.all(axis=1) & np.isfinite(lanes.camera_pitch_rad)]
+    if len(pitch_rad) < MIN_FRAMES or not np.ptp(pitch_rad) > 0.0:
+        return None
+    means = [part.mean() for part in np.array_split(pitch_rad, BLOCKS)]
+    scatter_rad = float(np.std(means, ddof=1)) / math.sqrt(BLOCKS)
+    return CameraPitch(topic, float(pitch_rad.mean()), math.hypot(scatter_rad, FLOOR_RAD))
