@@ -50,12 +50,13 @@ class Preventability:
     last_chance_s: float
 
 
-def preventability(pair: Pair, conflict_ns: int) -> list[Preventability]:
-    """Of each of `DRIVERS`; none where the two are not both known right before the conflict.
+def preventability(pair: Pair, conflict_ns: int, drivers: Mapping[str, Driver] = DRIVERS) -> list[Preventability]:
+    """Of each driver model; none where the two are not both known right before the conflict.
 
     Args:
         pair: Both.
         conflict_ns: When they crashed, or were most critical.
+        drivers: Name -> model.
     """
     host, other = (_seconds(track, conflict_ns) for track in (pair.host, pair.other))
     first = max(host[0][0], other[0][0], -BEFORE_S) if len(host[0]) and len(other[0]) else np.inf
@@ -66,7 +67,7 @@ def preventability(pair: Pair, conflict_ns: int) -> list[Preventability]:
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(state[:, :2], axis=0).T))])
     n_steps = round((AFTER_S - float(starts[0])) / STEP_S)
     found = []
-    for name, driver in DRIVERS.items():
+    for name, driver in drivers.items():
         outcome = drive(
             driver,
             start_mps=np.maximum(np.interp(starts, time, state[:, 2]), 0.0),

@@ -9,8 +9,9 @@ from dataclasses import replace
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
 from cwcli.evaluation.conflicts import judge
-from cwcli.evaluation.happened import recorded_tracks, what_happened
+from cwcli.evaluation.happened import Happened, recorded_tracks, what_happened
 from cwcli.evaluation.knowledge import against, estimated, read_by
+from cwcli.evaluation.preventable import add_preventable
 from cwcli.evaluation.records import warn_record
 from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score
 from cwcli.evaluation.subject import Subject
@@ -77,7 +78,10 @@ def add_metrics(subject: Subject) -> None:
     record, _ = warn_record(records)
     withheld = json_entry(record, WITHHELD, dict)
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
-    for k, (rule, scores) in enumerate(judge_warnings(log, events, collision_rules).items()):
+    real = what_happened(log) if collision_rules else None
+    if real is None:  # the states are missing
+        return
+    for k, (rule, scores) in enumerate(judge_warnings(real, events, collision_rules).items()):
         with headline.of(against(read_by(records, record), estimated(records))):
             if k == 0:
                 add_scores(headline, "warnings", scores)
@@ -86,6 +90,8 @@ def add_metrics(subject: Subject) -> None:
         n_withheld = whole(withheld.get(rule)) if k == 0 else None
         if n_withheld is not None:
             headline.count("warnings.withheld_count", n_withheld)
+    with headline.of(estimated(records)):
+        add_preventable(headline, real)
 
 
 def _rules(records: Mapping[str, Record]) -> list[str]:
@@ -122,11 +128,8 @@ def add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
     headline.add(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
 
 
-def judge_warnings(log: Log, events: Sequence[WarningEvent], rules: Sequence[str]) -> dict[str, WarningScores]:
-    """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores. Empty where states are missing."""
-    real = what_happened(log) if rules else None
-    if real is None:
-        return {}
+def judge_warnings(real: Happened, events: Sequence[WarningEvent], rules: Sequence[str]) -> dict[str, WarningScores]:
+    """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores."""
     found = {}
     for rule in rules:
         verdicts = (

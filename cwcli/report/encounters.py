@@ -40,6 +40,7 @@ class Encounter:
         rows: Rows of the warnings channel in which it stood, by time.
         pair: Both over the drive, or None.
         verdict: What became of it, or None where the tracks do not tell.
+        conflict: The one that it is about, or None.
         least_gap_m: Least distance of the outlines while the warning can come true; negative: they overlap.
         direction: Where the other came from, in words: `coming from the right`; "" where not known.
     """
@@ -57,6 +58,7 @@ class Encounter:
     rows: Int64Array
     pair: Pair | None
     verdict: EventVerdict | None
+    conflict: RealConflict | None
     least_gap_m: float
     direction: str
 
@@ -158,13 +160,16 @@ def _encounter(
     conflicts: dict[int, list[RealConflict]],
 ) -> Encounter:
     pair = pairs.get(id(other)) if other is not None else None
-    verdict, gap, direction = None, math.nan, ""
+    verdict, conflict, gap, direction = None, None, math.nan, ""
     if other is not None and pair is not None and len(pair.stamp_ns):
         verdict = judge(alert.raised_ns, alert.last_ns, conflicts[id(other)], pair, drive.rule)
+        conflict = conflicts[id(other)][verdict.conflict] if verdict.conflict >= 0 else None
         gap = _least_gap(pair, alert.raised_ns, alert.raised_ns + round(drive.rule.max_lead_s * NS_PER_S))
         direction = _direction(host, other, alert.raised_ns, drive.rule.max_gap_s)
     alone = _without_motion(drive, alert)
-    return replace(alone, other=other, pair=pair, verdict=verdict, least_gap_m=gap, direction=direction)
+    return replace(
+        alone, other=other, pair=pair, verdict=verdict, conflict=conflict, least_gap_m=gap, direction=direction
+    )
 
 
 def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
@@ -185,6 +190,7 @@ def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
         rows=alert.rows,
         pair=None,
         verdict=None,
+        conflict=None,
         least_gap_m=math.nan,
         direction="",
     )

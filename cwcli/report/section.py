@@ -21,7 +21,15 @@ from cwcli.report.map_figure import map_figure
 from cwcli.report.sensors import error_figure, sensors_view
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
-from cwcli.report.story import Badge, Story, encounter_sentence, most_critical, verdict_badge, verdict_sentence
+from cwcli.report.story import (
+    Badge,
+    Story,
+    careful_sentence,
+    encounter_sentence,
+    most_critical,
+    verdict_badge,
+    verdict_sentence,
+)
 from cwcli.report.system import system_tables
 from cwcli.report.tables import all_warnings, encounter_facts, log_tables
 from cwcli.report.views import EventView, LogView, Picture, Plot
@@ -142,11 +150,12 @@ def _event(
             frames.append(
                 _picture(drive, picture, f"{offset_s:+.0f} s from the warning" if offset_s else "the warning")
             )
+    said = (verdict_sentence(drive.rule, encounter), careful_sentence(drive, encounter))
     return EventView(
         number=encounter.event_id,
         badge=verdict_badge(encounter),
         sentence="" if is_told else encounter_sentence(drive, encounter),
-        verdict="" if is_told else verdict_sentence(drive.rule, encounter),
+        verdict="" if is_told else " ".join(filter(None, said)),
         plots=tuple(plots),
         table=encounter_facts(drive, encounter),
         frames=tuple(frames),

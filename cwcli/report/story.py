@@ -12,6 +12,7 @@ import numpy as np
 
 from cwcli.estimation.known import THIS_LOG
 from cwcli.evaluation.conflicts import FALSE, LATE, TRUE, UNDECIDED
+from cwcli.evaluation.preventable import careful_driver
 from cwcli.evaluation.records import warn_record
 from cwcli.pipeline.records import configuration_of
 from cwcli.report.drive import Drive
@@ -91,7 +92,8 @@ def _story(drive: Drive, meetings: Meetings, left_out: str) -> Story:
     if len(meetings.encounters) == 1:
         headline = encounter_sentence(drive, meetings.encounters[0])
         verdict = verdict_sentence(drive.rule, meetings.encounters[0])
-        more = [verdict, *more] if verdict else more
+        careful = careful_sentence(drive, meetings.encounters[0])
+        more = [*filter(None, (verdict, careful)), *more]
     else:
         worst = min(meetings.encounters, key=_urgency)
         headline = f"cwcli gave {len(meetings.encounters)} warnings: {_tally(meetings)}. "
@@ -139,6 +141,21 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
     if verdict.kind == FALSE:
         return f"By what followed it was a false alarm: there was no moment when {conflict}."
     return "Whether the warning was right can't be said: the tracks end too early."
+
+
+def careful_sentence(drive: Drive, encounter: Encounter) -> str:
+    """`A careful driver would have braked at 3.1 s and stayed 4.0 m away.`; "" without a conflict."""
+    if encounter.pair is None or encounter.conflict is None:
+        return ""
+    found = careful_driver(encounter.pair, encounter.conflict)
+    if found is None:
+        return ""
+    outcome, braked_ns = found.outcome, found.braked_ns
+    text = "would not have braked" if braked_ns is None else f"would have braked at {_at(drive, braked_ns)}"
+    if outcome.avoided:
+        return f"A careful driver {text} and stayed {outcome.least_gap_m:.1f} m away."
+    still = "and" if braked_ns is None else "and still"
+    return f"A careful driver {text} {still} crashed, at {outcome.impact_mps:.1f} m/s relative to the other."
 
 
 def verdict_badge(encounter: Encounter) -> Badge:
