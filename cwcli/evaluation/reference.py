@@ -15,9 +15,12 @@ from cwcli.metrics.headline import metric_of
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE
 
 MAX_GAP_S = 0.5
+LATE_S = 1.0
+"""A delay of the online states that is told."""
 
 
 @dataclass(frozen=True)
@@ -108,3 +111,11 @@ def add_online(subject: Subject) -> None:
     with subject.headline.of(against(ONLINE, reference.states)):
         real = reference.motion.at(reference.stamp_ns, online.stamp_ns)
         add_errors(subject, "ego.online_", Motion.of_states(online.state), real)
+    delay_s = (online.log_time_ns - online.stamp_ns) / NS_PER_S
+    subject.headline.errors("ego.online_delay_mean_s", delay_s)
+    usual_s = float(np.median(delay_s)) if len(delay_s) else 0.0
+    if usual_s > LATE_S:
+        subject.notes.append(
+            f"{EGO_ONLINE.topic}: its states were usually known {usual_s:.1f} s after their time; their errors are "
+            "those at their time, so this delay is not in them"
+        )

@@ -148,6 +148,8 @@ METRICS: tuple[Metric, ...] = (
     *(replace(metric, name=metric.name.replace("ego.", "ego.online_"),
               doc=f"as ego.{metric.name.removeprefix('ego.')}, of the online states; by hindsight without a truth")
       for metric in STATE_METRICS),
+    Metric("ego.online_delay_mean_s", "estimate", "s", "mean", "lower",
+           "from the time of an online state to when it could be known"),
     Metric("ego.accel_rmse_mps2", "estimate", "m/s^2", "rms", "lower", "longitudinal acceleration minus the truth's",
            is_compared=True),
     Metric("ego.position_nees", "estimate", "", "mean", "near",
