@@ -10,6 +10,7 @@ from cwcli.channels.binding import Bindings, ChannelLike, bind
 from cwcli.channels.published import OF_ROLE, ONLINE
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
+from cwcli.pipeline.records import Record, configuration_of
 
 States = Literal["online", "hindsight"]
 
@@ -73,6 +74,14 @@ def bind_states(
     chosen = with_states(selection.topics, selection.states, channels, (*required, *optional))
     bound = bind(channels, chosen, required=required, optional=optional, where=where, command=command)
     return replace(bound, notes=(*bound.notes, *states_notes(bound, selection)))
+
+
+def paths_note(selection: OfStates, record: Record) -> tuple[str, ...]:
+    """What to say where the paths start from other states than those that are read; `record` is that of `predict`."""
+    used = configuration_of(record).get("states", "hindsight") if record else selection.states
+    if used == selection.states:
+        return ()
+    return (f"the paths start from states of `--states {used}`, the rest is of `--states {selection.states}`",)
 
 
 def states_notes(bound: Bindings, selection: OfStates) -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_ST
 from cwcli.channels.target import read_targets
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.records import WITHHELD
+from cwcli.pipeline.records import WITHHELD, run_records
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
-from cwcli.pipeline.states import OfStates, bind_states
+from cwcli.pipeline.states import OfStates, bind_states, paths_note
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
 from cwcli.stages.inputs.vehicles import chosen_states, only_ego, paths_like, vehicle_tracks
@@ -146,7 +146,8 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         for each in found
     )
     withheld = {WITHHELD: json.dumps({each.config.rule: each.n_withheld for each in found})}
-    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), bound.notes, **withheld)
+    notes = (*bound.notes, *paths_note(config, run_records(log).get("predict", {})))
+    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), notes, **withheld)
     return replace(result, made=Made(found, outcomes, earlier))
 
 
