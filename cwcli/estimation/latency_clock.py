@@ -1,8 +1,9 @@
 """Whose clock the latencies count from: the one on which the sources agree.
 
 The search compares each source with one reference, which is convenient, but may itself be late. A measurement can't be
-stamped before it was made. So where more sources agree on a time before the reference's than are on the reference's, or
-as many with a position among them (a receiver has the satellites' clock), the reference is late and not they early.
+stamped before it was made. So where as many sources agree on a time before the reference's as are on the reference's,
+the reference is late and not they early. Of groups of one size the one with a position counts: a receiver has the
+satellites' clock.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def on_agreed_clock(told: Sequence[Told]) -> tuple[list[Latency], list[str]]:
     groups = [[other for other in early if _agree(other.latency, each.latency)] for each in early]
     group = max(groups, key=_votes, default=[])
     others = [each for each in told if each.is_reference or _is_with_reference(each.latency, group)]
-    if _votes(group) <= len({each.source for each in others}):
+    if _votes(group) < len({each.source for each in others}):
         return latencies, []
     return _moved(told, group)
 
