@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.measures.distance import MEASURE as DISTANCE
+from cwcli.measures.drac import MEASURE as DRAC
 from cwcli.measures.gap import MEASURE as GAP
 from cwcli.measures.pair import ActualTrack, Pair, interpolate
 from cwcli.measures.ttc import MEASURE as TTC
@@ -42,6 +43,16 @@ ELLIPSE_EVERY_S = 0.5
 MAX_ELLIPSES = 12
 N_PIECES = 250
 MAX_TTC_S = 10.0
+MAX_DRAC_MPS2 = 10.0
+STRIPS = (
+    (TTC, "time to collision (TTC)", "TTC [s]", "s", MAX_TTC_S, OTHERS[4]),
+    (DRAC, "deceleration that avoids it (DRAC)", "DRAC<br>[m/s²]", "m/s²", MAX_DRAC_MPS2, OTHERS[2]),
+)
+"""Measures below the distance: each with its words, unit, top of the axis and colour; its own threshold is drawn."""
+DISTANCE_SHARE = (1.0, 0.6, 0.44)
+"""Of the height, for the distance above no strip, one or two."""
+STRIP_FILL = 0.74
+"""Of a strip's share of the height; the rest keeps the strips apart."""
 
 
 def fan_figure(drive: Drive, encounter: Encounter, paths: tuple[Paths | None, Paths | None]) -> Figure | None:
@@ -209,8 +220,9 @@ def _nearness(
     if last - first < 2:
         return None
     part = slice(first, last)
-    columns = np.column_stack([pair.value(measure)[part] for measure in (DISTANCE, GAP, TTC)])
+    columns = np.column_stack([pair.value(measure)[part] for measure in (DISTANCE, GAP, TTC, DRAC)])
     columns[columns[:, 2] > MAX_TTC_S, 2] = np.nan
+    columns[:, 3] = np.minimum(columns[:, 3], MAX_DRAC_MPS2)
     stamps, columns = with_breaks(pair.stamp_ns[part], columns, drive.rule.max_gap_s)
     seconds = drive.seconds(stamps)
 
@@ -223,23 +235,26 @@ def _nearness(
         curve(0, "distance, centre to centre", EGO, "m"),
         curve(1, "gap between the outlines", OTHERS[1], "m", dash="dash"),
         *more,
-        curve(2, "time to collision", OTHERS[4], "s", yaxis="y2"),
     ]
-    drawn = [_level(drive.rule.distance_m)]
+    limit_m = drive.rule.distance_m
+    drawn = [_level("y", limit_m, f"{limit_m:g} m counts as a collision")]
+    strips = [(k, *strip) for k, strip in enumerate(STRIPS, start=2) if np.isfinite(columns[:, k]).any()]
+    height = (1.0 - DISTANCE_SHARE[len(strips)]) / max(len(strips), 1)
+    layout: dict[str, Any] = {
+        "xaxis": axis("time since the log began [s]", anchor="y2" if strips else "y"),
+        "yaxis": axis("distance [m]", domain=[1.0 - DISTANCE_SHARE[len(strips)], 1.0], range=_distances(columns)),
+    }
+    for place, (k, measure, name, title, unit, most, colour) in enumerate(strips):
+        data.append(curve(k, name, colour, unit, yaxis=f"y{place + 2}"))
+        domain = [round(place * height, 3), round(place * height + STRIP_FILL * height, 3)]
+        layout[f"yaxis{place + 2}"] = axis(title, domain=domain, range=[0.0, most])
+        if measure.threshold is not None:
+            text = f"{measure.threshold:g} {unit}: a conflict"
+            drawn.append(_level(f"y{place + 2}", measure.threshold, text))
     drawn += [upright(round((at_ns - drive.start_ns) / NS_PER_S, 3), text, colour) for at_ns, text, colour in marks]
     drawn += system_marks(drive, span_ns)
-    layout: dict[str, Any] = {
-        "xaxis": axis("time since the log began [s]", anchor="y2"),
-        "yaxis": axis("distance [m]", domain=[0.4, 1.0], range=_distances(columns)),
-        "yaxis2": axis("time to<br>collision [s]", domain=[0.0, 0.3], range=[0.0, MAX_TTC_S]),
-        "shapes": [shape for shape, _ in drawn],
-        "annotations": [label for _, label in drawn],
-    }
-    if not np.isfinite(columns[:, 2]).any():
-        data.pop()
-        layout["xaxis"]["anchor"] = "y"
-        layout["yaxis"]["domain"] = [0.0, 1.0]
-        del layout["yaxis2"]
+    layout["shapes"] = [shape for shape, _ in drawn]
+    layout["annotations"] = [label for _, label in drawn]
     return {"data": data, "layout": layout}
 
 
@@ -253,12 +268,11 @@ def _distances(columns: FloatArray) -> list[float]:
     return [round(min(0.0, least) - 0.05 * top, 2), round(1.05 * top, 2)]
 
 
-def _level(limit_m: float) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The distance that counts as a collision."""
-    across = {"xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": limit_m, "y1": limit_m}
+def _level(yaxis: str, value: float, text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A threshold across the whole width, and what it is."""
+    across = {"xref": "paper", "x0": 0, "x1": 1, "yref": yaxis, "y0": value, "y1": value}
     shape = {"type": "line", **across, "line": {"color": "#000000", "width": 1, "dash": "dot"}}
-    place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "y", "y": limit_m, "yanchor": "bottom"}
-    text = f"{limit_m:g} m counts as a collision"
+    place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": yaxis, "y": value, "yanchor": "bottom"}
     return shape, {**place, "text": text, "showarrow": False, "font": {"size": 11}}
 
 

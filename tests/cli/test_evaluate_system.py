@@ -17,6 +17,7 @@ import pytest
 from cwcli.cli.main import run
 from cwcli.evaluation.system.topics import parse_system
 from cwcli.logs.read.reader import Log
+from cwcli.measures import MEASURES
 from cwcli.report.drive import read_drive
 from cwcli.report.encounter_figures import distance_figure
 from cwcli.report.encounters import find_meetings
@@ -182,6 +183,12 @@ def test_the_figures_mark_the_other_systems_warnings(drive: Path) -> None:
         assert figure is not None
         marks = [label["x"] for label in figure["layout"]["annotations"] if label["text"] == "other system"]
         assert marks == [UP_S[0]]
+    shown = distance_figure(judged, meetings.encounters[0])
+    assert shown is not None
+    words = [label["text"] for label in shown["layout"]["annotations"]]
+    thresholds = [f"{MEASURES['ttc'].threshold:g} s: a conflict", f"{MEASURES['drac'].threshold:g} m/s²: a conflict"]
+    assert words[:3] == ["2.5 m counts as a collision", *thresholds]
+    assert {"y2", "y3"} <= {trace.get("yaxis") for trace in shown["data"]}
     assert system_sentences(found) == system_tables(found, {}) == []
 
 
