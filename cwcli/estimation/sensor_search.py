@@ -68,7 +68,9 @@ class FoundModel:
         """The same, but where some series stand can't be told."""
         parts: list[Part] = [(i, "ahead") for i in series]
         model = replace(self.model, ahead=self.model.ahead - set(series))
-        return FoundModel(model, {**self.status, **dict.fromkeys(parts, ParameterStatus.NOT_OBSERVABLE)})
+        return replace(
+            self, model=model, status={**self.status, **dict.fromkeys(parts, ParameterStatus.NOT_OBSERVABLE)}
+        )
 
 
 def find_sensor_model(
@@ -94,7 +96,9 @@ def find_sensor_model(
     if whole.follows:
         still = trials.try_model(replace(trial.model, follows=frozenset()), trial)
         trial = max(trial, still, key=lambda t: t.score)
-    return _reduced(trials, trial)
+    found = _reduced(trials, trial)
+    known = {} if before is None else before.status
+    return found.without_ahead([i for i, name in known if name == "ahead" and (i, name) not in found.status])
 
 
 def _whole_model(series: Sequence[Series], known: SensorModel, slack_m: Sequence[float]) -> SensorModel:
