@@ -83,11 +83,11 @@ class Points:
 def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray) -> Points:
     """Paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, linear between the points.
 
-    Past the end: straight on at the last speed and heading.
+    `time_s` may be (q,) or (m, q). Past the end: straight on at the last speed and heading.
     """
     step_s = float(paths.time_s[1] - paths.time_s[0])
     last = len(paths.time_s) - 1
-    place = (offset_s[:, None] + time_s[None, :]) / step_s
+    place = (offset_s[:, None] + time_s) / step_s
     past_s = np.maximum(place - last, 0.0) * step_s
     past_s[past_s < 1e-9] = 0.0
     before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, last - 1)
@@ -111,12 +111,19 @@ def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArr
     return Points(x, y, heading, speed, beyond)
 
 
-def read_covariance(paths: PathArrays, rows: npt.NDArray[np.intp], at_s: FloatArray) -> FloatArray:
-    """Position covariance of paths `rows` (m,) at one time each, (m, 3); past the end that of the end."""
+def read_covariances(
+    paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray
+) -> FloatArray:
+    """Position covariances of paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, (m, q, 3).
+
+    Past the end that of the end. `time_s` may be (q,) or (m, q).
+    """
     step_s = float(paths.time_s[1] - paths.time_s[0])
     last = len(paths.time_s) - 1
-    place = np.minimum(at_s / step_s, last)
-    before = np.minimum(place.astype(np.intp), last - 1)
-    share = (place - before)[:, None]
-    covariance = paths.position_covariance_m2
-    return np.asarray((1.0 - share) * covariance[rows, before] + share * covariance[rows, before + 1])
+    place = np.minimum((offset_s[:, None] + time_s) / step_s, last)
+    before = np.minimum(np.floor(place + 1e-9).astype(np.intp), last - 1)
+    share = (place - before)[:, :, None]
+    flat = rows[:, None] * (last + 1) + before
+    covariance = paths.position_covariance_m2.reshape(-1, 3)
+    first = covariance.take(flat, axis=0)
+    return np.asarray(first + share * (covariance.take(flat + 1, axis=0) - first))

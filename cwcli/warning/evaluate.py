@@ -116,6 +116,8 @@ def check_config(config: WarningConfig) -> None:
         raise UsageError(f"a distance of {config.distance_m:g} m is above {MAX_DISTANCE_M:g} m")
     if not 0.0 <= config.probability <= 1.0:
         raise UsageError(f"a probability of {config.probability:g} is not between 0 and 1")
+    if not (np.isfinite(config.min_deceleration_mps2) and config.min_deceleration_mps2 >= 0.0):
+        raise UsageError(f"a min deceleration of {config.min_deceleration_mps2:g} m/s^2 is negative")
     for name, value in {"hold-off": config.hold_off_s, "persistence": config.persistence_s or 0.0}.items():
         if not (np.isfinite(value) and value >= 0.0):
             raise UsageError(f"a {name} of {value:g} s is negative")

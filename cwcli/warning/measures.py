@@ -5,15 +5,15 @@ Positions are relative, other minus host; r(tau) is linear between the path poin
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.measures.outlines import Size, overlap_margin
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.normal import normal_cdf
 from cwcli.warning.align import Points
+from cwcli.warning.collision import PathPairs
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,10 @@ class Measures:
         min_distance_m, min_time_s: Smallest predicted centre distance, and when.
         entry_s: When the predicted centre distance falls below the collision distance; infinity if it doesn't.
         overlap_s: When the outlines first overlap along the paths; infinity if they don't.
-        hit_probability: That the cars pass nearer than the collision distance, whenever that is.
-        probability: That they do so within the horizon.
+        probability: That the outlines touch within the horizon.
+        late_probability: That they touch by the end of what was looked at, which is later by the rule's persistence.
+        braked_probability: That they touch though the host brakes from now on (`warning.braking`); NaN where it was
+            not asked for.
     """
 
     distance_m: FloatArray
@@ -39,8 +41,14 @@ class Measures:
     min_time_s: FloatArray
     entry_s: FloatArray
     overlap_s: FloatArray
-    hit_probability: FloatArray
     probability: FloatArray
+    late_probability: FloatArray
+    braked_probability: FloatArray
+
+
+ONSET_MATTERS_M = 0.25
+"""An onset is of interest where its path is at the horizon so much nearer than the mean path."""
+PROBABILITIES = ("probability", "late_probability", "braked_probability")
 
 
 def measure(
@@ -52,11 +60,10 @@ def measure(
     radius_m: float,
     host_size: Size,
     other_size: Size,
-    covariance_at: Callable[[FloatArray], FloatArray],
 ) -> Measures:
     """Measures from the points of both paths at the same times `time_s` (q,), which begin at 0 and hold `horizon_s`.
 
-    `covariance_at` gives the covariance of the relative position, (m, 3), at one time (m,) of each evaluation.
+    The probabilities are not in it yet (`with_probabilities`).
     """
     x, y = other.x_m - host.x_m, other.y_m - host.y_m
     distance, closing = _now(host, other, x[:, 0], y[:, 0])
@@ -68,9 +75,6 @@ def measure(
     nearest_s = start + share * (time_s[nearest + 1] - start)
     at_horizon = int(np.searchsorted(time_s, horizon_s - 1e-9))
     reach = 0.5 * (np.hypot(*host_size) + np.hypot(*other_size))
-    hit, total = _probabilities(
-        segments, nearest, share, covariance_at(nearest_s), horizon_s=horizon_s, radius_m=radius_m
-    )
     return Measures(
         distance_m=distance,
         closing_mps=closing,
@@ -80,9 +84,38 @@ def measure(
         min_time_s=nearest_s,
         entry_s=segments.entry(radius_m),
         overlap_s=_first_overlap(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
-        hit_probability=hit,
-        probability=total,
+        **{name: np.full(len(x), np.nan) for name in PROBABILITIES},
     )
+
+
+def with_probabilities(
+    measures: Measures,
+    pairs: PathPairs,
+    time_s: FloatArray,
+    *,
+    horizon_s: float,
+    threshold: float,
+    deceleration_mps2: float,
+    wanted: npt.NDArray[np.bool_] | None = None,
+) -> Measures:
+    """The measures with the probabilities of contact.
+
+    Args:
+        measures: Without them.
+        pairs: The paths that were measured.
+        time_s: Shape (q,): all their times; the last is as late as is looked.
+        horizon_s: One of the times.
+        threshold: Where contact is as probable as this, it is asked what braking would change.
+        deceleration_mps2: How hard; 0: it is not asked.
+        wanted: Shape (m,): rows in which they are wanted; None: all.
+    """
+    distance = measures.min_distance_m if wanted is None else np.where(wanted, measures.min_distance_m, np.nan)
+    in_time, late = pairs.within(distance, time_s, (horizon_s, float(time_s[-1]))).T
+    braked = np.full(len(late), np.nan)
+    rows = np.flatnonzero((late >= threshold) & (late > 0.0)) if deceleration_mps2 > 0.0 else np.zeros(0, np.intp)
+    if len(rows):
+        braked[rows] = pairs.rows(rows).braked(deceleration_mps2, horizon_s)
+    return replace(measures, probability=in_time, late_probability=late, braked_probability=braked)
 
 
 def _now(host: Points, other: Points, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -142,47 +175,6 @@ class _Segments:
         step = self.time_s[first + 1] - self.time_s[first]
         out[rows] = self.time_s[first] + share * step
         return out
-
-
-def _probabilities(
-    segments: _Segments,
-    nearest: np.ndarray,
-    share: FloatArray,
-    covariance_m2: FloatArray,
-    *,
-    horizon_s: float,
-    radius_m: float,
-) -> tuple[FloatArray, FloatArray]:
-    """P(pass nearer than the radius) and P(that, within the horizon), both (m,).
-
-    At the closest approach of the mean paths the relative position splits into u along the relative velocity (how
-    far there still is to go: a matter of time) and w across it (by how much they miss). Both are Gaussian under the sum
-    of the two position covariances, `covariance_m2` (m, 3), at that moment. A pair with no relative motion has u along
-    the line between the centres.
-    """
-    rows = np.arange(len(nearest))
-    x = segments.x[rows, nearest] + share * segments.ex[rows, nearest]
-    y = segments.y[rows, nearest] + share * segments.ey[rows, nearest]
-    step = segments.time_s[nearest + 1] - segments.time_s[nearest]
-    vx, vy = segments.ex[rows, nearest] / step, segments.ey[rows, nearest] / step
-    speed, distance = np.hypot(vx, vy), np.hypot(x, y)
-    moving = speed > 0.1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ux = np.where(moving, vx / speed, np.where(distance > 0.0, -x / distance, 1.0))
-        uy = np.where(moving, vy / speed, np.where(distance > 0.0, -y / distance, 0.0))
-    to_go, miss = -(x * ux + y * uy), -x * uy + y * ux
-    xx, xy, yy = covariance_m2.T
-    tiny = 1e-12
-    sigma_u = np.sqrt(np.maximum(xx * ux**2 + 2.0 * xy * ux * uy + yy * uy**2, tiny))
-    sigma_w = np.sqrt(np.maximum(xx * uy**2 - 2.0 * xy * ux * uy + yy * ux**2, tiny))
-    passes = normal_cdf((radius_m - miss) / sigma_w) - normal_cdf((-radius_m - miss) / sigma_w)
-    nearest_s = segments.time_s[nearest] + share * step
-    half_chord = np.sqrt(np.maximum(radius_m**2 - miss**2, 0.0))
-    # in time: entered by the horizon, and not left already at the start
-    speed = np.where(moving, speed, 0.0)
-    entered = normal_cdf((half_chord + speed * (horizon_s - nearest_s) - to_go) / sigma_u)
-    gone = normal_cdf((-half_chord - speed * nearest_s - to_go) / sigma_u)
-    return passes, np.asarray(passes * np.maximum(entered - gone, 0.0))
 
 
 def _first_overlap(

@@ -116,8 +116,8 @@ def series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
         "min_distance_m",
         "entry_s",
         "overlap_s",
-        "hit_probability",
         "probability",
+        "braked_probability",
     )
     rename = {"min_distance_m": "min_predicted_distance_m", "horizon_distance_m": "predicted_distance_m"}
     total = sum(len(own.stamp_ns) for own in pairs)

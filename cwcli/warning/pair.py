@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.warning.align import Points, pair_up, read_covariance, read_paths
+from cwcli.signals.vehicle_state import SPEED
+from cwcli.warning.align import Points, pair_up, read_paths
+from cwcli.warning.collision import PathPairs
 from cwcli.warning.events import Span, find_events
-from cwcli.warning.measures import Measures, measure
+from cwcli.warning.measures import ONSET_MATTERS_M, Measures, measure, with_probabilities
 from cwcli.warning.rules.base import BoolArray, Decision, Rule, withheld
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 REACH_M = 15.0  # beyond the collision distance: what can't come this near is not evaluated
 NEAR_M = 6.0  # beyond the collision distance: such rows get every path point, others every fifth
 COARSE = 5
+STANDING_MPS = 0.5  # who is slower has begun no manoeuvre: what looks like one is the noise of standing
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,21 @@ def evaluate_pair(
     age_s = pairing.age_s[within]
     at = (host_row, other_row, age_s)
     measures, beyond = _measures(host, host_points, other, other.paths, at, time_s, config)
+    pairs = PathPairs(host.paths, other.paths, *at, host.outline_m, other.outline_m)
+    judged = partial(
+        with_probabilities,
+        time_s=time_s,
+        horizon_s=config.horizon_s,
+        threshold=config.probability,
+        deceleration_mps2=config.min_deceleration_mps2 if rule.uses_braking else 0.0,
+    )
+    measures = judged(measures, pairs)
     onset = None
     if rule.uses_onset and other.onset_paths is not None:
         onset, _ = _measures(host, host_points, other, other.onset_paths, at, time_s, config)
+        nearer = onset.horizon_distance_m < measures.horizon_distance_m - ONSET_MATTERS_M
+        nearer &= np.abs(other.state[other_row, SPEED]) > STANDING_MPS
+        onset = judged(onset, replace(pairs, other=other.onset_paths), wanted=nearer)
     decision = rule.decide(measures, onset, config, persistence_s)
     stamp_ns = host.stamp_ns[host_row]
     is_withheld = _flagged(host, host_row) | _flagged(other, other_row)
@@ -194,8 +210,5 @@ def _read_and_measure(
         radius_m=config.distance_m,
         host_size=host.outline_m,
         other_size=other.outline_m,
-        covariance_at=lambda at_s: (
-            read_covariance(host.paths, host_row, at_s) + read_covariance(paths, other_row, age_s + at_s)
-        ),
     )
     return measures, theirs.beyond

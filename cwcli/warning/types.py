@@ -99,7 +99,9 @@ class WarningConfig:
         rule: A key of `RULES`.
         horizon_s: Warn when the event is at most this far ahead (song2016: 2.5 s).
         distance_m: Centres nearer than this are a collision (song2016: 2.5 m).
-        probability: The default rule's threshold on the probability that the cars pass nearer than `distance_m`.
+        probability: The default rule's threshold on the probability of contact within the horizon.
+        min_deceleration_mps2: The default rule does not warn of what gentler braking by the host makes improbable; 0:
+            it always does.
         persistence_s: How long the rule's condition must have held before the warning; None: the rule's own.
         hold_off_s: A condition that has been false this long is over; until then it is the same conflict.
         use: "received": of the remote states only those that had been received by then, as on line. "stamp": all
@@ -116,7 +118,15 @@ class WarningConfig:
     distance_m: Annotated[
         float, Option("--distance", "Centres nearer than this are a collision.", metavar="METRES")
     ] = 2.5
-    probability: Annotated[float, Option("--probability", "Threshold of the rule cwcli.", metavar="P")] = 0.5
+    probability: Annotated[float, Option("--probability", "Threshold of the rule cwcli.", metavar="P")] = 0.65
+    min_deceleration_mps2: Annotated[
+        float,
+        Option(
+            "--min-deceleration",
+            "The rule cwcli does not warn of what gentler braking by the host makes improbable; 0: it always warns.",
+            metavar="M/S2",
+        ),
+    ] = 2.0
     persistence_s: Annotated[
         float | None,
         Option(

@@ -1,13 +1,14 @@
-"""The default rule: a collision on the mean paths, probable under both covariances, and persistent.
+"""The default rule: contact of the outlines that is probable, serious and persistent.
 
 Three conditions, each against one kind of false warning:
 
-1. The mean paths bring the centres nearer than the collision distance within the horizon (a matter of time), and the
-   cars' outlines overlap on them: two cars side by side can be that near without touching.
-2. The probability that the cars pass each other nearer than that, given both position covariances, reaches the
-   threshold. A path that only just scrapes the collision distance, or is too uncertain to say, does not warn.
-3. Conditions 1 and 2 have held for the persistence time. To cost no lead, condition 1 may look farther ahead by just
-   that time while it is being confirmed; the warning itself comes when the event is within the horizon.
+1. The probability that the outlines touch within the horizon, along both curved paths under both covariances, reaches
+   the threshold (`measures.collision_probability`). Two cars side by side, an oncoming car in its own lane and a turn
+   past a standing car bring the centres near, and do not touch; a path that only just scrapes does not warn either.
+2. It is serious: were the host to brake gently from now on (`min_deceleration_mps2`, 2 m/s^2), contact would still be
+   possible, with a probability of `AVOIDED` at least. A lead that needs only 1 m/s^2 is no conflict.
+3. Condition 1 has held for the persistence time. To cost no lead it may look farther ahead by just that time while it
+   is being confirmed; the warning itself comes when contact is within the horizon.
 
 The mean path comes late where the other driver has only just begun to brake hard or to turn in: on average such an
 onset does not last, so a good predictor does not follow it far. A warning must. Where the other's path under the
@@ -15,7 +16,7 @@ hypothesis that the onset goes on (`VehicleTrack.onset_paths`) fulfils 1 and 2, 
 the horizon than the mean path does, the rule warns at once: the hypothesis asks for a derivative that stands out of the
 filter's noise, which is a persistence of its own.
 
-A warning stays up until the predicted closest approach is a metre wider than the collision distance.
+A warning stays up until contact is less than half as probable as the threshold.
 """
 
 from __future__ import annotations
@@ -24,41 +25,47 @@ from dataclasses import fields
 
 import numpy as np
 
+from cwcli.signals.columns import FloatArray
 from cwcli.warning.measures import Measures
 from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
-RELEASE_M = 1.0
-ONSET_MATTERS_M = 0.25
+RELEASE = 0.5
+"""Share of the threshold below which a warning is over."""
+AVOIDED = 0.01
+"""Contact less probable than this is avoided."""
 
 
 def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
-    """Predicted, probable, persistent."""
-    armed, raised = _collides(measures, config, persistence_s)
-    held = measures.min_distance_m < config.distance_m + RELEASE_M
+    """Probable, serious, persistent."""
+    armed = _is_probable(measures.late_probability, config)
+    raised = armed & _is_conflict(measures, config)
+    held = measures.late_probability > RELEASE * config.probability
     shown, at_once = measures, None
     if onset is not None:
-        closer = onset.horizon_distance_m < measures.horizon_distance_m - ONSET_MATTERS_M
-        at_once = closer & _collides(onset, config, 0.0)[1]
+        at_once = _is_conflict(onset, config)
         shown = _where(at_once & ~raised, onset, measures)
-        held |= onset.min_distance_m < config.distance_m
+        held |= onset.probability > RELEASE * config.probability
     return Decision(
         armed=armed,
         raised=raised,
         held=held,
-        time_to_event_s=np.where(np.isfinite(shown.entry_s), shown.entry_s, shown.min_time_s),
+        time_to_event_s=np.where(np.isfinite(shown.overlap_s), shown.overlap_s, shown.min_time_s),
         predicted_distance_m=shown.min_distance_m,
         at_once=at_once,
         probability=shown.probability,
-        alert_probability=shown.hit_probability,
+        alert_probability=shown.probability,
     )
 
 
-def _collides(measures: Measures, config: WarningConfig, persistence_s: float) -> tuple[BoolArray, BoolArray]:
-    """Conditions 1 and 2, with and without the time that persistence takes."""
-    probable = (measures.hit_probability >= config.probability) & np.isfinite(measures.overlap_s)
-    armed = probable & (measures.entry_s <= config.horizon_s + persistence_s)
-    return armed, armed & (measures.entry_s <= config.horizon_s)
+def _is_probable(probability: FloatArray, config: WarningConfig) -> BoolArray:
+    """Contact is possible, and as probable as the threshold."""
+    return np.asarray((probability > 0.0) & (probability >= config.probability))
+
+
+def _is_conflict(measures: Measures, config: WarningConfig) -> BoolArray:
+    """Contact within the horizon is probable, and gentle braking does not make it improbable."""
+    return np.asarray(_is_probable(measures.probability, config) & ~(measures.braked_probability < AVOIDED))
 
 
 def _where(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
@@ -68,8 +75,10 @@ def _where(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
 
 
 RULE = Rule(
-    summary="collision on the mean paths, probable under both covariances, persistent",
+    summary="contact of the outlines, probable under both covariances, not avoided by gentle braking, persistent",
     persistence_s=0.1,
     decide=decide,
     uses_onset=True,
+    uses_braking=True,
+    is_symmetric=False,  # who follows can brake, who leads can't
 )

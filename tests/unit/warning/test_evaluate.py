@@ -30,7 +30,7 @@ def column(result: ScoredWarnings, table: str, name: str) -> list[object]:
     ("rule", "first"),
     [
         ("song2016", 2.40),  # 100 - 20 (t + 2.5) < 2.5 from 2.375 s
-        ("cwcli", 2.40),  # the same moment; the persistence is looked ahead for
+        ("cwcli", 2.30),  # the outlines, as path-ttc; the persistence is looked ahead for
         ("ttc", 2.55),  # (100 - 20 t) / 20 < 2.5 after 2.5 s
         ("path-ttc", 2.30),  # 95.5 - 20 t = 50 at 2.275 s
     ],
@@ -60,10 +60,21 @@ def test_crossing() -> None:
     # both reach the crossing after 5 s at 10 m/s: 2.5 m at 5 - 0.25 / sqrt(2) = 4.823 s
     host = straight("host", x_m=-50.0, speed_mps=10.0)
     other = straight("car", y_m=-50.0, speed_mps=10.0, heading_rad=math.pi / 2)
-    for rule in ("song2016", "cwcli"):
-        result = evaluate(host, [other], WarningConfig(rule=rule))
-        assert raised_s(result) == [2.35]
-        assert column(result, "events", "lead_time_s") == [pytest.approx(4.8232 - 2.35, abs=2e-3)]
+    result = evaluate(host, [other], WarningConfig(rule="song2016"))
+    assert raised_s(result) == [2.35]
+    assert column(result, "events", "lead_time_s") == [pytest.approx(4.8232 - 2.35, abs=2e-3)]
+
+
+def test_a_crossing_that_gentle_braking_resolves_is_warned_of_later() -> None:
+    host = straight("host", x_m=-50.0, speed_mps=10.0)
+    other = straight("car", y_m=-50.0, speed_mps=10.0, heading_rad=math.pi / 2)
+    # flank and front touch 2.25 + 0.9 m before the crossing, at 4.685 s; at 2.2 s that is within the horizon, but both
+    # have to be so far, which is as probable as 0.65 only when each is with 0.8, a few centimetres later
+    assert raised_s(evaluate(host, [other], WarningConfig(min_deceleration_mps2=0.0))) == [2.25]
+    # the other has left at 5.315 s, and the host would by then be 6.3 m too far: 2 (5.315 - t)^2 / 2 = 6.3 at 2.805 s;
+    # as long as that is clear with 99 % there is no warning
+    (first,) = raised_s(evaluate(host, [other]))
+    assert 2.2 < first < 2.805
 
 
 @pytest.mark.parametrize("rule", ["cwcli", "song2016", "path-ttc"])
@@ -122,9 +133,9 @@ def test_onset_hypothesis_warns_before_the_mean_path_does() -> None:
     slow = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean)
     quick = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean, onset_paths=lead.paths)
     assert raised_s(evaluate(host, [quick])) == [3.0]
-    # s after the braking began the gap is 20 - 4 s^2 and closes with 8 s: below 2.5 m within 2.6 s, the horizon
-    # and the persistence, when 4 s^2 + 20.8 s = 17.5, which is s = 0.737; three evaluations from 3.75 s on confirm it
-    assert raised_s(evaluate(host, [slow])) == [3.85]
+    # s after the braking began the gap is 15.5 - 4 s^2 and closes with 8 s: used up within 2.6 s, the horizon
+    # and the persistence, when 4 s^2 + 20.8 s = 15.5, which is s = 0.661; three evaluations from 3.7 s on confirm it
+    assert raised_s(evaluate(host, [slow], WarningConfig(probability=0.5, min_deceleration_mps2=0.0))) == [3.8]
 
 
 def test_an_alert_tells_the_probabilities_of_the_hypothesis_that_raised_it() -> None:
@@ -134,19 +145,19 @@ def test_an_alert_tells_the_probabilities_of_the_hypothesis_that_raised_it() -> 
     quick = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean, onset_paths=lead.paths)
     result = evaluate(host, [quick])
     assert raised_s(result) == [3.0]
-    # the lead brakes with 8 m/s^2 and is 2.5 m near when 4 s^2 = 17.5, after 2.09 s
-    assert column(result, "events", "time_to_event_s") == [pytest.approx(math.sqrt(17.5) / 2.0, abs=1e-3)]
+    # the lead brakes with 8 m/s^2 and is touched when 4 s^2 = 15.5, after 1.97 s
+    assert column(result, "events", "time_to_event_s") == [pytest.approx(math.sqrt(15.5) / 2.0, abs=1e-3)]
     (within,) = np.asarray(result.events.columns["probability"])
     (compared,) = np.asarray(result.events.columns["alert_probability"])
-    assert 0.5 < within <= compared
+    assert 0.65 <= within == compared
     of_the_mean = np.asarray(result.series.columns["probability"])[np.asarray(result.series.columns["is_active"])]
-    assert of_the_mean[0] < 1e-6
+    assert of_the_mean[0] < 0.5 < within
 
 
 @pytest.mark.parametrize("threshold", [0.3, 0.9])
 def test_no_alert_shows_less_than_its_threshold(threshold: float) -> None:
     host = straight("host", speed_mps=20.0, duration_s=6.0, sigma_m=0.5)
-    car = straight("car", x_m=100.0, y_m=1.0, speed_mps=0.0, duration_s=6.0, sigma_m=0.5)
+    car = straight("car", x_m=100.0, y_m=0.3, speed_mps=0.0, duration_s=6.0, sigma_m=0.5)
     result = evaluate(host, [car], WarningConfig(probability=threshold))
     assert len(raised_s(result)) == 1
     compared, within = result.rows.alert_probability, result.rows.probability
@@ -185,7 +196,7 @@ def flagged(track: VehicleTrack, flag: StateFlag, end_s: float, begin_s: float =
     ("rule", "first", "again", "n_withheld"),
     [
         ("path-ttc", 2.3, 3.0, 27),  # within reach of 20 m/s 2.5 s + 17.5 m from 1.65 s on
-        ("cwcli", 2.4, 3.1, 29),  # which looks 0.1 s farther
+        ("cwcli", 2.3, 3.1, 29),  # which looks 0.1 s farther
     ],
 )
 def test_no_warning_from_a_state_that_is_to_be_trusted_less(
@@ -209,7 +220,7 @@ def test_a_standing_warning_outlives_a_gap() -> None:
     car = straight("car", x_m=100.0, speed_mps=0.0, duration_s=6.0)
     bridged = flagged(car, StateFlag.BRIDGED, 4.5, begin_s=2.6)
     result = evaluate(host, [bridged], WarningConfig(hold_off_s=0.2))
-    assert raised_s(result) == [2.4]
+    assert raised_s(result) == [2.3]
     assert column(result, "scores", "n_withheld") == [0]
     assert result.counts["withheld"] == 38
 
@@ -230,7 +241,7 @@ def test_channel_rows_tell_the_life_of_the_event() -> None:
     assert (stamp[-1] - stamp[-2]) * 1e-9 == pytest.approx(0.5)
     message = result.rows.message
     assert isinstance(message, Strings)
-    assert message.values[message.codes[0]] == "collision with car in 2.5 s, predicted distance 0.0 m"
+    assert message.values[message.codes[0]] == "collision with car in 2.5 s, predicted distance 2.0 m"
 
 
 def test_two_vehicles_are_numbered_in_order_of_time() -> None:

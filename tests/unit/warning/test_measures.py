@@ -8,8 +8,9 @@ from scipy import stats
 
 from cwcli.prediction.paths import Paths
 from cwcli.signals.normal import normal_cdf
-from cwcli.warning.align import read_covariance, read_paths
-from cwcli.warning.measures import Measures, measure
+from cwcli.warning.align import read_paths
+from cwcli.warning.collision import PathPairs
+from cwcli.warning.measures import Measures, measure, with_probabilities
 from tests.unit.warning.vehicles import straight
 
 TIME_S = np.arange(51) * 0.05
@@ -18,7 +19,7 @@ CAR = (4.5, 1.8)
 
 def between(host_paths: Paths, other_paths: Paths) -> Measures:
     row, zero = np.array([0]), np.array([0.0])
-    return measure(
+    measured = measure(
         read_paths(host_paths, row, zero, TIME_S),
         read_paths(other_paths, row, zero, TIME_S),
         TIME_S,
@@ -26,8 +27,9 @@ def between(host_paths: Paths, other_paths: Paths) -> Measures:
         radius_m=2.5,
         host_size=CAR,
         other_size=CAR,
-        covariance_at=lambda at_s: read_covariance(host_paths, row, at_s) + read_covariance(other_paths, row, at_s),
     )
+    pairs = PathPairs(host_paths, other_paths, row, row, zero, CAR, CAR)
+    return with_probabilities(measured, pairs, TIME_S, horizon_s=2.5, threshold=0.0, deceleration_mps2=2.0)
 
 
 def at(sigma_m: float = 0.01, **values: float) -> Paths:
@@ -77,7 +79,11 @@ def test_crossing_with_a_near_miss() -> None:
     )
     assert found.min_distance_m[0] == pytest.approx(4.0)
     assert found.entry_s[0] == math.inf
-    assert found.hit_probability[0] < 0.01
+    # the outlines are longer than the circle: along both ways they overlap from 20 + 4 sqrt(2) - 3.15 = 10 t on
+    assert found.overlap_s[0] == pytest.approx(
+        (20.0 + 4.0 * math.sqrt(2.0) - 3.15) / 10.0, abs=5e-3
+    )  # between two points
+    assert found.probability[0] > 0.5  # by a corner alone
 
 
 def test_parallel_and_overtaking() -> None:
@@ -96,12 +102,12 @@ def test_passing_between_two_points_of_the_paths_is_seen() -> None:
     assert found.entry_s[0] == pytest.approx((102.4 - math.sqrt(2.5**2 - 1.0)) / 100.0)
 
 
-def test_hit_probability_is_a_normal_one() -> None:
-    # the centres' lines are 3 m apart; 1 m of sigma each, so sqrt(2) across: P(|N(3, sqrt 2)| < 2.5)
+def test_the_probability_across_is_a_normal_one() -> None:
+    # the lines of the centres are 3 m apart, the widths touch at 1.8 m; 1 m of sigma each, so sqrt(2) across
     found = between(at(1.0, speed_mps=20.0), at(1.0, x_m=60.0, y_m=3.0, speed_mps=20.0, heading_rad=math.pi))
     sigma = math.sqrt(2.0 * (1.0 + driver_cross_m2(1.5)))
-    expected = stats.norm.cdf((2.5 - 3.0) / sigma) - stats.norm.cdf((-2.5 - 3.0) / sigma)
-    assert found.hit_probability[0] == pytest.approx(expected, abs=1e-4)
+    expected = stats.norm.cdf((1.8 - 3.0) / sigma) - stats.norm.cdf((-1.8 - 3.0) / sigma)
+    assert found.probability[0] == pytest.approx(expected, abs=0.005)
 
 
 def driver_cross_m2(time_s: float) -> float:
@@ -110,26 +116,10 @@ def driver_cross_m2(time_s: float) -> float:
     return float(certain.position_covariance_m2[0, round(time_s / 0.05), 2])
 
 
-def test_probability_at_the_horizon_is_a_half_where_the_entry_is_at_the_horizon() -> None:
-    # head-on, the mean distance is 2.5 m at 2.5 s exactly: as likely sooner as later
-    found = between(at(0.5, speed_mps=20.0), at(0.5, x_m=102.5, speed_mps=20.0, heading_rad=math.pi))
-    assert found.hit_probability[0] > 0.8
-    assert found.probability[0] == pytest.approx(0.5 * found.hit_probability[0], rel=1e-3)
-
-
-def test_probability_against_sampled_pairs() -> None:
-    # two crossing cars; sample straight relative paths from the covariance at the closest approach
-    host = at(1.2, x_m=-20.0, speed_mps=10.0)
-    other = at(0.8, y_m=-22.0, speed_mps=10.0, heading_rad=math.pi / 2)
-    found = between(host, other)
-    k = round(found.min_time_s[0] / 0.05)
-    both = host.position_covariance_m2[0, k] + other.position_covariance_m2[0, k]
-    covariance = [[both[0], both[1]], [both[1], both[2]]]
-    rng = np.random.default_rng(0)
-    offset = rng.multivariate_normal([0.0, 0.0], covariance, size=200_000)
-    start = np.array([20.0, -22.0]) + offset
-    across = np.abs(start @ np.array([1.0, 1.0])) / math.sqrt(2.0)
-    assert found.hit_probability[0] == pytest.approx(np.mean(across < 2.5), abs=0.01)
+def test_probability_is_a_half_where_the_outlines_touch_at_the_horizon() -> None:
+    # head-on, the mean paths' outlines touch at 2.5 s exactly: as likely sooner as later
+    found = between(at(0.3, speed_mps=20.0), at(0.3, x_m=104.5, speed_mps=20.0, heading_rad=math.pi))
+    assert found.probability[0] == pytest.approx(0.5, abs=0.005)
 
 
 def test_normal_cdf_against_scipy() -> None:
@@ -146,10 +136,39 @@ def test_probability_of_a_pair_that_has_passed_is_small() -> None:
 
 @pytest.mark.parametrize("speed_mps", [2.0, 4.0, 5.5, -3.0])
 def test_probability_within_the_horizon_against_sampled_pairs(speed_mps: float) -> None:
+    """In one lane contact is at the horizon or before: by the distance there, and by the widths."""
     sigma_m = 1.0
-    ahead_of_it = at(x_m=14.0, speed_mps=10.0 - speed_mps, sigma_m=sigma_m)
-    found = between(at(x_m=0.0, speed_mps=10.0, sigma_m=sigma_m), ahead_of_it)
-    start = np.random.default_rng(0).normal([14.0, 0.0], math.sqrt(2.0) * sigma_m, (20_000, 2))
-    ahead = start[:, :1] - speed_mps * TIME_S[None, :]
-    within = np.hypot(ahead, start[:, 1:]).min(axis=1) < 2.5
-    assert found.probability[0] == pytest.approx(np.mean(within), abs=0.06)  # u and w are taken one by one
+    host, other = at(sigma_m, speed_mps=10.0), at(sigma_m, x_m=14.0, speed_mps=10.0 - speed_mps)
+    found = between(host, other)
+    both_m2 = host.position_covariance_m2[0, :51] + other.position_covariance_m2[0, :51]
+    rng = np.random.default_rng(0)
+    errors = rng.standard_normal((2, 100_000))
+    touches = np.zeros(errors.shape[1], dtype=bool)
+    for k, tau in enumerate(TIME_S):
+        ahead, aside = (
+            14.0 - speed_mps * tau + math.sqrt(both_m2[k, 0]) * errors[0],
+            math.sqrt(both_m2[k, 2]) * errors[1],
+        )
+        touches |= (np.abs(ahead) <= 4.5) & (np.abs(aside) <= 1.8)
+    assert found.probability[0] == pytest.approx(touches.mean(), abs=0.01)
+
+
+def test_a_lead_that_gentle_braking_keeps_clear_of() -> None:
+    """Closing with 5 m/s over a gap of 12.5 m, 1 m/s^2 is enough; with 10 m/s it takes 4."""
+    needs_1 = between(at(speed_mps=20.0, sigma_m=0.1), at(x_m=17.0, speed_mps=15.0, sigma_m=0.1))
+    needs_4 = between(at(speed_mps=20.0, sigma_m=0.1), at(x_m=17.0, speed_mps=10.0, sigma_m=0.1))
+    assert needs_1.braked_probability[0] < 0.01
+    assert needs_4.braked_probability[0] > 0.99
+
+
+def test_braking_does_not_put_off_what_it_does_not_avoid() -> None:
+    """A car that stands 52 m ahead of 20 m/s: 2 m/s^2 bring the host to it after the horizon, at 14 m/s."""
+    found = between(at(speed_mps=20.0), at(x_m=52.0, speed_mps=0.0))
+    assert found.overlap_s[0] == pytest.approx(47.5 / 20.0)
+    assert found.braked_probability[0] == pytest.approx(1.0)
+
+
+def test_who_stands_can_not_brake() -> None:
+    found = between(at(speed_mps=0.0), at(x_m=20.0, speed_mps=10.0, heading_rad=math.pi))
+    assert found.probability[0] == pytest.approx(1.0)
+    assert found.braked_probability[0] == pytest.approx(1.0)

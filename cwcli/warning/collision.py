@@ -1,0 +1,120 @@
+"""How probable it is that the outlines of a pair touch: on the paths as they are predicted, and if the host brakes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.measures.collision_probability import collision_probability, is_far
+from cwcli.measures.outlines import Size
+from cwcli.signals.columns import FloatArray
+from cwcli.warning.align import Points, read_covariances, read_paths
+from cwcli.warning.types import PathArrays
+
+Rows = npt.NDArray[np.intp]
+
+STEP_S = 0.1
+"""Paths are compared at least so often: no car turns by a tenth of a radian in it."""
+N_BRAKING = 60
+"""Steps from the begin of the braking to standstill."""
+
+
+@dataclass(frozen=True)
+class PathPairs:
+    """m pairs of predicted paths.
+
+    Attributes:
+        host, other: Paths.
+        host_row, other_row, age_s: Shape (m,): which of them, and where the other's begin to count.
+        host_size, other_size: Outlines.
+    """
+
+    host: PathArrays
+    other: PathArrays
+    host_row: Rows
+    other_row: Rows
+    age_s: FloatArray
+    host_size: Size
+    other_size: Size
+
+    def rows(self, rows: Rows) -> PathPairs:
+        """Some of the pairs."""
+        at = (self.host_row[rows], self.other_row[rows], self.age_s[rows])
+        return PathPairs(self.host, self.other, *at, self.host_size, self.other_size)
+
+    def within(self, min_distance_m: FloatArray, time_s: FloatArray, ends_s: tuple[float, ...]) -> FloatArray:
+        """The probability of contact by each of the times, (m, e).
+
+        Args:
+            min_distance_m: Shape (m,): the least distance of the centres, NaN where a path is none.
+            time_s: Shape (q,): the paths' times, from 0 to the last of the ends, and with all of them.
+            ends_s: Increasing.
+        """
+        out = np.zeros((len(self.host_row), len(ends_s)))
+        out[np.isnan(min_distance_m)] = np.nan
+        variance_m2 = _largest_m2(self.host, self.host_row) + _largest_m2(self.other, self.other_row)
+        with np.errstate(invalid="ignore"):
+            far = is_far(min_distance_m, variance_m2, self.host_size, self.other_size)
+        near = np.flatnonzero(~far & ~np.isnan(min_distance_m))
+        every = max(1, int(STEP_S / float(time_s[1]) + 1e-6))
+        ends = np.searchsorted(time_s, np.array(ends_s) - 1e-9)
+        kept = np.union1d(np.arange(0, len(time_s), every), ends)
+        at_s = time_s[kept]
+        out[near] = self.rows(near)._touching(at_s, at_s, (at_s, at_s), ends=np.searchsorted(kept, ends))
+        return out
+
+    def braked(self, deceleration_mps2: float, horizon_s: float) -> FloatArray:
+        """The probability of contact if the host brakes from now on, on its path, (m,): by standstill or the horizon.
+
+        A host that is predicted to brake harder does that. Beyond the end of its path the other goes straight on; while
+        the host stands the covariances grow no more.
+        """
+        speed = np.abs(self.host.speed_mps[self.host_row, 0, None])
+        stop_s = speed / deceleration_mps2
+        time_s = np.maximum(stop_s, horizon_s) * np.linspace(0.0, 1.0, N_BRAKING + 1)
+        braking_s = np.minimum(time_s, stop_s)
+        way_m = speed * braking_s - 0.5 * deceleration_mps2 * braking_s**2
+        at_s = np.minimum(self._when_host_is_at(way_m), time_s)
+        return self._touching(at_s, time_s, (np.minimum(at_s, braking_s), braking_s))[:, 0]
+
+    def _when_host_is_at(self, way_m: FloatArray) -> FloatArray:
+        """When the host's path has gone so far, (m, q)."""
+        time_s, rows = self.host.time_s, self.host_row
+        gone = np.hypot(np.diff(self.host.x_m[rows], axis=1), np.diff(self.host.y_m[rows], axis=1))
+        gone_m = np.concatenate([np.zeros((len(rows), 1)), np.cumsum(gone, axis=1)], axis=1)
+        at = np.stack([np.interp(way, own, time_s) for way, own in zip(way_m, gone_m, strict=True)])
+        last_mps = np.abs(self.host.speed_mps[rows, -1:])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beyond = np.where(way_m > gone_m[:, -1:], (way_m - gone_m[:, -1:]) / last_mps, 0.0)
+        return np.asarray(at + beyond)
+
+    def _touching(
+        self,
+        host_s: FloatArray,
+        other_s: FloatArray,
+        covariances_s: tuple[FloatArray, FloatArray],
+        ends: Rows | None = None,
+    ) -> FloatArray:
+        """The probability of contact, (m, e), of paths and covariances at times of their own, (q,) or (m, q)."""
+        none = np.zeros(len(self.host_row))
+        own: Points = read_paths(self.host, self.host_row, none, host_s)
+        theirs: Points = read_paths(self.other, self.other_row, self.age_s, other_s)
+        return collision_probability(
+            theirs.x_m - own.x_m,
+            theirs.y_m - own.y_m,
+            own.heading_rad,
+            theirs.heading_rad,
+            read_covariances(self.host, self.host_row, none, covariances_s[0]),
+            read_covariances(self.other, self.other_row, self.age_s, covariances_s[1]),
+            self.host_size,
+            self.other_size,
+            ends=ends,
+        )
+
+
+def _largest_m2(paths: PathArrays, rows: Rows) -> FloatArray:
+    """The variances along x and y together, (m,): at the path's begin or end, whichever is more."""
+    ends = paths.position_covariance_m2[:, [0, -1]]
+    return np.asarray((ends[..., 0] + ends[..., 2]).max(axis=1)[rows])

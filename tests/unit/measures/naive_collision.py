@@ -1,0 +1,121 @@
+"""Plain twin of `cwcli.kernels.contact`: one line and one step at a time, with matrices written out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Size = tuple[float, float]
+
+ALIKE = 0.01
+
+
+def contact_probability(
+    x: FloatArray,
+    y: FloatArray,
+    headings: tuple[FloatArray, FloatArray],
+    covariances: tuple[FloatArray, FloatArray],
+    sizes: tuple[Size, Size],
+    *,
+    lines: FloatArray,
+    few_lines: FloatArray,
+    end: int,
+    far_sigmas: float,
+    least_m2: float,
+) -> float:
+    """The probability of contact within the first `end` steps of one pair of paths of q points."""
+    q = len(x)
+    roots = [np.array([_root(np.add(each, [least_m2, 0.0, least_m2])) for each in own]) for own in covariances]
+    steps = []
+    for k in range(q - 1):
+        turn = [0.5 * (own[k] + own[k + 1]) for own in headings]
+        start, stop = np.array([x[k], y[k]]), np.array([x[k + 1], y[k + 1]])
+        begin = np.hstack([-roots[0][k], roots[1][k]])  # (2, 4): errors to places
+        finish = np.hstack([-roots[0][k + 1], roots[1][k + 1]])
+        step = (0.5 * (start + stop), stop - start, 0.5 * (begin + finish), finish - begin)
+        slabs = [(normal, _reach(normal, turn, sizes)) for normal in _normals(turn, stop - start)]
+        far = max(
+            (abs(n @ step[0]) - reach - 0.5 * abs(n @ step[1])) / np.linalg.norm(n @ step[2]) for n, reach in slabs
+        )
+        if far < far_sigmas:
+            steps.append((far, k, step, slabs))
+    if not steps:
+        return 0.0
+    _, k, (_, _, nearest, _), _ = min(steps, key=lambda each: each[0])
+    heading = 0.5 * (headings[0][k] + headings[0][k + 1])
+    axes = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
+    basis = nearest.T @ np.linalg.inv(_sqrt(nearest @ nearest.T))
+    host, other = np.linalg.inv(-nearest[:, :2]), np.linalg.inv(nearest[:, 2:])
+    rest = np.vstack([host, other]) @ np.linalg.inv(_sqrt(host @ host + other @ other))
+    shares = [
+        ((n @ step[2] @ rest) ** 2).sum() / ((n @ step[2]) ** 2).sum() for _, _, step, slabs in steps for n, _ in slabs
+    ]
+    used = few_lines if max(shares) < ALIKE else lines
+    total = 0.0
+    for cosine, sine, one, two in used:
+        along, aside = basis @ axes @ [cosine, sine], rest @ axes @ [one, two]
+        hits = [_interval(along, aside, step, slabs) for _, k, step, slabs in steps if k < end]
+        total += _share([each for each in hits if each[0] <= each[1]])
+    return total / len(used)
+
+
+def _normals(turn: Sequence[float], way: FloatArray) -> list[FloatArray]:
+    normals = [np.array([-way[1], way[0]]) / np.linalg.norm(way)] if np.linalg.norm(way) > 1e-9 else []
+    for angle in turn:
+        normals += [np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])]
+    return normals
+
+
+def _reach(normal: FloatArray, turn: Sequence[float], sizes: tuple[Size, Size]) -> float:
+    total = 0.0
+    for angle, (length, width) in zip(turn, sizes, strict=True):
+        ahead, left = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+        total += 0.5 * (length * abs(normal @ ahead) + width * abs(normal @ left))
+    return total
+
+
+def _interval(
+    along: FloatArray, aside: FloatArray, step: tuple[FloatArray, ...], slabs: Sequence[tuple[FloatArray, float]]
+) -> tuple[float, float]:
+    """Where on the line `along r + aside` the step is touched."""
+    middle, way, places, change = step
+    low, high = -math.inf, math.inf
+    for n, reach in slabs:
+        centre, slope = n @ (middle + places @ aside), n @ places @ along
+        moved, turned = 0.5 * n @ (way + change @ aside), 0.5 * n @ change @ along
+        if abs(turned) >= abs(slope):
+            turned = 0.0
+        if moved - centre / slope * turned < 0.0:
+            moved, turned = -moved, -turned
+        bounds = (-reach - centre - moved) / (slope + turned), (reach - centre + moved) / (slope - turned)
+        one, two = bounds if slope > 0.0 else bounds[::-1]
+        low, high = max(low, one), min(high, two)
+    return low, high
+
+
+def _share(intervals: Sequence[tuple[float, float]]) -> float:
+    """Share of a line in the union of intervals."""
+    total, reached = 0.0, -math.inf
+    for low, high in sorted(intervals):
+        if high > reached:
+            total += _below(high) - _below(max(low, reached))
+            reached = high
+    return total
+
+
+def _below(r: float) -> float:
+    half = 0.5 * math.exp(-0.5 * r * r) if math.isfinite(r) else 0.0
+    return half if r < 0.0 else 1.0 - half
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    return _sqrt(np.array([[covariance[0], covariance[1]], [covariance[1], covariance[2]]]))
+
+
+def _sqrt(matrix: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
