@@ -4,7 +4,7 @@
 The plain twins are in tests/unit/prediction/naive_record.py.
 """
 
-from libc.math cimport M_PI, fabs, isfinite, isnan, sqrt
+from libc.math cimport M_PI, fabs, fmin, isfinite, isnan, sqrt
 
 import numpy as np
 
@@ -99,7 +99,7 @@ def gains(const double[:, :, :, ::1] parts, const double[:, :, ::1] promised, co
 cdef inline void add(const double[:, :, :, ::1] parts, const double[:, :, ::1] promised,
                      const double[:, :, ::1] followed, Py_ssize_t j, Py_ssize_t axis, Py_ssize_t k, double weight,
                      const double[:, :, ::1] prior, double error_m, double* own, double* total) noexcept nogil:
-    """One outcome, weighted by how far it is from what the fleet expects."""
+    """One outcome, weighted by how far it is from what the fleet or constant velocity expects, the nearer of the two."""
     cdef double y = followed[j, axis, k], left
     cdef double x[3]
     cdef double more[SUMS]
@@ -110,7 +110,7 @@ cdef inline void add(const double[:, :, :, ::1] parts, const double[:, :, ::1] p
     for s in range(3):
         x[s] = promised[j, axis, k] * parts[j, axis, k, s]
         left -= x[s] * prior[axis, k, s]
-    weight /= 1.0 + fabs(left) / error_m
+    weight /= 1.0 + fmin(fabs(left), fabs(y)) / error_m
     more[0], more[1], more[2] = x[0] * x[0], x[0] * x[1], x[0] * x[2]
     more[3], more[4], more[5] = x[1] * x[1], x[1] * x[2], x[2] * x[2]
     more[6], more[7], more[8] = x[0] * y, x[1] * y, x[2] * y

@@ -5,11 +5,12 @@ angle of the chord, w h/2 across, if they go on and if they are right. How much 
 regression, by each axis and knot of `fleet.KNOTS_S`: y = x' g, x the displacement that each part of the derivative
 promises (`parts_of`), y what happened. With outcomes weighted by q its ridge estimate is
 
-    g = (sum q x x' + N e^2 I)^-1 (sum q x y + N e^2 g0),    q = (dt / h) / (1 + |y - x' g_fleet| / e),
+    g = (sum q x x' + N e^2 I)^-1 (sum q x y + N e^2 g0),    q = (dt / h) / (1 + min(|y - x' g_fleet|, |y|) / e),
 
 e the fleet's mean error and N the weight of the prior, in independent outcomes of that size. dt/h counts independent
 outcomes, whatever the rate of the states; the denominator makes it an estimate of the mean error rather than of
-the mean square (iteratively reweighted least squares with one step). Three levels follow each other, each the prior
+the mean square (iteratively reweighted least squares with one step), from the nearer of what the fleet and constant
+velocity expect: with the fleet's alone, outcomes that agree with it would count most. Three levels follow each other, each the prior
 g0 of the next: the fleet's gain (scaled as the vehicle's own gain at the shorter knot, whose outcomes come sooner,
 turned out against the fleet's), that of the log's other vehicles, the vehicle's own. A vehicle whose derivatives say
 nothing is then predicted with constant velocity, whatever its filter claims.

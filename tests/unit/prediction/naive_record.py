@@ -48,7 +48,7 @@ def gains(
         for axis in (0, 1):
             for k, knot_s in enumerate(knots_s):
                 x, y = promised[:, axis, k, None] * parts[:, axis, k], followed[:, axis, k]
-                left = np.abs(y - x @ prior[axis, k])
+                left = np.minimum(np.abs(y - x @ prior[axis, k]), np.abs(y))
                 weight = step_s / knot_s / (1.0 + left / error_m[axis, k])
                 by_row, by_time = known_row[:, k] <= i, known_ns[:, k] <= now_ns[i]
                 gain = prior[axis, k]

@@ -157,7 +157,8 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
         for k, knot_s in enumerate(KNOTS_S.tolist()):
             known = np.arange(at - round(knot_s * 10) + 1)  # outcomes up to now
             x, y = promised[known, axis, k], followed[known, axis, k]
-            weight = np.where(known == 0, 0.0, 0.1) / knot_s / (1.0 + np.abs(y - x @ prior.gain[axis, k]) / 0.7)
+            left = np.minimum(np.abs(y - x @ prior.gain[axis, k]), np.abs(y))
+            weight = np.where(known == 0, 0.0, 0.1) / knot_s / (1.0 + left / 0.7)
             ridge = np.diag(PRIOR_OUTCOMES * 0.7**2)
             normal = (weight[:, None] * x).T @ x + ridge
             found = np.linalg.solve(normal, (weight[:, None] * x).T @ y + ridge @ expected)
