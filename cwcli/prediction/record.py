@@ -10,10 +10,10 @@ promises (`parts_of`), y what happened. With outcomes weighted by q its ridge es
 e the fleet's mean error and N the weight of the prior, in independent outcomes of that size. dt/h counts independent
 outcomes, whatever the rate of the states; the denominator makes it an estimate of the mean error rather than of
 the mean square (iteratively reweighted least squares with one step), from the nearer of what the fleet and constant
-velocity expect: with the fleet's alone, outcomes that agree with it would count most. Three levels follow each other, each the prior
-g0 of the next: the fleet's gain (scaled as the vehicle's own gain at the shorter knot, whose outcomes come sooner,
-turned out against the fleet's), that of the log's other vehicles, the vehicle's own. A vehicle whose derivatives say
-nothing is then predicted with constant velocity, whatever its filter claims.
+velocity expect: with the fleet's alone, outcomes that agree with it would count most. Three levels follow each other,
+each the prior g0 of the next: the fleet's gain (scaled as the vehicle's own gain at the shorter knot, whose outcomes
+come sooner, turned out against the fleet's), that of the log's other vehicles, the vehicle's own. A vehicle whose
+derivatives say nothing is then predicted with constant velocity, whatever its filter claims.
 
 Everything at a moment comes from states that were known by then (log time).
 """
