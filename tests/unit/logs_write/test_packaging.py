@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
+
+import cwcli
+from cwcli import kernels
+from tools.release import versions
 
 ROOT = Path(__file__).parents[3]
 
@@ -32,3 +39,28 @@ def test_every_file_kind_of_the_data_folders_is_shipped() -> None:
         shipped = {path for pattern in package_data[package] for path in folder.glob(pattern)}
         present = {path for path in folder.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")}
         assert present == shipped
+
+
+def test_kernels_keep_to_the_limited_api() -> None:
+    """One wheel for this version of Python and all later ones; Python would prefer a build for one version alone."""
+    built = [path.name for path in Path(str(kernels.__path__[0])).glob("*.so")]
+    assert sorted(built) == sorted(f"{path.stem}.abi3.so" for path in (ROOT / "cwcli/kernels").glob("*.pyx"))
+
+
+def test_a_missing_compiler_is_said_in_one_line(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "setup.py", "-q", "build", "--build-base", str(tmp_path)],
+        cwd=ROOT,
+        env={**os.environ, "CC": "no-such-compiler"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error")]
+    assert "needs a C compiler, and `no-such-compiler` is not there" in line
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    assert set(versions(ROOT).values()) == {cwcli.__version__}

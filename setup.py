@@ -1,0 +1,70 @@
+"""How the kernels are compiled; everything else about the package stands in pyproject.toml.
+
+Every `cwcli/kernels/*.pyx` is an extension of its own. They keep to Python's limited API, so that one wheel serves 3.11
+and all later versions; measured against the full one it costs nothing (docs/decisions.md).
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import sysconfig
+from pathlib import Path
+
+from setuptools import Extension, setup
+from setuptools.command.build import build
+from setuptools.command.build_ext import build_ext
+
+KERNELS = Path("cwcli/kernels")
+LIMITED_API = "0x030B0000"
+"""Of Python 3.11, the oldest version that is supported."""
+SHARED = [str(path) for path in sorted([*KERNELS.glob("*.pxd"), *KERNELS.glob("*.pxi")])]
+FLAGS = {"msvc": ["/O2", "/fp:precise"]}
+GCC_FLAGS = ["-O3", "-g0", "-ffp-contract=off"]
+"""No fused multiply-add: the same input gives the same bytes on every processor."""
+
+
+def kernel(path: Path) -> Extension:
+    """The extension of one `.pyx`."""
+    return Extension(
+        f"cwcli.kernels.{path.stem}",
+        [str(path)],
+        depends=SHARED,
+        define_macros=[("Py_LIMITED_API", LIMITED_API), ("CYTHON_LIMITED_API", "1")],
+        py_limited_api=True,
+    )
+
+
+class Build(build):
+    """`build` that says in one line, before anything else is done, that the compiler is missing."""
+
+    def finalize_options(self) -> None:
+        super().finalize_options()
+        command = os.environ.get("CC") or sysconfig.get_config_var("CC")  # neither is set where MSVC compiles
+        if command and shutil.which(shlex.split(command)[0]) is None:
+            raise SystemExit(
+                f"error: building cwcli needs a C compiler, and `{shlex.split(command)[0]}` is not there. Install one "
+                "(Debian and Ubuntu: apt install gcc; macOS: xcode-select --install), or install a wheel."
+            )
+
+
+class BuildKernels(build_ext):
+    """`build_ext` with the flags of the compiler that is used."""
+
+    def build_extensions(self) -> None:
+        for extension in self.extensions:
+            extension.extra_compile_args = FLAGS.get(self.compiler.compiler_type, GCC_FLAGS)
+        super().build_extensions()
+
+    def copy_extensions_to_source(self) -> None:
+        for path in KERNELS.glob("*.cpython-*"):  # an older checkout's: Python prefers a build for its own version
+            path.unlink()
+        super().copy_extensions_to_source()
+
+
+setup(
+    ext_modules=[kernel(path) for path in sorted(KERNELS.glob("*.pyx"))],
+    cmdclass={"build": Build, "build_ext": BuildKernels},
+    options={"build_ext": {"parallel": True}, "bdist_wheel": {"py_limited_api": "cp311"}},
+)
