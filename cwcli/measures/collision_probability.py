@@ -13,8 +13,9 @@ closed form: the distance of two normal numbers from their middle is Rayleigh's.
 Their directions are equally spaced in the plane of the errors at the step in which the outlines come nearest, in
 sigmas; the two errors independent of that plane, by which the errors at other times differ, follow a lattice.
 
-Limits: a step must be short against the cars' turning. With steps of 0.05 s the result is within 0.005 of a million
-samples (`python -m tests.studies.collision_probability`).
+Limits: a step must be short against the cars' turning. With steps of 0.05 s the result differed from 200,000 samples of
+60 random encounters by 0.002 (RMS) and by 0.010 at most, half of it from the number of lines, half from the length of
+the steps (`python -m tests.studies.collision_probability`).
 """
 
 from __future__ import annotations

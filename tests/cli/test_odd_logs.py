@@ -74,7 +74,7 @@ def test_pause_of_five_hours_has_no_states(cwcli: Run, messages: list[Logged], t
     done = cwcli("run", "in.mcap", "-o", "out.mcap", "--json")
     assert done.returncode == 0, done.stderr.decode()
     inputs = json.loads(done.stdout)["stages"]["predict"]["inputs"]
-    ego = next(entry for entry in inputs if entry["topic"] == "/cwcli/ego/state")
+    ego = next(entry for entry in inputs if entry["topic"] == "/cwcli/ego/online")
     assert 190 <= ego["read"] <= 202
 
 

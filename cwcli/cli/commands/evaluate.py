@@ -31,7 +31,7 @@ EXAMPLES = (
     "cwcli evaluate annotated.mcap",
     "cwcli evaluate out/ --gate 'ego.position_rmse_m < 0.5' --junit report.xml",
     "cwcli evaluate out/ --gate 'pooled(warnings.recall) >= 0.9' --markdown -",
-    "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true --gate 'system.warnings.recall >= 0.9'",
+    "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true",
 )
 BESIDE = ("metric", "the system", "cwcli", "states", "n")
 MAX_SHOWN = 20

@@ -18,7 +18,7 @@ from cwcli.cli.text import count
 EXAMPLES = (
     "cwcli report out/ -o report.html",
     "cwcli report drive.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
-    "cwcli report annotated.mcap -o report.html --topic warning=/adas/fcw:data==true",
+    "cwcli report annotated.mcap -o r.html --topic warning=/adas/fcw:data==true",
 )
 
 SourceArgument = Annotated[

@@ -145,7 +145,7 @@ def test_probabilities_are_those_of_the_alert_and_say_what_they_are() -> None:
     assert facts(drive(straight(50.0, 50.0, 10.0, math.pi), warning(2.0, "7"))) == {
         "the collision comes in": "2.00 s",
         "centres apart by": "0.40 m",
-        "probability, which the rule compares with 0.5": "0.95",
+        "probability, which the rule compares with 0.65": "0.95",
         "probability within 2.5 s": "0.48",
     }
 
