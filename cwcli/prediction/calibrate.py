@@ -42,6 +42,7 @@ from cwcli.prediction.outcome import (
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.record import NEVER_NS, Track, joined, known_at_ns, known_tracks, measured_acted
 from cwcli.prediction.rollout import ROWS_AT_ONCE, Discretisation, rollout, time_grid
+from cwcli.prediction.row_products import row_products
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -161,7 +162,7 @@ def between_knots(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
     """The logarithm of the scale at the times of paths: (n, k) at their knots to (n, times)."""
     knots = np.concatenate([[0.0], knots_s(float(time_s[-1]))])
     hats = np.stack([np.interp(time_s, knots, row) for row in np.eye(len(knots))[1:]])
-    return np.asarray(log_scale @ hats)
+    return row_products(log_scale, hats)
 
 
 def outcomes(

@@ -12,6 +12,7 @@ from importlib.resources import files
 
 import numpy as np
 
+from cwcli.prediction.row_products import row_products
 from cwcli.signals.columns import FloatArray
 
 FILE = "fleet_prior.toml"
@@ -86,9 +87,9 @@ def acted_at(acted: FloatArray, time_s: FloatArray) -> FloatArray:
     before_s = np.concatenate([[0.0], KNOTS_S[:-1]])
     shape = (-1,) + (1,) * (time_s.ndim - 1)
     slopes = np.diff(acted, axis=1, prepend=0.0) / (KNOTS_S - before_s)
-    if len(time_s) == 1:  # the same times for all cars: one product of matrices
+    if len(time_s) == 1:  # the same times for all cars: one product
         inside = np.clip(time_s.reshape(1, -1) - before_s[:, None], 0.0, (KNOTS_S - before_s)[:, None])
-        return np.asarray((slopes @ inside).reshape(len(acted), *time_s.shape[1:]))
+        return row_products(slopes, inside).reshape(len(acted), *time_s.shape[1:])
     out = np.zeros(time_s.shape)
     for k, (start_s, knot_s) in enumerate(zip(before_s.tolist(), KNOTS_S.tolist(), strict=True)):
         out += slopes[:, k].reshape(shape) * np.clip(time_s - start_s, 0.0, knot_s - start_s)

@@ -1,0 +1,29 @@
+"""What is predicted from a state does not depend on which other states are predicted with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cwcli.prediction.calibrate import between_knots
+from cwcli.prediction.fleet import KNOTS_S, acted_at
+from cwcli.prediction.row_products import row_products
+
+N = 400
+TIME_S = np.linspace(0.0, 2.5, 51)
+
+
+def test_products_are_those_of_matrices() -> None:
+    rng = np.random.default_rng(1)
+    weights, rows = rng.normal(size=(7, 3)), rng.normal(size=(3, 11))
+    np.testing.assert_allclose(row_products(weights, rows), weights @ rows, rtol=1e-14)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 17, 64, 129])
+def test_scales_and_accelerations_of_a_row_are_the_same_bits_in_any_company(n: int) -> None:
+    rng = np.random.default_rng(2)
+    log_scale, acted = rng.normal(size=(N, 3)), np.cumsum(rng.uniform(size=(N, len(KNOTS_S))), axis=1)
+    for first in (0, 5, N - n):
+        rows = slice(first, first + n)
+        assert np.array_equal(between_knots(log_scale[rows], TIME_S), between_knots(log_scale, TIME_S)[rows])
+        assert np.array_equal(acted_at(acted[rows], TIME_S[None]), acted_at(acted, TIME_S[None])[rows])
