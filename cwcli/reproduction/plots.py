@@ -75,6 +75,8 @@ STYLES: dict[str, dict[str, Any]] = {
 """A method looks the same in every figure; ours is dashed where it may lie on the paper's."""
 LONG_LABEL = 15
 """Letters; of longer ones five do not stand side by side."""
+LEAST_MAP_HEIGHT = 0.15
+"""Of a map, by its width."""
 PALETTE = 200
 """Colours of a PNG: half the bytes of true colour, and no visible difference."""
 
@@ -104,6 +106,10 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
     if plot.level is not None:
         label, y = plot.level
         axes.axhline(y, color="black", linestyle="-.", linewidth=0.8, label=label)
+    if plot.is_map:  # two cars behind one another leave a line without height
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        half = 0.5 * max(high - low, LEAST_MAP_HEIGHT * (right - left))
+        axes.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
     axes.set_title(f"{paper} {plot.figure}. {plot.title}", fontsize="medium")
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(plot.y_label)
