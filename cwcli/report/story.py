@@ -144,18 +144,18 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
 
 
 def careful_sentence(drive: Drive, encounter: Encounter) -> str:
-    """`A careful driver would have braked at 3.1 s and stayed 4.0 m away.`; "" without a conflict."""
+    """`A careful driver would have stayed 4.0 m away, braking at 3.1 s.`; "" without a conflict."""
     if encounter.pair is None or encounter.conflict is None:
         return ""
     found = careful_driver(encounter.pair, encounter.conflict)
     if found is None:
         return ""
     outcome, braked_ns = found.outcome, found.braked_ns
-    text = "would not have braked" if braked_ns is None else f"would have braked at {_at(drive, braked_ns)}"
     if outcome.avoided:
-        return f"A careful driver {text} and stayed {outcome.least_gap_m:.1f} m away."
-    still = "and" if braked_ns is None else "and still"
-    return f"A careful driver {text} {still} crashed, at {outcome.impact_mps:.1f} m/s relative to the other."
+        how = "without braking" if braked_ns is None else f"braking at {_at(drive, braked_ns)}"
+        return f"A careful driver would have stayed {outcome.least_gap_m:.1f} m away, {how}."
+    braked = "would not have braked" if braked_ns is None else f"would have braked at {_at(drive, braked_ns)}"
+    return f"A careful driver {braked}, and would have crashed at {outcome.impact_mps:.1f} m/s relative to the other."
 
 
 def verdict_badge(encounter: Encounter) -> Badge:
