@@ -33,7 +33,7 @@ from tests.cut_logs import Change, cut_log, cut_times, first_change, online_mess
 
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
 N_SIMULATED = 20
-EGO_STATIONS = {"wydot-bsm": "31325433"}
+EGO_STATIONS = {"psu-testtrack-1obu": "2a3c600d", "wydot-bsm": "31325433"}
 
 
 def simulated(folder: Path) -> Iterator[Path]:
