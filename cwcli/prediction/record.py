@@ -222,7 +222,7 @@ def measured_acted(
     chosen = prior or fleet_prior()
     log_ns = stamp_ns if log_time_ns is None else log_time_ns
     share = np.einsum("nai,aki->nak", _unrecorded(clearness(state, covariance)), chosen.gain)
-    tracks = [track for track in known_tracks(vehicle, stamp_ns, log_ns, state, covariance) if len(track.rows) > 1]
+    tracks = known_tracks(vehicle, stamp_ns, log_ns, state, covariance)
     if tracks:
         track = joined(tracks)
         parts = parts_of(track)

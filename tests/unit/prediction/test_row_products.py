@@ -7,6 +7,7 @@ import pytest
 
 from cwcli.prediction.calibrate import between_knots
 from cwcli.prediction.fleet import KNOTS_S, acted_at
+from cwcli.prediction.record import measured_acted
 from cwcli.prediction.row_products import row_products
 
 N = 400
@@ -27,3 +28,13 @@ def test_scales_and_accelerations_of_a_row_are_the_same_bits_in_any_company(n: i
         rows = slice(first, first + n)
         assert np.array_equal(between_knots(log_scale[rows], TIME_S), between_knots(log_scale, TIME_S)[rows])
         assert np.array_equal(acted_at(acted[rows], TIME_S[None]), acted_at(acted, TIME_S[None])[rows])
+
+
+def test_the_first_state_of_a_vehicle_says_the_same_alone() -> None:
+    rng = np.random.default_rng(3)
+    n, stamp_ns = 40, 10**18 + 50_000_000 * np.arange(40)
+    state = rng.normal(size=(n, 8)) + [0.0, 0.0, 10.0, 0.0, 1.0, 0.1, 0.5, 0.05]
+    covariance = np.tile(np.diag([0.3, 0.3, 0.1, 0.01, 0.3, 0.01, 0.3, 0.01]), (n, 1, 1))
+    whole = measured_acted(np.zeros(n, np.intp), stamp_ns, stamp_ns, state, covariance)
+    alone = measured_acted(np.zeros(1, np.intp), stamp_ns[:1], stamp_ns[:1], state[:1], covariance[:1])
+    assert np.array_equal(alone, whole[:1])
