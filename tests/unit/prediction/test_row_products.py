@@ -33,7 +33,7 @@ def test_scales_and_accelerations_of_a_row_are_the_same_bits_in_any_company(n: i
 def test_the_first_state_of_a_vehicle_says_the_same_alone() -> None:
     rng = np.random.default_rng(3)
     n, stamp_ns = 40, 10**18 + 50_000_000 * np.arange(40)
-    state = rng.normal(size=(n, 8)) + [0.0, 0.0, 10.0, 0.0, 1.0, 0.1, 0.5, 0.05]
+    state = rng.normal([0.0, 0.0, 10.0, 0.0, 1.0, 0.1, 0.5, 0.05], 1.0, (n, 8))
     covariance = np.tile(np.diag([0.3, 0.3, 0.1, 0.01, 0.3, 0.01, 0.3, 0.01]), (n, 1, 1))
     whole = measured_acted(np.zeros(n, np.intp), stamp_ns, stamp_ns, state, covariance)
     alone = measured_acted(np.zeros(1, np.intp), stamp_ns[:1], stamp_ns[:1], state[:1], covariance[:1])
