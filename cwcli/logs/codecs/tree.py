@@ -11,6 +11,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
+from cwcli.logs.codecs.cdr_program import MAX_NESTING
 from cwcli.logs.codecs.protobuf import find_message
 from cwcli.logs.codecs.protobuf_tables import is_repeated
 from cwcli.logs.codecs.registry import ChannelLike
@@ -25,7 +26,6 @@ from cwcli.logs.codecs.ros2msg import (
     parse_definitions,
 )
 
-MAX_NESTING = 64
 FORMATS = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
 """NumPy type -> that of `struct`."""
 

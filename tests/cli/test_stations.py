@@ -1,0 +1,82 @@
+"""A log of radio stations, one of them the ego's: whose messages are whose, what is no fault, and what then works."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from tests.cli.conftest import Run
+
+OWN_STATION = "00000001"
+
+
+def ego_and_other(path: Path, *, bad_fix: int | None = None, with_fixes: bool = True) -> Path:
+    """A drive of 10 s with GNSS and messages of two stations, one of which is the ego's."""
+    with Path(path).open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("foxglove.LocationFix", "jsonschema", b"{}")
+        fixes = writer.register_channel("/gps/fix", "json", schema) if with_fixes else None
+        heard = writer.register_channel(
+            "/v2x/bsm", "json", writer.register_schema("BasicSafetyMessage", "jsonschema", b"{}")
+        )
+        for k in range(100):
+            time_ns = 1_700_000_000_000_000_000 + k * 100_000_000
+            latitude_deg = 91.0 if k == bad_fix else 51.0 + 1e-5 * k
+            stamp = {"sec": time_ns // 10**9, "nsec": time_ns % 10**9}
+            fix = {"timestamp": stamp, "latitude": latitude_deg, "longitude": 13.7, "altitude": 100.0}
+            if fixes is not None:
+                writer.add_message(fixes, time_ns, json.dumps(fix).encode(), time_ns)
+            for station, lane_deg in ((OWN_STATION, 0.0), ("000000A7", 1e-4)):
+                core = {
+                    "msgCnt": k, "id": station, "secMark": (time_ns // 10**6) % 60_000,
+                    "lat": round((51.0 + 1e-5 * k) * 1e7), "long": round((13.7 + lane_deg) * 1e7), "elev": 1000,
+                    "speed": 556, "heading": 0,
+                }  # fmt: skip
+                writer.add_message(heard, time_ns, json.dumps({"coreData": core}).encode(), time_ns)
+        writer.finish()
+    return path
+
+
+def test_strict_takes_what_is_only_set_aside(cwcli: Run, tmp_path: Path) -> None:
+    """The ego's own messages are none of the others', and the other way round: no fault."""
+    ego_and_other(tmp_path / "d.mcap")
+    done = cwcli("estimate", "d.mcap", "--ego-station", OWN_STATION, "--strict", "--json")
+    assert done.returncode == 0, done.stderr.decode()
+    (remote,) = (
+        entry for entry in json.loads(done.stdout)["stages"]["estimate"]["inputs"] if entry["role"] == "remote"
+    )
+    assert sum(remote["set_aside"].values()) == 100
+    assert (remote["used"], remote["rejected"], remote["repaired"]) == (100, {}, {})
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "--topic", "remote=/v2x/bsm", "-o", "o.mcap"),
+        ("estimate", "-o", "o.mcap"),
+        ("estimate", "--ego-station", "000000FF", "-o", "o.mcap"),
+    ],
+)
+def test_a_log_of_stations_alone_lists_them_and_the_option_that_works(
+    cwcli: Run, tmp_path: Path, arguments: tuple[str, ...]
+) -> None:
+    ego_and_other(tmp_path / "d.mcap", with_fixes=False)
+    done = cwcli(arguments[0], "d.mcap", *arguments[1:])
+    assert done.returncode == 4
+    said = " ".join(done.stderr.decode().split())
+    assert f"V2X stations {OWN_STATION} (100 messages), 000000A7 (100 messages)" in said
+    assert f"name it: --ego-station {OWN_STATION}" in said
+    assert cwcli("estimate", "d.mcap", "--ego-station", OWN_STATION, "-o", "o.mcap").returncode == 0
+
+
+def test_strict_names_topic_time_and_count_of_a_fault(cwcli: Run, tmp_path: Path) -> None:
+    ego_and_other(tmp_path / "d.mcap", bad_fix=42)
+    done = cwcli("estimate", "d.mcap", "-o", "e.mcap", "--strict")
+    assert done.returncode == 5
+    assert re.search(r"/gps/fix rejected: 1 .*, the first at 4\.200 s", done.stderr.decode())
+    assert not (tmp_path / "e.mcap").exists()
