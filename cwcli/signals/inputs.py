@@ -7,67 +7,31 @@ To add a message type: write its builder in a file, and add one entry here. Othe
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-from cwcli.registry import Plugin, Registry, named, plugin_entry
+from cwcli.registry import Plugin, Registry, plugin_entry
 from cwcli.signals.builders.base import Build, Fields, Input, Reading
+from cwcli.signals.input_rows import (
+    LaterFields,
+    builder,
+    foxglove,
+    in_signals,
+    is_ego_topic,
+    is_gnss_topic,
+    is_target_topic,
+    is_vehicle_topic,
+    quaternion,
+    ros,
+    v2x_builder,
+    xyz,
+)
 from cwcli.signals.role import Role
-from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP, JSON_STAMPS, PROTOBUF_STAMP
 
 if TYPE_CHECKING:
-    from cwcli.signals.canonical import Signal
     from cwcli.signals.columns import Columns
-    from cwcli.signals.quality import Quality
-
-TARGET_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
-GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
-
-
-def _named(name: str) -> Any:
-    """`module.name` of this package."""
-    return named(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
-
-
-def _builder(name: str) -> Build:
-    """The builder `module.name`, imported when a channel is built: binding (`cwcli info`) takes no numpy."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = _named(f"builders.{name}")(columns, reading)
-        return made
-
-    return build
-
-
-def _v2x_builder(maker: str, codec: str) -> Build:
-    """The builder that `build_v2x.<maker>` makes for a codec, both imported when a channel is built."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = _named(f"builders.v2x.{maker}")(_named(codec))(columns, reading)
-        return made
-
-    return build
-
-
-class _LaterFields(Mapping[str, tuple[str, ...]]):
-    """Leaf fields that are looked up in a codec's tables when they are needed."""
-
-    def __init__(self, find: Callable[[], Fields]) -> None:
-        self._find = find
-
-    @cached_property
-    def _found(self) -> Fields:
-        return self._find()
-
-    def __getitem__(self, encoding: str) -> tuple[str, ...]:
-        return self._found[encoding]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
-
-    def __len__(self) -> int:
-        return len(self._found)
 
 
 @lru_cache(maxsize=256)
@@ -77,101 +41,58 @@ def normalise(schema_name: str) -> str:
     return re.sub(r"/msg/", "/", name)
 
 
-def is_gnss_topic(topic: str) -> bool:
-    """A topic whose twist is taken for a velocity over ground before its frame_id is known."""
-    return not GNSS_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
-
-
-def is_vehicle_topic(topic: str) -> bool:
-    """A topic whose twist is taken for a body twist before its frame_id is known: every other one."""
-    return not is_gnss_topic(topic)
-
-
-def is_target_topic(topic: str) -> bool:
-    """A truth topic that is about other road users."""
-    return not TARGET_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
-
-
-def is_ego_topic(topic: str) -> bool:
-    """A truth topic that is about the ego: every other one."""
-    return not is_target_topic(topic)
-
-
-def _ros(*leaves: str) -> Fields:
-    """Leaf fields of a ROS message with a header: CDR, or JSON with the same names."""
-    named = (*HEADER_STAMP, "header.frame_id", *leaves)
-    return {"cdr": named, "json": (*named, *JSON_STAMPS)}
-
-
-def _foxglove(*leaves: str) -> Fields:
-    """Leaf fields of a foxglove message: protobuf, JSON, or CDR (`foxglove_msgs`)."""
-    return {
-        "protobuf": (*PROTOBUF_STAMP, "frame_id", *leaves),
-        "json": (*JSON_STAMPS, "frame_id", *leaves),
-        "cdr": (*CDR_FOXGLOVE_STAMP, "frame_id", *leaves),
-    }
-
-
-def _xyz(path: str) -> tuple[str, ...]:
-    return tuple(f"{path}.{axis}" for axis in "xyz")
-
-
-def _quaternion(path: str) -> tuple[str, ...]:
-    return tuple(f"{path}.{axis}" for axis in "xyzw")
-
-
-_build_boxes = _builder("detections.build_boxes")
-_build_cubes = _builder("detections.build_cubes")
-_build_json_detections = _builder("detections.build_json")
-_build_radar_scan = _builder("detections.build_radar_scan")
-_build_radar_tracks = _builder("detections.build_radar_tracks")
-_build_pose_truth = _builder("targets.build_pose_truth")
-_build_state_truth = _builder("targets.build_state_truth")
-_build_target_truth = _builder("targets.build_target_truth")
-_build_camera_info = _builder("camera.build_camera_info")
-_build_imu = _builder("imu.build_imu")
-_build_quaternion_heading = _builder("motion.build_quaternion_heading")
-_build_twist = _builder("motion.build_twist")
-_build_velocity_report = _builder("motion.build_velocity_report")
-_build_steering_report = _builder("steer.build_steering_report")
-_build_odometry_speed = _builder("pose.build_odometry_speed")
-_build_pose = _builder("pose.build_pose")
-_build_vehicle_state = _builder("pose.build_vehicle_state")
-_build_fix = _builder("position.build_fix")
+_build_boxes = builder("detections.build_boxes")
+_build_cubes = builder("detections.build_cubes")
+_build_json_detections = builder("detections.build_json")
+_build_radar_scan = builder("detections.build_radar_scan")
+_build_radar_tracks = builder("detections.build_radar_tracks")
+_build_pose_truth = builder("targets.build_pose_truth")
+_build_state_truth = builder("targets.build_state_truth")
+_build_target_truth = builder("targets.build_target_truth")
+_build_camera_info = builder("camera.build_camera_info")
+_build_imu = builder("imu.build_imu")
+_build_quaternion_heading = builder("motion.build_quaternion_heading")
+_build_twist = builder("motion.build_twist")
+_build_velocity_report = builder("motion.build_velocity_report")
+_build_steering_report = builder("steer.build_steering_report")
+_build_odometry_speed = builder("pose.build_odometry_speed")
+_build_pose = builder("pose.build_pose")
+_build_vehicle_state = builder("pose.build_vehicle_state")
+_build_fix = builder("position.build_fix")
 
 _FIX = ("latitude", "longitude", "altitude", "position_covariance", "position_covariance_type")
-_ROS_FIX = _ros("status.status", *_FIX)
-_FOXGLOVE_FIX = _foxglove(*_FIX)
-_IMU = _ros(
-    *_xyz("linear_acceleration"),
+_ROS_FIX = ros("status.status", *_FIX)
+_FOXGLOVE_FIX = foxglove(*_FIX)
+_IMU = ros(
+    *xyz("linear_acceleration"),
     "linear_acceleration_covariance",
-    *_xyz("angular_velocity"),
+    *xyz("angular_velocity"),
     "angular_velocity_covariance",
 )
-_IMU_ORIENTATION = _ros(*_quaternion("orientation"), "orientation_covariance")
-_TWIST = _ros("twist.linear.x", "twist.linear.y", "twist.angular.z")
-_TWIST_COVARIANCE = _ros("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z", "twist.covariance")
-_ODOMETRY = _ros(
+_IMU_ORIENTATION = ros(*quaternion("orientation"), "orientation_covariance")
+_TWIST = ros("twist.linear.x", "twist.linear.y", "twist.angular.z")
+_TWIST_COVARIANCE = ros("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z", "twist.covariance")
+_ODOMETRY = ros(
     "child_frame_id",
-    *_xyz("pose.pose.position"),
-    *_quaternion("pose.pose.orientation"),
+    *xyz("pose.pose.position"),
+    *quaternion("pose.pose.orientation"),
     "pose.covariance",
     "twist.twist.linear.x",
     "twist.twist.linear.y",
     "twist.twist.angular.z",
     "twist.covariance",
 )
-_POSE_STAMPED = _ros(*_xyz("pose.position"), *_quaternion("pose.orientation"))
-_POSE_IN_FRAME = _foxglove(*_xyz("pose.position"), *_quaternion("pose.orientation"))
-_VELOCITY_REPORT = _ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
+_POSE_STAMPED = ros(*xyz("pose.position"), *quaternion("pose.orientation"))
+_POSE_IN_FRAME = foxglove(*xyz("pose.position"), *quaternion("pose.orientation"))
+_VELOCITY_REPORT = ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
 _STEERING_REPORT: Fields = dict.fromkeys(("cdr", "json"), ("stamp.sec", "stamp.nanosec", "steering_tire_angle"))
-_ACKERMANN = _ros("drive.steering_angle")
+_ACKERMANN = ros("drive.steering_angle")
 _TIMES = ("sec", "nanosec", "secs", "nsec", "nsecs")
 _TRAJECTORY_TIMES = tuple(f"points.time_from_start.{name}" for name in _TIMES)
-_TRAJECTORY = _ros(*_TRAJECTORY_TIMES, *_xyz("points.pose.position"), "points.longitudinal_velocity_mps")
-_PATH = _ros(*(f"poses.header.stamp.{name}" for name in _TIMES), *_xyz("poses.pose.position"))
-_CAMERA_INFO = _ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
-_CALIBRATION = _foxglove("width", "height", "distortion_model", "D", "K", "R", "P", "d", "k", "r", "p")
+_TRAJECTORY = ros(*_TRAJECTORY_TIMES, *xyz("points.pose.position"), "points.longitudinal_velocity_mps")
+_PATH = ros(*(f"poses.header.stamp.{name}" for name in _TIMES), *xyz("poses.pose.position"))
+_CAMERA_INFO = ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
+_CALIBRATION = foxglove("width", "height", "distortion_model", "D", "K", "R", "P", "d", "k", "r", "p")
 _STATE: Fields = {
     "protobuf": (
         "stamp_ns",
@@ -189,13 +110,13 @@ _STATE: Fields = {
 _TARGET: Fields = {
     "protobuf": ("stamp_ns", "id", "frame_id", "x_m", "y_m", "vx_mps", "vy_mps"),
 }
-_RADAR_SCAN = _ros("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity")
-_RADAR_TRACKS = _ros(
+_RADAR_SCAN = ros("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity")
+_RADAR_TRACKS = ros(
     *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
     "tracks.position_covariance",
     "tracks.velocity_covariance",
 )
-_BOXES = _ros(
+_BOXES = ros(
     *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
     *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
     "detections.results.pose.covariance",
@@ -255,19 +176,19 @@ _OWN_MAKERS = {
 
 def _v2x(find: Callable[[], Fields], codec: str, *, says_who_is_ego: bool = False) -> tuple[Input, ...]:
     """A V2X schema: remote vehicles, and the ego's own messages where it is known which ones these are."""
-    fields = _LaterFields(find)
+    fields = LaterFields(find)
     own = (
-        Input(role, fields, _v2x_builder(maker, codec), rank=1, needs_ego_station=not says_who_is_ego)
+        Input(role, fields, v2x_builder(maker, codec), rank=1, needs_ego_station=not says_who_is_ego)
         for role, maker in _OWN_MAKERS.items()
     )
-    return (Input(Role.REMOTE, fields, _v2x_builder("remote_builder", codec)), *own)
+    return (Input(Role.REMOTE, fields, v2x_builder("remote_builder", codec)), *own)
 
 
 def _cam_fields(paths: str) -> Callable[[], Fields]:
     """Leaf fields of a CAM, from a table of `etsi`."""
 
     def find() -> Fields:
-        leaves = tuple(_named(f"etsi.{paths}").values())
+        leaves = tuple(in_signals(f"etsi.{paths}").values())
         return {"cdr": leaves, "json": leaves}
 
     return find
@@ -314,7 +235,7 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "geometry_msgs/TwistStamped": _twist(_TWIST),
     "geometry_msgs/TwistWithCovarianceStamped": _twist(_TWIST_COVARIANCE),
     "geometry_msgs/QuaternionStamped": (
-        Input(Role.EGO_HEADING, _ros(*_quaternion("quaternion")), _build_quaternion_heading),
+        Input(Role.EGO_HEADING, ros(*quaternion("quaternion")), _build_quaternion_heading),
     ),
     "geometry_msgs/PoseStamped": _pose(_POSE_STAMPED),
     "nav_msgs/Odometry": (*_pose(_ODOMETRY), Input(Role.EGO_SPEED, _ODOMETRY, _build_odometry_speed, rank=2)),
@@ -326,11 +247,11 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "autoware_auto_vehicle_msgs/SteeringReport": (Input(Role.EGO_STEER, _STEERING_REPORT, _build_steering_report),),
     # often what was commanded, not what was measured
     "ackermann_msgs/AckermannDriveStamped": (Input(Role.EGO_STEER, _ACKERMANN, _build_steering_report, rank=None),),
-    "autoware_planning_msgs/Trajectory": (Input(Role.PLANNED_PATH, _TRAJECTORY, _builder("path.build_trajectory")),),
+    "autoware_planning_msgs/Trajectory": (Input(Role.PLANNED_PATH, _TRAJECTORY, builder("path.build_trajectory")),),
     "autoware_auto_planning_msgs/Trajectory": (
-        Input(Role.PLANNED_PATH, _TRAJECTORY, _builder("path.build_trajectory")),
+        Input(Role.PLANNED_PATH, _TRAJECTORY, builder("path.build_trajectory")),
     ),
-    "nav_msgs/Path": (Input(Role.PLANNED_PATH, _PATH, _builder("path.build_path")),),
+    "nav_msgs/Path": (Input(Role.PLANNED_PATH, _PATH, builder("path.build_path")),),
     "sensor_msgs/CompressedImage": _CAMERA,
     "sensor_msgs/Image": _CAMERA,
     "foxglove.CompressedImage": _CAMERA,

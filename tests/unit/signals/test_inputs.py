@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 from cwcli.signals import inputs
+from cwcli.signals.input_rows import in_signals
 
 
 def test_every_named_builder_exists() -> None:
@@ -19,7 +20,7 @@ def test_every_named_builder_exists() -> None:
     for name in wanted:
         dotted = name if "." in name else f"v2x.{name}"
         place = "" if dotted.startswith(("j2735.", "etsi.")) else "builders."
-        assert inputs._named(place + dotted) is not None
+        assert in_signals(place + dotted) is not None
 
 
 def test_fields_of_every_input_can_be_looked_up() -> None:
