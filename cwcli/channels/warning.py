@@ -28,7 +28,7 @@ class WarningEvent:
         event_id: Its number in the log.
         rule: The rule that warned.
         other_id: The other vehicle, or what else it is about.
-        raised_ns, last_ns: First and last evaluation at which it stood.
+        raised_ns, last_ns: When the first and the last evaluation at which it stood could have been known.
         rows: Rows of the channel in which it was raised or held, by stamp; the first raised it.
     """
 
@@ -49,7 +49,7 @@ def write_warnings(parts: Sequence[WarningRows]) -> tuple[OutputChannel, OutputC
     rows = np.flatnonzero(state != HELD)  # a held warning says nothing new
     assert isinstance(message, Strings)
     words: dict[str, Field] = {
-        "timestamp": np.asarray(warnings.fields["stamp_ns"])[rows],
+        "timestamp": np.asarray(warnings.fields["known_ns"])[rows],
         "level": np.where(state[rows] == RAISED, LEVEL_WARNING, LEVEL_INFO),
         "message": message.rows(rows),
         "name": constant_strings("cwcli.warn", len(rows)),
@@ -75,9 +75,12 @@ def read_warnings(columns: Columns) -> WarningRows:
         columns: The channel; for events its fields `WITHOUT_WORDS` are enough.
     """
     absent = Strings(np.full(len(columns), -1, np.int32), ())
+    stamp_ns = whole_numbers(columns, "stamp_ns")[0]
+    known_ns = whole_numbers(columns, "known_ns")[0]
     return WarningRows(
         log_time_ns=columns.log_time_ns,
-        stamp_ns=whole_numbers(columns, "stamp_ns")[0],
+        stamp_ns=stamp_ns,
+        known_ns=np.where(known_ns > 0, known_ns, stamp_ns),  # an older version tells the stamps alone
         rule=texts(columns, "rule") or absent,
         event_id=whole_numbers(columns, "event_id")[0],
         state=whole_numbers(columns, "state")[0].astype(np.int32),
@@ -97,7 +100,7 @@ def warning_events(warnings: WarningRows) -> list[WarningEvent]:
 
     What was raised before the channel begins (somebody has cut the log) is no event of it: nobody knows when it was.
     """
-    event_id, state, stamp_ns = warnings.event_id, warnings.state, warnings.stamp_ns
+    event_id, state, stamp_ns, known_ns = warnings.event_id, warnings.state, warnings.stamp_ns, warnings.known_ns
     rows = np.flatnonzero((state == RAISED) | (state == HELD))
     rows = rows[np.lexsort((state[rows] != RAISED, stamp_ns[rows], event_id[rows]))]
     found = []
@@ -112,8 +115,8 @@ def warning_events(warnings: WarningRows) -> list[WarningEvent]:
                 event_id=int(event_id[first]),
                 rule=_text(warnings.rule, first),
                 other_id=_text(warnings.other_id, first),
-                raised_ns=int(stamp_ns[first]),
-                last_ns=int(stamp_ns[last]),
+                raised_ns=int(known_ns[first]),
+                last_ns=int(known_ns[last]),
                 rows=own,
             )
         )

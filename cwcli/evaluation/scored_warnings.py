@@ -154,9 +154,9 @@ def _scored(found: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[st
     theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
     pair = Pair(own, theirs, host.outline_m, other.outline_m, config.max_gap_s)
     conflicts = real_conflicts(pair, config)
-    stamp_ns = evaluation.stamp_ns
+    known_ns = evaluation.known_ns
     verdicts = [
-        judge(int(stamp_ns[span.raised]), int(stamp_ns[span.last]), conflicts, pair, config)
+        judge(int(known_ns[span.raised]), int(known_ns[span.last]), conflicts, pair, config)
         for span in evaluation.spans
     ]
     return ScoredPair(evaluation, pair, conflicts, verdicts)

@@ -280,8 +280,8 @@ def _predictions(drive: Drive, encounter: Encounter) -> Trace:
     """What the warning said while it stood: the distance that both would have at the event."""
     assert drive.warnings is not None
     distance_m = drive.warnings.predicted_distance_m[encounter.rows]
-    stamp_ns = drive.warnings.stamp_ns[encounter.rows]
+    known_ns = drive.warnings.known_ns[encounter.rows]
     rows = envelope_rows(distance_m, N_PIECES // 2)
-    x, y = rounded(drive.seconds(stamp_ns[rows]), 3), rounded(distance_m[rows], 2)
+    x, y = rounded(drive.seconds(known_ns[rows]), 3), rounded(distance_m[rows], 2)
     name = "predicted least distance, while the warning stood"
     return dots(x, y, name, ALERT, size=5, symbol="diamond", hovertemplate="%{x} s: %{y} m")

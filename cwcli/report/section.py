@@ -171,12 +171,14 @@ def _without_first_plot(event: EventView) -> EventView:
 def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tuple[Paths | None, Paths | None]:
     """The paths of both cars, as known at the warning; targets have no published ones."""
     topics = {channel.topic for channel in log.channels}
+    assert drive.warnings is not None
+    logged_ns = int(drive.warnings.log_time_ns[encounter.rows[0]])
     found: list[Paths | None] = []
     for channel, vehicle in ((EGO_PATH, _ego_id(drive)), (REMOTE_PATH, encounter.other_id)):
         path = None
         if channel.topic in topics:
             try:
-                path = _known_path(log, channel.topic, vehicle, encounter.raised_ns, drive.rule.max_age_s)
+                path = _known_path(log, channel.topic, vehicle, logged_ns, drive.rule.max_age_s)
             except CwcliError as error:
                 notes.append(error.what)
         found.append(path)

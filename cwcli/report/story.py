@@ -259,10 +259,13 @@ def _knowledge(drive: Drive) -> str:
     if drive.warnings is None or states is None:
         return ""
     if states != "online":
-        return "Warnings are from states in hindsight, which know what came: no car could have given them like this."
+        return (
+            "Warnings are from states in hindsight, which know what came, at their stamps: no car could have given "
+            "them like this."
+        )
     used = drive.records.get("estimate", {}).get("online_parameters", "")
     but = ", but with noise and latencies from the whole log" if used == THIS_LOG else ""
-    return f"Warnings are from what the car could have known by then{but}; what happened is told in hindsight."
+    return f"Warnings are told when the car could have known{but}; what happened is told in hindsight."
 
 
 def _length(drive: Drive) -> str:

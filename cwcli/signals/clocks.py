@@ -35,6 +35,8 @@ Clock = Literal["stamp", "log"]
 MAX_CLOCK_STEP_S = 30.0
 """A larger change of (stamp - log time) between neighbours is a clock fault, not a delay. Recorders are known to stall
 for seconds, receivers to switch from GPS time to UTC by 18 s; both stay below."""
+OTHER_CLOCK_S = 1.0
+"""Stamps and log times that differ by more are of two clocks: no system is so slow."""
 PAUSES_APART = 10
 """A stray lies farther from the rest of the log than `MAX_CLOCK_STEP_S` and than this many times the longest pause
 within the rest: what is logged rarely is no stray."""
@@ -278,6 +280,23 @@ def _by_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> lis
     grouped = rows[order]
     edges = np.flatnonzero(np.diff(sender[grouped])) + 1
     return np.split(grouped, edges)
+
+
+def knowable_ns(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Int64Array:
+    """When rows could have been known, on the clock of their stamps, (n,).
+
+    That is their log time, but not before their stamp nor before what came earlier was known. Where the least
+    difference of log time and stamp so far is above `OTHER_CLOCK_S`, these are two clocks, and it is taken off: what
+    was always late by as much does not show. It is the least so far, because a moment may not depend on what comes
+    later.
+
+    Args:
+        stamp_ns, log_time_ns: Shape (n,), by stamp.
+    """
+    known_ns = np.maximum.accumulate(log_time_ns)
+    least_ns = np.minimum.accumulate(known_ns - stamp_ns)
+    apart_ns = np.where(np.abs(least_ns) > OTHER_CLOCK_S * NS_PER_S, least_ns, 0)
+    return np.asarray(np.maximum.accumulate(np.maximum(known_ns - apart_ns, stamp_ns)))
 
 
 def _value_table(values: Sequence[FloatArray], n_rows: int) -> FloatArray:

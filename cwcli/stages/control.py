@@ -227,7 +227,7 @@ def _replays(
 
 
 def _raised_ns(event: Mapping[str, object]) -> int:
-    raised = event["raised_stamp_ns"]
+    raised = event["raised_ns"]
     assert isinstance(raised, int | np.integer)
     return int(raised)
 

@@ -142,7 +142,7 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
     others_tracks = tracks[REMOTE_STATE.role]
     found = tuple(find_warnings(host, others_tracks, replace(config.rule, rule=name)) for name in config.names)
     outcomes = tuple(
-        RuleOutcome(each.config.rule, each.rows, (each.events, each.series), _sections(each, log.start_ns))
+        RuleOutcome(each.config.rule, each.rows, (each.events, each.series), _sections(each, log.start_ns, config))
         for each in found
     )
     withheld = {WITHHELD: json.dumps({each.config.rule: each.n_withheld for each in found})}
@@ -151,12 +151,12 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
     return replace(result, made=Made(found, outcomes, earlier))
 
 
-def _sections(found: FoundWarnings, start_ns: int) -> tuple[Section, ...]:
+def _sections(found: FoundWarnings, start_ns: int, config: WarnConfig) -> tuple[Section, ...]:
     events: tuple[tuple[Cell, ...], ...] = tuple(
         (
             event["event_id"],
             event["other_id"],
-            (event["raised_stamp_ns"] - start_ns) / NS_PER_S,
+            (event["raised_ns"] - start_ns) / NS_PER_S,
             event["time_to_event_s"],
             event["predicted_distance_m"],
         )
@@ -165,7 +165,8 @@ def _sections(found: FoundWarnings, start_ns: int) -> tuple[Section, ...]:
     columns = ("event", "vehicle", "at [s]", "event in [s]", "pred. [m]")
     counts = tuple((name.replace("_", " "), count) for name, count in found.counts.items())
     counts += (("warnings withheld", found.n_withheld),)
-    title = f"Warnings (rule {found.config.rule}; times from the log's start)"
+    times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
+    title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (
         Section("events", title, columns, events),
         Section("evaluations", "Evaluations of a pair of vehicles", ("what became of them", "count"), counts),

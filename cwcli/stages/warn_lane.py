@@ -136,7 +136,7 @@ def _sections(result: LaneDepartureResult, start_ns: int) -> tuple[Section, ...]
         (
             event["event_id"],
             event["side"],
-            (event["raised_stamp_ns"] - start_ns) / NS_PER_S,
+            (event["raised_ns"] - start_ns) / NS_PER_S,
             event["time_to_line_crossing_s"],
             event["gap_m"],
             event["departure_rate_mps"],

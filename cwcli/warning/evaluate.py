@@ -43,8 +43,7 @@ class FoundWarnings:
     @property
     def events(self) -> Table:
         """One row an event (warning)."""
-        host = self.host
-        return events_table(self.pairs, self.ids, rule=self.config.rule, host_id=host.id, clock_ns=host.stamp_ns)
+        return events_table(self.pairs, self.ids, rule=self.config.rule, clock=self.host)
 
     @property
     def series(self) -> Table:
@@ -97,8 +96,7 @@ def find_warnings(
         if len(other.stamp_ns) and len(host.stamp_ns)
     )
     ids = number_events(pairs)
-    clock = {"clock_ns": host.stamp_ns, "clock_log_ns": host.log_time_ns}
-    return FoundWarnings(host, config, pairs, ids, rows_of(pairs, ids, rule=config.rule, host_id=host.id, **clock))
+    return FoundWarnings(host, config, pairs, ids, rows_of(pairs, ids, rule=config.rule, clock=host))
 
 
 def check_config(config: WarningConfig) -> None:

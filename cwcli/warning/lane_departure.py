@@ -28,6 +28,7 @@ import numpy.typing as npt
 from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.option import Option
+from cwcli.signals.clocks import knowable_ns
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.normal import normal_cdf
 from cwcli.signals.units import NS_PER_S
@@ -190,9 +191,10 @@ def evaluate_lane_departure(
     ]
     found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
+    known_ns = knowable_ns(stamp_ns, log_time_ns)
     return LaneDepartureResult(
-        rows=_rows(sides, events, stamp_ns, log_time_ns, host_id),
-        events=_events(sides, events, stamp_ns, host_id),
+        rows=_rows(sides, events, stamp_ns, log_time_ns, known_ns, host_id),
+        events=_events(sides, events, stamp_ns, known_ns, host_id),
         series=_series(sides, stamp_ns),
         counts=_counts(boundaries, lines, speed_mps, config),
     )
@@ -271,12 +273,14 @@ def _rows(
     events: list[tuple[int, int, Span]],
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
+    known_ns: Int64Array,
     host_id: str,
 ) -> WarningRows:
     rows: list[WarningRow] = []
 
     def add(i: int, number: int, state: int, name: str, text: str, *said: float) -> None:
-        rows.append(WarningRow(int(log_time_ns[i]), int(stamp_ns[i]), number, state, f"{name} boundary", text, *said))
+        times = (int(log_time_ns[i]), int(stamp_ns[i]), int(known_ns[i]))
+        rows.append(WarningRow(*times, number, state, f"{name} boundary", text, *said))
 
     for number, at, span in events:
         side, name = sides[at], SIDES[at]
@@ -292,27 +296,39 @@ def _rows(
     return warning_rows(rows, rule=RULE, host_id=host_id)
 
 
-def _events(sides: list[_Side], events: list[tuple[int, int, Span]], stamp_ns: Int64Array, host_id: str) -> Table:
+def _events(
+    sides: list[_Side],
+    events: list[tuple[int, int, Span]],
+    stamp_ns: Int64Array,
+    known_ns: Int64Array,
+    host_id: str,
+) -> Table:
     def at_raise(name: str) -> FloatArray:
         return np.array([float(getattr(sides[at], name)[span.raised]) for _, at, span in events], dtype=np.float64)
 
     def stamps(values: list[int]) -> Int64Array:
         return np.array(values, dtype=np.int64)
 
-    cleared = [UNKNOWN_NS if span.cleared is None else int(stamp_ns[span.cleared]) for _, _, span in events]
-    raised, last = (
-        stamps([int(stamp_ns[getattr(span, name)]) for _, _, span in events]) for name in ("raised", "last")
-    )
+    def times(clock_ns: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
+        raised, last = (stamps([int(clock_ns[getattr(s, name)]) for _, _, s in events]) for name in ("raised", "last"))
+        cleared = [UNKNOWN_NS if span.cleared is None else int(clock_ns[span.cleared]) for _, _, span in events]
+        return raised, last, stamps(cleared)
+
+    raised_ns, last_ns, cleared_ns = times(known_ns)
+    raised_stamp_ns, last_stamp_ns, cleared_stamp_ns = times(stamp_ns)
     gap, rate = at_raise("gap_m"), at_raise("rate_mps")
     columns: dict[str, Any] = {
         "event_id": stamps([number for number, _, _ in events]),
         "rule": [RULE] * len(events),
         "host_id": [host_id] * len(events),
         "side": [SIDES[at] for _, at, _ in events],
-        "raised_stamp_ns": raised,
-        "last_held_stamp_ns": last,
-        "cleared_stamp_ns": stamps(cleared),
-        "duration_s": (last - raised) / NS_PER_S,
+        "raised_ns": raised_ns,
+        "last_held_ns": last_ns,
+        "cleared_ns": cleared_ns,
+        "duration_s": (last_ns - raised_ns) / NS_PER_S,
+        "raised_stamp_ns": raised_stamp_ns,
+        "last_held_stamp_ns": last_stamp_ns,
+        "cleared_stamp_ns": cleared_stamp_ns,
         "time_to_line_crossing_s": at_raise("crossing_s"),
         "gap_m": gap,
         "departure_rate_mps": rate,
@@ -321,6 +337,8 @@ def _events(sides: list[_Side], events: list[tuple[int, int, Span]], stamp_ns: I
         "probability": at_raise("probability"),
     }
     docs = {
+        "raised_ns": ColumnDoc(doc="when the warning could be given"),
+        "cleared_ns": ColumnDoc(doc="-1: still up at the end of the log"),
         "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
         "gap_m": ColumnDoc(doc="outside of the front tyre to the boundary when the warning was raised"),
         "earliest_line_m": ColumnDoc(doc="ISO 17361's earliest warning line at that rate, inside the boundary"),

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table, table_of
-from cwcli.signals.columns import Int64Array, Strings, constant_strings
+from cwcli.signals.columns import Strings, constant_strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.pair import PairEvaluation
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
+from cwcli.warning.types import VehicleTrack
 
 UNKNOWN_NS = -1
 
@@ -31,9 +32,7 @@ def rows_of(
     ids: Mapping[tuple[int, int], int],
     *,
     rule: str,
-    host_id: str,
-    clock_ns: Int64Array,
-    clock_log_ns: Int64Array,
+    clock: VehicleTrack,
 ) -> WarningRows:
     """The life of the warnings: raised, held evaluations, cleared."""
     rows: list[WarningRow] = []
@@ -43,10 +42,11 @@ def rows_of(
             for index in range(span.raised, span.last + 1):
                 rows.append(_row(own, index, number, RAISED if index == span.raised else HELD))
             if span.cleared is not None:
-                stamp, log = int(clock_ns[span.cleared]), int(clock_log_ns[span.cleared])
+                stamp, log = int(clock.stamp_ns[span.cleared]), int(clock.log_time_ns[span.cleared])
+                known = int(clock.known_ns[span.cleared])
                 text = f"warning {number} of {own.other.id} is over"
-                rows.append(WarningRow(log, stamp, number, CLEARED, own.other.id, text))
-    return warning_rows(rows, rule=rule, host_id=host_id)
+                rows.append(WarningRow(log, stamp, known, number, CLEARED, own.other.id, text))
+    return warning_rows(rows, rule=rule, host_id=clock.id)
 
 
 def _row(own: PairEvaluation, index: int, number: int, state: int) -> WarningRow:
@@ -56,6 +56,7 @@ def _row(own: PairEvaluation, index: int, number: int, state: int) -> WarningRow
     return WarningRow(
         int(own.log_time_ns[index]),
         int(own.stamp_ns[index]),
+        int(own.known_ns[index]),
         number,
         state,
         own.other.id,
@@ -73,25 +74,27 @@ def events_table(
     ids: Mapping[tuple[int, int], int],
     *,
     rule: str,
-    host_id: str,
-    clock_ns: Int64Array,
+    clock: VehicleTrack,
 ) -> Table:
     """One row an event, in order of its id."""
     rows: list[dict[str, Any]] = []
     for at, own in enumerate(pairs):
         for which, span in enumerate(own.spans):
             during = slice(span.raised, span.last + 1)
-            raised, last = int(own.stamp_ns[span.raised]), int(own.stamp_ns[span.last])
+            raised, last = int(own.known_ns[span.raised]), int(own.known_ns[span.last])
             rows.append(
                 {
                     "event_id": ids[at, which],
                     "rule": rule,
-                    "host_id": host_id,
+                    "host_id": clock.id,
                     "other_id": own.other.id,
-                    "raised_stamp_ns": raised,
-                    "last_held_stamp_ns": last,
-                    "cleared_stamp_ns": UNKNOWN_NS if span.cleared is None else int(clock_ns[span.cleared]),
+                    "raised_ns": raised,
+                    "last_held_ns": last,
+                    "cleared_ns": UNKNOWN_NS if span.cleared is None else int(clock.known_ns[span.cleared]),
                     "duration_s": (last - raised) / NS_PER_S,
+                    "raised_stamp_ns": int(own.stamp_ns[span.raised]),
+                    "last_held_stamp_ns": int(own.stamp_ns[span.last]),
+                    "cleared_stamp_ns": UNKNOWN_NS if span.cleared is None else int(clock.stamp_ns[span.cleared]),
                     "time_to_event_s": float(own.decision.time_to_event_s[span.raised]),
                     "predicted_distance_m": float(own.decision.predicted_distance_m[span.raised]),
                     "distance_m": float(own.measures.distance_m[span.raised]),
@@ -153,10 +156,13 @@ _EVENT_TYPES: dict[str, type] = {
     "rule": str,
     "host_id": str,
     "other_id": str,
+    "raised_ns": int,
+    "last_held_ns": int,
+    "cleared_ns": int,
+    "duration_s": float,
     "raised_stamp_ns": int,
     "last_held_stamp_ns": int,
     "cleared_stamp_ns": int,
-    "duration_s": float,
     "time_to_event_s": float,
     "predicted_distance_m": float,
     "distance_m": float,
@@ -167,6 +173,9 @@ _EVENT_TYPES: dict[str, type] = {
     "age_s": float,
 }
 _EVENT_DOCS = {
+    "raised_ns": ColumnDoc(doc="when the warning could be given; of states in hindsight their stamp"),
+    "cleared_ns": ColumnDoc(doc="-1: still up at the end of the log"),
+    "raised_stamp_ns": ColumnDoc(doc="of the host's state that it was raised of"),
     "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
     "probability": ColumnDoc(doc="of a collision within the horizon, as the warning said when it was raised"),
     "alert_probability": ColumnDoc(

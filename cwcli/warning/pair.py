@@ -30,6 +30,7 @@ class PairEvaluation:
     Attributes:
         other: The other vehicle.
         stamp_ns, log_time_ns, age_s: Shape (m,): the evaluations within reach.
+        known_ns: Shape (m,): when each could have been known, on the clock of the stamps.
         measures, decision: Their measures and the rule's masks.
         spans: Events, indices into the evaluations.
         is_withheld: Shape (m,): one of the states is starting, after a reset or in a gap, so nothing is raised.
@@ -40,6 +41,7 @@ class PairEvaluation:
     other: VehicleTrack
     stamp_ns: Int64Array
     log_time_ns: Int64Array
+    known_ns: Int64Array
     age_s: FloatArray
     measures: Measures
     decision: Decision
@@ -123,6 +125,7 @@ def evaluate_pair(
         other=other,
         stamp_ns=stamp_ns,
         log_time_ns=host.log_time_ns[host_row],
+        known_ns=host.known_ns[host_row],
         age_s=age_s,
         measures=measures,
         decision=trusted,

@@ -20,6 +20,7 @@ class WarningRow(NamedTuple):
 
     log_time_ns: int
     stamp_ns: int
+    known_ns: int
     event_id: int
     state: int
     other_id: str
@@ -37,6 +38,7 @@ class WarningRows:
 
     Attributes:
         log_time_ns, stamp_ns: Shape (w,).
+        known_ns: Shape (w,): when each could be given, on the clock of the stamps.
         rule: The rule that warned.
         event_id: Shape (w,): number of the warning.
         state: Shape (w,): `RAISED`, `HELD` or `CLEARED`.
@@ -48,6 +50,7 @@ class WarningRows:
 
     log_time_ns: Int64Array
     stamp_ns: Int64Array
+    known_ns: Int64Array
     rule: Strings
     event_id: Int64Array
     state: npt.NDArray[np.int32]
@@ -78,6 +81,7 @@ def warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -> Warn
     return WarningRows(
         log_time_ns=whole("log_time_ns"),
         stamp_ns=whole("stamp_ns"),
+        known_ns=whole("known_ns"),
         rule=constant_strings(rule, len(ordered)),
         event_id=whole("event_id"),
         state=whole("state").astype(np.int32),

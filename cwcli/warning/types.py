@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.option import Option
+from cwcli.signals.clocks import knowable_ns
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.conflict_definition import ConflictDefinition, conflict_definition, definitions
 
@@ -63,6 +65,14 @@ class VehicleTrack:
     width_m: float | None = None
     onset_paths: PathArrays | None = None
     flags: npt.NDArray[np.uint8] | None = None
+
+    @cached_property
+    def known_ns(self) -> Int64Array:
+        """When what is said at each state could have been known, on the clock of the stamps, (n,).
+
+        That holds for what is said of others too: the host uses of them what had come by then (`align`).
+        """
+        return knowable_ns(self.stamp_ns, self.log_time_ns)
 
     @property
     def outline_m(self) -> tuple[float, float]:

@@ -185,8 +185,8 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n)
     states = [RAISED, HELD, HELD, CLEARED]
     rows = [
-        WarningRow(int(log), int(stamp), 1 + k // 4, states[k % 4], f"v{k % 2}", f"says {k}", *rng.uniform(size=5))
-        for k, (stamp, log) in enumerate(zip(stamp_ns, log_time_ns, strict=True))
+        WarningRow(log, stamp, log - 1, 1 + k // 4, states[k % 4], f"v{k % 2}", f"says {k}", *rng.uniform(size=5))
+        for k, (stamp, log) in enumerate(zip(stamp_ns.tolist(), log_time_ns.tolist(), strict=True))
     ]
     cwcli, ttc = (warning_rows(part, rule=rule, host_id="ego") for rule, part in (("a", rows[::2]), ("b", rows[1::2])))
     channels = write_warnings([cwcli, ttc])

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.logs.codecs.tree import BadMessage
 from cwcli.logs.read.reader import Log
+from cwcli.signals.clocks import OTHER_CLOCK_S
 from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.field_condition import Condition, Missing, holds, value_at
 from cwcli.signals.leaf_fields import stamps
@@ -22,8 +23,6 @@ from cwcli.text import count
 STAMPS = frozenset({*HEADER_STAMP, *JSON_STAMPS, *PROTOBUF_STAMP, *CDR_FOXGLOVE_STAMP, "stamp.sec", "stamp.nanosec"})
 MAX_LISTED = 40
 MESSAGES_LISTED = 1000
-OTHER_CLOCK_S = 1.0
-"""Stamps and log times that differ by more are of two clocks: no system is so slow."""
 MOSTLY = 0.5
 
 Int8Array = npt.NDArray[np.int8]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cwcli.channels.warning import WarningEvent, read_warnings, warning_events
@@ -50,3 +52,10 @@ def test_a_channel_without_messages_or_without_the_fields() -> None:
     assert events_of(Columns("/w", "x", "json", nothing, nothing, nothing.astype(np.uint32), {})) == []
     one = np.ones(1, np.int64)
     assert events_of(Columns("/w", "x", "json", one, one, one.astype(np.uint32), {"event_id": one})) == []
+
+
+def test_a_warning_is_read_at_the_time_when_it_was_known_and_an_older_one_at_its_stamp() -> None:
+    columns = channel((10, 1, RAISED, "cwcli", "a"), (20, 1, HELD, "cwcli", "a"), (30, 2, RAISED, "cwcli", "b"))
+    known = {**columns.fields, "known_ns": np.array([15, 25, 0], np.int64)}
+    found = events_of(replace(columns, fields=known))
+    assert [(event.raised_ns, event.last_ns) for event in found] == [(15, 25), (30, 30)]

@@ -42,8 +42,8 @@ def warning(at_s: float, other: str, rule: str = "cwcli") -> WarningRows:
     first, second = (round(each * S) for each in (at_s, at_s + 0.5))
     compared = (math.nan, math.nan) if rule == "lane-departure" else (0.95, 0.97)
     rows = [
-        WarningRow(first, first, 1, RAISED, other, "", 2.0, 0.4, math.nan, 0.48, compared[0]),
-        WarningRow(second, second, 1, HELD, other, "", 1.5, 0.3, math.nan, 0.9, compared[1]),
+        WarningRow(first, first, first, 1, RAISED, other, "", 2.0, 0.4, math.nan, 0.48, compared[0]),
+        WarningRow(second, second, second, 1, HELD, other, "", 1.5, 0.3, math.nan, 0.9, compared[1]),
     ]
     return warning_rows(rows, rule=rule, host_id="ego")
 
@@ -174,13 +174,13 @@ def test_standing_car_has_a_way_of_nothing() -> None:
 @pytest.mark.parametrize(
     ("states", "parameters", "words"),
     [
-        ("online", "calibration car.toml", "from what the car could have known by then; what happened"),
+        ("online", "calibration car.toml", "are told when the car could have known; what happened"),
         (
             "online",
             "this log",
-            "known by then, but with noise and latencies from the whole log; what happened",
+            "could have known, but with noise and latencies from the whole log; what happened",
         ),
-        ("hindsight", "this log", "from states in hindsight, which know what came"),
+        ("hindsight", "this log", "from states in hindsight, which know what came, at their stamps"),
     ],
 )
 def test_the_first_sentence_below_the_headline_says_what_was_known(states: str, parameters: str, words: str) -> None:

@@ -15,6 +15,7 @@ from cwcli.signals.clocks import (
     Timeline,
     disagreeing_clocks,
     find_gaps,
+    knowable_ns,
     repair_jumps,
     settle,
     usual_log_times,
@@ -296,3 +297,23 @@ def test_usual_log_times_of_hardly_any_messages() -> None:
     assert usual_log_times([np.array([7])]) == (7, 7)
     assert usual_log_times([np.array([1]), np.array([T0_NS])]) == (1, T0_NS)  # nothing tells which is wrong
     assert usual_log_times([np.array([1, T0_NS, T0_NS + MS])]) == (T0_NS, T0_NS + MS)
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "log_s", "known_s"),
+    [
+        ([0.0, 1.0, 2.0], [0.2, 1.1, 2.3], [0.2, 1.1, 2.3]),  # received a little later
+        ([0.0, 1.0, 2.0], [1.5, 1.4, 2.1], [0.0, 1.5, 2.1]),  # the first by another clock, as it seems
+        ([0.0, 1.0, 2.0], [-0.1, 0.9, 2.0], [0.0, 1.0, 2.0]),  # a clock that is ahead: not before it happened
+        ([0.0, 1.0, 2.0], [3600.0, 3601.2, 3602.1], [0.0, 1.2, 2.1]),  # logged an hour later, the second 0.2 s late
+        ([0.0, 1.0, 2.0], [-59.0, -57.9, -56.8], [0.0, 1.1, 2.2]),  # a logger that is a minute behind
+        ([], [], []),
+    ],
+)
+def test_knowable_is_the_log_time_on_the_clock_of_the_stamps(
+    stamp_s: list[float], log_s: list[float], known_s: list[float]
+) -> None:
+    stamp_ns, log_ns, known_ns = (np.rint(np.array(s) * 1e9).astype(np.int64) for s in (stamp_s, log_s, known_s))
+    assert knowable_ns(stamp_ns, log_ns).tolist() == known_ns.tolist()
+    for n in range(len(stamp_ns)):  # what comes later changes nothing
+        assert knowable_ns(stamp_ns[:n], log_ns[:n]).tolist() == known_ns[:n].tolist()

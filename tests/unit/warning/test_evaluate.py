@@ -46,6 +46,31 @@ def test_stopped_car_ahead(rule: str, first: float) -> None:
     assert seconds(np.asarray(result.conflicts.columns["onset_stamp_ns"])) == [4.875]
 
 
+def test_a_warning_counts_from_when_it_could_be_known() -> None:
+    # as above, but every state of the host is known 0.3 s after its stamp: so is the warning, and the lead is shorter
+    host = straight("host", speed_mps=20.0, duration_s=8.0, delay_s=0.3)
+    result = evaluate(host, [straight("car", x_m=100.0, speed_mps=0.0, duration_s=8.0)], WarningConfig(rule="song2016"))
+    assert raised_s(result) == [2.40]
+    assert seconds(np.asarray(result.events.columns["raised_ns"])) == [2.70]
+    assert column(result, "events", "lead_time_s") == [pytest.approx(4.875 - 2.70, abs=1e-6)]
+    assert column(result, "conflicts", "lead_time_s") == [pytest.approx(4.875 - 2.70, abs=1e-6)]
+    (first,) = np.flatnonzero(result.rows.state == 1)
+    assert seconds(result.rows.known_ns[[first]]) == seconds(result.rows.log_time_ns[[first]]) == [2.70]
+    names = ("last_held", "cleared")
+    late_ns = [result.events.columns[f"{name}_ns"][0] - result.events.columns[f"{name}_stamp_ns"][0] for name in names]
+    assert late_ns == [300_000_000, 300_000_000]
+
+
+def test_a_warning_that_is_known_during_the_conflict_is_late() -> None:
+    # by its stamp it would have been in time
+    host = straight("host", speed_mps=10.0, duration_s=10.0, delay_s=0.6)
+    other = straight("car", x_m=62.0, speed_mps=0.0, duration_s=10.0)
+    result = evaluate(host, [other], WarningConfig(rule="song2016", horizon_s=0.5, distance_m=2.5))
+    # 62 - 10 (t + 0.5) < 2.5 from 5.45 s, known at 6.1 s; the centres are within 2.5 m from 5.95 to 6.45 s
+    assert (raised_s(result), column(result, "events", "verdict")) == ([5.5], ["late"])
+    assert column(result, "events", "lead_time_s") == [pytest.approx(5.95 - 6.1, abs=1e-6)]
+
+
 def test_head_on() -> None:
     # 20 and 15 m/s, 175 m apart: 2.5 m at 172.5 / 35 = 4.929 s; predicted 2.5 s ahead from 2.429 s
     host = straight("host", speed_mps=20.0, duration_s=8.0)
