@@ -34,6 +34,7 @@ class DampedMotion(TypedDict):
     standstill_speed: float
     standstill_floor: float
     xy_noise: float
+    along_share: float
     heading_noise: float
     reverse_speed: float
 

@@ -35,6 +35,7 @@ from cwcli.kernels.ekf_motion cimport (
     flip_sign,
     is_reversed,
     linearise,
+    pointed,
     propagate,
     speed_squared,
     times_f,
@@ -126,10 +127,10 @@ cdef class Pass:
     cdef readonly double log_likelihood
     # What `backward` needs of each step and of each row of an update.
     # `offset` is the filtered state less the predicted one; `residual` that of a row at the predicted state, and its
-    # weight 1 / r; `noise_speed2` and `noise_astray` are what `add_noise` took.
+    # weight 1 / r; `noise_speed2`, `noise_astray` and `noise_across` are what `add_noise` took.
     cdef double[:, ::1] x_post, offset, partials, residual
     cdef signed char[::1] flip
-    cdef double[::1] yaw_decay, noise_speed2, noise_astray
+    cdef double[::1] yaw_decay, noise_speed2, noise_astray, noise_across
 
     def __init__(self, Events events, ProcessModel motion, int n_output, bint keep):
         cdef int n = motion.model.n, n_updates = <int>events.source.shape[0]
@@ -141,6 +142,7 @@ cdef class Pass:
             self.yaw_decay = np.empty(events.time_s.shape[0])
             self.noise_speed2 = np.empty(events.time_s.shape[0])
             self.noise_astray = np.empty(events.time_s.shape[0])
+            self.noise_across = np.empty(events.time_s.shape[0])
             self.offset = np.empty((events.time_s.shape[0], n))
             self.partials = np.empty((2 * n_updates, NH))
             self.residual = np.empty((2 * n_updates, 2))
@@ -178,6 +180,7 @@ cdef int forward(
     cdef const double[:, ::1] restart_state = restarts.state, restart_variance = restarts.variance
     cdef int next_restart = 0, n_restarts = <int>restarts.step.shape[0]
     cdef double[::1] noise_speed2 = result.noise_speed2, noise_astray = result.noise_astray
+    cdef double[::1] noise_across = result.noise_across
     cdef double[:, ::1] x_post = result.x_post, offset = result.offset
     cdef double[:, ::1] partials = result.partials, residual = result.residual
     cdef int[::1] streak = np.zeros(len(sensor), np.int32)  # updates gated in a row so far
@@ -188,7 +191,7 @@ cdef int forward(
     cdef int idx[NH]
     cdef Step f
     cdef int i, j, k, u, s, width, axis, row, m
-    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2, lost
+    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2, lost, across
     cdef double total = 0.0, volume = 1.0, told_s = time_s[0]    # when a heading was told last
     cdef bint fresh
     with nogil:
@@ -210,10 +213,12 @@ cdef int forward(
                     times_f(p, &f, n, 1, NMAX)
                     speed2 = speed_squared(x, p)
                     lost = astray(speed2, p, time_s[k] - told_s, model)
+                    across = pointed(p)
                     if keep:
+                        noise_across[k] = across
                         noise_speed2[k] = speed2
                         noise_astray[k] = lost
-                    add_noise(p, speed2, lost, yaw_rate_of(x), dt, model)
+                    add_noise(p, speed2, lost, across, yaw_rate_of(x), &f, model)
                     propagate(x, &f)
                     for i in range(n):                        # round-off makes the two products differ in the last bit
                         for j in range(i):

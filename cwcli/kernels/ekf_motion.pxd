@@ -30,7 +30,8 @@ cdef struct DampedMotion:
     double yaw_accel_noise     # white noise behind the yaw acceleration at speed, (rad/s^2)^2/s
     double standstill_speed    # m/s, speed below which a car hardly turns
     double standstill_floor    # part of yaw_accel_noise left at standstill
-    double xy_noise            # m^2/s, side-slip and map error
+    double xy_noise            # m^2/s across the heading, side-slip
+    double along_share         # of it, along the heading of a moving car
     double heading_noise       # rad^2/s, side-slip and roll: what the gyroscope does not see of the course
     double reverse_speed       # m/s, reversing faster than this is taken for a heading that is wrong by pi
 
@@ -283,14 +284,19 @@ cdef inline double astray(double v2, const double* p, double untold_s, const Mod
     return v2 * (1.0 - (1.0 + spread) * exp(-spread)) * (untold_s if untold_s < lasts_s else lasts_s)
 
 
-cdef inline void add_noise(double* p, double v2, double lost, double yaw_rate, double dt,
+cdef inline double pointed(const double* p) noexcept nogil:
+    """The expectation of cos 2e, e the error of the heading: how much a noise across it points across it still."""
+    return exp(-2.0 * p[HEADING * NMAX + HEADING])
+
+
+cdef inline void add_noise(double* p, double v2, double lost, double across, double yaw_rate, const Step* f,
                            const Model* model) noexcept nogil:
     """Continuous white noise behind jerk and yaw acceleration, random walks for the parameters.
 
-    v2: `speed_squared`, lost: `astray`, yaw_rate: all of before.
+    v2: `speed_squared`, lost: `astray`, across: `pointed`, yaw_rate: all of before, f: the step.
     """
     cdef int i, j
-    cdef double q, v0, t2 = dt * dt, t3 = t2 * dt, t4 = t3 * dt, t5 = t4 * dt
+    cdef double q, v0, along, dt = f.dt, t2 = dt * dt, t3 = t2 * dt, t4 = t3 * dt, t5 = t4 * dt
     if model.kind == MotionModel.SONG2016:
         for i in range(6):
             for j in range(6):
@@ -314,12 +320,18 @@ cdef inline void add_noise(double* p, double v2, double lost, double yaw_rate, d
     add_sym(p, YAW_RATE, YAW_RATE, q * t3 / 3)
     add_sym(p, YAW_RATE, YAW_ACCEL, q * t2 / 2)
     add_sym(p, YAW_ACCEL, YAW_ACCEL, q * dt)
-    q = dt * v2 / (v2 + v0 * v0)
+    q = v2 / (v2 + v0 * v0)
+    along = 0.5 * q * (1.0 - model.damped.along_share)    # what a moving car's own direction is spared of the slip
+    across *= along
+    q *= dt
     add_sym(p, HEADING, HEADING, q * model.damped.heading_noise)
     q *= model.damped.xy_noise
-    q += dt * lost
-    add_sym(p, X, X, q)
-    add_sym(p, Y, Y, q)
+    along *= q
+    across *= q
+    q += dt * lost - along
+    add_sym(p, X, X, q - across * (f.c * f.c - f.s * f.s))
+    add_sym(p, Y, Y, q + across * (f.c * f.c - f.s * f.s))
+    add_sym(p, X, Y, -2.0 * across * f.c * f.s)
     for i in range(N_MOTION, model.n):
         p[i * NMAX + i] += (model.walk_noise[i] + model.turn_noise[i] * fabs(yaw_rate)) * dt
     for j in range(model.n_fading):                       # what fading takes off again: q (1 - exp(-2 dt/T)) T/2 in all

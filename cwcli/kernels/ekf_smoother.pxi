@@ -3,7 +3,7 @@
 cdef int backward(Events events, SourceTable sources, const Model* model, Pass result) except -1:
     """Smooth what `forward` kept: state and covariance at the output rows become the smoothed ones."""
     cdef const double[::1] time_s = events.time_s, yaw_decay = result.yaw_decay, noise_speed2 = result.noise_speed2
-    cdef const double[::1] noise_astray = result.noise_astray
+    cdef const double[::1] noise_astray = result.noise_astray, noise_across = result.noise_across
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const int[::1] sensor = sources.sensor
     cdef const int[:, ::1] parameters = sources.parameters
@@ -63,9 +63,10 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
             if k > 0:
                 dt = time_s[k] - time_s[k - 1]
                 if dt > 0.0:
-                    add_noise(q, noise_speed2[k], noise_astray[k], yaw_rate_of(&x_post[k - 1, 0]), dt, model)
-                    forget(y, big, q, n)
                     linearise(&x_post[k - 1, 0], dt, yaw_decay[k], model, &f, cached)
+                    add_noise(q, noise_speed2[k], noise_astray[k], noise_across[k], yaw_rate_of(&x_post[k - 1, 0]), &f,
+                              model)
+                    forget(y, big, q, n)
                     times_ft(y, &f, n, 1, 0, 1)
                     times_ft(big, &f, n, NMAX, 1, n)
                     times_ft(big, &f, n, 1, NMAX, n)

@@ -42,7 +42,8 @@ def _run(series: Sequence[Series], start: Start, p: ModelParameters, output_s: F
             dt = total / pieces
             f, moved = _transition(x, cov, dt, p)
             cov = f * cov * f.T
-            cov += _noise(x[2] ** 2 + cov[2, 2], cov[3, 3], dt, now + (piece + 1) * dt - told, p)
+            heading = x[3] + dt / 2 * x[5] + dt**2 / 6 * x[7]
+            cov += _noise(x[2] ** 2 + cov[2, 2], heading, cov[3, 3], dt, now + (piece + 1) * dt - told, p)
             x = moved
             steps.append((x, cov, f, x, cov))
         now = mp.mpf(time)
@@ -105,7 +106,9 @@ def _linear(rate: mp.mpf, rate_of_change: mp.mpf, dt: mp.mpf) -> mp.matrix:
     return mp.expm(mp.matrix([[0, 1, 0], [0, 0, 1], [0, -rate * rate_of_change, -rate - rate_of_change]]) * dt)
 
 
-def _noise(speed2: mp.mpf, spread: mp.mpf, dt: mp.mpf, untold_s: mp.mpf, p: ModelParameters) -> mp.matrix:
+def _noise(
+    speed2: mp.mpf, heading: mp.mpf, spread: mp.mpf, dt: mp.mpf, untold_s: mp.mpf, p: ModelParameters
+) -> mp.matrix:
     q = mp.zeros(8)
     moving = speed2 / (speed2 + mp.mpf(p.standstill_speed_mps) ** 2)
     jerk = 2 * mp.mpf(p.jerk_sigma_mps3) ** 2 / mp.mpf(p.jerk_decay_s)
@@ -118,6 +121,10 @@ def _noise(speed2: mp.mpf, spread: mp.mpf, dt: mp.mpf, untold_s: mp.mpf, p: Mode
                 q[i, j] += strength * white[a][b]
     lasts_s = min(untold_s, mp.mpf(p.yaw_rate_decay_s))
     astray = speed2 * (1 - (1 + spread) * mp.exp(-spread)) * lasts_s if spread >= 1e-3 else 0
-    q[0, 0] = q[1, 1] = (mp.mpf(p.side_slip_m) ** 2 * moving + astray) * dt
+    slip, pointed = mp.mpf(p.side_slip_m) ** 2 * moving * dt, mp.exp(-2 * spread)
+    spared = moving * (1 - mp.mpf(p.along_share)) / 2
+    q[0, 0] = slip * (1 - spared * (1 + pointed * mp.cos(2 * heading))) + astray * dt
+    q[1, 1] = slip * (1 - spared * (1 - pointed * mp.cos(2 * heading))) + astray * dt
+    q[0, 1] = q[1, 0] = -slip * spared * pointed * mp.sin(2 * heading)
     q[3, 3] += mp.mpf(p.course_rad) ** 2 * moving * dt
     return q

@@ -63,8 +63,15 @@ def process_noise(x: F, cov: F, dt: float, untold_s: float, p: ModelParameters, 
     spread = cov[3, 3]
     lasts_s = min(untold_s, p.yaw_rate_decay_s)
     astray = speed2 * (1 - np.exp(-spread) - spread * np.exp(-spread)) * lasts_s if spread >= 1e-3 else 0.0
-    q[0, 0] += (p.side_slip_m**2 * moving + astray) * dt
-    q[1, 1] += (p.side_slip_m**2 * moving + astray) * dt
+    heading, doubt = x[3] + dt / 2 * x[5] + dt**2 / 6 * x[7], np.sqrt(spread)
+    q[:2, :2] += p.side_slip_m**2 * moving * dt * np.eye(2)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(60)  # the mean over the errors that the heading may have
+    for node, weight in zip(nodes, weights / weights.sum(), strict=True):
+        ahead = np.array([np.cos(heading + doubt * node), np.sin(heading + doubt * node)])
+        spared = (1 - p.along_share) * p.side_slip_m**2 * moving**2 * dt
+        q[:2, :2] -= weight * spared * np.outer(ahead, ahead)
+    q[0, 0] += astray * dt
+    q[1, 1] += astray * dt
     q[3, 3] += p.course_rad**2 * moving * dt
     for i in range(8, n):
         t = p.time_constant_s.get(i)
