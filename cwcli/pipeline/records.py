@@ -27,7 +27,7 @@ Record = Mapping[str, str]
 
 def run_records(log: Log) -> dict[str, Record]:
     """Stage -> its record, the last one of each."""
-    return {name.removeprefix(PREFIX): entries for name, entries in log.metadata if name.startswith(PREFIX)}
+    return {name.removeprefix(PREFIX): entries for name, entries in log.metadata_of(PREFIX)}
 
 
 def json_entry(record: Record, key: str, kind: type) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 from mcap.writer import Writer
 
 from cwcli.logs.format import record_bytes
+from cwcli.logs.format.metadata_table import MAX_METADATA
 from cwcli.logs.format.records import (
     CHANNEL,
     CHUNK_INDEX,
@@ -62,17 +64,35 @@ def channel_records() -> bytes:
 
 
 @pytest.mark.parametrize(
-    "data",
-    [lambda: metadata_records() + END, indexed_metadata, lambda: channel_records() + END],
-    ids=["metadata", "metadata and a summary", "channels"],
+    "data", [lambda: metadata_records() + END, indexed_metadata], ids=["without a summary", "with a summary"]
 )
-def test_a_million_records_are_told_at_once(tmp_path: Path, data: object) -> None:
+def test_a_million_metadata_records_are_listed_at_once(tmp_path: Path, data: object) -> None:
     assert callable(data)
     (tmp_path / "in.mcap").write_bytes(data())
     for options in ([], ["--recover"]):
         ended = bounded(tmp_path, "info", "in.mcap", *options, most_cpu_s=INFO_CPU_S, most_mb=200)
-        assert ended.code == 3
-        assert "it holds more than 65,536 schemas, channels, attachments and metadata records" in ended.shown
+        assert ended.code == 0
+        assert ended.printed.replace("\n", "").replace(" ", "").count(",m") == 99
+        assert "and999,900more" in ended.printed.replace("\n", "").replace(" ", "")
+    ended = bounded(tmp_path, "info", "in.mcap", "--json", most_cpu_s=2 * INFO_CPU_S, most_mb=300)
+    assert json.loads(ended.printed)["metadata"] == ["m"] * N_RECORDS
+
+
+def test_a_million_channel_records_are_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "in.mcap").write_bytes(channel_records() + END)
+    for command in ("info", "estimate"):
+        for options in ([], ["--recover"]):
+            ended = bounded(tmp_path, command, "in.mcap", *options, most_cpu_s=INFO_CPU_S, most_mb=200)
+            assert ended.code == 3
+            assert "it holds more than 65,536 schemas, channels, attachments and parts with metadata" in ended.shown
+
+
+def test_more_metadata_than_memory_should_hold(tmp_path: Path) -> None:
+    one = record_bytes.metadata("", {})
+    (tmp_path / "in.mcap").write_bytes(HEAD + one * (MAX_METADATA + 1) + END)
+    ended = bounded(tmp_path, "info", "in.mcap", most_mb=200)
+    assert ended.code == 3
+    assert "it holds more than 2,097,152 metadata records" in ended.shown
 
 
 def test_name_of_three_megabytes(tmp_path: Path) -> None:

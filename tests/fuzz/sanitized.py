@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-KERNELS = ("cdr", "json_walk", "message_scan", "protobuf")
+KERNELS = ("cdr", "json_walk", "message_scan", "metadata_scan", "protobuf")
 """Those that see the bytes of a log; the others see arrays that cwcli has made."""
 FLAGS = ("-O0", "-g", "-fPIC", "-shared", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 LIBRARIES = ("libasan.so", "libubsan.so")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from cwcli.errors import InputError
 
 MAX_RECORDS = 1 << 16
-"""Beside messages and chunks."""
+"""Beside messages and chunks; metadata records that stand side by side are one."""
 RECOVER_HINT = "--recover reads what is intact"
 
 
@@ -39,7 +39,7 @@ def check_record_count(name: str, n: int) -> None:
         InputError: It is more than any recorder writes; each costs time whenever the log is opened.
     """
     if n > MAX_RECORDS:
-        what = f"it holds more than {MAX_RECORDS:,} schemas, channels, attachments and metadata records"
+        what = f"it holds more than {MAX_RECORDS:,} schemas, channels, attachments and parts with metadata"
         raise InputError(what, where=name, hint="`mcap filter` makes a log without them")
 
 

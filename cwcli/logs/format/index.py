@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
-from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema, Statistics
+from cwcli.logs.format.metadata_table import MetadataTable, Run
+from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, Schema, Statistics
 
 
 class Span(NamedTuple):
@@ -24,7 +25,7 @@ class LooseRecord(NamedTuple):
     id: int
 
 
-Item = ChunkIndex | Span | AttachmentIndex | MetadataIndex | LooseRecord
+Item = ChunkIndex | Span | AttachmentIndex | Run | LooseRecord
 Kind = TypeVar("Kind")
 
 
@@ -37,6 +38,7 @@ class Index:
         header_length: Bytes of magic and header; 0 where it is damaged.
         schemas, channels: By id.
         items: The data section in file order. `LooseRecord`s are there after a walk only.
+        metadata: The metadata records; a `Run` among the items names its rows.
         statistics: As the summary or the walk counted; None until something counts.
         data_end: Where the data section ends: its end record, which holds a CRC of everything before; None if there is
             none.
@@ -52,6 +54,7 @@ class Index:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     items: list[Item] = field(default_factory=list)
+    metadata: MetadataTable = field(default_factory=MetadataTable)
     statistics: Statistics | None = None
     data_end: int | None = None
     has_end: bool = False

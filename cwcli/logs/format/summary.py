@@ -7,7 +7,8 @@ from operator import itemgetter
 
 from cwcli.input import InputFile
 from cwcli.logs.format.faults import check_record_count
-from cwcli.logs.format.index import Index, Span
+from cwcli.logs.format.index import Index, Item, Span
+from cwcli.logs.format.metadata_table import MANY
 from cwcli.logs.format.records import (
     ATTACHMENT_INDEX,
     CHANNEL,
@@ -25,7 +26,6 @@ from cwcli.logs.format.records import (
     ChunkIndex,
     Data,
     Footer,
-    MetadataIndex,
     RecordError,
     read_attachment_index,
     read_channel,
@@ -77,13 +77,15 @@ def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: in
     if verify and footer.summary_crc and footer.summary_crc != zlib.crc32(summary):
         raise RecordError("the summary's CRC does not fit")
     index = Index(has_end=True)
-    at = n = 0
+    at = n = n_alike = 0
     while at < footer_at - start:
-        opcode, begin, end = read_prefix(summary, at, footer_at - start)
-        n += opcode not in (CHUNK_INDEX, SUMMARY_OFFSET)
+        opcode, begin, at = read_prefix(summary, at, footer_at - start)
+        n += opcode not in (CHUNK_INDEX, SUMMARY_OFFSET, METADATA_INDEX)
         check_record_count(file.name, n)
-        _take(index, opcode, summary, begin, end)
-        at = end
+        _take(index, opcode, summary, begin, at)
+        n_alike = n_alike + 1 if opcode == METADATA_INDEX else 0
+        if n_alike > MANY:
+            at = index.metadata.extend(summary, at, footer_at - start, opcode, file.name)
     data_end = start - DATA_END_BYTES
     if data_end < data_start or file[data_end : data_end + 1] != bytes([DATA_END]):
         data_end = start  # a longer end record: the walk will come upon it
@@ -108,7 +110,7 @@ def _take(index: Index, opcode: int, data: Data, start: int, end: int) -> None:
     elif opcode == ATTACHMENT_INDEX:
         index.items.append(read_attachment_index(data, start, end))
     elif opcode == METADATA_INDEX:
-        index.items.append(read_metadata_index(data, start, end))
+        index.metadata.append(*read_metadata_index(data, start, end))
     elif opcode < SUMMARY_OFFSET or opcode == DATA_END:
         raise RecordError("the summary holds a record of the data section")
 
@@ -123,7 +125,7 @@ def is_complete(index: Index) -> bool:
         and counted.n_channels == len(index.channels)
         and counted.n_chunks == len(index.items_of(ChunkIndex))
         and counted.n_attachments == len(index.items_of(AttachmentIndex))
-        and counted.n_metadata == len(index.items_of(MetadataIndex))
+        and counted.n_metadata == len(index.metadata)
     )
 
 
@@ -133,11 +135,12 @@ def _fill_gaps(index: Index, start: int, end: int) -> None:
     Raises:
         RecordError: Indexed records overlap, or lie outside the data section.
     """
-    places: list[tuple[int, int, ChunkIndex | AttachmentIndex | MetadataIndex]] = []
+    index.metadata.sort()
+    places: list[tuple[int, int, Item]] = [(run.start, run.end, run) for run in index.metadata.runs()]
     for each in index.items:
         if isinstance(each, ChunkIndex):
             places.append((each.chunk_start, each.end, each))
-        elif isinstance(each, AttachmentIndex | MetadataIndex):
+        elif isinstance(each, AttachmentIndex):
             places.append((each.offset, each.offset + each.length, each))
     index.items = []
     at = start

@@ -8,6 +8,7 @@ from cwcli.input import InputFile
 from cwcli.logs.format.chunks import DECOMPRESSORS, ChunkError, chunk_payload, partial_payload
 from cwcli.logs.format.faults import Faults, check_record_count, damaged
 from cwcli.logs.format.index import Index, LooseRecord, Span
+from cwcli.logs.format.metadata_table import MANY, Run, check_metadata_count
 from cwcli.logs.format.records import (
     ATTACHMENT,
     CHANNEL,
@@ -25,7 +26,6 @@ from cwcli.logs.format.records import (
     AttachmentIndex,
     ChunkIndex,
     Data,
-    MetadataIndex,
     RecordError,
     Statistics,
     read_attachment,
@@ -74,6 +74,7 @@ class _Walk:
         self._first_ns: int | None = None
         self._last_ns = 0
         self._n_records = 0
+        self._n_taken_at_once = 0
 
     def run(self, at: int, *, define_all: bool) -> Index:
         file, index = self._file, self._index
@@ -94,7 +95,7 @@ class _Walk:
             len(index.schemas),
             len(index.channels),
             len(index.items_of(AttachmentIndex)),
-            len(index.items_of(MetadataIndex)),
+            len(index.metadata),
             len(index.items_of(ChunkIndex)),
             self._first_ns or 0,
             self._last_ns,
@@ -128,16 +129,33 @@ class _Walk:
             return end
         if opcode == CHUNK:
             return self._take_chunk(at, start, end)
+        if opcode == METADATA:
+            return self._take_metadata(at, start, end)
         self._n_records += opcode != MESSAGE_INDEX
         check_record_count(file.name, self._n_records)
         if opcode in (SCHEMA, CHANNEL):
             items.append(LooseRecord(at, end - at, opcode, self._note_definition(opcode, file, start, end)))
         elif opcode == ATTACHMENT:
             items.append(read_attachment(file, start, end))
-        elif opcode == METADATA:
-            items.append(MetadataIndex(at, end - at, read_metadata(file, start, end)[0]))
         elif opcode != MESSAGE_INDEX:  # without its chunk it serves nobody
             items.append(LooseRecord(at, end - at, opcode, -1))
+        return end
+
+    def _take_metadata(self, at: int, start: int, end: int) -> int:
+        """Note a metadata record, and those that follow where many have gone before."""
+        file, items, table = self._file, self._index.items, self._index.metadata
+        table.append(at, end - at, read_metadata(file, start, end)[0])
+        check_metadata_count(file.name, len(table))
+        before = items[-1] if items else None
+        if isinstance(before, Run) and before.end == at:
+            if len(table) - max(before.first, self._n_taken_at_once) > MANY:
+                end = table.extend(file, end, len(file), METADATA, file.name)
+                self._n_taken_at_once = len(table)
+            items[-1] = before._replace(end=end, stop=len(table))
+        else:
+            items.append(Run(at, end, len(table) - 1, len(table)))
+            self._n_records += 1
+            check_record_count(file.name, self._n_records)
         return end
 
     def _take_chunk(self, at: int, start: int, end: int) -> int:

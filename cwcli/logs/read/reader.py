@@ -34,7 +34,6 @@ from cwcli.logs.format.records import (
     PREFIX,
     AttachmentIndex,
     ChunkIndex,
-    MetadataIndex,
     RecordError,
     read_metadata,
     read_prefix,
@@ -154,25 +153,32 @@ class Log:
     @property
     def metadata_names(self) -> tuple[str, ...]:
         """The names of the metadata records alone, as `metadata` has them; the records are not read."""
-        return (*(index.name for index in self._index.items_of(MetadataIndex)), *self.added_metadata)
+        return (*self._index.metadata.names, *self.added_metadata)
 
     @property
     def metadata(self) -> tuple[tuple[str, Mapping[str, str]], ...]:
-        """Name and entries of each metadata record.
+        """Name and entries of each metadata record; raises as `metadata_of` does."""
+        return self.metadata_of("")
+
+    def metadata_of(self, prefix: str) -> tuple[tuple[str, Mapping[str, str]], ...]:
+        """Name and entries of each metadata record whose name begins with a prefix.
 
         Raises:
             InputError: One is damaged, and `recover` is off.
         """
         found: list[tuple[str, Mapping[str, str]]] = []
-        for index in self._index.items_of(MetadataIndex):
-            try:
-                _, start, end = read_prefix(self.file, index.offset, index.offset + index.length)
-                found.append(read_metadata(self.file, start, end))
-            except RecordError as error:
-                if not self.recover:
-                    what = f"a metadata record is damaged: {error} (at byte {index.offset})"
-                    raise InputError(what, where=self.name, hint="--recover leaves it out") from error
-        return (*found, *self.added_metadata.items())
+        table = self._index.metadata
+        for row, name in enumerate(table.names):
+            if name.startswith(prefix):
+                offset, length, _ = table[row]
+                try:
+                    _, start, end = read_prefix(self.file, offset, offset + length)
+                    found.append(read_metadata(self.file, start, end))
+                except RecordError as error:
+                    if not self.recover:
+                        what = f"a metadata record is damaged: {error} (at byte {offset})"
+                        raise InputError(what, where=self.name, hint="--recover leaves it out") from error
+        return (*found, *(each for each in self.added_metadata.items() if each[0].startswith(prefix)))
 
     def load(
         self, wanted: Mapping[str, Collection[str] | None], *, logged: tuple[int, int] | None = None

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from cwcli.errors import OutputError
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import index_every_record
-from cwcli.logs.format.records import MetadataIndex
 from cwcli.logs.write.channel_ids import NewChannel, assign_ids
 from cwcli.logs.write.message_merge import MessageMerge
 from cwcli.logs.write.new_messages import column_feed
@@ -96,8 +95,7 @@ def annotate(
     index = index_every_record(source.file, faults, recover=source.recover)
     replaced = {each.id: each for each in index.channels.values() if each.topic in topics}
     _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
-    old_records = {each.name for each in index.items_of(MetadataIndex)}
-    _refuse(sorted(old_records & set(metadata)), "metadata record", source.name, replace)
+    _refuse(sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace)
     new = assign_ids(index, channels, replaced)
     profile = kept_profile(
         index.profile,

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from cwcli.logs.format import record_bytes
+from cwcli.logs.format.metadata_table import MetadataTable, Run
 from cwcli.logs.format.records import (
     ATTACHMENT_INDEX,
     CHANNEL,
@@ -21,7 +22,6 @@ from cwcli.logs.format.records import (
     AttachmentIndex,
     Channel,
     ChunkIndex,
-    MetadataIndex,
     Schema,
     Statistics,
 )
@@ -47,7 +47,7 @@ class RecordWriter:
         self._channels: dict[int, Channel] = {}
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
+        self._metadata = MetadataTable()
         self._counts: dict[int, int] = {}
         self._first_ns: int | None = None
         self._last_ns = 0
@@ -119,13 +119,16 @@ class RecordWriter:
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A new metadata record."""
         data = record_bytes.metadata(name, values)
-        self._metadata.append(MetadataIndex(self._output.position, len(data), name))
+        self._metadata.append(self._output.position, len(data), name)
         self._output.write(data)
 
-    def copy_metadata(self, source: int, index: MetadataIndex) -> None:
-        """A metadata record byte for byte; `index` tells where it is in the source."""
-        self._metadata.append(index._replace(offset=self._output.position))
-        self._output.copy(source, index.offset, index.length)
+    def copy_metadata(self, source: int, run: Run, table: MetadataTable) -> None:
+        """Metadata records byte for byte; run and table tell where they are in the source."""
+        shift = self._output.position - run.start
+        for row in range(run.first, run.stop):
+            offset, length, name = table[row]
+            self._metadata.append(offset + shift, length, name)
+        self._output.copy(source, run.start, run.end - run.start)
 
     def record(self, data: bytes | memoryview) -> None:
         """A record that the summary does not list, as it stands."""

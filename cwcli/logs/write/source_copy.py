@@ -185,8 +185,9 @@ class SourceCopy:
                 writer.copy(descriptor, item.start, item.length)
         elif isinstance(item, AttachmentIndex):
             writer.copy_attachment(descriptor, item)
-        elif item.name not in self._replaced_metadata:
-            writer.copy_metadata(descriptor, item)
+        else:
+            for run in self._index.metadata.without(item, self._replaced_metadata):
+                writer.copy_metadata(descriptor, run, self._index.metadata)
         return None
 
     def _chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
