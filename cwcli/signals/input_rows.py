@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from cwcli.signals.columns import Columns
     from cwcli.signals.quality import Quality
 
+# How far back an input stands among those of its role, see `Input.rank`: 0 is a sensor's own message in a common form.
+SUMMARY, RECEIVER, SENTENCE, FUSED, OWN_V2X, ODOMETRY = 1, 2, 3, 4, 5, 6
+"""A receiver's summary for everybody, its own messages, NMEA, what it fused with an IMU; then other sources."""
+
 TARGET_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
 GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
 

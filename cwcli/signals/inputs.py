@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 from cwcli.registry import Plugin, Registry, plugin_entry
 from cwcli.signals.builders.base import Build, Fields, Input, Reading
 from cwcli.signals.input_rows import (
+    ODOMETRY,
+    OWN_V2X,
     LaterFields,
     builder,
     foxglove,
@@ -27,6 +29,7 @@ from cwcli.signals.input_rows import (
     v2x_builder,
     xyz,
 )
+from cwcli.signals.receiver_inputs import RECEIVERS
 from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP, JSON_STAMPS, PROTOBUF_STAMP
 
@@ -82,6 +85,7 @@ _ODOMETRY = ros(
     "twist.twist.angular.z",
     "twist.covariance",
 )
+_POSE_COVARIANCE = ros(*xyz("pose.pose.position"), *quaternion("pose.pose.orientation"), "pose.covariance")
 _POSE_STAMPED = ros(*xyz("pose.position"), *quaternion("pose.orientation"))
 _POSE_IN_FRAME = foxglove(*xyz("pose.position"), *quaternion("pose.orientation"))
 _VELOCITY_REPORT = ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
@@ -159,11 +163,22 @@ def _twist(fields: Fields) -> tuple[Input, ...]:
     )
 
 
+def _plain_twist(base: str, *more: str) -> Input:
+    leaves = (f"{base}linear.x", f"{base}angular.z", *more)
+    fields = dict.fromkeys(("cdr", "json"), leaves)
+    return Input(Role.EGO_SPEED, fields, builder("motion.build_plain_twist"), rank=None)
+
+
+_PLAIN_SPEED = Input(
+    Role.EGO_SPEED, dict.fromkeys(("cdr", "json"), ("data",)), builder("motion.build_plain_speed"), rank=None
+)
+
+
 def _pose(fields: Fields) -> tuple[Input, ...]:
     return (
         Input(Role.TRUTH, fields, _build_pose, fits=is_ego_topic),
         Input(Role.TARGET_TRUTH, fields, _build_pose_truth, fits=is_target_topic),
-        Input(Role.EGO_POSITION, fields, _build_pose, rank=2),
+        Input(Role.EGO_POSITION, fields, _build_pose, rank=ODOMETRY),
     )
 
 
@@ -178,7 +193,7 @@ def _v2x(find: Callable[[], Fields], codec: str, *, says_who_is_ego: bool = Fals
     """A V2X schema: remote vehicles, and the ego's own messages where it is known which ones these are."""
     fields = LaterFields(find)
     own = (
-        Input(role, fields, v2x_builder(maker, codec), rank=1, needs_ego_station=not says_who_is_ego)
+        Input(role, fields, v2x_builder(maker, codec), rank=OWN_V2X, needs_ego_station=not says_who_is_ego)
         for role, maker in _OWN_MAKERS.items()
     )
     return (Input(Role.REMOTE, fields, v2x_builder("remote_builder", codec)), *own)
@@ -234,11 +249,17 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     ),
     "geometry_msgs/TwistStamped": _twist(_TWIST),
     "geometry_msgs/TwistWithCovarianceStamped": _twist(_TWIST_COVARIANCE),
+    # without a header, and often what was commanded
+    "geometry_msgs/Twist": (_plain_twist(""),),
+    "geometry_msgs/TwistWithCovariance": (_plain_twist("twist.", "covariance"),),
+    "std_msgs/Float32": (_PLAIN_SPEED,),
+    "std_msgs/Float64": (_PLAIN_SPEED,),
     "geometry_msgs/QuaternionStamped": (
         Input(Role.EGO_HEADING, ros(*quaternion("quaternion")), _build_quaternion_heading),
     ),
     "geometry_msgs/PoseStamped": _pose(_POSE_STAMPED),
-    "nav_msgs/Odometry": (*_pose(_ODOMETRY), Input(Role.EGO_SPEED, _ODOMETRY, _build_odometry_speed, rank=2)),
+    "geometry_msgs/PoseWithCovarianceStamped": _pose(_POSE_COVARIANCE),
+    "nav_msgs/Odometry": (*_pose(_ODOMETRY), Input(Role.EGO_SPEED, _ODOMETRY, _build_odometry_speed, rank=ODOMETRY)),
     "foxglove.PoseInFrame": _pose(_POSE_IN_FRAME),
     "foxglove_msgs/PoseInFrame": _pose(_POSE_IN_FRAME),
     "autoware_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, _build_velocity_report),),
@@ -263,6 +284,7 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "sensor_msgs/CameraInfo": (Input(Role.CAMERA_INFO, _CAMERA_INFO, _build_camera_info),),
     "foxglove.CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, _build_camera_info),),
     "foxglove_msgs/CameraCalibration": (Input(Role.CAMERA_INFO, _CALIBRATION, _build_camera_info),),
+    **RECEIVERS,
     "etsi_its_cam_msgs/CAM": _v2x(_cam_fields("EN_PATHS"), "etsi.CAM"),
     "etsi_its_cam_ts_msgs/CAM": _v2x(_cam_fields("TS_PATHS"), "etsi.CAM"),
     "j2735_v2x_msgs/BSM": _v2x(_ros_bsm_fields, "j2735.ROS_BSM"),

@@ -1,7 +1,7 @@
 """Messages as logs, written by official libraries.
 
-A ROS message is written as JSON, and as CDR with a definition made from its fields; a foxglove or cwcli one also as
-protobuf.
+A ROS message is written as JSON, and as CDR with the definition of its package or one made from its fields; a foxglove
+or cwcli one also as protobuf.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from mcap_ros2.writer import Writer as Ros2Writer
 
 from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, schema_folder
 from tests.laws.input_messages import DELAY_NS, Message, stamp_of
+from tests.laws.receiver_messages import DEFINITIONS
 
 
 def write_log(path: Path, schema: str, encoding: str, topic: str, messages: list[Message]) -> Path:
@@ -46,7 +47,7 @@ def _write_cdr(stream: Any, schema: str, topic: str, messages: list[Message]) ->
     writer = Ros2Writer(stream)
     package, _, name = schema.rpartition("/")
     messages = [{key.lower(): value for key, value in message.items()} for message in messages]  # as ROS 2 asks for
-    registered = writer.register_msgdef(f"{package}/msg/{name}", definition(messages[0]))
+    registered = writer.register_msgdef(f"{package}/msg/{name}", DEFINITIONS.get(schema) or definition(messages[0]))
     for k, message in enumerate(messages):
         writer.write_message(topic, registered, message, **_times(k))
     writer.finish()

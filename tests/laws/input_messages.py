@@ -13,6 +13,7 @@ from cwcli.signals.columns import Ragged
 from cwcli.signals.etsi import EN_PATHS, TS_PATHS
 from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
 from cwcli.signals.role import Role
+from tests.laws.receiver_messages import RECEIVER_SAMPLES
 from tests.unit.signals.signal_columns import T0_NS
 from tests.unit.signals.v2x_messages import CAM, CARMA_BSM, ODE_BSM, RAW_BSM, ROS_BSM
 
@@ -122,6 +123,24 @@ def _twist_means(k: int) -> dict[Role, dict[str, Any]]:
     return {Role.EGO_VELOCITY: over_ground, Role.EGO_SPEED: in_body}
 
 
+def _plain(k: int, message: Message, **means: Any) -> Sample:
+    """Of a message without a header: its time is the log's."""
+    return message, {Role.EGO_SPEED: {"speed_mps": 3.0 + k, "stamp_ns": stamp_of(k) + DELAY_NS, **means}}
+
+
+def _plain_twist(k: int) -> Sample:
+    return _plain(k, _twist(k), yaw_rate_radps=0.2)
+
+
+def _plain_twist_with_covariance(k: int) -> Sample:
+    message = {"twist": _twist(k), "covariance": square(6, _00=0.2, _55=0.01)}
+    return _plain(k, message, yaw_rate_radps=0.2, speed_variance_m2ps2=0.2, yaw_rate_variance_rad2ps2=0.01)
+
+
+def _float(k: int) -> Sample:
+    return _plain(k, {"data": 3.0 + k})
+
+
 def _quaternion(k: int) -> Sample:
     return ros(k, {"quaternion": turn(-3.0 + k)}), {Role.EGO_HEADING: {"heading_rad": -3.0 + k}}
 
@@ -138,6 +157,11 @@ def _pose_means(k: int, **more: Any) -> dict[Role, dict[str, Any]]:
 
 def _pose_stamped(k: int) -> Sample:
     return ros(k, {"pose": _pose(k)}), _pose_means(k)
+
+
+def _pose_with_covariance(k: int) -> Sample:
+    message = {"pose": {"pose": _pose(k), "covariance": square(6, _00=0.5, _01=0.1, _11=0.7, _55=0.01)}}
+    return ros(k, message), _pose_means(k, covariance_m2=[0.5, 0.1, 0.7], yaw_variance_rad2=0.01)
 
 
 def _pose_in_frame(k: int) -> Sample:
@@ -351,6 +375,7 @@ for _path, _bit in CARMA_PRESENCE.values():
 
 IN_FRAME = "value.BasicSafetyMessage."
 SAMPLES: dict[str, Callable[[int], Sample]] = {
+    **RECEIVER_SAMPLES,
     "autoware_planning_msgs/Trajectory": _trajectory,
     "nav_msgs/Path": _nav_path,
     "sensor_msgs/NavSatFix": _nav_sat_fix,
@@ -361,6 +386,11 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "geometry_msgs/QuaternionStamped": _quaternion,
     "geometry_msgs/PoseStamped": _pose_stamped,
     "nav_msgs/Odometry": _odometry,
+    "geometry_msgs/PoseWithCovarianceStamped": _pose_with_covariance,
+    "geometry_msgs/Twist": _plain_twist,
+    "geometry_msgs/TwistWithCovariance": _plain_twist_with_covariance,
+    "std_msgs/Float32": _float,
+    "std_msgs/Float64": _float,
     "foxglove.PoseInFrame": _pose_in_frame,
     "autoware_vehicle_msgs/VelocityReport": _velocity_report,
     "autoware_vehicle_msgs/SteeringReport": _steering_report,
@@ -391,8 +421,10 @@ SAME = {
 }
 
 
-def sample_of(schema: str) -> Callable[[int], Sample]:
-    """The sample of a schema, which may be that of one with the same fields."""
+def sample_of(schema: str, role: str = "") -> Callable[[int], Sample]:
+    """The sample of a schema, which may be that of one with the same fields, or of this role alone."""
+    if f"{schema} {role}" in SAMPLES:
+        return SAMPLES[f"{schema} {role}"]
     for alias, name in SAME.items():
         if schema.startswith(alias):
             schema = schema.replace(alias, name)

@@ -6,7 +6,7 @@ frame_id says neither, or the user named the channel for the role, the role deci
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,23 @@ def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | Sp
         speed = np.hypot(east_or_forward, north_or_left)
         ledger.note(f"frame_id {frame} names map axes, the speed is the magnitude of the velocity")
     return build_speed(columns, reading, ledger, BodyMotion(speed, yaw_rate, covariance[:, 0], covariance[:, 35]))
+
+
+def build_plain_twist(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+    """Build a speed from `Twist` or `TwistWithCovariance`, which have neither time nor frame: the log's, body axes."""
+    base = "twist." if "twist.linear.x" in columns.fields else ""
+    covariance = matrix(columns, "covariance", 36)
+    ledger = RowLedger(columns, reading.role)
+    yaw_rate = filled(ledger, numbers(columns, f"{base}angular.z"), "yaw rate")
+    motion = BodyMotion(numbers(columns, f"{base}linear.x"), yaw_rate, covariance[:, 0], covariance[:, 35])
+    return build_speed(columns, replace(reading, clock="log"), ledger, motion)
+
+
+def build_plain_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+    """Build a speed from `Float32` or `Float64`, taken as m/s along the body, at the log's time."""
+    nothing = np.full(len(columns), np.nan)
+    motion = BodyMotion(numbers(columns, "data"), nothing, nothing, nothing)
+    return build_speed(columns, replace(reading, clock="log"), RowLedger(columns, reading.role), motion)
 
 
 def build_velocity_report(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:

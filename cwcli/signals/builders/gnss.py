@@ -1,0 +1,163 @@
+"""From what a receiver says to the position, the velocity over ground and the heading: shared by every receiver's file.
+
+A file of a family of messages says what its fields mean, as a `GnssFix`; here it becomes a signal, message by message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.angles import heading_from_compass_deg
+from cwcli.signals.builders.base import Reading
+from cwcli.signals.builders.motion import NO_ORIENTATION
+from cwcli.signals.builders.position import NO_FIX, reject_bad_positions
+from cwcli.signals.canonical import HeadingSignal, PositionSignal, VelocitySignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.covariances import given_plane_covariance, given_variances
+from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, reject_unusable, within
+from cwcli.signals.quality import BoolArray, Quality, RowLedger
+
+NO_VELOCITY = "no velocity"
+
+
+@dataclass(frozen=True)
+class GnssFix:
+    """What n messages of a receiver say; None where their type says nothing of it, NaN where a message does not.
+
+    Attributes:
+        stamp_ns, has_stamp: Shape (n,).
+        is_fix: Shape (n,): the receiver vouches for it.
+        latitude_deg, longitude_deg, altitude_m: Shape (n,); the altitude is above the ellipsoid.
+        position_covariance_m2: Shape (n, 3): east-east, east-north, north-north.
+        velocity_mps: Shape (n, 2): east, north.
+        velocity_covariance_m2ps2: Shape (n, 3).
+        heading_rad, heading_variance_rad2: Shape (n,), of the vehicle, not of its way over ground.
+    """
+
+    stamp_ns: Int64Array
+    has_stamp: BoolArray
+    is_fix: BoolArray
+    latitude_deg: FloatArray | None = None
+    longitude_deg: FloatArray | None = None
+    altitude_m: FloatArray | None = None
+    position_covariance_m2: FloatArray | None = None
+    velocity_mps: FloatArray | None = None
+    velocity_covariance_m2ps2: FloatArray | None = None
+    heading_rad: FloatArray | None = None
+    heading_variance_rad2: FloatArray | None = None
+
+
+Read = Callable[[Columns, RowLedger], GnssFix]
+
+
+def position_builder(read: Read) -> Callable[[Columns, Reading], tuple[PositionSignal, Quality]]:
+    """The builder of positions from messages that `read` understands."""
+
+    def build(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
+        ledger = RowLedger(columns, reading.role)
+        fix = read(columns, ledger)
+        ledger.reject(~fix.is_fix, NO_FIX)
+        latitude_deg, longitude_deg = _column(fix.latitude_deg, columns), _column(fix.longitude_deg, columns)
+        reject_bad_positions(ledger, latitude_deg, longitude_deg)
+        altitude_m = within(ledger, _column(fix.altitude_m, columns), MAX_ALTITUDE_M, "altitude")
+        given = _column(fix.position_covariance_m2, columns, 3)
+        covariance = given_plane_covariance(ledger, given[:, 0], given[:, 1], given[:, 2])
+        values = [latitude_deg, longitude_deg, altitude_m]
+        timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
+        rows = timeline.rows
+        signal = PositionSignal(
+            columns.topic,
+            timeline.stamp_ns,
+            columns.log_time_ns[rows],
+            latitude_deg[rows],
+            longitude_deg[rows],
+            altitude_m[rows],
+            covariance[rows],
+        )
+        return signal, ledger.quality
+
+    return build
+
+
+def velocity_builder(read: Read) -> Callable[[Columns, Reading], tuple[VelocitySignal, Quality]]:
+    """The builder of velocities over ground from messages that `read` understands."""
+
+    def build(columns: Columns, reading: Reading) -> tuple[VelocitySignal, Quality]:
+        ledger = RowLedger(columns, reading.role)
+        fix = read(columns, ledger)
+        ledger.reject(~fix.is_fix, NO_FIX)
+        velocity_mps = _column(fix.velocity_mps, columns, 2)
+        ledger.reject(np.asarray(np.isnan(velocity_mps).any(axis=1)), NO_VELOCITY)
+        reject_unusable(ledger, velocity_mps, MAX_SPEED_MPS)
+        given = _column(fix.velocity_covariance_m2ps2, columns, 3)
+        covariance = given_plane_covariance(ledger, given[:, 0], given[:, 1], given[:, 2])
+        timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, [velocity_mps])
+        rows = timeline.rows
+        signal = VelocitySignal(
+            columns.topic,
+            timeline.stamp_ns,
+            columns.log_time_ns[rows],
+            velocity_mps[rows, 0],
+            velocity_mps[rows, 1],
+            covariance[rows],
+        )
+        return signal, ledger.quality
+
+    return build
+
+
+def heading_builder(read: Read) -> Callable[[Columns, Reading], tuple[HeadingSignal, Quality]]:
+    """The builder of headings from messages that `read` understands."""
+
+    def build(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
+        ledger = RowLedger(columns, reading.role)
+        fix = read(columns, ledger)
+        heading_rad = _column(fix.heading_rad, columns)
+        ledger.reject(~fix.is_fix | ~np.isfinite(heading_rad), NO_ORIENTATION)
+        variance = given_variances(ledger, _column(fix.heading_variance_rad2, columns))
+        timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, [heading_rad])
+        rows = timeline.rows
+        signal = HeadingSignal(
+            columns.topic, timeline.stamp_ns, columns.log_time_ns[rows], heading_rad[rows], variance[rows]
+        )
+        return signal, ledger.quality
+
+    return build
+
+
+def round_covariance(variance: FloatArray) -> FloatArray:
+    """Plane covariances (n, 3) that are alike in every direction."""
+    return np.stack([variance, 0.0 * variance, variance], axis=1)
+
+
+def axes_covariance(east_sigma: FloatArray, north_sigma: FloatArray) -> FloatArray:
+    """Plane covariances (n, 3) from the sigmas (n,) along east and north."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.stack([east_sigma**2, 0.0 * east_sigma, north_sigma**2], axis=1)
+
+
+def velocity_of_course(speed_mps: FloatArray, course_deg: FloatArray) -> FloatArray:
+    """East and north velocity (n, 2) of a speed and its course, degrees clockwise from north.
+
+    A receiver that stands leaves the course out: a speed of exactly 0 needs none.
+    """
+    course_rad = np.deg2rad(np.where(np.isfinite(course_deg) & (np.abs(course_deg) <= 720.0), course_deg, np.nan))
+    with np.errstate(invalid="ignore", over="ignore"):
+        velocity = speed_mps[:, None] * np.stack([np.sin(course_rad), np.cos(course_rad)], axis=1)
+    return np.where((speed_mps == 0.0)[:, None], 0.0, velocity)
+
+
+def heading_of_compass(compass_deg: FloatArray) -> FloatArray:
+    """Heading of a compass angle (n,); NaN where that is none."""
+    return heading_from_compass_deg(np.where(np.abs(compass_deg) <= 720.0, compass_deg, np.nan))
+
+
+def _column(values: FloatArray | None, columns: Columns, width: int = 1) -> FloatArray:
+    """The values, or NaN where the messages say nothing of them."""
+    if values is not None:
+        return values
+    return np.full(len(columns) if width == 1 else (len(columns), width), np.nan)

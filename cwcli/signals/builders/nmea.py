@@ -1,0 +1,161 @@
+"""`nmea_msgs/Sentence`: NMEA 0183 sentences as text (GGA, RMC, VTG, HDT of any talker).
+
+A channel holds sentences of many kinds. The position is that of the GGA sentences, which have the height, or else of
+the RMC; the velocity that of the RMC, which say whether it is valid, or else of the VTG; the heading that of the HDT.
+The others are set aside. A sentence whose checksum is wrong or missing is rejected: a cut one looks sound but for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import xor
+
+import numpy as np
+
+from cwcli.signals.builders.gnss import (
+    GnssFix,
+    heading_builder,
+    heading_of_compass,
+    position_builder,
+    velocity_builder,
+    velocity_of_course,
+)
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.leaf_fields import stamps, texts
+from cwcli.signals.quality import RowLedger
+
+MPS_PER_KNOT = 1852.0 / 3600.0
+MPS_PER_KMH = 1.0 / 3.6
+NAN = float("nan")
+NO_SENTENCE = "no NMEA sentence"
+NO_CHECKSUM = "NMEA checksum missing"
+BAD_CHECKSUM = "NMEA checksum wrong"
+TOO_SHORT = "NMEA sentence too short"
+OTHER = "another sentence"
+POSITIONS, VELOCITIES, HEADINGS = ("GGA", "RMC"), ("RMC", "VTG"), ("HDT",)
+"""Kinds of sentences, best first."""
+NOT_MEASURED = ("0", "7")
+"""GGA's quality: no fix, typed in by hand."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a sentence says, in degrees, metres and metres a second; NaN where it says nothing."""
+
+    is_fix: bool = True
+    latitude_deg: float = NAN
+    longitude_deg: float = NAN
+    altitude_m: float = NAN
+    speed_mps: float = NAN
+    course_deg: float = NAN
+
+
+def kind_and_fields(text: str) -> tuple[str, list[str]]:
+    """A sentence's kind (`GGA`) and its fields; the reason why it is none, and no field, for one that can't be used."""
+    body = text.strip()
+    start = max(body.find("$"), body.find("!"))
+    if start < 0 or not body.isascii():
+        return NO_SENTENCE, []
+    content, star, checksum = body[start + 1 :].partition("*")
+    if not star or len(checksum) < 2:
+        return NO_CHECKSUM, []
+    try:
+        given = int(checksum[:2], 16)
+    except ValueError:
+        return BAD_CHECKSUM, []
+    if given != reduce(xor, content.encode(), 0):
+        return BAD_CHECKSUM, []
+    address, *fields = content.split(",")
+    kind = address[2:] if len(address) == 5 and not address.startswith("P") else OTHER
+    return (TOO_SHORT, []) if kind in PARSERS and len(fields) < PARSERS[kind][0] else (kind, fields)
+
+
+def gga(fields: Sequence[str]) -> Said:
+    """GGA: the fix. Its height is above the geoid; the separation makes it one above the ellipsoid."""
+    _, latitude, north, longitude, east, quality, _, _, altitude, _, separation = fields[:11]
+    is_fix = quality.isdecimal() and quality not in NOT_MEASURED
+    place = degrees(latitude, north, "NS"), degrees(longitude, east, "EW")
+    return Said(is_fix, *place, altitude_m=number(altitude) + number(separation))
+
+
+def rmc(fields: Sequence[str]) -> Said:
+    """RMC: the recommended minimum, with the speed in knots."""
+    _, status, latitude, north, longitude, east, speed, course = fields[:8]
+    is_fix = status == "A" and not (len(fields) > 11 and fields[11] == "N")
+    place = degrees(latitude, north, "NS"), degrees(longitude, east, "EW")
+    return Said(is_fix, *place, speed_mps=MPS_PER_KNOT * number(speed), course_deg=number(course))
+
+
+def vtg(fields: Sequence[str]) -> Said:
+    """VTG: course and speed over ground, in km/h or else in knots."""
+    course, _, _, _, knots, _, kmh, _ = fields[:8]
+    speed = MPS_PER_KMH * number(kmh) if kmh else MPS_PER_KNOT * number(knots)
+    return Said(not (len(fields) > 8 and fields[8] == "N"), speed_mps=speed, course_deg=number(course))
+
+
+def hdt(fields: Sequence[str]) -> Said:
+    """HDT: the true heading of the vehicle."""
+    heading, of_north = fields[:2]
+    return Said(course_deg=number(heading) if of_north == "T" else NAN)
+
+
+PARSERS: dict[str, tuple[int, Callable[[Sequence[str]], Said]]] = {
+    "GGA": (11, gga),
+    "RMC": (8, rmc),
+    "VTG": (8, vtg),
+    "HDT": (2, hdt),
+}
+"""Kind -> least number of fields, and what they say."""
+
+
+def degrees(text: str, half: str, halves: str) -> float:
+    """`4807.038`, `N` -> 48.1173: degrees and minutes, negative in the second of the halves; NaN for none."""
+    value = number(text)
+    whole, minutes = divmod(value, 100.0)
+    if len(half) != 1 or half not in halves or not (value >= 0.0 and minutes < 60.0):
+        return NAN
+    return (whole + minutes / 60.0) * (1.0 if half == halves[0] else -1.0)
+
+
+def number(text: str) -> float:
+    """The number; NaN for what is none: digits, one point, a sign at most."""
+    return float(text) if text.lstrip("+-").replace(".", "", 1).isdecimal() else NAN
+
+
+def _reader(kinds: tuple[str, ...]) -> Callable[[Columns, RowLedger], GnssFix]:
+    """Reads the sentences of the first of these kinds that the channel has."""
+
+    def read(columns: Columns, ledger: RowLedger) -> GnssFix:
+        field = texts(columns, "sentence")
+        values = () if field is None else field.values
+        split = [*map(kind_and_fields, values), (NO_SENTENCE, [])]
+        codes = np.full(len(columns), -1, np.int64) if field is None else field.codes.astype(np.int64)
+        names = np.array([kind for kind, _ in split])
+        wanted = next((kind for kind in kinds if kind in names), kinds[0])
+        for reason in (NO_SENTENCE, NO_CHECKSUM, BAD_CHECKSUM, TOO_SHORT):
+            ledger.reject((names == reason)[codes], reason)
+        ledger.set_aside((names != wanted)[codes], OTHER)
+        said = [PARSERS[kind][1](fields) if kind == wanted else Said(False) for kind, fields in split]
+
+        def column(name: str) -> FloatArray:
+            return np.array([getattr(each, name) for each in said], np.float64)[codes]
+
+        course_deg = column("course_deg")
+        return GnssFix(
+            *stamps(columns),
+            is_fix=np.array([each.is_fix for each in said])[codes],
+            latitude_deg=column("latitude_deg"),
+            longitude_deg=column("longitude_deg"),
+            altitude_m=column("altitude_m"),
+            velocity_mps=velocity_of_course(column("speed_mps"), course_deg),
+            heading_rad=heading_of_compass(course_deg),
+        )
+
+    return read
+
+
+build_position = position_builder(_reader(POSITIONS))
+build_velocity = velocity_builder(_reader(VELOCITIES))
+build_heading = heading_builder(_reader(HEADINGS))

@@ -1,0 +1,99 @@
+"""The time of a receiver: GPS week and time of week, or a calendar date in UTC, as nanoseconds since 1970.
+
+GPS time has no leap seconds: it runs ahead of UTC by one more second after each of `LEAP_SECONDS` (18 s since 2017).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.units import NS_PER_MS, NS_PER_S
+
+GPS_EPOCH_S = 315_964_800
+"""1980-01-06T00:00:00Z."""
+WEEK_S = 604_800
+WEEKS_A_ROUND = 1024
+"""Receivers send ten bits of the week: it begins again after 19.6 years."""
+MAX_CLOCK_ERROR_S = 86_400
+"""By less than this the recorder's clock is off where a round of weeks is told by it."""
+LEAP_SECONDS: Int64Array = np.array(
+    [
+        *("1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01"),
+        *("1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01", "1999-01-01", "2006-01-01"),
+        *("2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01"),
+    ],
+    dtype="M8[s]",
+).astype(np.int64)
+"""From when on UTC is a further second behind GPS time, seconds since 1970 (IERS Bulletin C)."""
+ROLLED_OVER = "GPS week rolled over, moved by 1024 weeks"
+
+
+def utc_of_weeks(
+    ledger: RowLedger, week: FloatArray, time_of_week_ms: FloatArray, is_wanted: BoolArray
+) -> tuple[Int64Array, BoolArray]:
+    """UTC of GPS weeks and the milliseconds in them, rounds of weeks as `unrolled` finds them.
+
+    Args:
+        ledger: Counts the weeks that were moved.
+        week: Shape (n,), counted since 1980 or modulo 1024.
+        time_of_week_ms: Shape (n,).
+        is_wanted: Shape (n,): the others are no time.
+
+    Returns:
+        Nanoseconds since 1970 and whether they are a time, both (n,).
+    """
+    is_time: BoolArray = is_wanted & (week >= 0) & (week < 1 << 13)
+    is_time &= (time_of_week_ms >= 0) & (time_of_week_ms < WEEK_S * 1000)
+    whole = np.where(is_time, week, 0.0).astype(np.int64)
+    in_week_ns = np.round(np.where(is_time, time_of_week_ms, 0.0) * NS_PER_MS).astype(np.int64)
+    # before the leap seconds: those of a week 1024 too early are fewer
+    gps_ns = unrolled(ledger, (GPS_EPOCH_S + WEEK_S * whole) * NS_PER_S + in_week_ns, is_time)
+    return utc_of_gps(gps_ns), is_time
+
+
+def utc_of_gps(gps_ns: Int64Array) -> Int64Array:
+    """UTC of GPS time, (n,), both in nanoseconds since 1970."""
+    # the n-th leap second has passed once GPS time, n seconds ahead, is beyond it
+    passed_ns = (LEAP_SECONDS + np.arange(1, len(LEAP_SECONDS) + 1)) * NS_PER_S
+    utc_ns: Int64Array = gps_ns - np.searchsorted(passed_ns, gps_ns, side="right") * NS_PER_S
+    return utc_ns
+
+
+def utc_of_date(
+    year: FloatArray, month: FloatArray, day: FloatArray, seconds_of_day: FloatArray, nano: FloatArray
+) -> tuple[Int64Array, BoolArray]:
+    """UTC of a calendar date, the whole seconds of the day and a fraction that may be negative.
+
+    Args:
+        year, month, day, seconds_of_day, nano: Shape (n,).
+
+    Returns:
+        Nanoseconds since 1970 and whether they are a time, both (n,).
+    """
+    limits = ((year, 1970, 2261), (month, 1, 12), (day, 1, 31), (seconds_of_day, 0, 86_400), (nano, -1e9, 1e9))
+    is_time: BoolArray = np.logical_and.reduce([(low <= value) & (value <= high) for value, low, high in limits])
+    years, months, days, seconds, nanos = (
+        np.where(is_time, value, filler).astype(np.int64)
+        for value, filler in ((year, 1970), (month, 1), (day, 1), (seconds_of_day, 0), (nano, 0))
+    )
+    first = ((years - 1970) * 12 + months - 1).astype("M8[M]")
+    date = first.astype("M8[D]") + (days - 1)
+    is_time &= date.astype("M8[M]") == first  # no 31st of February
+    stamp_ns = date.astype("M8[s]").astype(np.int64) * NS_PER_S + seconds * NS_PER_S + nanos
+    return stamp_ns, is_time & (stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS)
+
+
+def unrolled(ledger: RowLedger, stamp_ns: Int64Array, is_time: BoolArray) -> Int64Array:
+    """The stamps (n,), those moved and counted as repaired that are whole rounds of weeks from the log time.
+
+    A round is moved only where the log time then agrees: a recorder whose clock was never set tells nothing.
+    """
+    round_ns = WEEKS_A_ROUND * WEEK_S * NS_PER_S
+    behind_ns = ledger.columns.log_time_ns - stamp_ns
+    n_rounds = np.round(behind_ns / round_ns).astype(np.int64)
+    is_moved = is_time & (n_rounds != 0) & (np.abs(behind_ns - n_rounds * round_ns) < MAX_CLOCK_ERROR_S * NS_PER_S)
+    ledger.repair(is_moved, ROLLED_OVER)
+    return np.where(is_moved, stamp_ns + n_rounds * round_ns, stamp_ns)

@@ -1,0 +1,112 @@
+"""The messages of GNSS receivers and of inertial units with one: a part of the table in `inputs`."""
+
+from __future__ import annotations
+
+from cwcli.signals.builders.base import Fields, Input
+from cwcli.signals.input_rows import FUSED, RECEIVER, SENTENCE, SUMMARY, builder, ros
+from cwcli.signals.role import Role
+
+_GPS_FIX = ros(
+    *("status.status", "latitude", "longitude", "altitude", "track", "speed", "err_horz", "err_track", "err_speed"),
+    *("position_covariance", "position_covariance_type"),
+)
+_NAV_PVT_LEAVES = (
+    *("year", "month", "day", "hour", "min", "sec", "valid", "nano", "flags", "lon", "lat", "height"),
+    *("fix_type", "h_acc", "vel_n", "vel_e", "s_acc", "head_acc", "head_veh"),
+    *("fixType", "hAcc", "velN", "velE", "sAcc", "headAcc", "headVeh"),
+)
+_NAV_PVT: Fields = dict.fromkeys(("cdr", "json"), _NAV_PVT_LEAVES)
+_OEM7 = ("nov_header.gps_week_number", "nov_header.gps_week_milliseconds")
+_OEM6 = ("novatel_msg_header.gps_week_num", "novatel_msg_header.gps_seconds")
+_BEST_POS_7 = ros(
+    *(*_OEM7, "sol_status.status", "pos_type.type", "lat", "lon", "hgt", "undulation", "lat_stdev", "lon_stdev")
+)
+_BEST_POS_6 = ros(
+    *(*_OEM6, "solution_status", "position_type", "lat", "lon", "height", "undulation", "lat_sigma", "lon_sigma")
+)
+_BEST_VEL_7 = ros(*_OEM7, "sol_status.status", "vel_type.type", "latency", "hor_speed", "trk_gnd")
+_BEST_VEL_6 = ros(*_OEM6, "solution_status", "velocity_type", "latency", "horizontal_speed", "track_ground")
+_INS = ("latitude", "longitude", "undulation", "north_velocity", "east_velocity", "azimuth")
+_INS_7 = ros(
+    *(*_OEM7, "ins_status.status", *_INS, "height"),
+    *(f"{name}_stdev" for name in ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")),
+)
+_INS_6 = ros(
+    *(*_OEM6, "ins_status", *_INS, "altitude"),
+    *(f"{name}_std" for name in ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")),
+)
+_PVT_GEODETIC = ros(
+    *("block_header.wnc", "block_header.tow", "mode", "error", "latitude", "longitude", "height", "ve", "vn"),
+    "h_accuracy",
+)
+_PLACE = ("latitude", "longitude", "altitude", "undulation", "position_accuracy.x", "position_accuracy.y")
+_VELOCITY = tuple(f"{name}.{axis}" for name in ("velocity", "velocity_accuracy") for axis in "xy")
+_SBG_POS = ros("status.status", "status.type", *_PLACE)
+_SBG_VEL = ros("status.vel_status", "status.vel_type", *_VELOCITY)
+_SBG_NAV = ros(
+    *("status.position_valid", "status.velocity_valid", *_PLACE, "position.x", "position.y", "position.z"), *_VELOCITY
+)
+_SBG_EULER = ros("status.heading_valid", "angle.z", "accuracy.z")
+
+
+def _position(fields: Fields, name: str, rank: int) -> Input:
+    return Input(Role.EGO_POSITION, fields, builder(name), rank=rank)
+
+
+def _velocity(fields: Fields, name: str, rank: int) -> Input:
+    return Input(Role.EGO_VELOCITY, fields, builder(name), rank=rank)
+
+
+def _heading(fields: Fields, name: str, rank: int | None) -> Input:
+    return Input(Role.EGO_HEADING, fields, builder(name), rank=rank)
+
+
+def _summary(fields: Fields) -> tuple[Input, ...]:
+    return (
+        _position(fields, "gps_fix.build_position", SUMMARY),
+        _velocity(fields, "gps_fix.build_velocity", SUMMARY),
+    )
+
+
+def _ins(fields: Fields) -> tuple[Input, ...]:
+    return (
+        _position(fields, "novatel.build_ins_position", FUSED),
+        _velocity(fields, "novatel.build_ins_velocity", FUSED),
+        _heading(fields, "novatel.build_ins_heading", FUSED),
+    )
+
+
+_SENTENCE = ros("sentence")
+
+RECEIVERS: dict[str, tuple[Input, ...]] = {
+    "gps_msgs/GPSFix": _summary(_GPS_FIX),
+    "gps_common/GPSFix": _summary(_GPS_FIX),
+    "nmea_msgs/Sentence": (
+        _position(_SENTENCE, "nmea.build_position", SENTENCE),
+        _velocity(_SENTENCE, "nmea.build_velocity", SENTENCE),
+        _heading(_SENTENCE, "nmea.build_heading", SENTENCE),
+    ),
+    "ublox_msgs/NavPVT": (
+        _position(_NAV_PVT, "ublox.build_position", RECEIVER),
+        _velocity(_NAV_PVT, "ublox.build_velocity", RECEIVER),
+        # only of receivers with an IMU or two antennas
+        _heading(_NAV_PVT, "ublox.build_heading", None),
+    ),
+    "novatel_oem7_msgs/BESTPOS": (_position(_BEST_POS_7, "novatel.build_position", RECEIVER),),
+    "novatel_gps_msgs/NovatelPosition": (_position(_BEST_POS_6, "novatel.build_position", RECEIVER),),
+    "novatel_oem7_msgs/BESTVEL": (_velocity(_BEST_VEL_7, "novatel.build_velocity", RECEIVER),),
+    "novatel_gps_msgs/NovatelVelocity": (_velocity(_BEST_VEL_6, "novatel.build_velocity", RECEIVER),),
+    "novatel_oem7_msgs/INSPVAX": _ins(_INS_7),
+    "novatel_gps_msgs/Inspvax": _ins(_INS_6),
+    "septentrio_gnss_driver/PVTGeodetic": (
+        _position(_PVT_GEODETIC, "septentrio.build_position", RECEIVER),
+        _velocity(_PVT_GEODETIC, "septentrio.build_velocity", RECEIVER),
+    ),
+    "sbg_driver/SbgGpsPos": (_position(_SBG_POS, "sbg.build_position", RECEIVER),),
+    "sbg_driver/SbgGpsVel": (_velocity(_SBG_VEL, "sbg.build_velocity", RECEIVER),),
+    "sbg_driver/SbgEkfNav": (
+        _position(_SBG_NAV, "sbg.build_ekf_position", FUSED),
+        _velocity(_SBG_NAV, "sbg.build_ekf_velocity", FUSED),
+    ),
+    "sbg_driver/SbgEkfEuler": (_heading(_SBG_EULER, "sbg.build_heading", FUSED),),
+}
