@@ -21,6 +21,7 @@ RUN = {
     "build": ".ci/run: -m build",
     "cython": 'tests/fuzz/sanitized.py: "cython"',
     "import-linter": ".ci/run: lint-imports",
+    "mkdocs-material": ".ci/run: mkdocs",
     "moto": "tests/unit/fleet/test_inputs.py: moto.server",
     "mypy": ".ci/run: mypy",
     "pytest-xdist": "README.md: pytest -n auto",
