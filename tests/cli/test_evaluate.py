@@ -84,9 +84,13 @@ def test_a_single_log_and_a_folder_of_logs_give_the_runs_numbers(
     assert code_ == 1
 
 
-def test_a_log_on_which_nothing_has_run_is_told_so(intersection: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["evaluate", str(intersection)]) == 0
+def test_a_log_on_which_nothing_has_run_lacks_what_is_scored(
+    intersection: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["evaluate", str(intersection)]) == 4
     assert "no stage of cwcli has run on it" in " ".join(capsys.readouterr().err.split())
+    assert run(["evaluate", str(intersection), "--gate", "data.faults_count < 1"]) == 0  # asks for the data alone
+    assert run(["evaluate", str(intersection), "--gate", "data.duration_s > 60"]) == 1
 
 
 def test_another_truth_is_computed_again(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -97,9 +101,9 @@ def test_another_truth_is_computed_again(fleet: Path, capsys: pytest.CaptureFixt
 
 
 def test_failed_gates_make_the_exit_code_and_are_listed(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["evaluate", str(fleet), "--gate", "ego.speed_rmse_mps < 0.02", "--gate", "lanes.found_share > 0"]) == 1
+    assert run(["evaluate", str(fleet), "--gate", "ego.speed_rmse_mps < 0.01", "--gate", "lanes.found_share > 0"]) == 1
     out = capsys.readouterr().out
-    assert "straight: ego.speed_rmse_mps = 0.02238 m/s" in out
+    assert "straight: ego.speed_rmse_mps = 0.01537 m/s" in out
     assert "intersection: ego.speed" not in out
     assert "no log has lanes.found_share" in out
     assert run(["evaluate", str(fleet), "--gate", "lanes.found_share > 0", "--allow-missing"]) == 0
@@ -136,18 +140,18 @@ def test_an_empty_output_name_is_no_standard_output(command: list[str], capsys: 
 
 def test_junit_and_markdown_are_written(fleet: Path, tmp_path: Path) -> None:
     junit, summary = tmp_path / "report.xml", tmp_path / "summary.md"
-    gates = ["--gate", "ego.speed_rmse_mps < 0.02", "--gate", "lanes.found_share > 0", "--allow-missing"]
+    gates = ["--gate", "ego.speed_rmse_mps < 0.01", "--gate", "lanes.found_share > 0", "--allow-missing"]
     assert run(["evaluate", str(fleet), *gates, "--junit", str(junit), "--markdown", str(summary), "--quiet"]) == 1
     parsed = JUnitXml.fromfile(str(junit))
     skipped = sum(suite.skipped for suite in parsed)
     assert (parsed.tests, parsed.failures, skipped, parsed.errors) == (6, 1, 2, 0)
     suites = {suite.name: suite for suite in parsed}
-    failed = [case for case in suites["ego.speed_rmse_mps < 0.02"] if case.result]
+    failed = [case for case in suites["ego.speed_rmse_mps < 0.01"] if case.result]
     assert [(case.name, type(case.result[0])) for case in failed] == [("straight", Failure)]
     assert all(isinstance(case.result[0], Skipped) for case in suites["lanes.found_share > 0"])
     text = summary.read_text(encoding="utf-8")
     assert text.startswith("### cwcli evaluate: 1 of 3 gates failed")
-    assert "| `ego.speed_rmse_mps < 0.02` | `straight` | `ego.speed_rmse_mps = 0.02238 m/s` |" in text
+    assert "| `ego.speed_rmse_mps < 0.01` | `straight` | `ego.speed_rmse_mps = 0.01537 m/s` |" in text
     assert run(["evaluate", str(fleet), "--junit", str(junit)]) == 6  # it exists
 
 
@@ -214,7 +218,7 @@ def test_a_manifest_of_another_format_is_one_line(
 def test_a_manifest_of_another_tool_beside_logs_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(ROOT / "sample_logs/straight.mcap", tmp_path)
     (tmp_path / "manifest.json").write_text('{"format": 7, "files": 1}')
-    assert run(["evaluate", str(tmp_path)]) == 0
+    assert run(["evaluate", str(tmp_path), "--gate", "data.faults_count < 1"]) == 0
     capsys.readouterr()
 
 

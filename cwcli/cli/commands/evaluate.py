@@ -20,7 +20,7 @@ from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
 from cwcli.cli.targets import check_outputs
 from cwcli.cli.text import count, finite, interval, paragraph, printable
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
@@ -35,6 +35,8 @@ EXAMPLES = (
 )
 BESIDE = ("metric", "the system", "cwcli", "states", "n")
 MAX_SHOWN = 20
+QUALITY = "data."
+"""What the metrics of the data begin with: a log has them before any stage has run."""
 MAX_IN_MARKDOWN = 200
 
 Document = dict[str, Any]
@@ -73,7 +75,7 @@ def command(
     Errors against the truth where the log has one, consistency, prediction errors, warnings against the conflicts that
     really happened, lanes, tracks, and the quality of the data. --topic names another system's warnings, path or state
     in the log, which are scored likewise, beside cwcli's own. Gates are those of --gate and those kept in the run's
-    manifest. The exit code is 1 if a gate failed.
+    manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data alone.
     """
     from cwcli.evaluation.system.topics import parse_system
     from cwcli.fleet.results import read_metrics
@@ -109,6 +111,12 @@ def command(
     else:
         _show(console, run, pooled, results, everything=everything)
         print_written(console, targets)
+    if not results and pooled and all(name.startswith(QUALITY) for name in pooled):
+        raise MissingSignalError(
+            "no stage of cwcli has run on it, so there is nothing to score but the quality of its data",
+            where=run.source,
+            hint="run `cwcli run` first, or give gates on the data (--gate 'data.faults_count < 1')",
+        )
     failed = [result for result in results if result.failed]
     for result in failed if talk.quiet else ():
         console.failure(f"gate failed: {result.gate} ({len(result.failed)} of {count(len(result.checks), 'check')})")
@@ -143,8 +151,6 @@ def _show(
         console.summary("")
         console.summary("The other system beside cwcli")
         console.summary(table(BESIDE, beside))
-    if done and all(name.startswith("data.") for name in pooled):
-        console.note("no stage of cwcli has run on it, so there is nothing to score; run `cwcli run` first")
     for log in [log for log in run.logs if log.error][:MAX_SHOWN]:
         console.note(f"{log.id} failed: {log.error}")
     for note, ids in _notes(run).items():
