@@ -153,3 +153,34 @@ def test_every_option_that_writes_is_known_as_one() -> None:
             if words.startswith(("Write ", "Overwrite ")) or each.name in ("directory", "plots"):
                 wrote.add(each.name)
     assert wrote == READ_WRITES
+
+
+def test_the_nearest_file_is_found_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inner = tmp_path / "drives/monday"
+    inner.mkdir(parents=True)
+    (tmp_path / "cwcli.toml").write_text('[estimate]\nmodel = "song2016"\n')
+    monkeypatch.chdir(inner)
+    assert run(["config", "--json"]) == 0
+    found = capsys.readouterr()
+    assert json.loads(found.out)["estimate"]["model"] == "song2016"
+    assert f"note: defaults from {tmp_path}/cwcli.toml" in found.err.replace("\n      ", " ")
+    (inner / "cwcli.toml").write_text("[estimate]\nrate = 10\n")
+    assert run(["config", "--json"]) == 0
+    nearest = capsys.readouterr()
+    document = json.loads(nearest.out)["estimate"]
+    assert (document["model"], document["rate"]) == ("cwcli", 10)
+    assert "defaults from cwcli.toml" in nearest.err
+
+
+def test_a_found_file_is_silent_when_quiet_and_can_be_left_out(cwcli: Run, tmp_path: Path) -> None:
+    (tmp_path / "cwcli.toml").write_text("strict = 7\n")
+    assert cwcli("simulate", "straight", "-o", "drive.mcap").stderr == b""  # it has no such option
+    estimate = ("estimate", "drive.mcap", "-o", "estimated.mcap")
+    refused = cwcli(*estimate)
+    assert refused.returncode == EXIT_USAGE and b"strict must be true or false" in refused.stderr
+    (tmp_path / "cwcli.toml").write_text("strict = true\n")
+    assert cwcli(*estimate, "-q").stderr == b""
+    assert b"defaults from cwcli.toml" in cwcli(*estimate, "-f").stderr
+    assert b"cwcli.toml" not in cwcli(*estimate, "-f", "--config", "none").stderr

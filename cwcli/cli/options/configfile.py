@@ -9,12 +9,15 @@
 Keys at the top are options that commands share; a command takes those that it has. A table holds the options of one
 command, and `cwcli run` reads the tables of its stages. A name that no command knows is an error.
 
+Without the option, `cwcli.toml` of the working folder, or of the nearest folder above it that has one, is such a file.
+
 What is written where, and what is overwritten, is said on the command line alone: a file of somebody else can't do it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import typer
@@ -22,6 +25,9 @@ import typer
 from cwcli.cli.options.shared import ReadingOptions, SensorOptions, WritingOptions
 from cwcli.errors import UsageError
 
+FOUND_NAME = "cwcli.toml"
+"""The file that is found where none is named."""
+NO_FILE = "none"
 OF_STAGE = "__"
 """Between stage and option in the parameters of a command that runs several stages: no name of either holds it."""
 
@@ -37,8 +43,12 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
     Raises:
         UsageError: The file can't be read, is no TOML, or holds an unknown or unfit key, or one that writes.
     """
-    if value is None or ctx.resilient_parsing:
-        return value
+    if ctx.resilient_parsing or value == NO_FILE:
+        return None
+    is_found = value is None
+    value = value or _found()
+    if value is None:
+        return None
     document = _load(value)
     options = {parameter.name: parameter for parameter in ctx.command.params if parameter.name is not None}
     defaults: dict[str, Any] = {}
@@ -59,8 +69,20 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
                 raise _unknown(value, f"{table}.{key}", sorted(shown))
             defaults[option] = _checked(ctx, value, f"{table}.{key}", entry, options[option])
     _check_selection(value, defaults)
+    if is_found and defaults:
+        from cwcli.cli.console import Console
+
+        Console(quiet=bool(ctx.params.get("quiet"))).note(f"defaults from {value} (--config {NO_FILE} does without)")
     ctx.default_map = defaults
     return value
+
+
+def _found() -> str | None:
+    """The nearest `cwcli.toml`."""
+    folder = Path.cwd()
+    if (folder / FOUND_NAME).is_file():
+        return FOUND_NAME
+    return next((str(above / FOUND_NAME) for above in folder.parents if (above / FOUND_NAME).is_file()), None)
 
 
 def _load(path: str) -> dict[str, Any]:
@@ -167,7 +189,7 @@ class TalkOptions:
     json: Annotated[
         bool, typer.Option("--json", help="Print the summary as JSON on standard output instead of tables.")
     ] = False
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", is_eager=True, help="Print errors only.")] = False
     config: Annotated[
         str | None,
         typer.Option(
@@ -176,6 +198,6 @@ class TalkOptions:
             is_eager=True,
             callback=read_config,
             show_default=False,
-            help="TOML file with defaults for these options.",
+            help="TOML file with defaults for these options; none: not even a cwcli.toml from here or above.",
         ),
     ] = None
