@@ -14,22 +14,18 @@ from mcap.writer import Writer
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.metadata_table import MAX_METADATA
 from cwcli.logs.format.records import (
-    CHANNEL,
-    CHUNK_INDEX,
     MAGIC,
     PREFIX,
-    STATISTICS,
     Channel,
     MetadataIndex,
     Schema,
     Statistics,
-    read_channel,
-    read_chunk_index,
     read_footer,
     read_prefix,
 )
 from cwcli.logs.read.reader import Log
 from tests.cli.bounded import bounded
+from tests.unit.logs_read.lying_logs import hiding, with_summary
 
 T0_NS = 1_700_000_000_000_000_000
 N_RECORDS = 1_000_000
@@ -39,11 +35,6 @@ SCHEMA = record_bytes.schema(Schema(1, "a/B", "ros2msg", b"float64 x"))
 ATTACHED_BYTES = 500_000_000
 INFO_CPU_S = 2.0
 """On a loaded machine; one of its own takes half of it."""
-
-
-def with_summary(data: bytes, summary: bytes) -> bytes:
-    start = len(data) + len(record_bytes.data_end())
-    return data + record_bytes.data_end() + summary + record_bytes.footer(start, 0, summary) + MAGIC
 
 
 def metadata_records() -> bytes:
@@ -139,29 +130,7 @@ def test_index_that_leaves_a_channel_out_costs_no_message(tmp_path: Path) -> Non
         for k in range(200):
             writer.add_message(channels[k % 2], T0_NS + k, b'{"k": %d}' % k, T0_NS + k)
         writer.finish()
-    data = whole.read_bytes()
-    view = memoryview(data)
-    footer_at = len(data) - len(MAGIC) - len(record_bytes.footer(0, 0, b""))
-    _, start, end = read_prefix(view, footer_at, len(data))
-    at = summary_at = read_footer(view, start, end).summary_start
-    summary, chunks, fix = b"", 0, 0
-    while at < footer_at:
-        opcode, start, end = read_prefix(view, at, footer_at)
-        record = bytes(view[at:end])
-        if opcode == CHANNEL:
-            channel = read_channel(view, start, end)
-            fix = channel.id if channel.topic == "/fix" else fix
-        if opcode == CHUNK_INDEX:
-            index = read_chunk_index(view, start, end)
-            chunks += fix in index.index_offsets
-            if chunks == 2 and fix in index.index_offsets:
-                kept = {each: offset for each, offset in index.index_offsets.items() if each != fix}
-                record = record_bytes.chunk_index(index._replace(index_offsets=kept))
-        if opcode in (3, CHANNEL, STATISTICS, CHUNK_INDEX, 10, 13):
-            summary += record
-        at = end
-    assert chunks >= 2
-    (tmp_path / "in.mcap").write_bytes(with_summary(data[: summary_at - 13], summary))
+    (tmp_path / "in.mcap").write_bytes(hiding(whole.read_bytes(), "/fix"))
     with Log.open(tmp_path / "in.mcap") as log:
         found = log.columns("/fix")
         assert log.faults.counts() == {"message indexes that do not fit": 1}

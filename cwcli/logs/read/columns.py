@@ -107,6 +107,8 @@ def load_columns(
         InputError: An encoding or a schema is unknown or unusable, or the file is damaged and `recover` is off.
         DataError: A topic has several schemas.
     """
+    if logged is not None:
+        reader.check_indexes([each.id for own in channels.values() for each in own])
     loaded, miscounted = _load(reader, channels, wanted, faults, name, logged)
     was_damaged = faults.chunks_lost or faults.bytes_lost or faults.truncated
     if miscounted and not was_damaged and reader.distrust_indexes():  # an index may leave a channel out

@@ -165,13 +165,16 @@ class _Decoding:
 def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _Decoding) -> Iterator[Frame]:
     """Frames wait until no later chunk can hold an earlier one."""
     ids = [channel.id for channel in channels]
+    reader.check_indexes(ids)
+    tally = reader.counts.tally(ids)
     waiting: list[tuple[int, int, int, int, Frame]] = []
     for start_ns, part, batches in reader.in_time_order(ids):
         while waiting and waiting[0][0] < start_ns:
             yield heapq.heappop(waiting)[-1]
         for batch in batches:
-            for log_time_ns, place, frame in decoding.frames(batch):
+            for log_time_ns, place, frame in decoding.frames(tally.add(batch)):
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
+    tally.end()
     while waiting:
         yield heapq.heappop(waiting)[-1]
 

@@ -30,6 +30,7 @@ from cwcli.logs.format.records import (
     read_message_index,
     read_prefix,
 )
+from cwcli.logs.read.message_counts import MessageCounts
 from cwcli.signals.columns import Int64Array
 
 MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
@@ -85,6 +86,9 @@ class MessageReader:
         name: For messages.
         recover: Leave damaged parts out and count them.
         verify: Check CRCs and message indexes.
+
+    Attributes:
+        counts: What the summary counts, to compare with what is read.
     """
 
     def __init__(
@@ -101,6 +105,8 @@ class MessageReader:
         self._counted: set[int] = set()
         self._verified: set[int] = set()
         self._trusts_indexes = index.is_counted
+        self._checked: set[int] = set()
+        self.counts = MessageCounts(index.statistics, faults)
         self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), wanted_ids(())
 
     def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
@@ -123,6 +129,23 @@ class MessageReader:
         """Open every chunk from now on, whatever its index says is in it; returns whether that is new."""
         was_trusted, self._trusts_indexes = self._trusts_indexes, False
         return was_trusted
+
+    def check_indexes(self, channel_ids: Collection[int]) -> None:
+        """Distrust the indexes if they list other numbers of messages than the summary counts.
+
+        Who reads whole channels at once finds that when they have been read, and reads them again; who
+        takes one message after the other, or some of them, has to know before.
+        """
+        if not self._trusts_indexes or self._checked >= set(channel_ids):
+            return
+        self._checked |= set(channel_ids)
+        listed = dict.fromkeys(channel_ids, 0)
+        for chunk in self.chunks(channel_ids):
+            for channel_id in listed.keys() & chunk.index_offsets.keys():
+                entries = message_index(self._file, chunk, channel_id)
+                listed[channel_id] += 0 if entries is None else len(entries)
+        if self.counts.differing(listed):
+            self.distrust_indexes()
 
     def chunks(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
         """The chunks that hold, or may hold, messages of these channels, in file order."""

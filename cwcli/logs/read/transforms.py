@@ -37,6 +37,7 @@ def stream_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[t
     """The transforms of each message, the first `MAX_MESSAGES`; None for one that can't be read."""
     decode = _DECODERS[channel.message_encoding]
     name = _name(channel)
+    reader.check_indexes([channel.id])
     payloads = (
         payload
         for _, _, batches in reader.in_time_order([channel.id])

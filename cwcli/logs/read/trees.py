@@ -23,9 +23,13 @@ def stream_trees(reader: MessageReader, channels: Sequence[ChannelInfo], name: s
     except SchemaError as error:
         what = f"the channel {channels[0].topic} ({channels[0].schema_name or 'no schema'}) can't be read: {error}"
         raise InputError(what, where=name) from error
-    for batch in reader.batches([channel.id for channel in channels]):
-        for log_time_ns, payload in batch.messages():
+    ids = [channel.id for channel in channels]
+    reader.check_indexes(ids)
+    tally = reader.counts.tally(ids)
+    for batch in reader.batches(ids):
+        for log_time_ns, payload in tally.add(batch).messages():
             try:
                 yield log_time_ns, decode(bytes(payload))
             except BadMessage as error:
                 yield log_time_ns, error
+    tally.end()

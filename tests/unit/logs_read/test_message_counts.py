@@ -1,0 +1,87 @@
+"""However a log is read, what is read is what its statistics count, or a counted fault."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from cwcli.logs.read.reader import Log
+from tests.unit.logs_read.builders import T0_NS
+from tests.unit.logs_read.lying_logs import counting_one_more, hiding
+
+N = 100
+IMAGE = {"timestamp": {"sec": 5, "nsec": 0}, "format": "jpeg", "data": base64.b64encode(b"JPEG").decode()}
+TRANSFORM = {
+    "parent_frame_id": "base_link",
+    "child_frame_id": "camera",
+    "translation": dict.fromkeys("xyz", 1),
+    "rotation": {**dict.fromkeys("xyz", 0), "w": 1},
+}
+MESSAGES = {
+    "/camera": ("foxglove.CompressedImage", IMAGE),
+    "/numbers": ("Numbers", {"k": 1}),
+    "/tf": ("foxglove.FrameTransform", TRANSFORM),
+}
+READINGS: dict[str, tuple[str, Callable[[Log], Iterator[object]]]] = {
+    "columns": ("/numbers", lambda log: iter(log.columns("/numbers").log_time_ns)),
+    "a window": ("/numbers", lambda log: iter(log.load({"/numbers": None}, logged=(0, 1 << 62))["/numbers"].sequence)),
+    "trees": ("/numbers", lambda log: log.trees("/numbers")),
+    "frames": ("/camera", lambda log: log.frames("/camera")),
+    "transforms": ("/tf", lambda log: log.transforms("/tf")),
+}
+IN_PART = {"a window", "transforms"}
+"""Their number of messages is none that a summary counts."""
+
+
+def log_bytes() -> bytes:
+    stream = io.BytesIO()
+    writer = Writer(stream, chunk_size=2000)
+    writer.start()
+    channels = {}
+    for topic, (schema, _) in MESSAGES.items():
+        schema_id = writer.register_schema(schema, "jsonschema", b'{"type": "object"}')
+        channels[topic] = writer.register_channel(topic, "json", schema_id)
+    for k in range(N):
+        for topic, (_, content) in MESSAGES.items():
+            writer.add_message(channels[topic], T0_NS + k, json.dumps(content).encode(), T0_NS + k, sequence=k)
+    writer.finish()
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(("topic", "read"), READINGS.values(), ids=READINGS.keys())
+def test_a_chunk_that_hides_a_channel_is_read(tmp_path: Path, topic: str, read: Callable[[Log], object]) -> None:
+    (tmp_path / "in.mcap").write_bytes(hiding(log_bytes(), topic))
+    with Log.open(tmp_path / "in.mcap") as log:
+        assert len([*read(log)]) == N
+        assert log.faults.counts() == {"message indexes that do not fit": 1}
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_a_miscounted_channel_is_a_fault(tmp_path: Path, reading: str) -> None:
+    topic, read = READINGS[reading]
+    (tmp_path / "in.mcap").write_bytes(counting_one_more(log_bytes(), topic))
+    with Log.open(tmp_path / "in.mcap") as log:
+        assert len([*read(log)]) == N
+        expected = {} if reading in IN_PART else {"channels whose messages the summary counts wrongly": 1}
+        assert log.faults.counts() == expected
+
+
+@pytest.mark.parametrize(("topic", "read"), READINGS.values(), ids=READINGS.keys())
+def test_an_honest_log_has_no_fault(tmp_path: Path, topic: str, read: Callable[[Log], object]) -> None:
+    (tmp_path / "in.mcap").write_bytes(log_bytes())
+    with Log.open(tmp_path / "in.mcap") as log:
+        assert len([*read(log)]) == N
+        assert log.faults.counts() == {}
+
+
+def test_who_takes_the_first_frame_alone_is_told_nothing(tmp_path: Path) -> None:
+    (tmp_path / "in.mcap").write_bytes(log_bytes())
+    with Log.open(tmp_path / "in.mcap") as log:
+        assert bytes(next(log.frames("/camera")).data) == b"JPEG"
+        assert log.faults.counts() == {}
