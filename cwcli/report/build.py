@@ -83,6 +83,7 @@ class _Candidate:
     n_warnings: int
     story: str = ""
     anchor: str = ""
+    links: tuple[tuple[str, int], ...] = ()
 
 
 def build_report(
@@ -283,6 +284,7 @@ def _section(
                 made = renderer.log(view)
                 if len(made.encode()) <= budget:
                     candidate.badges += view.story.badges
+                    candidate.links = tuple((event.mark, event.number) for event in view.events)
                     return made
     except CwcliError as error:
         candidate.story = candidate.story or error.what
@@ -328,7 +330,7 @@ def _assemble(
         known = each.entry.metrics
         shown = tuple(value_text(name, known[name].value if name in known else math.nan) for name, _ in columns)
         story = each.story or (count(each.n_warnings, "warning") if each.n_warnings else "no warning")
-        rows.append(Row(each.anchor, each.entry.name, tuple(each.badges), story, shown))
+        rows.append(Row(each.anchor, each.entry.name, tuple(each.badges), story, shown, each.links))
     failed = [each for each in candidates if each.rank <= 1]
     left_out = tuple(each.entry.name for each in candidates if not each.anchor and each.entry.log is not None)
     page = Page(

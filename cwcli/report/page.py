@@ -29,13 +29,14 @@ GZIP_LEVEL = 9
 
 @dataclass(frozen=True)
 class Row:
-    """One log of the overview; `anchor` is "" where it has no details."""
+    """One log of the overview; `anchor` is "" where it has no details. links: (anchor, number) of warnings shown."""
 
     anchor: str
     name: str
     badges: tuple[Badge, ...]
     story: str
     values: tuple[str, ...]
+    links: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True)

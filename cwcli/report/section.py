@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cwcli.report.encounter_figures import distance_figure, fan_figure, nearest_
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.report.frames import Thumbnail, thumbnails
 from cwcli.report.map_figure import map_figure
+from cwcli.report.marks import marks
 from cwcli.report.sensors import error_figure, sensors_view
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
@@ -83,13 +84,16 @@ def log_view(
         figure, left_out = drawn
         first.append(_plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure))
         notes += left_out
+    named = marks(entry.name, "warning", ((each.rule, each.other_id) for each in meetings.encounters))
+    mark = dict(zip((each.event_id for each in meetings.encounters), named, strict=True))
     events = []
     worst = most_critical(meetings)[0] if chosen else None
     for encounter in chosen:
         shown = _event(log, drive, encounter, anchor, pictures, notes, is_told=len(chosen) == 1)
+        shown = replace(shown, mark=mark[encounter.event_id])
         if encounter is worst and shown.plots and len(first) == 1 and shown.plots[0].kind == "fan":
             first.append(shown.plots[0])
-            shown = _without_first_plot(shown)
+            shown = replace(shown, plots=shown.plots[1:])
         events.append(shown)
     if not chosen and len(first) == 1 and meetings.nearest is not None:
         near = nearest_figure(drive, meetings.nearest)
@@ -159,12 +163,6 @@ def _event(
         plots=tuple(plots),
         table=encounter_facts(drive, encounter),
         frames=tuple(frames),
-    )
-
-
-def _without_first_plot(event: EventView) -> EventView:
-    return EventView(
-        event.number, event.badge, event.sentence, event.verdict, event.plots[1:], event.table, event.frames
     )
 
 
@@ -255,8 +253,8 @@ def _evenly(drive: Drive, pictures: dict[int, Thumbnail]) -> list[Picture]:
 
 
 def _picture(drive: Drive, picture: Thumbnail, what: str) -> Picture:
-    at = f"{(picture.stamp_ns - drive.start_ns) / NS_PER_S:.2f} s"
-    caption = f"{at}: {what}" if what else at
+    at_s = (picture.stamp_ns - drive.start_ns) / NS_PER_S
+    caption = f"{at_s:.2f} s: {what}" if what else f"{at_s:.2f} s"
     if picture.n_lines is not None:
         caption += f", {('no lane boundary', 'one lane boundary', 'both lane boundaries')[picture.n_lines]} found"
-    return Picture(picture.data_uri, picture.width_px, picture.height_px, f"Camera frame at {caption}", caption)
+    return Picture(picture.data_uri, picture.width_px, picture.height_px, f"Camera frame at {caption}", caption, at_s)

@@ -21,13 +21,14 @@ class Plot:
 
 @dataclass(frozen=True)
 class Picture:
-    """A camera frame in the page."""
+    """A camera frame in the page; at_s: since the log began."""
 
     uri: str
     width_px: int
     height_px: int
     alt: str
     caption: str
+    at_s: float
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class SensorsView:
 
 @dataclass(frozen=True)
 class EventView:
-    """A warning in the page."""
+    """A warning in the page; `mark` is the name by which links find it."""
 
     number: int
     badge: Badge
@@ -67,6 +68,7 @@ class EventView:
     plots: tuple[Plot, ...]
     table: TableView
     frames: tuple[Picture, ...]
+    mark: str = ""
 
 
 @dataclass(frozen=True)

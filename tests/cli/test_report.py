@@ -6,6 +6,7 @@ import base64
 import json
 import math
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -203,7 +204,7 @@ def test_hostile_text_runs_nothing(annotated: Path, tmp_path: Path, cwcli: Run) 
     elements = Elements(html)
     assert len(elements.of("script")) == 2 + len(figures(html))
     assert [each["src"] for each in elements.of("img") if not each["src"].startswith("data:image/jpeg")] == []
-    assert all(each["href"].startswith("#log-") for each in elements.of("a"))
+    assert all(re.fullmatch(r"#(log-\d+[a-z-]*|warning-[0-9a-f]+)", each["href"]) for each in elements.of("a"))
     assert not any(name.startswith("on") for _, attributes in elements.found for name in attributes)
     assert "\u202e" not in html
     assert "\x1b" not in html

@@ -46,6 +46,7 @@
     if (note) { note.remove(); }
     await window.Plotly.newPlot(place, figure.data, withDefaults(figure.layout, place.clientHeight), CONFIG);
     place.dataset.state = "drawn";
+    listen(place);
   };
 
   const places = () => [...document.querySelectorAll(".plot")].filter((place) => !place.closest("details:not([open])"));
@@ -57,6 +58,83 @@
       await pause();
     }
     document.documentElement.dataset.plots = "drawn";
+  };
+
+  // One moment in all figures of a log: pointing at a curve, or at a track on the map, marks the same time in the others.
+  const OVER_TIME = "time since the log began [s]";
+
+  const isOverTime = (place) => Object.keys(place._fullLayout || {}).some(
+    (key) => /^xaxis\d*$/.test(key) && place._fullLayout[key].title && place._fullLayout[key].title.text === OVER_TIME);
+
+  const cursor = (place, kind, index) => {
+    const known = place.querySelectorAll(":scope > .cursor." + kind);
+    if (known[index]) { return known[index]; }
+    const made = document.createElement("div");
+    made.className = "cursor " + kind;
+    place.append(made);
+    return made;
+  };
+
+  const between = (times, values, at) => {
+    let low = 0, high = times.length - 1;
+    if (!times.length || at < times[low] || at > times[high]) { return NaN; }
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (times[middle] <= at) { low = middle; } else { high = middle; }
+    }
+    const part = times[high] > times[low] ? (at - times[low]) / (times[high] - times[low]) : 0;
+    return values[low] === null || values[high] === null ? NaN : values[low] + part * (values[high] - values[low]);
+  };
+
+  const put = (mark, left, top, size) => {
+    const is = Number.isFinite(left) && Number.isFinite(top) && left >= size.l && left <= size.l + size.w &&
+      top >= size.t && top <= size.t + size.h;
+    mark.style.display = is ? "block" : "none";
+    if (is) { mark.style.left = left + "px"; mark.style.top = top + "px"; }
+  };
+
+  const markTime = (place, at) => {
+    const full = place._fullLayout, size = full._size;
+    if (isOverTime(place)) {
+      const mark = cursor(place, "at", 0);
+      put(mark, size.l + full.xaxis.d2p(at), size.t, size);
+      mark.style.height = size.h + "px";
+    } else if (place.classList.contains("map")) {
+      const tracks = place.data.filter((each) => each.mode === "lines" && Array.isArray(each.customdata));
+      tracks.forEach((each, index) => {
+        const x = between(each.customdata, each.x, at), y = between(each.customdata, each.y, at);
+        put(cursor(place, "here", index), size.l + full.xaxis.d2p(x), size.t + full.yaxis.d2p(y), size);
+      });
+    }
+  };
+
+  const markFrames = (log, at) => {
+    const all = [...log.querySelectorAll(".frames figure[data-at]")];
+    const far = (each) => Math.abs(Number(each.dataset.at) - at);
+    const nearest = all.reduce((best, each) => (!best || far(each) < far(best) ? each : best), null);
+    for (const each of all) { each.classList.toggle("now", each === nearest && far(each) < 0.5); }
+  };
+
+  const setTime = (from, at) => {
+    const log = from.closest(".log") || document.body;
+    for (const place of log.querySelectorAll(".plot[data-state='drawn']")) { markTime(place, at); }
+    markFrames(log, at);
+    log.dataset.at = at.toFixed(2);
+  };
+
+  const listen = (place) => {
+    if (isOverTime(place)) {
+      place.addEventListener("mousemove", (event) => {
+        const size = place._fullLayout._size;
+        const across = event.clientX - place.getBoundingClientRect().left - size.l;
+        if (across >= 0 && across <= size.w) { setTime(place, place._fullLayout.xaxis.p2d(across)); }
+      });
+    } else if (place.classList.contains("map")) {
+      place.on("plotly_hover", (event) => {
+        const at = event.points[0].customdata;
+        if (Number.isFinite(at)) { setTime(place, at); }
+      });
+    }
   };
 
   const say = (error) => {

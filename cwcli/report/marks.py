@@ -1,0 +1,33 @@
+"""Short names of warnings and conflicts that survive a rerun, so that a link to one still finds it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable
+
+DIGITS = 4
+
+
+def marks(log: str, kind: str, what: Iterable[tuple[str, ...]]) -> list[str]:
+    """One name each: `warning-3f2a`.
+
+    It is made of the log's name, of whom and by which rule, and of how many such came before it in the log: not of
+    times, which another version or option moves by some milliseconds. Names that agree by chance get more digits.
+
+    Args:
+        log: Name of the log.
+        kind: `warning` or `conflict`.
+        what: What tells them apart (rule, other vehicle), in order of time.
+    """
+    before: Counter[tuple[str, ...]] = Counter()
+    digests = []
+    for key in what:
+        text = "\0".join((log, kind, *key, str(before[key])))
+        before[key] += 1
+        digests.append(hashlib.blake2s(text.encode("utf-8", "surrogateescape")).hexdigest())
+    short: list[str] = []
+    for digest in digests:
+        length = next(n for n in range(DIGITS, len(digest) + 1) if digest[:n] not in short)
+        short.append(digest[:length])
+    return [f"{kind}-{name}" for name in short]

@@ -1,0 +1,82 @@
+"""Getting about in a report: names that a rerun keeps, links to them, and one moment marked in all figures."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cwcli.cli.main import run
+from cwcli.report.marks import marks
+from tests.cli.browser import Elements, figures, visit
+from tests.cli.conftest import SAMPLES
+
+POINT = """
+<script>
+(async () => {
+  while (document.documentElement.dataset.plots !== "drawn") { await new Promise((done) => setTimeout(done, 50)); }
+  const motion = document.querySelector(".plot.motion"), size = motion._fullLayout._size;
+  const box = motion.getBoundingClientRect();
+  motion.dispatchEvent(new MouseEvent("mousemove", { clientX: box.left + size.l + motion._fullLayout.xaxis.d2p(5.0) }));
+  const isShown = (each) => each.style.display === "block";
+  const here = [...document.querySelectorAll(".plot.map > .cursor.here")].filter(isShown);
+  const map = document.querySelector(".plot.map"), shift = map._fullLayout._size;
+  document.body.dataset.here = JSON.stringify(here.map((each) => [
+    map._fullLayout.xaxis.p2d(parseFloat(each.style.left) - shift.l),
+    map._fullLayout.yaxis.p2d(parseFloat(each.style.top) - shift.t)]));
+  document.body.dataset.lines = [...document.querySelectorAll(".cursor.at")].filter(isShown).length;
+})();
+</script>
+"""
+
+
+@pytest.fixture(scope="module")
+def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
+    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    return target
+
+
+def report(annotated: Path, target: Path) -> str:
+    assert run(["report", str(annotated), "-o", str(target), "--quiet"]) == 0
+    return target.read_text(encoding="utf-8")
+
+
+def test_names_tell_others_rules_and_repetitions_apart_and_keep_when_more_follow() -> None:
+    first = marks("a.mcap", "warning", [("cwcli", "17"), ("cwcli", "18"), ("cwcli", "17")])
+    assert len(set(first)) == 3 and all(re.fullmatch("warning-[0-9a-f]{4,}", name) for name in first)
+    assert marks("a.mcap", "warning", [("cwcli", "17"), ("ttc", "17")])[0] == first[0]
+    assert marks("b.mcap", "warning", [("cwcli", "17")])[0] != first[0]
+    many = marks("a.mcap", "warning", [("cwcli", str(n)) for n in range(2000)])  # some share four digits
+    assert len(set(many)) == 2000 and max(map(len, many)) > len("warning-0000")
+
+
+def test_a_warning_has_an_address_that_another_version_s_rerun_keeps(annotated: Path, tmp_path: Path) -> None:
+    page = report(annotated, tmp_path / "report.html")
+    (name,) = marks("intersection.mcap", "warning", [("cwcli", "d9583520")])
+    assert [each["id"] for each in Elements(page).of("section") if each.get("class") == "event"] == [name]
+    links = [each["href"] for each in Elements(page).of("a")]
+    assert f"#{name}" in links
+    anchors = {attributes["id"] for _, attributes in Elements(page).found if "id" in attributes}
+    assert {link.removeprefix("#") for link in links if link.startswith("#")} <= anchors
+    later = tmp_path / "later/intersection.mcap"
+    later.parent.mkdir()
+    arguments = ["--quiet", "--estimate-latency", "none"]  # the warning comes at another moment
+    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(later), *arguments]) == 0
+    assert name in report(later, tmp_path / "later.html")
+
+
+def test_pointing_at_a_moment_marks_it_on_the_map_and_in_all_curves(annotated: Path, tmp_path: Path) -> None:
+    """A copy of the page with a script that points, without the policy that would forbid it."""
+    page = report(annotated, tmp_path / "report.html")
+    policy = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+    (tmp_path / "pointed.html").write_text(policy.sub("", page).replace("</body>", f"{POINT}</body>"), encoding="utf-8")
+    seen = visit(tmp_path / "pointed.html", tmp_path)
+    (body,) = Elements(seen.dom).of("body")
+    over_time = [kind for name in figures(page) for kind in ("motion", "errors", "distance") if f"-{kind}" in name]
+    assert int(body["data-lines"]) == len(over_time) >= 2
+    here = [tuple(map(float, pair)) for pair in re.findall(r"\[([-\d.e]+),([-\d.e]+)\]", body["data-here"])]
+    # The ego drives north at 9 m/s, the other comes from the east towards the crossing at (0, 67), by the scenario
+    assert any(abs(x) < 1.0 and 40.0 < y < 50.0 for x, y in here)
+    assert any(x > 10.0 and 60.0 < y < 75.0 for x, y in here)
