@@ -9,13 +9,14 @@ The rules:
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
 - two that are left are an error for a required role, and leave an optional one unbound with a note;
   but every channel of detections is a sensor of its own, so all of them are bound;
-- `--topic ROLE=/topic` decides for itself; for `remote` and `detections` it may list several, separated by commas.
+- `--topic ROLE=/topic` decides for itself; for `MANY_TOPICS` it may list several, separated by commas, and with
+  `ROLE=/topic:field` it names the fields, too (`cwcli.signals.mapping`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from cwcli.channels.published import (
@@ -31,6 +32,7 @@ from cwcli.channels.published import (
 )
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.inputs import input_for, inputs_of, normalise
+from cwcli.signals.mapping import CAN_FIELDS, CAN_SCHEMAS, MAPPED, FieldMapping, is_mapping, parse_mapping
 from cwcli.signals.role import Role
 
 TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
@@ -47,7 +49,13 @@ FROM_CAMERA = (LANES, OBSERVER, OBSERVER_PATH)
 EVERY_ROLE = tuple(ROLE_TEXT)
 """Those of inputs, then those of cwcli's own channels."""
 TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH, Role.LATERAL_TRUTH})
-MANY_TOPICS = frozenset({Role.REMOTE, Role.DETECTIONS})
+MANY_TOPICS = frozenset(
+    {
+        *(Role.REMOTE, Role.DETECTIONS),
+        # two receivers or two IMUs, each with its own latency, place and noise
+        *(Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU),
+    }
+)
 MAY_BE_EMPTY = frozenset({TARGETS.role})
 """Roles for which a channel without messages is an answer: the road was empty."""
 EVERY_CHANNEL = frozenset({Role.DETECTIONS})
@@ -73,6 +81,7 @@ class Binding:
         role: The role.
         topic, schema_name, message_encoding: The channel.
         is_override: The user named it.
+        mapping: Which of its fields are the role's, where the user has said so.
     """
 
     role: str
@@ -80,10 +89,13 @@ class Binding:
     schema_name: str
     message_encoding: str
     is_override: bool = False
+    mapping: FieldMapping | None = None
 
     @property
     def fields(self) -> tuple[str, ...]:
         """Leaf fields that the role needs of this channel."""
+        if self.mapping is not None:
+            return CAN_FIELDS if normalise(self.schema_name) in CAN_SCHEMAS else self.mapping.fields
         entry = input_for(self.role, self.schema_name)
         return entry.fields.get(self.message_encoding, ()) if entry else ()
 
@@ -211,6 +223,8 @@ def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -
     for name, value in overrides.items():
         if name not in EVERY_ROLE:
             raise UsageError(f"{name_of_option} {name}={value}: there is no role {name}", hint=_role_names())
+        if name in MAPPED and is_mapping(value):
+            parse_mapping(name, value)
 
 
 def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
@@ -250,9 +264,24 @@ def _check_overrides(
     named: dict[str, tuple[Binding, ...]] = {}
     check_roles(overrides)
     for name, value in overrides.items():
+        if name in MAPPED and is_mapping(value):
+            named[name] = (_mapped_channel(channels, parse_mapping(name, value), where),)
+            continue
         topics = value.split(",") if name in MANY_TOPICS else [value]
         named[name] = tuple(_named_channel(channels, name, topic.strip(), where) for topic in topics)
     return named
+
+
+def _mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, where: str) -> Binding:
+    for channel in channels:
+        if channel.topic in (mapping.topic, f"/{mapping.topic}"):
+            return replace(_binding(channel, mapping.role, is_override=True), mapping=mapping)
+    topics = dict.fromkeys(channel.topic for channel in channels)
+    raise UsageError(
+        f"--map {mapping.role}={mapping.text}: the log has no topic {mapping.topic}",
+        where=where,
+        found=tuple(topics) or ("no channels",),
+    )
 
 
 def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
@@ -325,7 +354,9 @@ def _too_many(role: str, candidates: Sequence[Binding]) -> str:
 
 
 def _option(role: str, candidates: Sequence[Binding]) -> str:
-    return " or ".join(f"--topic {role}={candidate.topic}" for candidate in candidates)
+    topics = [candidate.topic for candidate in candidates]
+    each = " or ".join(f"--topic {role}={topic}" for topic in topics)
+    return f"{each}, or several with commas: --topic {role}={','.join(topics)}" if role in MANY_TOPICS else each
 
 
 def _role_names() -> str:

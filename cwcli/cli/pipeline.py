@@ -88,7 +88,7 @@ def execute(job: Job) -> Outcome:
             outcome, annotated = run_stages(
                 log,
                 job.stages,
-                select(log, job.reading.topic, job.reading.start, job.reading.end),
+                select(log, job.reading.topics, job.reading.start, job.reading.end),
                 missing=job.missing,
                 lenient=job.lenient,
                 strict=job.reading.strict,

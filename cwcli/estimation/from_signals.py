@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cwcli.errors import DataError
+from cwcli.errors import DataError, UsageError
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.signals.canonical import (
     HeadingSignal,
@@ -31,17 +31,25 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Meas
 
     Args:
         signal: A canonical signal of the ego.
-        local_map: The map frame; None only where no signal is geographic.
+        local_map: The map frame; None where the first position is Cartesian.
+
+    Raises:
+        UsageError: It is a position of another kind than the first one.
     """
     stamp_ns, log_ns = signal.stamp_ns, signal.log_time_ns
     match signal:
         case PositionSignal():
-            assert local_map is not None
+            if local_map is None:
+                hint = "name positions of one kind with --topic ego_position="
+                raise UsageError(f"{signal.source} is in degrees, and the position before it is Cartesian", hint=hint)
             x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
             covariance = _symmetric(signal.covariance_m2)
             values = np.column_stack([x_m, y_m])
             return [Measurements(signal.source, Kind.POSITION, stamp_ns, values, covariance, log_ns)]
         case PoseSignal():
+            if local_map is not None:
+                hint = "name positions of one kind with --topic ego_position="
+                raise UsageError(f"{signal.source} is Cartesian, and the position before it is not", hint=hint)
             return _pose_measurements(signal)
         case VelocitySignal():
             values = np.column_stack([signal.east_mps, signal.north_mps])

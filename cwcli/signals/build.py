@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.signals.builders.base import Reading
+from cwcli.signals.builders.mapped import build_mapped
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns
-from cwcli.signals.inputs import input_for
+from cwcli.signals.inputs import input_for, normalise
+from cwcli.signals.mapping import CAN_SCHEMAS, MAPPED, FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 
@@ -29,7 +31,13 @@ def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str
 
 
 def build(
-    role: Role, columns: Columns, clock: Clock = "stamp", *, ego_station: str | None = None, is_override: bool = False
+    role: Role,
+    columns: Columns,
+    clock: Clock = "stamp",
+    *,
+    ego_station: str | None = None,
+    is_override: bool = False,
+    mapping: FieldMapping | None = None,
 ) -> tuple[Signal, Quality]:
     """Make the canonical signal of a role out of a channel.
 
@@ -42,17 +50,23 @@ def build(
         clock: Take a row's time from its message (`stamp`) or from the log (`log`).
         ego_station: Station whose V2X messages are the ego's own. They are left out of REMOTE.
         is_override: The user named the channel for this role.
+        mapping: Which of its fields are the role's quantities, where the user has said so.
 
     Returns:
         The signal, its rows sorted by stamp, and what happened to the messages.
 
     Raises:
         ValueError: The schema can't fill the role, or the role has no canonical signal (a bug of the caller).
+        UsageError: A mapping, or a DBC file, does not fit the messages.
     """
-    entry = input_for(role, columns.schema_name)
+    entry = input_for(role, columns.schema_name if mapping is None else MAPPED[role].schema)
+    reading = Reading(role, clock, ego_station, is_override)
+    if mapping is not None and entry is not None and entry.build is not None:
+        is_can = normalise(columns.schema_name) in CAN_SCHEMAS
+        return build_mapped(columns, reading, mapping, build=entry.build, is_can=is_can)
     if entry is None or entry.build is None:
         raise ValueError(f"{columns.topic}: no builder for {columns.schema_name} as {role}")
-    return entry.build(columns, Reading(role, clock, ego_station, is_override))
+    return entry.build(columns, reading)
 
 
 def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> None:

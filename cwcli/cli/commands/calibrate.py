@@ -105,7 +105,7 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
 
     call = call_of(stage_options("estimate")(), sensors)
     with Log.open(name, recover=reading.recover) as log:
-        selection = select(log, reading.topic, reading.start, reading.end)
+        selection = select(log, reading.topics, reading.start, reading.end)
         result = call.stage.function(log, with_selection(call.config, selection))
         if reading.strict:
             refuse_faults(Outcome(log.name, results=[result], faults=log.faults.counts()), log.start_ns)

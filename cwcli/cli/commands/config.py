@@ -55,7 +55,7 @@ def resolved(file: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
         values = dict(context.params)
     try:
         options = expand(all_options, "run", stages=every_stage())(**values)
-        check_selection(options.reading.topic, options.reading.start, options.reading.end)
+        check_selection(options.reading.topics, options.reading.start, options.reading.end)
         document: dict[str, Any] = options.document()
         notes: tuple[str, ...] = options.notes
     except UsageError as error:

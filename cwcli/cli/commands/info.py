@@ -52,7 +52,7 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
 
     bindings = bind(
         log.channels,
-        parse_overrides(reading.topic),
+        parse_overrides(reading.topics),
         required=(),
         optional=EVERY_ROLE,
         ego_station=sensors.ego_station,

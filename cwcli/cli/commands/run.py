@@ -143,7 +143,7 @@ class AllOptions:
         return Plan(
             stages=tuple(self.calls().values()),
             pipeline=self.document(),
-            topic=tuple(reading.topic),
+            topic=tuple(reading.topics),
             start=reading.start,
             end=reading.end,
             recover=reading.recover,

@@ -132,13 +132,15 @@ def _check_writes_nothing(path: str, key: str) -> None:
 
 def _check_selection(path: str, defaults: dict[str, Any]) -> None:
     """Check the topic choices and times as far as no log is needed for it."""
-    named = {key: defaults[key] for key in ("topic", "start", "end") if key in defaults}
+    named = {key: defaults[key] for key in ("topic", "map", "start", "end") if key in defaults}
     if not named:
         return
     from cwcli.pipeline.selection import check_selection
+    from cwcli.signals.mapping import with_files
 
     try:
-        check_selection(named.get("topic", ()), named.get("start"), named.get("end"), spelled="{} =")
+        topics = [*named.get("topic", ()), *with_files(named.get("map", ()), (), "map =")]
+        check_selection(topics, named.get("start"), named.get("end"), spelled="{} =")
     except UsageError as error:
         raise UsageError(error.what, where=path, hint=error.hint) from error
 

@@ -39,6 +39,24 @@ class ReadingOptions:
             help="Use this topic for a role, e.g. ego_position=/gps/fix. Repeatable.",
         ),
     ] = field(default_factory=list)
+    map: Annotated[
+        list[str],
+        typer.Option(
+            "--map",
+            metavar="ROLE=/NAME:FIELD",
+            show_default=False,
+            help="Use this field for a role, with a unit or a factor, e.g. ego_speed=/status:speed*kmh. Repeatable.",
+        ),
+    ] = field(default_factory=list)
+    dbc: Annotated[
+        list[str],
+        typer.Option(
+            "--dbc",
+            metavar="FILE",
+            show_default=False,
+            help="What the CAN frames of --map mean (needs the extra cwcli[can]). Repeatable.",
+        ),
+    ] = field(default_factory=list)
     start: Annotated[
         str | None,
         typer.Option(
@@ -76,6 +94,17 @@ class ReadingOptions:
     strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
         False
     )
+
+    @property
+    def topics(self) -> list[str]:
+        """`--topic`, and `--map` with the files of `--dbc`.
+
+        Raises:
+            UsageError: A mapping names no field, or a role that has none.
+        """
+        from cwcli.signals.mapping import with_files
+
+        return [*self.topic, *with_files(self.map, self.dbc)]
 
     @property
     def max_chunk_bytes(self) -> int:

@@ -117,13 +117,18 @@ def read_sources(
     for role in dict.fromkeys((*required, *optional)):
         bindings = bound.of(role)
         signals: list[Signal] = []
-        for binding in bindings:
-            columns = loaded[binding.topic]
+        for one in bindings:
+            columns = loaded[one.topic]
             strays_ns = columns.log_time_ns[:0]
             if role not in TIMELESS:
                 columns, strays_ns = _without_strays(columns, *usual_ns)
             signal, quality = build(
-                role, columns, how.clock, ego_station=how.ego_station, is_override=binding.is_override
+                role,
+                columns,
+                how.clock,
+                ego_station=how.ego_station,
+                is_override=one.is_override,
+                mapping=one.mapping,
             )
             quality.rejected_unbuilt(LOG_TIME_APART, strays_ns)
             qualities.append(quality)

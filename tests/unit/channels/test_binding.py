@@ -159,7 +159,10 @@ def test_bind_two_candidates_for_a_required_role_names_both_and_the_option() -> 
     message = str(raised.value)
     assert "/gps/fix (sensor_msgs/msg/NavSatFix)" in message
     assert "/novatel/fix (foxglove.LocationFix)" in message
-    assert raised.value.hint == "choose one with --topic ego_position=/gps/fix or --topic ego_position=/novatel/fix"
+    assert raised.value.hint == (
+        "choose one with --topic ego_position=/gps/fix or --topic ego_position=/novatel/fix, "
+        "or several with commas: --topic ego_position=/gps/fix,/novatel/fix"
+    )
 
 
 def test_bind_two_candidates_for_an_optional_role_leaves_it_with_a_note() -> None:
@@ -181,10 +184,20 @@ def test_bind_override_may_cross_the_guess_from_the_topic() -> None:
     assert bound(IMU, overrides={"ego_heading": "imu/data"})["ego_heading"] == "/imu/data"
 
 
-def test_bind_override_lists_several_topics_for_remote_only() -> None:
+def test_bind_override_lists_several_topics_where_a_car_can_have_several_sensors() -> None:
     assert bound(BSM, CAM, overrides={"remote": "/v2x/bsm,/v2x/cam"})["remote"] == "/v2x/bsm,/v2x/cam"
+    bindings = bind([FIX, ODOM], {"ego_position": "/gps/fix, /odom"}, required=[Role.EGO_POSITION])
+    assert [each.topic for each in bindings.of(Role.EGO_POSITION)] == ["/gps/fix", "/odom"]
     with pytest.raises(UsageError):
-        bound(FIX, ODOM, overrides={"ego_position": "/gps/fix,/odom"})
+        bind([TRUTH, TRUTH_IMU], {"truth": "/truth/pose,/truth/pose_imu"}, required=(), optional=[Role.TRUTH])
+
+
+def test_bind_mapping_names_the_fields_of_any_channel() -> None:
+    status = Channel("/status", "my_msgs/msg/Status", "cdr")
+    binding = bind([status], {"ego_speed": "/status:wheel.kmh*kmh@at"}, required=[Role.EGO_SPEED]).of("ego_speed")[0]
+    assert {"wheel.kmh", "at", "at.sec", "at.nanosec"} <= set(binding.fields)
+    with pytest.raises(UsageError, match="no topic /other"):
+        bind([status], {"ego_speed": "/other:v"}, required=())
 
 
 @pytest.mark.parametrize(

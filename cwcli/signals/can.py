@@ -1,0 +1,229 @@
+"""CAN frames (`can_msgs/Frame`) as signals, by the DBC files that describe the bus.
+
+cantools reads the files (an extra, `cwcli[can]`); the bits are taken out of all frames at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import UsageError
+from cwcli.signals.columns import Columns, FloatArray, Ragged
+from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.mapping import MAPPED, UNITS, FieldMapping, Term
+from cwcli.signals.quality import BoolArray
+
+MOST_BYTES = 64
+Octets = npt.NDArray[np.uint8]
+OTHER_FRAME = "frame of another message"
+TOO_SHORT = "frame shorter than the DBC says"
+NOT_AVAILABLE = "signal not available"
+OUT_OF_RANGE = "value out of the DBC's range"
+NO_VALUE = re.compile(r"\b(sna|n/?a|not available|invalid|error|init|initiali[sz]ing|unknown|reserved)\b", re.I)
+"""Names of values that are none."""
+SPELLED = {
+    **{"km/h": "kmh", "kph": "kmh", "kmph": "kmh", "m/s": "mps", "mi/h": "mph", "knot": "knots", "kn": "knots"},
+    **{"°": "deg", "degree": "deg", "degrees": "deg", "rad/s": "radps", "deg/s": "degps", "°/s": "degps"},
+    **{"degree/s": "degps", "deg/sec": "degps", "m/s2": "mps2", "m/s^2": "mps2", "m/s²": "mps2", "m/s/s": "mps2"},
+}
+"""Units as DBC files spell them -> as a mapping does."""
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """The frames of one message.
+
+    Attributes:
+        columns: Those whose signals can be used, with a field for each.
+        set_aside: Reason -> sound frames that are none of them.
+        rejected: Reason -> frames of the message that can't be used.
+        notes: For the user.
+    """
+
+    columns: Columns
+    set_aside: dict[str, int]
+    rejected: dict[str, int]
+    notes: tuple[str, ...]
+
+
+def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapping]:
+    """The signals that a mapping names, and the mapping with the units that the files give.
+
+    Raises:
+        UsageError: No file, one that can't be read, a message or signal that none has, or a unit that measures
+            something else; or cantools is not installed.
+    """
+    names = {term.path.partition(".")[0] for term in mapping.terms}
+    if len(names) > 1:
+        raise _wrong(columns, mapping, f"{' and '.join(sorted(names))} are messages of their own: one --map each")
+    message = _message(columns, mapping, names.pop())
+    signals = [_signal(columns, mapping, message, term) for term in mapping.terms]
+    identifier, is_extended = numbers(columns, "id"), numbers(columns, "is_extended")
+    is_it = (identifier == message.frame_id) & ((is_extended == 1) == message.is_extended_frame)
+    is_it &= ~(numbers(columns, "is_rtr") == 1) & ~(numbers(columns, "is_error") == 1)
+    octets, n_octets = _octets(columns)
+    is_whole = n_octets >= _bytes_needed(signals)
+    rejected = {TOO_SHORT: int(np.count_nonzero(is_it & ~is_whole))}
+    rows = np.flatnonzero(is_it & is_whole)
+    values, is_present, faults = _values(octets[rows], message, signals)
+    for reason, is_bad in faults.items():
+        rejected[reason] = int(np.count_nonzero(is_bad & is_present))
+        is_present &= ~is_bad
+    kept = rows[is_present]
+    others = len(columns) - len(kept) - sum(rejected.values())
+    fields: dict[str, Any] = {
+        name: field[kept] for name, field in columns.fields.items() if "stamp" in name and isinstance(field, np.ndarray)
+    }
+    fields |= {term.path: value[is_present] for term, value in zip(mapping.terms, values, strict=True)}
+    made = replace(
+        columns,
+        log_time_ns=columns.log_time_ns[kept],
+        publish_time_ns=columns.publish_time_ns[kept],
+        sequence=columns.sequence[kept],
+        fields=fields,
+    )
+    terms, notes = _with_units(columns, mapping, signals)
+    aside = {OTHER_FRAME: others} if others else {}
+    counts = {reason: n for reason, n in rejected.items() if n}
+    return Decoded(made, aside, counts, notes), replace(mapping, terms=terms)
+
+
+def _message(columns: Columns, mapping: FieldMapping, name: str) -> Any:
+    if not mapping.files:
+        raise _wrong(columns, mapping, "CAN frames need the file that describes them", "--dbc FILE")
+    known: list[str] = []
+    for file in mapping.files:
+        for message in _database(file).messages:
+            if message.name == name:
+                return message
+            known.append(message.name)
+    where = ", ".join(mapping.files)
+    raise _wrong(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
+
+
+def _database(file: str) -> Any:
+    from cwcli.input import read_file
+
+    try:
+        from cantools import database
+        from cantools.database.errors import Error
+    except ImportError as error:
+        raise UsageError("CAN frames need cantools", hint="pip install 'cwcli[can]'") from error
+    try:
+        text = read_file(file).decode("utf-8", "replace")
+        return database.load_string(text, database_format="dbc", strict=False)
+    except OSError as error:
+        raise UsageError(f"can't read the DBC file: {error.strerror}", where=file) from error
+    except (Error, ValueError, KeyError, RecursionError) as error:
+        first = (str(error).splitlines() or [type(error).__name__])[0]
+        raise UsageError(f"the DBC file can't be read: {first}", where=file) from error
+
+
+def _signal(columns: Columns, mapping: FieldMapping, message: Any, term: Term) -> Any:
+    name = term.path.partition(".")[2]
+    for signal in message.signals:
+        if signal.name == name:
+            return signal
+    known = ", ".join(signal.name for signal in message.signals)
+    raise _wrong(columns, mapping, f"the message {message.name} has no signal {name or '(none)'}", f"signals: {known}")
+
+
+def _octets(columns: Columns) -> tuple[Octets, FloatArray]:
+    """The data of each frame, (n, k), and how many of its bytes count, (n,)."""
+    field = columns.fields.get("data")
+    n = len(columns)
+    length = numbers(columns, "dlc", "len")
+    if isinstance(field, np.ndarray) and field.ndim == 2:
+        return field.astype(np.uint8), np.where(np.isnan(length), field.shape[1], np.minimum(length, field.shape[1]))
+    out = np.zeros((n, MOST_BYTES), np.uint8)
+    if not isinstance(field, Ragged):
+        return out, np.zeros(n)
+    counts = np.minimum(np.diff(field.offsets), MOST_BYTES)
+    inside = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    source = np.repeat(field.offsets[:-1], counts) + inside
+    out[np.repeat(np.arange(n), counts), inside] = field.values[source].astype(np.uint8)
+    return out, np.where(np.isnan(length), counts, np.minimum(length, counts))
+
+
+def _bits(signal: Any) -> list[int]:
+    """Where the bits of a signal are, most significant first: 8 * byte + bit, the bit counted from the least one."""
+    if signal.byte_order == "little_endian":
+        return [signal.start + k for k in reversed(range(signal.length))]
+    bits, at = [], signal.start
+    for _ in range(signal.length):
+        bits.append(at)
+        at = at + 15 if at % 8 == 0 else at - 1  # on to the most significant bit of the next byte
+    return bits
+
+
+def _bytes_needed(signals: Sequence[Any]) -> int:
+    return max(max(_bits(signal)) for signal in signals) // 8 + 1
+
+
+def _raw(octets: Octets, signal: Any) -> Any:
+    """The raw numbers of a signal, (n,)."""
+    bits = np.unpackbits(octets, axis=1, bitorder="little")[:, _bits(signal)].astype(np.uint64)
+    raw = np.zeros(len(octets), np.uint64)
+    for column in bits.T:
+        raw = (raw << np.uint64(1)) | column
+    if signal.is_float:
+        width = {16: np.uint16, 32: np.uint32, 64: np.uint64}[signal.length]
+        return raw.astype(width).view({16: np.float16, 32: np.float32, 64: np.float64}[signal.length])
+    if not signal.is_signed:
+        return raw
+    shift = np.uint64(64 - signal.length)
+    return (raw << shift).view(np.int64) >> np.int64(64 - signal.length)
+
+
+def _values(
+    octets: Octets, message: Any, signals: Sequence[Any]
+) -> tuple[list[FloatArray], BoolArray, dict[str, BoolArray]]:
+    """The physical values, the frames that hold these signals, and which of them say that there is none."""
+    n = len(octets)
+    is_present, is_none, is_beyond = np.ones(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    values = []
+    for signal in signals:
+        raw = _raw(octets, signal)
+        if signal.multiplexer_ids:
+            selector = next(each for each in message.signals if each.name == signal.multiplexer_signal)
+            if selector.multiplexer_ids:
+                raise UsageError(f"the signal {signal.name} is multiplexed twice, which is not read")
+            is_present &= np.isin(_raw(octets, selector), signal.multiplexer_ids)
+        choices = {code: str(name).replace("_", " ") for code, name in (signal.choices or {}).items()}
+        is_none |= np.isin(raw.astype(np.float64), [code for code, name in choices.items() if NO_VALUE.search(name)])
+        physical = raw.astype(np.float64) * float(signal.scale) + float(signal.offset)
+        low, high = signal.minimum, signal.maximum
+        if low is not None and high is not None and float(low) < float(high):
+            slack = 0.5 * abs(float(signal.scale))
+            is_beyond |= ~((physical >= float(low) - slack) & (physical <= float(high) + slack))
+        values.append(physical)
+    return values, is_present, {NOT_AVAILABLE: is_none, OUT_OF_RANGE: is_beyond & ~is_none}
+
+
+def _with_units(
+    columns: Columns, mapping: FieldMapping, signals: Sequence[Any]
+) -> tuple[tuple[Term, ...], tuple[str, ...]]:
+    """The terms, those without a unit of the user's with that of the file."""
+    terms, notes = [], []
+    for term, signal, kind in zip(mapping.terms, signals, MAPPED[mapping.role].fields.values(), strict=False):
+        unit = (signal.unit or "").strip()
+        name = SPELLED.get(unit.lower(), unit.lower())
+        if term.has_scale or not unit:
+            terms.append(term)
+            continue
+        if name not in UNITS[kind]:
+            what = f"the unit of {term.path} is {unit!r}, which is none of {kind}"
+            raise _wrong(columns, mapping, what, f"give one: {term.path}*{next(iter(UNITS[kind]))}")
+        terms.append(replace(term, factor=term.factor * UNITS[kind][name]))
+        notes.append(f"{term.path} is in {unit}, as the DBC file says")
+    return tuple(terms), tuple(notes)
+
+
+def _wrong(columns: Columns, mapping: FieldMapping, what: str, hint: str = "") -> UsageError:
+    return UsageError(f"--map {mapping.role}={mapping.text}: {what}", where=columns.topic, hint=hint)

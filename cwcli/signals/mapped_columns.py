@@ -1,0 +1,109 @@
+"""From a channel and a user's mapping to the columns of a message that cwcli knows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.signals.clocks import MAX_STAMP_NS
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
+from cwcli.signals.leaf_fields import find, numbers, stamps
+from cwcli.signals.mapping import MAPPED, FieldMapping, Term
+from cwcli.signals.quality import BoolArray
+from cwcli.signals.role import Role
+from cwcli.signals.units import NS_PER_S
+
+PAIRS = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"))
+SUBSECONDS = ("header.stamp.sec", "header.stamp.nanosec")
+
+
+def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
+    """The channel as the message that `mapping` makes of it.
+
+    Args:
+        columns: The channel, with the fields of the mapping that it has.
+        mapping: What the user said.
+
+    Returns:
+        The columns, and whether the messages have a time.
+
+    Raises:
+        UsageError: A field is not there, or holds no numbers.
+    """
+    quantities = MAPPED[mapping.role]
+    values = {
+        name: _values(columns, mapping, term) for name, term in zip(quantities.fields, mapping.terms, strict=False)
+    }
+    fields: dict[str, Field] = dict(values)
+    if mapping.role == Role.EGO_HEADING:
+        half = 0.5 * values["yaw"]
+        with np.errstate(invalid="ignore"):
+            fields = {"quaternion.z": np.sin(half), "quaternion.w": np.cos(half)}
+        fields |= {f"quaternion.{axis}": 0.0 * half for axis in "xy"}
+    stamp_ns, has_stamp = _stamps(columns, mapping)
+    is_stamped = bool(has_stamp.any()) or bool(mapping.stamp)
+    if is_stamped:
+        whole, rest = np.divmod(np.where(has_stamp, stamp_ns, 0), NS_PER_S)
+        fields |= dict(zip(SUBSECONDS, (whole, rest), strict=True))
+    return replace(columns, schema_name=quantities.schema, fields=fields), is_stamped
+
+
+def _values(columns: Columns, mapping: FieldMapping, term: Term) -> FloatArray:
+    """One quantity, (n,); NaN where the message has none."""
+    field = columns.fields.get(term.path)
+    if len(columns) and (field is None or (isinstance(field, Strings) and term.index is not None)):
+        raise _no_numbers(columns, mapping, term)
+    if isinstance(field, Ragged) or (isinstance(field, np.ndarray) and field.ndim == 2):
+        if term.index is None:
+            raise _no_numbers(columns, mapping, term)
+        values = _element(field, term.index)
+    elif term.index is not None and len(columns):
+        raise _no_numbers(columns, mapping, term)
+    else:
+        values = numbers(columns, term.path)
+    if len(values) and not np.isfinite(values).any():
+        raise _no_numbers(columns, mapping, term)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return term.factor * values + term.offset
+
+
+def _element(field: Ragged | NumericArray, index: int) -> FloatArray:
+    """An element of each sequence, NaN where it is shorter."""
+    if not isinstance(field, Ragged):
+        n, width = field.shape
+        return field[:, index].astype(np.float64) if index < width else np.full(n, np.nan)
+    is_there = np.diff(field.offsets) > index
+    out = np.full(len(field), np.nan)
+    out[is_there] = field.values[field.offsets[:-1][is_there] + index].astype(np.float64)
+    return out
+
+
+def _stamps(columns: Columns, mapping: FieldMapping) -> tuple[Int64Array, BoolArray]:
+    if not mapping.stamp:
+        return stamps(columns)
+    for whole, rest in PAIRS:
+        if find(columns, f"{mapping.stamp}.{whole}") is not None:
+            names = (f"{mapping.stamp}.{whole}", f"{mapping.stamp}.{rest}")
+            own = {name: columns.fields.get(path) for name, path in zip(SUBSECONDS, names, strict=True)}
+            return stamps(replace(columns, fields={name: each for name, each in own.items() if each is not None}))
+    field = columns.fields.get(mapping.stamp)
+    if not isinstance(field, np.ndarray) or field.ndim != 1:
+        if len(columns):
+            raise UsageError(f"--map {mapping.role}={mapping.text}: no time in {mapping.stamp}", where=columns.topic)
+        return np.zeros(0, np.int64), np.zeros(0, np.bool_)
+    counted = field.astype(np.float64)
+    in_range: BoolArray = np.isfinite(counted) & (counted > 0.0) & (counted * mapping.stamp_unit_ns <= MAX_STAMP_NS)
+    if np.issubdtype(field.dtype, np.integer):  # nanoseconds since 1970 have more digits than a float
+        return np.where(in_range, field, 0).astype(np.int64) * int(mapping.stamp_unit_ns), in_range
+    return np.round(np.where(in_range, counted, 0.0) * mapping.stamp_unit_ns).astype(np.int64), in_range
+
+
+def _no_numbers(columns: Columns, mapping: FieldMapping, term: Term) -> UsageError:
+    place = term.path if term.index is None else f"{term.path}[{term.index}]"
+    return UsageError(
+        f"--map {mapping.role}={mapping.text}: {columns.schema_name or 'the message'} has no number in {place}",
+        where=columns.topic,
+        hint="`cwcli info LOG --fields TOPIC` lists its fields; an element of a sequence is named with [0]",
+    )

@@ -1,0 +1,210 @@
+"""A user's own mapping: which fields of a topic hold a quantity, and in which unit. It is parsed, never evaluated.
+
+    ego_speed=/vehicle/status:wheel.kmh*0.2778
+    ego_heading=/compass:-yaw*deg+90deg
+    ego_position=/gps:lat*1e-7,lon*1e-7@time_us*us
+    ego_speed=/can/frames:WHEELS.Speed*kmh;car.dbc
+
+Behind the colon stand the quantities of the role in order: each a field, with a sign before it, factors or units behind
+it, and an offset in the unit of the role. Behind @ stands the field of the time, behind ; a file that describes CAN
+messages.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cwcli.errors import UsageError
+from cwcli.signals.role import Role
+from cwcli.signals.stamp_fields import HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+from cwcli.signals.units import MPS_PER_KMH, STANDARD_GRAVITY_MPS2
+
+UNITS: dict[str, dict[str, float]] = {
+    "speed": {"mps": 1.0, "kmh": MPS_PER_KMH, "mph": 0.44704, "knots": 1852.0 / 3600.0, "mmps": 1e-3, "cmps": 1e-2},
+    "angle": {"rad": 1.0, "deg": math.pi / 180.0, "mrad": 1e-3},
+    "turn rate": {"radps": 1.0, "degps": math.pi / 180.0},
+    "acceleration": {"mps2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2},
+    "place": {"deg": 1.0, "rad": 180.0 / math.pi},
+    "height": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
+}
+"""What is measured -> its units, in that of cwcli (m/s, rad, rad/s, m/s^2, degrees, m)."""
+CAN_SCHEMAS = frozenset({"can_msgs/Frame", "ros2_socketcan_msgs/FdFrame"})
+CAN_FIELDS = (*HEADER_STAMP, *JSON_STAMPS, "id", "is_rtr", "is_error", "is_extended", "dlc", "len", "data")
+TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """What a mapping of a role gives.
+
+    Attributes:
+        schema: The message as which it is then built.
+        fields: Of that message, in order -> what each measures.
+        n_needed: As many of them at least.
+    """
+
+    schema: str
+    fields: dict[str, str]
+    n_needed: int = 1
+
+
+MAPPED: dict[str, Quantities] = {
+    Role.EGO_POSITION: Quantities(
+        "sensor_msgs/NavSatFix", {"latitude": "place", "longitude": "place", "altitude": "height"}, 2
+    ),
+    Role.EGO_VELOCITY: Quantities(
+        "geometry_msgs/TwistStamped", {"twist.linear.x": "speed", "twist.linear.y": "speed"}, 2
+    ),
+    Role.EGO_SPEED: Quantities(
+        "autoware_vehicle_msgs/VelocityReport", {"longitudinal_velocity": "speed", "heading_rate": "turn rate"}
+    ),
+    Role.EGO_HEADING: Quantities("geometry_msgs/QuaternionStamped", {"yaw": "angle"}),
+    Role.EGO_STEER: Quantities("autoware_vehicle_msgs/SteeringReport", {"steering_tire_angle": "angle"}),
+    Role.IMU: Quantities(
+        "sensor_msgs/Imu",
+        {f"linear_acceleration.{axis}": "acceleration" for axis in "xyz"}
+        | {f"angular_velocity.{axis}": "turn rate" for axis in "xyz"},
+        6,
+    ),
+}
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+_NAME = r"[A-Za-z_]\w*"
+_PATH = rf"{_NAME}(?:\.{_NAME})*"
+_TERM = re.compile(
+    rf"(?P<sign>-?)(?P<path>{_PATH})(?:\[(?P<index>\d{{1,4}})\])?(?P<scales>(?:[*/](?:{_NUMBER}|{_NAME}))*)"
+    rf"(?P<offset>[+-]{_NUMBER})?(?P<unit>(?<=[\d.]){_NAME})?"
+)
+_STAMP = re.compile(rf"(?P<path>{_PATH})(?:\*(?P<unit>s|ms|us|ns))?")
+_SCALE = re.compile(rf"([*/])({_NUMBER}|{_NAME})")
+_STAMPED = (*HEADER_STAMP, *PROTOBUF_STAMP, *JSON_STAMPS)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One quantity: `factor * field + offset`.
+
+    Attributes:
+        path: The field, or message and signal of a CAN frame.
+        index: Of a sequence, or None.
+        factor, offset: In the unit of the role.
+        has_scale: The user gave a unit or a factor.
+    """
+
+    path: str
+    index: int | None
+    factor: float
+    offset: float
+    has_scale: bool
+
+
+@dataclass(frozen=True)
+class FieldMapping:
+    """A parsed mapping.
+
+    Attributes:
+        role, topic: What for, and of which channel.
+        terms: The role's quantities, in order.
+        stamp, stamp_unit_ns: The field of the time ("" for the header's) and its unit; a field with `sec` and `nanosec`
+            below needs none.
+        files: That describe the messages of a CAN bus.
+        text: As it was given, behind the role.
+    """
+
+    role: str
+    topic: str
+    terms: tuple[Term, ...]
+    stamp: str
+    stamp_unit_ns: float
+    files: tuple[str, ...]
+    text: str
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Leaf fields to load."""
+        times = ("sec", "nanosec", "secs", "nsecs", "nsec")
+        own = (self.stamp, *(f"{self.stamp}.{name}" for name in times)) if self.stamp else _STAMPED
+        return (*own, *(term.path for term in self.terms))
+
+
+def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str = "--map") -> list[str]:
+    """The `ROLE=/topic:field` of each option, with the files that describe CAN messages behind it.
+
+    Raises:
+        UsageError: An option names no field, or a role whose fields can't be mapped.
+    """
+    for option in options:
+        role, separator, text = option.partition("=")
+        if not separator or not is_mapping(text):
+            raise UsageError(
+                f"{name_of_option} {option}: expected ROLE=/topic:field", hint=f"roles: {', '.join(MAPPED)}"
+            )
+        parse_mapping(role, text)
+    return [";".join((option, *files)) for option in options]
+
+
+def is_mapping(text: str) -> bool:
+    """Whether the text behind a role names fields, too."""
+    return ":" in text
+
+
+def parse_mapping(role: str, text: str) -> FieldMapping:
+    """Read what stands behind a role's `=`.
+
+    Raises:
+        UsageError: It is malformed, has too few or too many quantities, or a unit that does not measure them.
+    """
+    quantities = MAPPED.get(role)
+    if quantities is None:
+        raise UsageError(f"--map {role}: its fields can't be mapped", hint=f"roles that can: {', '.join(MAPPED)}")
+    rest, *files = text.split(";")
+    topic, _, rest = rest.partition(":")
+    said, at, stamp_text = rest.partition("@")
+    stamp = _STAMP.fullmatch(stamp_text)
+    if not topic or (at and not stamp):
+        raise _malformed(role, text, stamp_text or topic)
+    given = said.split(",")
+    if not quantities.n_needed <= len(given) <= len(quantities.fields):
+        wanted = ", ".join(quantities.fields)
+        raise UsageError(f"--map {role}={text}: {len(given)} fields for {wanted}", hint="separate them by commas")
+    terms = tuple(
+        _term(role, text, part.strip(), kind) for part, kind in zip(given, quantities.fields.values(), strict=False)
+    )
+    unit = TIME_UNITS[stamp["unit"]] if stamp and stamp["unit"] else TIME_UNITS["s"]
+    return FieldMapping(role, topic, terms, stamp["path"] if stamp else "", unit, tuple(filter(None, files)), text)
+
+
+def _term(role: str, text: str, part: str, kind: str) -> Term:
+    found = _TERM.fullmatch(part)
+    if found is None or (found["unit"] and not found["offset"]):
+        raise _malformed(role, text, part)
+    factor = -1.0 if found["sign"] else 1.0
+    for sign, word in _SCALE.findall(found["scales"]):
+        value = _value(role, text, word, kind)
+        if value == 0.0:
+            raise _malformed(role, text, part)
+        factor = factor * value if sign == "*" else factor / value
+    offset = float(found["offset"] or 0.0) * (_value(role, text, found["unit"], kind) if found["unit"] else 1.0)
+    if not (math.isfinite(factor) and math.isfinite(offset)):
+        raise _malformed(role, text, part)
+    index = None if found["index"] is None else int(found["index"])
+    return Term(found["path"], index, factor, offset, bool(found["scales"]))
+
+
+def _value(role: str, text: str, word: str, kind: str) -> float:
+    """A number, or a unit of this kind."""
+    if word[0].isdigit() or word[0] == ".":
+        return float(word)
+    if word not in UNITS[kind]:
+        known = ", ".join(UNITS[kind])
+        raise UsageError(f"--map {role}={text}: {word} is no unit of {kind}", hint=f"units: {known}, or a number")
+    return UNITS[kind][word]
+
+
+def _malformed(role: str, text: str, part: str) -> UsageError:
+    return UsageError(
+        f"--map {role}={text}: {part!r} can't be read",
+        hint="for example --map ego_speed=/topic:field.path*0.2778, with -field, /3.6, *kmh, +1.5 or @stamp",
+    )

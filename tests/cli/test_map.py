@@ -1,0 +1,107 @@
+"""`--map` and `--dbc`: in one command, in a pipeline file, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from mcap_ros2.writer import Writer
+
+from tests.cli.conftest import Run
+from tests.laws.receiver_messages import HEADER, LINE, TOP
+
+FIX = LINE.join(
+    [
+        TOP + "sensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n"
+        "float64[9] position_covariance\nuint8 position_covariance_type",
+        "MSG: sensor_msgs/NavSatStatus\nint8 status\nuint16 service",
+        *HEADER,
+    ]
+)
+FRAME = LINE.join([TOP + "uint32 id\nbool is_rtr\nbool is_extended\nbool is_error\nuint8 dlc\nuint8[8] data", *HEADER])
+STATUS = "float64 kmh\nuint64 micros\nstring mode"
+DBC = 'VERSION ""\nBO_ 256 Motion: 8 ECU\n SG_ Speed : 0|12@1+ (0.125,0) [0|400] "km/h" ECU\n'
+T0_NS = 1_700_000_000_000_000_000
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Fixes of a car that drives north at 10 m/s, and its speed in km/h: as a field, and in CAN frames."""
+    path = tmp_path / "my.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        fix = writer.register_msgdef("sensor_msgs/msg/NavSatFix", FIX)
+        status = writer.register_msgdef("my_msgs/msg/Status", STATUS)
+        frame = writer.register_msgdef("can_msgs/msg/Frame", FRAME)
+        for k in range(100):
+            at_ns = T0_NS + 100_000_000 * k
+            header = {"stamp": dict(zip(("sec", "nanosec"), divmod(at_ns, 10**9), strict=True)), "frame_id": ""}
+            where = {"latitude": 50.0 + k / 111_229.0, "longitude": 8.0, "altitude": 0.0, "status": {"status": 0}}
+            none = {"position_covariance": [0.0] * 9, "position_covariance_type": 0}
+            writer.write_message("/gps", fix, {"header": header, **where, **none}, at_ns, at_ns)
+            writer.write_message(
+                "/status", status, {"kmh": 36.0, "micros": at_ns // 1000, "mode": "auto"}, at_ns, at_ns
+            )
+            data = [*(36 * 8).to_bytes(2, "little"), *[0] * 6]
+            made = {"header": header, "id": 256 + k % 2, "dlc": 8, "data": data}
+            writer.write_message("/can", frame, made, at_ns, at_ns)
+        writer.finish()
+    return path
+
+
+def speed_source(document: dict) -> dict:
+    inputs = document["stages"]["estimate"]["inputs"]
+    return next(each for each in inputs if each["role"] == "ego_speed")
+
+
+@pytest.mark.parametrize("text", ["kmh*kmh", "kmh/3.6", "kmh*0.277777778@micros*us", "kmh*kmh@micros*us"])
+def test_a_field_becomes_the_speed(cwcli: Run, log: Path, text: str) -> None:
+    done = cwcli("estimate", log, "--map", f"ego_speed=/status:{text}", "--json")
+    assert done.returncode == 0, done.stderr
+    source = speed_source(json.loads(done.stdout))
+    assert (source["topic"], source["used"]) == ("/status", 100)
+
+
+def test_can_frames_become_the_speed(cwcli: Run, log: Path, tmp_path: Path) -> None:
+    (tmp_path / "car.dbc").write_text(DBC)
+    done = cwcli("estimate", log, "--map", "ego_speed=/can:Motion.Speed", "--dbc", tmp_path / "car.dbc", "--json")
+    assert done.returncode == 0, done.stderr
+    source = speed_source(json.loads(done.stdout))
+    assert (source["used"], source["set_aside"]) == (50, {"frame of another message": 50})
+    assert any("km/h" in note for note in json.loads(done.stdout)["stages"]["estimate"]["notes"])
+
+
+def test_a_mapping_is_kept_in_the_pipeline_file(cwcli: Run, log: Path, tmp_path: Path) -> None:
+    pipeline = tmp_path / "pipeline.toml"
+    pipeline.write_text('map = ["ego_speed=/status:kmh*kmh"]\n')
+    assert b'map = ["ego_speed=/status:kmh*kmh"]' in cwcli("config", pipeline).stdout
+    done = cwcli("estimate", log, "--config", pipeline, "--json")
+    assert speed_source(json.loads(done.stdout))["used"] == 100
+
+
+@pytest.mark.parametrize(
+    ("mapping", "words"),
+    [
+        ("ego_speed=/status", "expected ROLE=/topic:field"),
+        ("ego_speed=/nothing:kmh", "no topic /nothing"),
+        ("ego_speed=/status:speed", "has no number in speed"),
+        ("ego_speed=/status:mode", "has no number in mode"),
+        ("ego_speed=/status:kmh*deg", "deg is no unit of speed"),
+        ("remote=/status:kmh", "can't be mapped"),
+        ("ego_speed=/can:Motion.Speed", "need the file that describes them"),
+        ("ego_speed=/status:kmh-exit()", "can't be read"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(cwcli: Run, log: Path, mapping: str, words: str) -> None:
+    done = cwcli("estimate", log, "--map", mapping)
+    assert done.returncode == 2
+    assert words in done.stderr.decode()
+
+
+def test_a_configuration_file_with_a_bad_mapping_is_refused(cwcli: Run, log: Path, tmp_path: Path) -> None:
+    pipeline = tmp_path / "pipeline.toml"
+    pipeline.write_text('map = ["ego_speed=/status:kmh*parsec"]\n')
+    done = cwcli("estimate", log, "--config", pipeline)
+    assert done.returncode == 2
+    assert "parsec" in done.stderr.decode()
