@@ -223,6 +223,12 @@ def _carma_bsm_fields() -> Fields:
     return {"cdr": leaves, "json": leaves}
 
 
+def _radio_fields() -> Fields:
+    from cwcli.signals.radio.frames import CONTENTS
+
+    return dict.fromkeys(("cdr", "json", "protobuf"), CONTENTS)
+
+
 def _json_bsm_fields() -> Fields:
     from cwcli.signals import j2735
 
@@ -289,6 +295,8 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "etsi_its_cam_ts_msgs/CAM": _v2x(_cam_fields("TS_PATHS"), "etsi.CAM"),
     "j2735_v2x_msgs/BSM": _v2x(_ros_bsm_fields, "j2735.ROS_BSM"),
     "carma_v2x_msgs/BSM": _v2x(_carma_bsm_fields, "j2735.CARMA_BSM"),
+    "carma_driver_msgs/ByteArray": _v2x(_radio_fields, "radio.codec.J2735"),
+    "udp_msgs/UdpPacket": _v2x(_radio_fields, "radio.codec.BTP"),
     "BasicSafetyMessage": _v2x(_json_bsm_fields, "j2735.JSON_BSM"),
     "MessageFrame": _v2x(_json_bsm_fields, "j2735.JSON_BSM"),
     "OdeBsmData": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),

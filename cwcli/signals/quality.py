@@ -5,6 +5,8 @@ Nothing is dropped uncounted: `read == used + rejected + set aside` holds for ev
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -118,6 +120,24 @@ class RowLedger:
     def note(self, text: str) -> None:
         """Tell the user something about the whole channel."""
         self.quality.notes.append(text)
+
+    @contextmanager
+    def part(self, rows: npt.NDArray[np.intp], columns: Columns) -> Iterator[RowLedger]:
+        """A ledger of some rows, given as columns of their own; what it books is booked here afterwards."""
+        inner = RowLedger(columns, self.quality.role)
+        inner.keep = self.keep[rows]
+        yield inner
+        self.keep[rows] = inner.keep
+        for mine, theirs in (
+            (self.quality.rejected, inner.quality.rejected),
+            (self.quality.repaired, inner.quality.repaired),
+            (self.quality.set_aside, inner.quality.set_aside),
+        ):
+            for reason, count in theirs.items():
+                mine[reason] = mine.get(reason, 0) + count
+        for reason, first_ns in inner.quality.first_fault_ns.items():
+            self.quality.first_fault_ns[reason] = min(first_ns, self.quality.first_fault_ns.get(reason, first_ns))
+        self.quality.notes += inner.quality.notes
 
     def _book(self, counts: dict[str, int], rows: npt.NDArray[np.intp], reason: str) -> None:
         if not len(rows):

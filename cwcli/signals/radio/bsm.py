@@ -1,0 +1,176 @@
+"""SAE J2735 Basic Safety Message in the unaligned packed encoding (DSRCmsgID 20), from the standard's field widths."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from cwcli.signals.columns import Field, Strings
+from cwcli.signals.j2735 import JSON_RAW
+from cwcli.signals.radio.messages import MISSING, Decoded
+from cwcli.signals.radio.program import Program, compile_type
+from cwcli.signals.radio.types import Enum, Int, ListOf, Open, Sized, bits, sequence
+
+MESSAGE_ID = 20
+VEHICLE_SAFETY_EXTENSIONS = 0
+EVENT_FLAGS = (
+    "eventHazardLights",
+    "eventStopLineViolated",
+    "eventABSactivated",
+    "eventTractionControlLoss",
+    "eventStabilityControlactivated",
+    "eventHazardousMaterials",
+    "eventReserved1",
+    "eventHardBraking",
+    "eventLightsChanged",
+    "eventWipersChanged",
+    "eventFlatTire",
+    "eventDisabledVehicle",
+    "eventAirBagDeployment",
+)
+"""Of VehicleEventFlags, the first one in the highest of the 13 bits."""
+HARD_BRAKING = 1 << (len(EVENT_FLAGS) - 1 - EVENT_FLAGS.index("eventHardBraking"))
+"""The sender brakes with more than 0.4 g."""
+
+_LATITUDE = Int(-900_000_000, 900_000_001)
+_LONGITUDE = Int(-1_799_999_999, 1_800_000_001)
+_ELEVATION = Int(-4096, 61_439)
+_ACCURACY = sequence(("semiMajor", Int(0, 255)), ("semiMinor", Int(0, 255)), ("orientation", Int(0, 65_535)))
+_TRANSMISSION = Enum(8)
+_VELOCITY = Int(0, 8191)
+_HEADING = Int(0, 28_800)
+_CORE = sequence(
+    ("msgCnt", Int(0, 127)),
+    ("id", Sized(8, 4, 4)),
+    ("secMark", Int(0, 65_535)),
+    ("lat", _LATITUDE),
+    ("long", _LONGITUDE),
+    ("elev", _ELEVATION),
+    ("accuracy", _ACCURACY),
+    ("transmission", _TRANSMISSION),
+    ("speed", _VELOCITY),
+    ("heading", _HEADING),
+    ("angle", Int(-126, 127)),
+    (
+        "accelSet",
+        sequence(
+            ("long", Int(-2000, 2001)),
+            ("lat", Int(-2000, 2001)),
+            ("vert", Int(-127, 127)),
+            ("yaw", Int(-32_767, 32_767)),
+        ),
+    ),
+    (
+        "brakes",
+        sequence(
+            ("wheelBrakes", bits(5)),
+            ("traction", Enum(4)),
+            ("abs", Enum(4)),
+            ("scs", Enum(4)),
+            ("brakeBoost", Enum(3)),
+            ("auxBrakes", Enum(4)),
+        ),
+    ),
+    ("size", sequence(("width", Int(0, 1023)), ("length", Int(0, 4095)))),
+)
+_DATE_TIME = sequence(
+    ("year", Int(0, 4095), True),
+    ("month", Int(0, 12), True),
+    ("day", Int(0, 31), True),
+    ("hour", Int(0, 31), True),
+    ("minute", Int(0, 60), True),
+    ("second", Int(0, 65_535), True),
+    ("offset", Int(-840, 840), True),
+)
+_FULL_POSITION = sequence(
+    ("utcTime", _DATE_TIME, True),
+    ("long", _LONGITUDE),
+    ("lat", _LATITUDE),
+    ("elevation", _ELEVATION, True),
+    ("heading", _HEADING, True),
+    ("speed", sequence(("transmisson", _TRANSMISSION), ("speed", _VELOCITY)), True),
+    ("posAccuracy", _ACCURACY, True),
+    ("timeConfidence", Enum(40), True),
+    ("posConfidence", sequence(("pos", Enum(16)), ("elevation", Enum(16))), True),
+    ("speedConfidence", sequence(("heading", Enum(8)), ("speed", Enum(8)), ("throttle", Enum(4))), True),
+    extensible=True,
+)
+_CRUMB = sequence(
+    ("latOffset", Int(-131_072, 131_071)),
+    ("lonOffset", Int(-131_072, 131_071)),
+    ("elevationOffset", Int(-2048, 2047)),
+    ("timeOffset", Int(1, 65_535)),
+    ("speed", _VELOCITY, True),
+    ("posAccuracy", _ACCURACY, True),
+    ("heading", Int(0, 240), True),
+    extensible=True,
+)
+_SAFETY = sequence(
+    ("events", bits(len(EVENT_FLAGS), extensible=True), True),
+    (
+        "pathHistory",
+        sequence(
+            ("initialPosition", _FULL_POSITION, True),
+            ("currGNSSstatus", bits(8), True),
+            ("crumbData", ListOf(_CRUMB, 1, 23)),
+            extensible=True,
+        ),
+        True,
+    ),
+    (
+        "pathPrediction",
+        sequence(("radiusOfCurve", Int(-32_767, 32_767)), ("confidence", Int(0, 200)), extensible=True),
+        True,
+    ),
+    ("lights", bits(9, extensible=True), True),
+    extensible=True,
+)
+BSM = sequence(
+    ("coreData", _CORE),
+    (
+        "partII",
+        ListOf(sequence(("partII-Id", Int(0, 63)), ("partII-Value", Open({VEHICLE_SAFETY_EXTENSIONS: _SAFETY}))), 1, 8),
+        True,
+    ),
+    ("regional", ListOf(sequence(("regionId", Int(0, 255)), ("regExtValue", Open())), 1, 4), True),
+    extensible=True,
+)
+"""BasicSafetyMessage. Of part II the vehicle safety extensions are read, other ones and regional ones skipped."""
+
+CORE_PATHS = tuple(
+    f"coreData.{name}"
+    for name in (
+        *("msgCnt", "id", "secMark", "lat", "long", "elev", "transmission", "speed", "heading", "angle"),
+        *("accuracy.semiMajor", "accuracy.semiMinor", "accuracy.orientation"),
+        *("accelSet.long", "accelSet.lat", "accelSet.vert", "accelSet.yaw"),
+        *("brakes.wheelBrakes", "brakes.traction", "brakes.abs", "brakes.scs", "brakes.brakeBoost", "brakes.auxBrakes"),
+        *("size.width", "size.length"),
+    )
+)
+STATION = JSON_RAW["station"]
+EVENTS = "partII.partII-Value.events"
+PREDICTION = "partII.partII-Value.pathPrediction"
+CRUMBS = "partII.partII-Value.pathHistory.crumbData"
+
+
+@cache
+def core_program() -> Program:
+    """Part I, and the event flags of part II."""
+    return compile_type(BSM, (*CORE_PATHS, EVENTS, f"{PREDICTION}.radiusOfCurve", f"{PREDICTION}.confidence"))
+
+
+@cache
+def history_program() -> Program:
+    """The crumbs of the path history."""
+    names = ("latOffset", "lonOffset", "elevationOffset", "timeOffset")
+    return compile_type(BSM, tuple(f"{CRUMBS}.{name}" for name in names), (CRUMBS,))
+
+
+def fields(decoded: Decoded) -> dict[str, Field]:
+    """The leaf fields of a JSON BSM that `signals.j2735` reads."""
+    made: dict[str, Field] = {path: decoded.numbers(path) for path in JSON_RAW.values() if path != STATION}
+    distinct, codes = np.unique(decoded.codes(STATION), return_inverse=True)
+    names = tuple("" if code == MISSING else f"{code:08x}" for code in distinct)
+    made[STATION] = Strings(codes.astype(np.int32), names)
+    return made

@@ -1,0 +1,163 @@
+"""V2X channels that hold what a radio received, octet by octet: what each message is, and whose.
+
+A channel may mix messages. Those that tell of their sender (BSM, CAM, VAM) are the remote vehicles; the others are set
+aside by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals import etsi, j2735
+from cwcli.signals.canonical import RemoteQuantities
+from cwcli.signals.columns import Columns, Field, Strings
+from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.radio import bsm, cam, frames, messages, vam
+from cwcli.signals.radio.program import Program
+from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
+
+SIGNED_NOTE = "are signed (IEEE 1609.2): they were unwrapped, and their signatures not verified"
+
+J2735_NAMES: dict[int, str] = {
+    18: "MAP", 19: "SPaT", 20: "BSM", 27: "probe data", 29: "SRM", 30: "SSM", 31: "TIM", 32: "PSM", 41: "SDSM"
+}  # fmt: skip
+ETSI_NAMES: dict[int, str] = {1: "DENM", 2: "CAM", 4: "SPATEM", 5: "MAPEM", 6: "IVIM", 14: "CPM", 16: "VAM"}
+PORT_NAMES: dict[int, str] = {
+    2001: "CAM", 2002: "DENM", 2003: "MAPEM", 2004: "SPATEM", 2006: "IVIM", 2009: "CPM", 2018: "VAM"
+}  # fmt: skip
+NAMES: dict[str, dict[int, str]] = {"j2735": J2735_NAMES, "btp": PORT_NAMES, "its": ETSI_NAMES}
+"""Format -> message id or port -> name."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A message that tells of its sender.
+
+    Attributes:
+        program: Of its components.
+        fields: Decoded messages -> the leaf fields that `codec` reads.
+        codec: Of the same message in a form with named fields.
+        message_id, versions: What ETSI's header must say, for ETSI's messages.
+    """
+
+    program: Callable[[], Program]
+    fields: Callable[[messages.Decoded], dict[str, Field]]
+    codec: V2xCodec
+    message_id: int | None = None
+    versions: tuple[int, ...] = ()
+
+
+OTHER_MESSAGE, OTHER_VERSION = 254, 255
+FAULTS: dict[int, str] = {
+    **messages.FAULTS,
+    OTHER_MESSAGE: "another message than its port says",
+    OTHER_VERSION: "protocol version that is packed otherwise",
+}
+KINDS: dict[str, Kind] = {
+    "BSM": Kind(bsm.core_program, bsm.fields, j2735.JSON_BSM),
+    "CAM": Kind(cam.program, cam.fields, etsi.CAM, cam.MESSAGE_ID, cam.PROTOCOL_VERSIONS),
+    "VAM": Kind(vam.program, vam.fields, etsi.CAM, vam.MESSAGE_ID, vam.PROTOCOL_VERSIONS),
+}
+
+
+def radio_codec(form: str) -> V2xCodec:
+    """The codec of a channel whose octets are of one of `frames.FORMATS`."""
+
+    def identify(columns: Columns) -> Senders:
+        n = len(columns)
+        codes = np.full(n, -1, np.int32)
+        names: dict[str, int] = {}
+        is_roadside = np.zeros(n, np.bool_)
+        for kind, part, rows, _ in _parts(columns, frames.unwrap(columns, form), form):
+            senders = kind.codec.identify(part)
+            index = np.array([names.setdefault(name, len(names)) for name in senders.station.values] + [-1], np.int32)
+            codes[rows] = index[senders.station.codes]
+            is_roadside[rows] = senders.is_roadside
+        return Senders(Strings(codes, tuple(names)), np.zeros(n, np.bool_), is_roadside)
+
+    def decode(columns: Columns, ledger: RowLedger) -> RemoteRows:
+        found = frames.unwrap(columns, form)
+        _reject(ledger, found.status, frames.FAULTS)
+        made = _nothing(len(columns))
+        is_known = np.zeros(len(columns), np.bool_)
+        for kind, part, rows, status in _parts(columns, found, form):
+            is_known[rows] = True
+            all_status = np.zeros(len(columns), np.uint8)
+            all_status[rows] = status
+            _reject(ledger, all_status, FAULTS)
+            with ledger.part(rows, part) as inner:
+                decoded = kind.codec.decode(part, inner)
+            for entry in fields(RemoteRows):
+                getattr(made, entry.name)[rows] = getattr(decoded, entry.name)
+        _set_aside(ledger, found, is_known, form)
+        n_signed = int(np.count_nonzero(found.is_signed & ledger.keep))
+        if n_signed:
+            ledger.note(f"{n_signed} messages {SIGNED_NOTE}")
+        return made
+
+    return V2xCodec(identify, decode)
+
+
+def _parts(
+    columns: Columns, found: frames.Frames, form: str
+) -> list[tuple[Kind, Columns, npt.NDArray[np.intp], messages.UInt8Array]]:
+    """The messages of each kind: columns with named fields, their rows in the channel, and what is wrong with them."""
+    parts = []
+    for number, name in NAMES[form].items():
+        rows = np.flatnonzero((found.message == number) & (found.status == 0))
+        kind = KINDS.get(name)
+        if kind is None or not len(rows):
+            continue
+        octets = found.octets.take(rows)
+        decoded = messages.decode(kind.program(), octets, _foreign(kind, octets))
+        part = replace(
+            columns,
+            log_time_ns=columns.log_time_ns[rows],
+            publish_time_ns=columns.publish_time_ns[rows],
+            sequence=columns.sequence[rows],
+            fields=kind.fields(decoded),
+            n_undecodable=0,
+        )
+        parts.append((kind, part, rows, decoded.status))
+    return parts
+
+
+def _foreign(kind: Kind, octets: messages.Octets) -> messages.UInt8Array:
+    """Which messages their header says to be others: their status, 0 for the rest."""
+    status = np.zeros(len(octets), np.uint8)
+    if kind.message_id is not None and len(octets.data):
+        last = len(octets.data) - 1
+        has_header = octets.ends - octets.starts >= 2
+        version = octets.data[np.minimum(octets.starts, last)]
+        message_id = octets.data[np.minimum(octets.starts + 1, last)]
+        status[has_header & ~np.isin(version, kind.versions)] = OTHER_VERSION
+        status[has_header & (message_id != kind.message_id)] = OTHER_MESSAGE
+    return status
+
+
+def _reject(ledger: RowLedger, status: messages.UInt8Array, reasons: dict[int, str]) -> None:
+    for code, reason in reasons.items():
+        ledger.reject(status == code, reason)
+
+
+def _set_aside(ledger: RowLedger, found: frames.Frames, is_known: BoolArray, form: str) -> None:
+    """The messages that tell of something else, by name."""
+    others = ~is_known & (found.status == 0)
+    for number in np.unique(found.message[others]):
+        name = NAMES[form].get(int(number), f"message {number}")
+        ledger.set_aside(others & (found.message == number), f"{name}, not of a vehicle itself")
+
+
+def _nothing(n: int) -> RemoteRows:
+    nothing = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
+    nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
+    return RemoteRows(**nothing, stamp_ns=np.zeros(n, np.int64))
+
+
+J2735 = radio_codec("j2735")
+BTP = radio_codec("btp")
+ITS = radio_codec("its")

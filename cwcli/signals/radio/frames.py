@@ -1,0 +1,94 @@
+"""From the octets that a radio handed over to the messages inside: which is what, and where it begins.
+
+Formats: `j2735` (a MessageFrame of SAE J2735, bare or inside IEEE 1609.2), `btp` (ETSI's basic transport: the port in
+the first two octets, the message from the fifth on) and `its` (ETSI's message by itself). What is signed is unwrapped,
+not verified.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.kernels import uper
+from cwcli.signals.columns import Columns, Field, Ragged
+from cwcli.signals.leaf_fields import find
+from cwcli.signals.quality import BoolArray
+from cwcli.signals.radio.messages import Octets, UInt8Array
+
+FORMATS: dict[str, int] = {"j2735": uper.FORMAT_J2735, "btp": uper.FORMAT_BTP, "its": uper.FORMAT_ITS}
+CONTENTS = ("content", "data", "payload", "message", "msg")
+"""Fields that hold a radio's octets, the first that is there."""
+FAULTS: dict[int, str] = {
+    uper.FRAME_SHORT: "truncated frame",
+    uper.FRAME_ENCRYPTED: "encrypted (IEEE 1609.2)",
+    uper.FRAME_NO_PAYLOAD: "IEEE 1609.2 without a message",
+    uper.FRAME_UNKNOWN: "not a frame of the format",
+}
+"""Why there is no message in what was handed over."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """What was found in n rows.
+
+    Attributes:
+        octets: The messages.
+        message: Shape (n,): J2735's message id, the BTP port or ETSI's message id, by format.
+        security: Shape (n,): `uper.SECURITY_*`.
+        status: Shape (n,): 0, or a key of `FAULTS`.
+    """
+
+    octets: Octets
+    message: npt.NDArray[np.int32]
+    security: UInt8Array
+    status: UInt8Array
+
+    @property
+    def is_signed(self) -> BoolArray:
+        """Where a signature was stepped over, shape (n,)."""
+        signed: BoolArray = self.security == uper.SECURITY_SIGNED
+        return signed
+
+
+def unwrap(columns: Columns, form: str) -> Frames:
+    """Find the messages of a channel.
+
+    Args:
+        columns: With one of `CONTENTS`; rows without octets are truncated.
+        form: One of `FORMATS`.
+    """
+    octets = _octets(find(columns, *CONTENTS), len(columns))
+    n = len(octets)
+    begins, stops = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    message, security, status = np.zeros(n, np.int32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+    uper.frames(
+        octets.data,
+        octets.starts,
+        octets.ends,
+        form=FORMATS[form],
+        begins=begins,
+        stops=stops,
+        message=message,
+        security=security,
+        status=status,
+    )
+    return Frames(Octets(octets.data, begins, stops), message, security, status)
+
+
+def _octets(field: Field | None, n: int) -> Octets:
+    """The rows of a sequence of octets; one with a number that is none has no octets."""
+    if isinstance(field, np.ndarray) and field.ndim == 2:
+        field = Ragged(field.reshape(-1), np.arange(n + 1, dtype=np.int64) * field.shape[1])
+    if not isinstance(field, Ragged):
+        return Octets(np.zeros(0, np.uint8), np.zeros(n, np.int64), np.zeros(n, np.int64))
+    starts, ends = field.offsets[:-1], field.offsets[1:]
+    if field.values.dtype == np.uint8:
+        return Octets(np.ascontiguousarray(field.values), starts, ends.copy())
+    values = field.values.astype(np.float64)
+    is_octet = (values >= 0) & (values <= 255) & (values == np.floor(values))
+    n_bad = np.concatenate([[0], np.cumsum(~is_octet)])
+    has_bad = n_bad[ends] > n_bad[starts]
+    return Octets(np.where(is_octet, values, 0).astype(np.uint8), starts, np.where(has_bad, starts, ends))

@@ -1,0 +1,110 @@
+"""Many messages of one type at once: from octets to columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.kernels import uper
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.radio.program import Program
+
+MISSING = int(np.iinfo(np.int64).min)
+FAULTS: dict[int, str] = {
+    uper.UPER_SHORT: "truncated message",
+    uper.UPER_RANGE: "code outside its range",
+    uper.UPER_LENGTH: "length disagrees with the contents",
+    uper.UPER_FRAGMENTED: "length beyond 16,383",
+}
+"""Why a message can't be decoded."""
+
+UInt8Array = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Octets:
+    """Octets of n messages: message i is `data[starts[i]:ends[i]]`."""
+
+    data: UInt8Array
+    starts: Int64Array
+    ends: Int64Array
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def take(self, rows: npt.NDArray[np.intp]) -> Octets:
+        """Some of the messages."""
+        return Octets(self.data, self.starts[rows], self.ends[rows])
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """Decoded messages; of one that can't be decoded every component is absent.
+
+    Attributes:
+        status: Shape (n,): 0, or why not: a key of `FAULTS`, or as it was given.
+        components: Path -> shape (n,), or for a component of a list's elements (e,), as the message codes them.
+        rows: Path of each list -> shape (e,): the message that each element is in.
+    """
+
+    status: UInt8Array
+    components: Mapping[str, Int64Array]
+    rows: Mapping[str, Int64Array]
+
+    def codes(self, path: str) -> Int64Array:
+        """A component as the message codes it, `MISSING` where it is absent."""
+        return self.components[path]
+
+    def numbers(self, path: str) -> FloatArray:
+        """A component as numbers, NaN where it is absent."""
+        codes = self.components[path]
+        return np.where(codes == MISSING, np.nan, codes.astype(np.float64))
+
+
+def decode(program: Program, octets: Octets, status: UInt8Array | None = None) -> Decoded:
+    """Decode messages of one type.
+
+    Args:
+        program: Of the type.
+        octets: The messages.
+        status: Shape (n,): what is wrong with messages that are not to be decoded, else 0.
+
+    Returns:
+        Their components, and which messages can't be decoded.
+    """
+    n = len(octets)
+    n_tables = len(program.lists) + 1
+    status = np.zeros(n, np.uint8) if status is None else status.copy()
+    tables = [np.full((n, program.width(0)), MISSING, np.int64)]
+    tables += [np.zeros((max(64, 4 * n), program.width(k)), np.int64) for k in range(1, n_tables)]
+    counts = np.zeros(n_tables, np.int64)
+    current = np.zeros(n_tables, np.int64)
+    data = np.ascontiguousarray(octets.data, np.uint8)
+    done = 0
+    while n and len(data):
+        done = uper.decode(
+            data,
+            np.ascontiguousarray(octets.starts, np.int64),
+            np.ascontiguousarray(octets.ends, np.int64),
+            program=program.operations,
+            tables=np.array([[table.ctypes.data, table.shape[1], len(table)] for table in tables], np.int64),
+            counts=counts,
+            current=current,
+            first=done,
+            missing=MISSING,
+            status=status,
+        )
+        if done == n:
+            break
+        tables[1:] = [np.concatenate([table, np.zeros_like(table)]) for table in tables[1:]]
+    if not len(data):
+        status[:] = uper.UPER_SHORT
+    counts[0] = n
+    return Decoded(
+        status,
+        {path: tables[of][: counts[of], column] for path, (of, column) in program.columns.items()},
+        {path: tables[of][: counts[of], 0] for path, of in program.lists.items()},
+    )

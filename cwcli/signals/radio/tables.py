@@ -1,0 +1,41 @@
+"""ETSI's message types, read from the tables beside this file (`tools/etsi_tables.py` writes them).
+
+A node is a list: its kind and what follows. `["int", low, high, extensible]`, `["enum", n, extensible]`,
+`["sized", bits of a unit, low, high, extensible]`, `["list", node, low, high, extensible]`,
+`["sequence", [[name, node, optional], ...], extensible]`, `["choice", [[name, node], ...], extensible]` and `["null"]`.
+
+The types are those of ETSI's ASN.1 modules (3-clause BSD licence, copyright ETSI).
+"""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from typing import Any
+
+from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Part, Seq, Sized, Type
+
+
+def load(message: str) -> Type:
+    """The type of a message: `cam` or `denm`."""
+    return _type(json.loads(files(__package__).joinpath(f"{message}.json").read_text(encoding="utf-8")))
+
+
+def _type(node: list[Any]) -> Type:  # noqa: PLR0911 - one for each kind
+    match node:
+        case ["int", low, high, extensible]:
+            return Int(low, high, extensible)
+        case ["enum", n, extensible]:
+            return Enum(n, extensible)
+        case ["sized", unit_bits, low, high, extensible]:
+            return Sized(unit_bits, low, high, extensible)
+        case ["list", element, low, high, extensible]:
+            return ListOf(_type(element), low, high, extensible)
+        case ["sequence", parts, extensible]:
+            return Seq(tuple(Part(name, _type(inner), optional) for name, inner, optional in parts), extensible)
+        case ["choice", parts, extensible]:
+            return Choice(tuple(Part(name, _type(inner)) for name, inner in parts), extensible)
+        case ["null"]:
+            return Null()
+        case _:
+            raise ValueError(f"unknown node {node!r}")
