@@ -1,7 +1,7 @@
 import numpy as np
 import numpy.typing as npt
 
-# The operations, states and formats: see uper.pyx.
+# The operations and states: see uper.pyx.
 UPER_END: int
 UPER_INT: int
 UPER_INT_EXT: int
@@ -25,20 +25,6 @@ UPER_RANGE: int
 UPER_LENGTH: int
 UPER_FRAGMENTED: int
 UPER_FULL: int
-
-FRAME_OK: int
-FRAME_SHORT: int
-FRAME_ENCRYPTED: int
-FRAME_NO_PAYLOAD: int
-FRAME_UNKNOWN: int
-
-FORMAT_J2735: int
-FORMAT_BTP: int
-FORMAT_ITS: int
-
-SECURITY_NONE: int
-SECURITY_UNSECURED: int
-SECURITY_SIGNED: int
 
 def decode(
     data: npt.NDArray[np.uint8],
@@ -69,27 +55,4 @@ def decode(
 
     Returns:
         How many messages are done: n, or the row of the one for which a table has no room.
-    """
-
-def frames(
-    data: npt.NDArray[np.uint8],
-    starts: npt.NDArray[np.int64],
-    ends: npt.NDArray[np.int64],
-    *,
-    form: int,
-    begins: npt.NDArray[np.int64],
-    stops: npt.NDArray[np.int64],
-    message: npt.NDArray[np.int32],
-    security: npt.NDArray[np.uint8],
-    status: npt.NDArray[np.uint8],
-) -> None:
-    """Find the message inside what a radio handed over.
-
-    Args:
-        data, starts, ends: As in `decode`.
-        form: FORMAT_J2735, FORMAT_BTP or FORMAT_ITS.
-        begins, stops: Shape (n,): gets where the message lies in `data`.
-        message: Shape (n,): gets J2735's message id, the BTP port or the ITS message id.
-        security: Shape (n,): gets SECURITY_*.
-        status: Shape (n,): gets FRAME_*.
     """

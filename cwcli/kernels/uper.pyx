@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Decodes messages in ASN.1's unaligned packed encoding (ITU-T X.691) along a compiled type, many at once."""
 
+from cwcli.kernels.bit_reader cimport Reader, skip, take, take_length
+
 cdef enum:
     N_WORDS = 8
     MAX_FRAMES = 48
@@ -26,6 +28,7 @@ cpdef enum:
     UPER_CASE = 14
     UPER_OPEN_END = 15
 
+# what `bit_reader` says of a message has the same numbers here
 cpdef enum:
     UPER_OK
     UPER_SHORT          # the message ends before its last component
@@ -34,72 +37,11 @@ cpdef enum:
     UPER_FRAGMENTED     # a length of 16,384 or more, which no radio message has
     UPER_FULL           # not the message's fault: a table has no room
 
-cpdef enum:
-    FRAME_OK
-    FRAME_SHORT
-    FRAME_ENCRYPTED
-    FRAME_NO_PAYLOAD    # signed data without data, a request for a certificate
-    FRAME_UNKNOWN       # no message of the format
-
-cpdef enum:
-    FORMAT_J2735 = 0    # IEEE 1609.2 or not, then a MessageFrame
-    FORMAT_BTP = 1      # port (2 octets), 2 octets, then the message
-    FORMAT_ITS = 2      # the message: version, message id, ...
-
-cpdef enum:
-    SECURITY_NONE = 0
-    SECURITY_UNSECURED = 1
-    SECURITY_SIGNED = 2
-
-
-cdef struct Reader:
-    const unsigned char* data
-    long long at        # bits
-    long long end       # bits
-    int status
-
-
 cdef struct Frame:
     unsigned long long options  # of a sequence: presence, first component in the highest bit; of a list: elements left
     long long end       # of the open type around, or the list's first operation
     int table
     bint is_extended
-
-
-cdef inline long long take(Reader* r, long long width) noexcept nogil:
-    """Up to 63 bits; 0 and a status behind the end."""
-    cdef long long value = 0
-    cdef long long at = r.at
-    cdef long long left = width
-    cdef int have, use
-    if width > r.end - at:
-        r.status = UPER_SHORT
-        return 0
-    while left > 0:
-        have = 8 - <int>(at & 7)
-        use = have if left >= have else <int>left
-        value = (value << use) | ((r.data[at >> 3] >> (have - use)) & ((1 << use) - 1))
-        at += use
-        left -= use
-    r.at = at
-    return value
-
-
-cdef inline void skip(Reader* r, long long n_bits) noexcept nogil:
-    if n_bits > r.end - r.at:
-        r.status = UPER_SHORT
-    else:
-        r.at += n_bits
-
-
-cdef long long take_length(Reader* r) noexcept nogil:
-    """A length determinant without bounds (X.691, 11.9)."""
-    if not take(r, 1):
-        return take(r, 7)
-    if not take(r, 1):
-        return take(r, 14)
-    r.status = UPER_FRAGMENTED
-    return 0
 
 
 cdef long long take_small(Reader* r) noexcept nogil:
@@ -368,97 +310,3 @@ def decode(
                     break
                 status[row] = found
     return done
-
-
-def frames(
-    const unsigned char[::1] data,
-    const long long[::1] starts,
-    const long long[::1] ends,
-    *,
-    int form,
-    long long[::1] begins,
-    long long[::1] stops,
-    int[::1] message,
-    unsigned char[::1] security,
-    unsigned char[::1] status,
-) -> None:
-    """Find the message inside what a radio handed over. See the `.pyi`."""
-    cdef Py_ssize_t row
-    cdef Reader reader
-    cdef long long size
-    if not len(data):
-        for row in range(len(starts)):
-            status[row] = FRAME_SHORT
-        return
-    with nogil:
-        for row in range(len(starts)):
-            reader.data = &data[0]
-            reader.at = 8 * starts[row]
-            reader.end = 8 * ends[row]
-            reader.status = UPER_OK
-            security[row] = SECURITY_NONE
-            message[row] = -1
-            status[row] = FRAME_OK
-            if form == FORMAT_J2735:
-                status[row] = unwrap(&reader, &security[row])
-                if status[row] == FRAME_OK:
-                    skip(&reader, 1)  # extensible: what is behind the value is later than the type
-                    message[row] = <int>take(&reader, 15)
-                    size = take_length(&reader)
-                    if reader.status == UPER_OK and 8 * size <= reader.end - reader.at:
-                        reader.end = reader.at + 8 * size
-                    else:
-                        status[row] = FRAME_SHORT
-            elif form == FORMAT_BTP:
-                message[row] = <int>take(&reader, 16)
-                skip(&reader, 16)
-            else:
-                skip(&reader, 8)
-                message[row] = <int>take(&reader, 8)
-                reader.at = 8 * starts[row]
-            if reader.status != UPER_OK and status[row] == FRAME_OK:
-                status[row] = FRAME_SHORT
-            begins[row] = reader.at // 8 if status[row] != FRAME_OK or reader.at % 8 == 0 else reader.at // 8 + 1
-            stops[row] = reader.end // 8
-
-
-cdef int unwrap(Reader* r, unsigned char* security) noexcept nogil:
-    """Step over the IEEE 1609.2 headers, canonical OER, if there are any; a status. Nothing is verified."""
-    cdef int k
-    cdef long long content, size, preamble
-    for k in range(4):
-        if r.end - r.at < 16:
-            return FRAME_SHORT
-        if r.data[r.at >> 3] != 3:
-            return FRAME_OK
-        skip(r, 8)
-        content = take(r, 8)
-        if content == 0x80:
-            if security[0] == SECURITY_NONE:
-                security[0] = SECURITY_UNSECURED
-            size = take(r, 8)
-            if size > 0x7F:
-                if size == 0x81:
-                    size = take(r, 8)
-                elif size == 0x82:
-                    size = take(r, 16)
-                else:
-                    return FRAME_UNKNOWN
-            if r.status != UPER_OK or 8 * size > r.end - r.at:
-                return FRAME_SHORT
-            r.end = r.at + 8 * size
-        elif content == 0x81:
-            security[0] = SECURITY_SIGNED
-            skip(r, 8)  # hash algorithm
-            preamble = take(r, 8)
-            if r.status != UPER_OK:
-                return FRAME_SHORT
-            if not preamble & 0x40:
-                return FRAME_NO_PAYLOAD
-        elif content == 0x82:
-            return FRAME_ENCRYPTED
-        elif content == 0x83:
-            return FRAME_NO_PAYLOAD
-        else:
-            return FRAME_UNKNOWN
-    return FRAME_UNKNOWN

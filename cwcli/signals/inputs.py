@@ -226,7 +226,7 @@ def _carma_bsm_fields() -> Fields:
 def _radio_fields() -> Fields:
     from cwcli.signals.radio.frames import CONTENTS
 
-    return dict.fromkeys(("cdr", "json", "protobuf"), CONTENTS)
+    return dict.fromkeys(("cdr", "json"), CONTENTS)
 
 
 def _json_bsm_fields() -> Fields:
@@ -296,6 +296,9 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "j2735_v2x_msgs/BSM": _v2x(_ros_bsm_fields, "j2735.ROS_BSM"),
     "carma_v2x_msgs/BSM": _v2x(_carma_bsm_fields, "j2735.CARMA_BSM"),
     "carma_driver_msgs/ByteArray": _v2x(_radio_fields, "radio.codec.J2735"),
+    "cwcli_radio/J2735": _v2x(_radio_fields, "radio.codec.J2735"),
+    "cwcli_radio/Btp": _v2x(_radio_fields, "radio.codec.BTP"),
+    "cwcli_radio/Its": _v2x(_radio_fields, "radio.codec.ITS"),
     "udp_msgs/UdpPacket": _v2x(_radio_fields, "radio.codec.BTP"),
     "BasicSafetyMessage": _v2x(_json_bsm_fields, "j2735.JSON_BSM"),
     "MessageFrame": _v2x(_json_bsm_fields, "j2735.JSON_BSM"),

@@ -15,7 +15,7 @@ from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
 from cwcli.signals.role import Role
 from tests.laws.receiver_messages import RECEIVER_SAMPLES
 from tests.unit.signals.signal_columns import T0_NS
-from tests.unit.signals.v2x_messages import CAM, CARMA_BSM, ODE_BSM, RAW_BSM, ROS_BSM
+from tests.unit.signals.v2x_messages import CAM, CARMA_BSM, ODE_BSM, RAW_BSM, ROS_BSM, packed_bsm, packed_cam
 
 Message = dict[str, Any]
 Sample = tuple[Message, dict[Role, dict[str, Any]]]
@@ -336,6 +336,16 @@ def _v2x(paths: Mapping[str, str], values: Mapping[str, Any], prefix: str = "", 
     return sample
 
 
+def _radio(pack: Callable[[int], bytes], field: str) -> Callable[[int], Sample]:
+    """A V2X message as a radio hands it over."""
+
+    def sample(k: int) -> Sample:
+        _, means = _v2x(EN_PATHS, CAM)(k)
+        return ros(k, {field: [*pack(k)]}), means
+
+    return sample
+
+
 def _trajectory(k: int) -> Sample:
     points = [
         {
@@ -406,6 +416,11 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "OdeBsmData": _v2x(JSON_ODE, ODE_BSM, "payload.data."),
     "OdeBsmJson": _v2x(JSON_ODE, ODE_BSM, "payload.data."),
     "OdeMessageFrameData": _v2x(JSON_RAW, RAW_BSM, f"payload.data.{IN_FRAME}"),
+    "carma_driver_msgs/ByteArray": _radio(packed_bsm, "content"),
+    "cwcli_radio/J2735": _radio(packed_bsm, "payload"),
+    "udp_msgs/UdpPacket": _radio(lambda k: b"\x07\xd1\x00\x00" + packed_cam(k), "data"),
+    "cwcli_radio/Btp": _radio(lambda k: b"\x07\xd1\x00\x00" + packed_cam(k), "msg"),
+    "cwcli_radio/Its": _radio(packed_cam, "message"),
     "radar_msgs/RadarScan": _radar_scan,
     "radar_msgs/RadarTracks": _radar_tracks,
     "vision_msgs/Detection3DArray": _boxes,

@@ -35,6 +35,11 @@ every_input = pytest.mark.parametrize(("schema", "entry", "encoding"), BUILT)
 STATIONS = ("1001", "2a3c603c")
 
 
+def station_of(schema: str) -> str:
+    is_etsi = "CAM" in schema or schema in ("udp_msgs/UdpPacket", "cwcli_radio/Btp", "cwcli_radio/Its")
+    return STATIONS[0] if is_etsi else STATIONS[1]
+
+
 def topic_of(role: Role) -> str:
     return "/truth/targets" if role is Role.TARGET_TRUTH else "/truth" if role is Role.TRUTH else "/some/topic"
 
@@ -48,7 +53,7 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
     with Log.open(path) as log:
         columns = log.columns(topic, fields=entry.fields[encoding])
     assert normalise(columns.schema_name) == schema
-    reading = {"ego_station": "1001" if "CAM" in schema else "2a3c603c"} if is_v2x and entry.role != Role.REMOTE else {}
+    reading = {"ego_station": station_of(schema)} if is_v2x and entry.role != Role.REMOTE else {}
     signal, quality = build(entry.role, columns, is_override=True, **reading)
     check_built((signal, quality), columns, Reading(entry.role))
     assert not quality.n_faults

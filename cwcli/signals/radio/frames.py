@@ -12,20 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.kernels import uper
+from cwcli.kernels import radio_frames
 from cwcli.signals.columns import Columns, Field, Ragged
 from cwcli.signals.leaf_fields import find
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.radio.messages import Octets, UInt8Array
 
-FORMATS: dict[str, int] = {"j2735": uper.FORMAT_J2735, "btp": uper.FORMAT_BTP, "its": uper.FORMAT_ITS}
+FORMATS: dict[str, int] = {
+    "j2735": radio_frames.FORMAT_J2735,
+    "btp": radio_frames.FORMAT_BTP,
+    "its": radio_frames.FORMAT_ITS,
+}
 CONTENTS = ("content", "data", "payload", "message", "msg")
 """Fields that hold a radio's octets, the first that is there."""
 FAULTS: dict[int, str] = {
-    uper.FRAME_SHORT: "truncated frame",
-    uper.FRAME_ENCRYPTED: "encrypted (IEEE 1609.2)",
-    uper.FRAME_NO_PAYLOAD: "IEEE 1609.2 without a message",
-    uper.FRAME_UNKNOWN: "not a frame of the format",
+    radio_frames.FRAME_SHORT: "truncated frame",
+    radio_frames.FRAME_ENCRYPTED: "encrypted (IEEE 1609.2)",
+    radio_frames.FRAME_NO_PAYLOAD: "IEEE 1609.2 without a message",
+    radio_frames.FRAME_UNKNOWN: "not a frame of the format",
 }
 """Why there is no message in what was handed over."""
 
@@ -37,7 +41,7 @@ class Frames:
     Attributes:
         octets: The messages.
         message: Shape (n,): J2735's message id, the BTP port or ETSI's message id, by format.
-        security: Shape (n,): `uper.SECURITY_*`.
+        security: Shape (n,): `radio_frames.SECURITY_*`.
         status: Shape (n,): 0, or a key of `FAULTS`.
     """
 
@@ -49,7 +53,7 @@ class Frames:
     @property
     def is_signed(self) -> BoolArray:
         """Where a signature was stepped over, shape (n,)."""
-        signed: BoolArray = self.security == uper.SECURITY_SIGNED
+        signed: BoolArray = self.security == radio_frames.SECURITY_SIGNED
         return signed
 
 
@@ -64,7 +68,7 @@ def unwrap(columns: Columns, form: str) -> Frames:
     n = len(octets)
     begins, stops = np.zeros(n, np.int64), np.zeros(n, np.int64)
     message, security, status = np.zeros(n, np.int32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
-    uper.frames(
+    radio_frames.frames(
         octets.data,
         octets.starts,
         octets.ends,

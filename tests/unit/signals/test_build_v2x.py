@@ -23,6 +23,9 @@ from tests.unit.signals.v2x_messages import (
     carma_bsm,
     json_bsm,
     ode_bsm,
+    packed_bsm,
+    packed_cam,
+    radio,
     ros_bsm,
 )
 
@@ -45,11 +48,20 @@ BSMS = {
 }
 
 
-@pytest.mark.parametrize("columns", [*BSMS.values(), cam(), cam(is_ts=True)], ids=[*BSMS, "cam", "cam-ts"])
+RADIO = {
+    "bsm-off-the-radio": radio("carma_driver_msgs/ByteArray", "content", packed_bsm()),
+    "cam-off-the-radio": radio("udp_msgs/UdpPacket", "data", b"\x07\xd1\x00\x00" + packed_cam()),
+}
+CAMS = {"cam": cam(), "cam-ts": cam(is_ts=True)}
+
+
+@pytest.mark.parametrize("columns", [*BSMS.values(), *CAMS.values(), *RADIO.values()], ids=[*BSMS, *CAMS, *RADIO])
 def test_every_dress_of_the_same_message_gives_the_same_car(columns: Columns) -> None:
     signal, quality = remote(columns)
     assert quality.n_faults == 0
-    assert signal.station.values == (("1001",) if "cam" in columns.schema_name else ("2a3c603c",))
+    assert signal.station.values == (
+        ("1001",) if "cam" in columns.schema_name or "udp" in columns.schema_name else ("2a3c603c",)
+    )
     assert signal.stamp_ns.tolist() == [T0_NS + 80 * MS]
     assert signal.log_time_ns.tolist() == [T0_NS + 100 * MS]
     expected = {

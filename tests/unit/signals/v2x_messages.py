@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from pycrate_asn1dir import ITS_CAM_2
 
 from cwcli.signals.columns import Columns, Ragged
 from cwcli.signals.etsi import EN_PATHS, TS_PATHS
 from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
+from tests.unit.signals.radio import packing
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 
 MS = 1_000_000
@@ -110,3 +112,68 @@ def carma_bsm(changes: dict[str, Any] | None = None, absent: tuple[str, ...] = (
 def cam(changes: dict[str, Any] | None = None, *, is_ts: bool = False) -> Columns:
     schema = "etsi_its_cam_ts_msgs/msg/CAM" if is_ts else "etsi_its_cam_msgs/msg/CAM"
     return message(schema, TS_PATHS if is_ts else EN_PATHS, CAM | (changes or {}), "cdr")
+
+
+def packed_bsm(k: int = 0) -> bytes:
+    """The BSM in a MessageFrame, `k` tenths of a second later."""
+    codes = {JSON_RAW[name]: value for name, value in RAW_BSM.items()}
+    codes |= {"coreData.id": 0x2A3C603C, "coreData.transmission": 2}
+    codes["coreData.secMark"] += 100 * k
+    return packing.framed(packing.bsm(dict.fromkeys(packing.CORE, 0) | codes))
+
+
+def packed_cam(k: int = 0) -> bytes:
+    """The CAM, by an independent encoder, `k` tenths of a second later."""
+    position = {
+        "latitude": CAM["latitude_deg"],
+        "longitude": CAM["longitude_deg"],
+        "positionConfidenceEllipse": {
+            "semiMajorConfidence": CAM["semi_major_m"],
+            "semiMinorConfidence": CAM["semi_minor_m"],
+            "semiMajorOrientation": CAM["semi_major_compass_deg"],
+        },
+        "altitude": {"altitudeValue": CAM["altitude_m"], "altitudeConfidence": "unavailable"},
+    }
+    vehicle = {
+        "heading": {"headingValue": CAM["heading_compass_deg"], "headingConfidence": CAM["heading_95_deg"]},
+        "speed": {"speedValue": CAM["speed_mps"], "speedConfidence": CAM["speed_95_mps"]},
+        "driveDirection": "forward",
+        "vehicleLength": {
+            "vehicleLengthValue": CAM["length_m"],
+            "vehicleLengthConfidenceIndication": "noTrailerPresent",
+        },
+        "vehicleWidth": CAM["width_m"],
+        "longitudinalAcceleration": {
+            "longitudinalAccelerationValue": CAM["accel_mps2"],
+            "longitudinalAccelerationConfidence": CAM["accel_95_mps2"],
+        },
+        "curvature": {"curvatureValue": 1023, "curvatureConfidence": "unavailable"},
+        "curvatureCalculationMode": "unavailable",
+        "yawRate": {"yawRateValue": CAM["yaw_rate_degps"], "yawRateConfidence": "degSec-001-00"},
+        "lateralAcceleration": {
+            "lateralAccelerationValue": CAM["lateral_accel_mps2"],
+            "lateralAccelerationConfidence": 102,
+        },
+    }
+    message = ITS_CAM_2.CAM_PDU_Descriptions.CAM
+    message.set_val(
+        {
+            "header": {"protocolVersion": 2, "messageID": 2, "stationID": CAM["station"]},
+            "cam": {
+                "generationDeltaTime": (CAM["generation_delta_time"] + 100 * k) % 65_536,
+                "camParameters": {
+                    "basicContainer": {"stationType": CAM["station_type"], "referencePosition": position},
+                    "highFrequencyContainer": ("basicVehicleContainerHighFrequency", vehicle),
+                },
+            },
+        }
+    )
+    packed: bytes = message.to_uper()
+    return packed
+
+
+def radio(schema: str, field: str, *messages: bytes) -> Columns:
+    """A channel of octets, all logged at `LOG_NS`."""
+    ends = np.cumsum([0, *map(len, messages)])
+    octets = Ragged(np.frombuffer(b"".join(messages), np.uint8), ends.astype(np.int64))
+    return columns_of(schema, {field: octets}, log_time_ns=np.repeat(LOG_NS, len(messages)), message_encoding="cdr")

@@ -1,0 +1,113 @@
+"""CAM off the radio: published messages, and any message of an independent encoder."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import pytest
+from pycrate_asn1dir import ITS_CAM_2, ITS_DENM_3
+
+from cwcli.signals.radio import cam, tables
+from cwcli.signals.radio.messages import MISSING, decode
+from cwcli.signals.radio.program import compile_type
+from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Seq, Sized, Type
+from tests.unit.signals.radio.test_bsm import octets_of
+from tests.unit.signals.radio.vectors import CAM_ASN1TOOLS, CAM_OF_ISSUE, CAM_PYCRATE
+from tools.etsi_tables import MODULES, table
+
+N_RANDOM = 150
+OFFICIAL = {"cam": ITS_CAM_2.CAM_PDU_Descriptions.CAM, "denm": ITS_DENM_3.DENM_PDU_Descriptions.DENM}
+
+
+def any_value(rng: np.random.Generator, node: Type, official: Any, path: str, found: dict[str, int]) -> Any:  # noqa: PLR0911
+    """A value for the official encoder, and in `found` what the decoder should make of its components."""
+    match node:
+        case Int(low, high, extensible):
+            assert low is not None
+            assert high is not None
+            value = int(rng.choice([low, high, rng.integers(low, high, endpoint=True)]))
+            found[path] = high + 5 if extensible and rng.random() < 0.2 else value
+            return bool(value) if official.TYPE == "BOOLEAN" else found[path]
+        case Enum(n, extensible):
+            found[path] = int(rng.integers(n))
+            return official._root[found[path]]
+        case Sized(unit_bits, low, high):
+            size = int(rng.integers(low if high is not None else 1, (9 if high is None else high) + 1))
+            units = rng.integers(0, 2 if unit_bits == 1 else 10, size)
+            if unit_bits == 1:
+                found[path] = int("".join(map(str, units[:low])) or "0", 2)
+                return int("".join(map(str, units)) or "0", 2), size
+            return units.astype(np.uint8).tobytes() if official.TYPE == "OCTET STRING" else "".join(map(str, units))
+        case Seq(parts):
+            made = {}
+            for part in parts:
+                if not part.optional or rng.random() < 0.5:
+                    inner = f"{path}.{part.name}" if path else part.name
+                    made[part.name] = any_value(rng, part.type, official._cont[part.name], inner, found)
+            return made
+        case Choice(alternatives):
+            found[path] = int(rng.integers(len(alternatives)))
+            part = alternatives[found[path]]
+            return part.name, any_value(rng, part.type, official._cont[part.name], f"{path}.{part.name}", found)
+        case ListOf(element, low, high):
+            n = int(rng.integers(low, min(low + 4, high or low + 4) + 1))
+            return [any_value(rng, element, official._cont, path, {}) for _ in range(n)]
+        case _:
+            assert node == Null()
+            return 0
+
+
+def paths_of(node: Type, path: str = "") -> list[str]:
+    """Every component outside lists."""
+    match node:
+        case Seq(parts) | Choice(parts):
+            own = [path] if isinstance(node, Choice) else []
+            inner = ((part.type, f"{path}.{part.name}" if path else part.name) for part in parts)
+            return own + [each for part, name in inner for each in paths_of(part, name)]
+        case Int() | Enum() | Sized(1):
+            return [path]
+        case _:
+            return []
+
+
+def check_random(message: str, n: int, seed: int) -> None:
+    """Every component of any message is what the official encoder packed."""
+    rng = np.random.default_rng(seed)
+    node, official = tables.load(message), OFFICIAL[message]
+    packed, expected = [], []
+    for _ in range(n):
+        found: dict[str, int] = {}
+        official.set_val(any_value(rng, node, official, "", found))
+        packed.append(official.to_uper())
+        expected.append(found)
+    names = paths_of(node)
+    decoded = decode(compile_type(node, names), octets_of(packed))
+    assert not decoded.status.any()
+    for row, found in enumerate(expected):
+        assert {name: int(decoded.codes(name)[row]) for name in names} == dict.fromkeys(names, MISSING) | found
+
+
+@pytest.mark.parametrize("message", sorted(OFFICIAL))
+def test_any_message_of_the_official_encoder_is_decoded_exactly(message: str) -> None:
+    check_random(message, N_RANDOM, seed=3)
+
+
+@pytest.mark.parametrize("message", sorted(MODULES))
+def test_the_tables_are_those_of_the_official_modules(message: str) -> None:
+    assert files("cwcli.signals.radio").joinpath(f"{message}.json").read_text(encoding="utf-8") == table(message)
+
+
+def test_a_published_message_is_what_its_publisher_decoded() -> None:
+    decoded = decode(cam.program(), octets_of([CAM_ASN1TOOLS, CAM_PYCRATE]))
+    assert not decoded.status.any()
+    assert {name: int(decoded.codes(name)[0]) for name in CAM_OF_ISSUE} == CAM_OF_ISSUE
+    assert decoded.codes("header.stationID")[1] == 55_552
+    assert decoded.codes("cam.generationDeltaTime")[1] == 45_543
+    official = OFFICIAL["cam"]
+    for row, message in enumerate((CAM_ASN1TOOLS, CAM_PYCRATE)):
+        official.from_uper(message)
+        for path in ("latitude", "longitude"):
+            at = ["cam", "camParameters", "basicContainer", "referencePosition", path]
+            assert decoded.codes(".".join(at))[row] == official.get_val_at(at)

@@ -1,0 +1,151 @@
+"""Channels of octets as a whole: mixed messages, security headers, broken frames; and logs by an official writer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap_ros2.writer import Writer
+from pycrate_asn1dir import ITS_IEEE1609_2
+
+from cwcli.channels.binding import bind
+from cwcli.logs.read.reader import Log
+from cwcli.signals.build import build
+from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.quality import Quality
+from cwcli.signals.role import Role
+from tests.unit.signals.radio import packing
+from tests.unit.signals.v2x_messages import LOG_NS, packed_bsm, packed_cam, radio
+
+BTP_CAM = b"\x07\xd1\x00\x00"
+
+
+def remote(schema: str, *messages: bytes) -> tuple[RemoteSignal, Quality]:
+    signal, quality = build(Role.REMOTE, radio(schema, "data", *messages))
+    assert isinstance(signal, RemoteSignal)
+    assert (
+        quality.read == len(messages) == quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values())
+    )
+    return signal, quality
+
+
+def secured(message: bytes, *, signed: bool) -> bytes:
+    """A message inside IEEE 1609.2, by an independent encoder (canonical OER)."""
+    data = ITS_IEEE1609_2.Ieee1609Dot2.Ieee1609Dot2Data
+    plain = {"protocolVersion": 3, "content": ("unsecuredData", message)}
+    signature = ("ecdsaNistP256Signature", {"rSig": ("x-only", b"\x01" * 32), "sSig": b"\x02" * 32})
+    content = {
+        "hashId": "sha256",
+        "tbsData": {"payload": {"data": plain}, "headerInfo": {"psid": 32, "generationTime": 5}},
+        "signer": ("digest", b"\x07" * 8),
+        "signature": signature,
+    }
+    data.set_val({"protocolVersion": 3, "content": ("signedData", content)} if signed else plain)
+    packed: bytes = data.to_coer()
+    return packed
+
+
+def test_what_is_secured_is_unwrapped_and_what_is_signed_is_said() -> None:
+    bare = packed_bsm()
+    for message, n_signed in ((secured(bare, signed=False), 0), (secured(bare, signed=True), 1)):
+        assert bare in message
+        signal, quality = remote("carma_driver_msgs/ByteArray", message)
+        assert signal.station.values == ("2a3c603c",)
+        assert signal.latitude_deg[0] == pytest.approx(40.8646987)
+        assert sum("not verified" in note for note in quality.notes) == n_signed
+
+
+def test_a_long_message_is_unwrapped_too() -> None:
+    crumbs = [dict.fromkeys(packing.CRUMB, 5)] * 23
+    codes = dict.fromkeys(packing.CORE, 1) | {"part_two": [(0, packing.safety_bits({"crumbs": crumbs}))]}
+    bare = packing.framed(packing.bsm(codes))
+    assert len(bare) > 200
+    for message in (bare, secured(bare, signed=False), secured(bare, signed=True)):
+        signal, _ = remote("carma_driver_msgs/ByteArray", message)
+        assert signal.station.values == ("00000001",)
+
+
+def test_other_messages_are_set_aside_and_broken_ones_rejected_by_name() -> None:
+    bare = packed_bsm()
+    _, quality = remote(
+        "carma_driver_msgs/ByteArray",
+        bare,
+        packing.framed(b"\x00" * 9, message_id=19),
+        packing.framed(b"\x00" * 9, message_id=77),
+        bare[:-1],
+        packing.framed(packing.bsm(dict.fromkeys(packing.CORE, 0))[:30]),
+        b"\x03\x82\x00\x00",
+        b"\x03\x83\x00\x00",
+        b"\x03\x99\x00\x00",
+        b"",
+    )
+    assert quality.used == 1
+    assert quality.set_aside == {"SPaT, not of a vehicle itself": 1, "message 77, not of a vehicle itself": 1}
+    assert quality.rejected == {
+        "truncated frame": 2,
+        "encrypted (IEEE 1609.2)": 1,
+        "IEEE 1609.2 without a message": 1,
+        "not a frame of the format": 1,
+        "truncated message": 1,
+    }
+
+
+def test_etsi_messages_are_told_by_their_port_and_checked_by_their_header() -> None:
+    message = packed_cam()
+    signal, quality = remote(
+        "udp_msgs/UdpPacket",
+        BTP_CAM + message,
+        b"\x07\xd2\x00\x00" + message,
+        BTP_CAM + b"\x01" + message[1:],
+        BTP_CAM + b"\x02\x01" + message[2:],
+        BTP_CAM + message[:-1],
+        BTP_CAM[:3],
+    )
+    assert signal.station.values == ("1001",)
+    assert quality.set_aside == {"DENM, not of a vehicle itself": 1}
+    assert quality.rejected == {
+        "protocol version that is packed otherwise": 1,
+        "another message than its port says": 1,
+        "truncated message": 1,
+        "truncated frame": 1,
+    }
+
+
+def test_numbers_that_are_no_octets_make_no_message() -> None:
+    columns = radio("carma_driver_msgs/ByteArray", "content", packed_bsm(), packed_bsm())
+    field = columns.fields["content"]
+    values = field.values.astype(np.float64)
+    values[3] = 256.0
+    broken = {"content": type(field)(values, field.offsets)}
+    _, quality = build(Role.REMOTE, type(columns)(**{**vars(columns), "fields": broken}))
+    assert quality.rejected["truncated frame"] == 1
+
+
+@pytest.mark.parametrize(
+    ("schema", "definition", "message", "station"),
+    [
+        ("carma_driver_msgs/msg/ByteArray", "string message_type\nuint8[] content", packed_bsm(), "2a3c603c"),
+        ("udp_msgs/msg/UdpPacket", "string address\nuint16 src_port\nuint8[] data", BTP_CAM + packed_cam(), "1001"),
+    ],
+)
+def test_a_log_of_the_official_writer_is_read(
+    tmp_path: Path, schema: str, definition: str, message: bytes, station: str
+) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        registered = writer.register_msgdef(schema, definition)
+        texts = {"message_type": "BSM", "content": [*message]} if "content" in definition else {}
+        texts = texts or {"address": "::1", "src_port": 4401, "data": [*message]}
+        for at in (int(LOG_NS[0]), int(LOG_NS[0]) + 100_000_000):
+            writer.write_message("/comms/inbound", registered, texts, log_time=at, publish_time=at)
+        writer.finish()
+    with Log.open(path) as log:
+        bound = bind(log.channels, {}, required=[Role.REMOTE])
+        columns = log.load(bound.wanted())["/comms/inbound"]
+    signal, quality = build(Role.REMOTE, columns)
+    assert isinstance(signal, RemoteSignal)
+    assert (quality.read, quality.used) == (2, 1)  # the second repeats the first
+    assert signal.station.values == (station,)
+    assert signal.speed_mps.tolist() == pytest.approx([10.0])
