@@ -114,6 +114,14 @@ _STATE: Fields = {
 _TARGET: Fields = {
     "protobuf": ("stamp_ns", "id", "frame_id", "x_m", "y_m", "vx_mps", "vy_mps"),
 }
+_AUTOWARE_OBJECTS = ros(
+    *(
+        f"objects.kinematics.{pose}.{leaf}"
+        for pose in ("pose_with_covariance", "initial_pose_with_covariance")
+        for leaf in ("pose.position.x", "pose.position.y", "covariance")
+    ),
+    "objects.kinematics.has_position_covariance",
+)
 _RADAR_SCAN = ros("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity")
 _RADAR_TRACKS = ros(
     *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
@@ -243,7 +251,7 @@ def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...
 
 
 # what is drawn for viewers counts only where no sensor reports for itself
-_DRAWN = _detections(_CUBES, _build_cubes, rank=1)
+_DRAWN = _detections(_CUBES, _build_cubes, rank=3)
 
 _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "sensor_msgs/NavSatFix": _fix(_ROS_FIX),
@@ -308,6 +316,12 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "radar_msgs/RadarScan": _detections(_RADAR_SCAN, _build_radar_scan),
     "radar_msgs/RadarTracks": _detections(_RADAR_TRACKS, _build_radar_tracks),
     "vision_msgs/Detection3DArray": _detections(_BOXES, _build_boxes),
+    **{
+        f"{package}/{name}": _detections(_AUTOWARE_OBJECTS, builder("autoware.build_objects"), rank=rank)
+        for package in ("autoware_perception_msgs", "autoware_auto_perception_msgs")
+        # the later ones are made from the first
+        for rank, name in enumerate(("DetectedObjects", "TrackedObjects", "PredictedObjects"))
+    },
     "foxglove.SceneUpdate": _DRAWN,
     "foxglove_msgs/SceneUpdate": _DRAWN,
     "cwcli.Detections": _detections(_JSON_DETECTIONS, _build_json_detections),

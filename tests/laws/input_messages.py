@@ -258,6 +258,28 @@ def _boxes(k: int) -> Sample:
     return ros(k, {"detections": boxes}), {Role.DETECTIONS: {"values": seen, "covariance": [plane, plane]}}
 
 
+def _objects(pose: str, **more: Any) -> Callable[[int], Sample]:
+    def sample(k: int) -> Sample:
+        seen = [(10.0 + k, 1.0), (20.0, -2.0)]
+        objects = [
+            {
+                "existence_probability": 0.5,
+                "kinematics": {
+                    pose: {
+                        "pose": {"position": xyz(x, y, 0.5), "orientation": turn(0.5)},
+                        "covariance": square(6, _00=0.5, _01=0.1, _11=0.6),
+                    },
+                    **more,
+                },
+            }
+            for x, y in seen
+        ]
+        plane = [[0.5, 0.1], [0.1, 0.6]]
+        return ros(k, {"objects": objects}), {Role.DETECTIONS: {"values": seen, "covariance": [plane, plane]}}
+
+    return sample
+
+
 def _scene(k: int) -> Sample:
     seen = [(10.0 + k, 1.0), (20.0, -2.0)]
     timestamp = foxglove(k, {})["timestamp"]
@@ -424,6 +446,9 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "radar_msgs/RadarScan": _radar_scan,
     "radar_msgs/RadarTracks": _radar_tracks,
     "vision_msgs/Detection3DArray": _boxes,
+    "autoware_perception_msgs/DetectedObjects": _objects("pose_with_covariance", has_position_covariance=True),
+    "autoware_perception_msgs/TrackedObjects": _objects("pose_with_covariance"),
+    "autoware_perception_msgs/PredictedObjects": _objects("initial_pose_with_covariance"),
     "foxglove.SceneUpdate": _scene,
     "cwcli.Detections": _detections,
     "cwcli.v1.Target": _target,
@@ -432,6 +457,7 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
 SAME = {
     "autoware_auto_planning_msgs/": "autoware_planning_msgs/",
     "foxglove_msgs/": "foxglove.",
+    "autoware_auto_perception_msgs/": "autoware_perception_msgs/",
     "autoware_auto_vehicle_msgs/": "autoware_vehicle_msgs/",
 }
 

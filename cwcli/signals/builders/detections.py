@@ -36,7 +36,7 @@ def build_radar_scan(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         ledger.note("the range rate is exactly 0 in every return, taken as not measured")
         rate = np.full(len(rate), np.nan)
     values = np.stack([returns.numbers("returns.range") * cosine, returns.numbers("returns.azimuth"), rate / cosine], 1)
-    return _signal(columns, reading, ledger, "radar", returns, values, None, *stamps(columns))
+    return detection_signal(columns, reading, ledger, "radar", returns, values, None, *stamps(columns))
 
 
 def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -52,7 +52,7 @@ def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSig
     for name, part in (("position", slice(0, 2)), ("velocity", slice(2, 4))):
         triangle = tracks.numbers(f"tracks.{name}_covariance", width=6)
         covariance[:, part, part] = triangle[:, TRIANGLE_XY].reshape(-1, 2, 2)
-    return _signal(columns, reading, ledger, "radar_track", tracks, values, covariance, *stamps(columns))
+    return detection_signal(columns, reading, ledger, "radar_track", tracks, values, covariance, *stamps(columns))
 
 
 def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -71,7 +71,7 @@ def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
             values = poses
     matrices = boxes.numbers("detections.results.pose.covariance", width=36)
     covariance = matrices[:, POSE_COVARIANCE_XY].reshape(-1, 2, 2)
-    return _signal(columns, reading, ledger, "position", boxes, values, covariance, *stamps(columns))
+    return detection_signal(columns, reading, ledger, "position", boxes, values, covariance, *stamps(columns))
 
 
 def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -83,7 +83,7 @@ def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     path = "entities.cubes.pose.position"
     cubes = Elements(columns, ledger, f"{path}.x", f"{path}.y")
     values = np.stack([cubes.numbers(f"{path}.{axis}") for axis in "xy"], axis=1)
-    return _signal(columns, reading, ledger, "position", cubes, values, None, *_first_entity_stamps(columns))
+    return detection_signal(columns, reading, ledger, "position", cubes, values, None, *_first_entity_stamps(columns))
 
 
 def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -98,15 +98,15 @@ def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qua
         # a rate that is not measured has no noise: 1 keeps the matrix whole, and nobody reads it
         rate_sigma = np.where(np.isnan(values[:, 2]) & np.isnan(rate_sigma), 1.0, rate_sigma)
         covariance = np.stack([*sigmas, rate_sigma], axis=1)[:, :, None] ** 2 * np.eye(3)
-        return _signal(columns, reading, ledger, "radar", found, values, covariance, *stamps(columns))
+        return detection_signal(columns, reading, ledger, "radar", found, values, covariance, *stamps(columns))
     found = Elements(columns, ledger, "detections.x_m", "detections.y_m")
     values = np.stack([found.numbers("detections.x_m"), found.numbers("detections.y_m")], axis=1)
     parts = ("covariance_xx_m2", "covariance_xy_m2", "covariance_xy_m2", "covariance_yy_m2")
     covariance = np.stack([found.numbers(f"detections.{name}") for name in parts], axis=1).reshape(-1, 2, 2)
-    return _signal(columns, reading, ledger, "position", found, values, covariance, *stamps(columns))
+    return detection_signal(columns, reading, ledger, "position", found, values, covariance, *stamps(columns))
 
 
-def _signal(
+def detection_signal(
     columns: Columns,
     reading: Reading,
     ledger: RowLedger,
@@ -117,6 +117,16 @@ def _signal(
     stamp_ns: Int64Array,
     has_stamp: BoolArray,
 ) -> tuple[DetectionSignal, Quality]:
+    """The detections of a channel, scan by scan.
+
+    Args:
+        columns, reading, ledger: As of every builder, s messages.
+        kind: What a row of `values` holds, see `DetectionSignal`.
+        elements: The detections in each message, n together.
+        values: Shape (n, k).
+        covariance: Shape (n, k, k), or None where no message gives any.
+        stamp_ns, has_stamp: Shape (s,).
+    """
     width = values.shape[1]
     if covariance is None:
         covariance = np.full((len(values), width, width), np.nan)
