@@ -1,11 +1,11 @@
-"""Tables that fit 80 columns, on a terminal and in a pipe alike."""
+"""Tables that fit the terminal; in a pipe 80 columns, where no topic is broken."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 
-from cwcli.cli.text import WIDTH, display_width, number, pad, printable, shown, wrap
+from cwcli.cli.text import WIDTH, display_width, number, pad, printable, shown, terminal_width, wrap
 
 Cell = str | float | int | None
 
@@ -17,16 +17,21 @@ MAX_CELL = 300
 _NUMBER_LIKE = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ?%)?|-")
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int = WIDTH) -> str:
-    """A table as lines of at most `width` cells: headings, a rule, one line a row.
+def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int | None = None) -> str:
+    """A table as lines of at most `width` cells (the terminal's): headings, a rule, one line a row.
 
     Numbers are right-aligned. A table that is too wide first wraps its headings and its text cells; if that is not
-    enough, it is cut into several tables that repeat the first column.
+    enough, it is cut into several tables that repeat the first column. In a pipe, where `grep` reads, a topic is never
+    broken, if need be in a line that is too long.
     """
+    keeps_topics = width is None and terminal_width() is None
+    width = width or terminal_width() or WIDTH
     heads = [printable(column) for column in columns]
     cells = [[_cell(value) for value in row] for row in rows]
     right = [bool(cells) and all(_NUMBER_LIKE.fullmatch(row[i]) for row in cells) for i in range(len(heads))]
-    blocks = [_block(heads, cells, right, part, width) for part in _parts(heads, cells, right, width)]
+    least = [keeps_topics * max((_topic_width(row[i]) for row in cells), default=0) for i in range(len(heads))]
+    narrowest = [max(least[i], _narrowest(head, [row[i] for row in cells], right[i])) for i, head in enumerate(heads)]
+    blocks = [_block(heads, cells, right, part, narrowest, least, width) for part in _parts(narrowest, width)]
     return "\n\n".join(blocks)
 
 
@@ -40,6 +45,10 @@ def _cell(value: Cell) -> str:
     return shown(str(value), MAX_CELL)
 
 
+def _topic_width(cell: str) -> int:
+    return display_width(cell) if cell.startswith("/") and " " not in cell else 0
+
+
 def _narrowest(head: str, column: Sequence[str], right: bool) -> int:
     """The fewest cells into which a column can be squeezed."""
     widest_cell = max((display_width(cell) for cell in column), default=0)
@@ -51,9 +60,8 @@ def _natural(head: str, column: Sequence[str]) -> int:
     return max(display_width(head), max((display_width(cell) for cell in column), default=0))
 
 
-def _parts(heads: Sequence[str], cells: Sequence[Sequence[str]], right: Sequence[bool], width: int) -> list[list[int]]:
+def _parts(narrowest: Sequence[int], width: int) -> list[list[int]]:
     """Column numbers of each block: as many as fit when squeezed, the first column in every block."""
-    narrowest = [_narrowest(head, [row[i] for row in cells], right[i]) for i, head in enumerate(heads)]
     parts: list[list[int]] = []
     part: list[int] = []
     used = 0
@@ -72,11 +80,14 @@ def _block(
     cells: Sequence[Sequence[str]],
     right: Sequence[bool],
     part: Sequence[int],
+    narrowest: Sequence[int],
+    least: Sequence[int],
     width: int,
 ) -> str:
     widths = _widths(
         [_natural(heads[i], [row[i] for row in cells]) for i in part],
-        [_narrowest(heads[i], [row[i] for row in cells], right[i]) for i in part],
+        [narrowest[i] for i in part],
+        [least[i] for i in part],
         width - len(GAP) * (len(part) - 1),
     )
     lines = _row([heads[i] for i in part], widths, [right[i] for i in part], bottom=True)
@@ -86,8 +97,8 @@ def _block(
     return "\n".join(lines)
 
 
-def _widths(natural: list[int], narrowest: list[int], available: int) -> list[int]:
-    """Take cells from the column that can spare most until the sum fits."""
+def _widths(natural: list[int], narrowest: list[int], least: list[int], available: int) -> list[int]:
+    """Take cells from the column that can spare most until the sum fits, if need be down to the least it must have."""
     widths = list(natural)
     while sum(widths) > available:
         spare = [current - least for current, least in zip(widths, narrowest, strict=True)]
@@ -95,8 +106,11 @@ def _widths(natural: list[int], narrowest: list[int], available: int) -> list[in
             break
         widest = max((i for i, cells in enumerate(spare) if cells > 0), key=lambda i: widths[i])
         widths[widest] -= 1
-    while sum(widths) > available and max(widths) > 1:  # a word wider than the terminal: it is cut
-        widths[widths.index(max(widths))] -= 1
+    while sum(widths) > available:  # a word wider than the terminal: it is cut
+        spare = [current - max(own, 1) for current, own in zip(widths, least, strict=True)]
+        if max(spare) <= 0:
+            break
+        widths[max((i for i, cells in enumerate(spare) if cells > 0), key=lambda i: widths[i])] -= 1
     return widths
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import unicodedata
 
 from cwcli.text import count, duration, finite, interval, join_names, number, printable, shown, size
@@ -20,10 +22,24 @@ __all__ = [
     "printable",
     "shown",
     "size",
+    "terminal_width",
     "wrap",
 ]
 
 WIDTH = 80
+"""Columns where the output is no terminal."""
+MIN_WIDTH = 20
+
+
+def terminal_width() -> int | None:
+    """Columns of the terminal on standard output, at least `MIN_WIDTH`; None: a file or a pipe."""
+    if sys.stdout is None or not sys.stdout.isatty():
+        return None
+    try:
+        columns = os.get_terminal_size(sys.stdout.fileno()).columns
+    except (OSError, ValueError):
+        return WIDTH
+    return max(columns or WIDTH, MIN_WIDTH)  # 0: a terminal that does not know
 
 
 def display_width(text: str) -> int:
@@ -66,8 +82,9 @@ def _cut(text: str, width: int) -> int:
     return fits
 
 
-def paragraph(text: str, *, first: str = "", rest: str = "", width: int = WIDTH) -> str:
-    """`text` wrapped to `width`, its first line behind `first`, the others behind `rest`."""
+def paragraph(text: str, *, first: str = "", rest: str = "", width: int | None = None) -> str:
+    """`text` wrapped to `width` (the terminal's), its first line behind `first`, the others behind `rest`."""
+    width = width or terminal_width() or WIDTH
     lines = wrap(text, width - max(len(first), len(rest)))
     return "\n".join((first if i == 0 else rest) + line for i, line in enumerate(lines))
 

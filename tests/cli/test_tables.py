@@ -1,4 +1,12 @@
-"""Tables fit 80 columns, whatever is in them."""
+"""Tables fit 80 columns, or the terminal, whatever is in them; in a pipe topics stay whole."""
+
+import fcntl
+import os
+import pty
+import struct
+import subprocess
+import sys
+import termios
 
 import pytest
 from hypothesis import given
@@ -6,6 +14,7 @@ from hypothesis import strategies as st
 
 from cwcli.cli.tables import table
 from cwcli.cli.text import display_width
+from tests.cli.conftest import ROOT
 
 
 def test_table_aligns_numbers_right_and_text_left() -> None:
@@ -61,7 +70,7 @@ def test_table_of_words_wider_than_the_terminal() -> None:
 )
 def test_table_fits_80_columns(made: tuple[list[str], list[tuple[str | float | int | None, ...]]]) -> None:
     heads, rows = made
-    lines = table(heads, rows).split("\n")
+    lines = table(heads, rows, width=80).split("\n")
     assert max(display_width(line) for line in lines) <= 80
 
 
@@ -70,3 +79,33 @@ def test_table_fits_other_widths(width: int) -> None:
     rows = [("/v2x/cam/front/left", "etsi_its_cam_msgs/msg/CAM", 330, 9.98)]
     shown = table(("topic", "schema", "messages", "Hz"), rows, width=width)
     assert max(map(len, shown.split("\n"))) <= width
+
+
+TOPIC = "/vehicle/body/wheel_speed_sensor_front_left"
+
+
+def printed_on_a_terminal(n_columns: int) -> list[str]:
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, n_columns, 0, 0))
+    code = f"from cwcli.cli.tables import table; print(table(('topic', 'what'), [('{TOPIC}', 'word ' * 20)]))"
+    done = subprocess.Popen([sys.executable, "-c", code], stdout=slave, cwd=ROOT)
+    assert done.wait(timeout=60) == 0
+    os.close(slave)
+    text = os.read(master, 100_000).decode()
+    os.close(master)
+    return text.replace("\r\n", "\n").splitlines()
+
+
+def test_a_table_is_as_wide_as_its_terminal() -> None:
+    assert [len(line) for line in printed_on_a_terminal(150)] == [len(TOPIC) + 6, len(TOPIC) + 102, len(TOPIC) + 101]
+    narrow = printed_on_a_terminal(40)
+    assert max(map(len, narrow)) == 40
+    assert max(map(len, printed_on_a_terminal(3))) <= 20  # as narrow as it gets
+
+
+def test_a_topic_is_whole_in_a_pipe_even_where_the_line_gets_too_long() -> None:
+    lines = table(("topic", "what"), [(TOPIC, "some words that are many " * 3)]).splitlines()
+    assert any(line.startswith(TOPIC) for line in lines)
+    long = "/a" * 60
+    assert any(line.startswith(long) for line in table(("topic", "n"), [(long, 3)]).splitlines())
+    assert max(map(display_width, table(("topic", "n"), [(long, 3)], width=80).splitlines())) <= 80
