@@ -172,7 +172,8 @@ def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _
         while waiting and waiting[0][0] < start_ns:
             yield heapq.heappop(waiting)[-1]
         for batch in batches:
-            for log_time_ns, place, frame in decoding.frames(tally.add(batch)):
+            tally.add(batch.channel_id)
+            for log_time_ns, place, frame in decoding.frames(batch):
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
     tally.end()
     while waiting:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.records import Statistics
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.message_reader import Batch
 
 
 class MessageCounts:
@@ -51,10 +48,9 @@ class Tally:
         self._channel_ids = channel_ids
         self._found = np.zeros(1 << 16, np.int64)
 
-    def add(self, batch: Batch) -> Batch:
-        """Count the messages of a batch; returns it."""
-        np.add.at(self._found, batch.channel_id, 1)
-        return batch
+    def add(self, channel_ids: npt.NDArray[np.uint16]) -> None:
+        """Count messages, each by its channel."""
+        np.add.at(self._found, channel_ids, 1)
 
     def end(self) -> None:
         """Compare, when all have been added."""

@@ -27,7 +27,8 @@ def stream_trees(reader: MessageReader, channels: Sequence[ChannelInfo], name: s
     reader.check_indexes(ids)
     tally = reader.counts.tally(ids)
     for batch in reader.batches(ids):
-        for log_time_ns, payload in tally.add(batch).messages():
+        tally.add(batch.channel_id)
+        for log_time_ns, payload in batch.messages():
             try:
                 yield log_time_ns, decode(bytes(payload))
             except BadMessage as error:
