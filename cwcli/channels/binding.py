@@ -3,7 +3,8 @@
 The rules:
 
 - a schema of the registry (`inputs.INPUTS`) makes a channel a candidate for its roles;
-- topics with a segment `truth`, `ground_truth`, `groundtruth` or `gt` are truth only, and only they are;
+- topics with a segment `truth`, `ground_truth`, `groundtruth` or `gt` are truth only, and only they are; an OSI message
+  says itself what it is;
 - topics under `/cwcli/` fill only cwcli's own roles, each by its name; where there are no states in hindsight, online
   ones do, with a note;
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
@@ -248,7 +249,7 @@ def _rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | Non
     entry = input_for(role, channel.schema_name)
     if entry is None or channel.topic.startswith(OWN_PREFIX) or (entry.needs_ego_station and ego_station is None):
         return None
-    if is_truth_topic(channel.topic) != (role in TRUTH_ROLES):
+    if not entry.says_what_it_is and is_truth_topic(channel.topic) != (role in TRUTH_ROLES):
         return None
     return entry.rank if entry.fits(channel.topic) else None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -102,21 +103,48 @@ def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> 
     return near, notes
 
 
-def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: LocalMap) -> list[Measurements]:
+def placed_remotes(
+    signals: Sequence[Signal], position: Signal, local_map: LocalMap | None
+) -> tuple[RemoteSignal | None, str]:
+    """The remote vehicles that have a place in the ego's map, as one signal; and what to tell of the others, or "".
+
+    Args:
+        signals: Of the remote vehicles.
+        position: The ego's: Cartesian remote vehicles must be in the same frame.
+        local_map: The map frame; None where the ego's position is Cartesian.
+    """
+    frame_id = "" if local_map is not None else position.frame_id if isinstance(position, PoseSignal) else ""
+    heard = [signal for signal in signals if isinstance(signal, RemoteSignal)]
+    placed = [each for each in heard if each.frame_id == frame_id and (each.x_m is not None or local_map is not None)]
+    note = ""
+    if len(placed) < len(heard):
+        lost = "is Cartesian" if local_map is None else "is on the globe, and theirs are Cartesian"
+        note = f"the ego position {lost}: remote vehicles can't be placed beside it and are left out"
+    return merged_remotes(placed) if placed else None, note
+
+
+def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) -> list[Measurements]:
     """What one station says of itself, as measurements.
 
     Args:
         remote: The V2X signal.
         rows: Indices of the station's messages, in stamp order.
-        local_map: The map frame.
+        local_map: The map frame; None where the signal is Cartesian.
     """
-    x_m, y_m, _ = local_map.map_from_wgs84(
-        remote.latitude_deg[rows], remote.longitude_deg[rows], remote.altitude_m[rows]
-    )
+    if local_map is None:
+        assert remote.x_m is not None
+        assert remote.y_m is not None
+        x_m, y_m = remote.x_m[rows], remote.y_m[rows]
+    else:
+        x_m, y_m, _ = local_map.map_from_wgs84(
+            remote.latitude_deg[rows], remote.longitude_deg[rows], remote.altitude_m[rows]
+        )
     stamp_ns, log_ns = remote.stamp_ns[rows], remote.log_time_ns[rows]
     covariance = _symmetric(remote.position_covariance_m2[rows])
     return [
-        Measurements(remote.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance, log_ns),
+        Measurements(
+            remote.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance, log_ns, remote.is_exact
+        ),
         *_given(
             remote,
             stamp_ns,
@@ -139,7 +167,13 @@ def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
         variance = np.full(len(pose.stamp_ns), np.nan)
     return [
         Measurements(
-            pose.source, Kind.POSITION, pose.stamp_ns, values, _symmetric(pose.covariance_m2), pose.log_time_ns
+            pose.source,
+            Kind.POSITION,
+            pose.stamp_ns,
+            values,
+            _symmetric(pose.covariance_m2),
+            pose.log_time_ns,
+            pose.is_exact,
         ),
         *_given(pose, pose.stamp_ns, pose.log_time_ns, {Kind.HEADING: (pose.yaw_rad, variance)}),
     ]
@@ -150,11 +184,13 @@ def _given(
 ) -> list[Measurements]:
     """The quantities that the source carries at all: rows without a value are not measurements."""
     found = []
+    is_exact = isinstance(signal, PoseSignal | SpeedSignal | RemoteSignal) and signal.is_exact
     for kind, (values, variances) in columns.items():
         given = np.isfinite(values)
         if given.any():
+            times = stamp_ns[given], log_ns[given]
             found.append(
-                Measurements(signal.source, kind, stamp_ns[given], values[given], variances[given], log_ns[given])
+                Measurements(signal.source, kind, times[0], values[given], variances[given], times[1], is_exact)
             )
     return found
 
@@ -199,10 +235,12 @@ def merged_remotes(signals: list[RemoteSignal]) -> RemoteSignal:
     codes = np.concatenate(
         [np.array([names.index(name) for name in s.station.values], np.int32)[s.station.codes] for s in signals]
     )
-    columns = {
+    columns: dict[str, Any] = {
         name: np.concatenate([getattr(s, name) for s in signals])[order]
         for name in RemoteSignal.__dataclass_fields__
-        if name not in {"source", "station"}
+        if name not in {"source", "station", "frame_id", "is_exact"} and getattr(signals[0], name) is not None
     }
     source = ", ".join(s.source for s in signals)
-    return RemoteSignal(source=source, station=Strings(codes[order], tuple(names)), **columns)
+    station = Strings(codes[order], tuple(names))
+    columns |= {"frame_id": signals[0].frame_id, "is_exact": all(s.is_exact for s in signals)}
+    return RemoteSignal(source=source, station=station, **columns)

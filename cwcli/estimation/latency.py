@@ -113,6 +113,8 @@ def latency_roles(series: Sequence[Series], config: EstimatorConfig) -> list[Lat
             roles.append(given)
         elif is_reference:
             roles.append(Latency(LatencyStatus.REFERENCE))
+        elif s.is_exact:
+            roles.append(NO_LATENCY)
         elif len(s) < MIN_ROWS_FOR_NOISE:
             roles.append(Latency(LatencyStatus.NOT_OBSERVABLE))
         else:

@@ -80,6 +80,7 @@ class Measurements:
         covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not
             positive, means that the message does not say.
         log_time_ns: Shape (n,), int64: when each row was received; None: at its stamp.
+        is_exact: Made by a simulator: nothing is an outlier or late, and its noise is what is stated.
     """
 
     source: str
@@ -88,6 +89,7 @@ class Measurements:
     values: FloatArray
     covariance: FloatArray | None = None
     log_time_ns: Int64Array | None = None
+    is_exact: bool = False
 
     def __post_init__(self) -> None:
         """Check the shapes.

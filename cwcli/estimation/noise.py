@@ -49,7 +49,7 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
         s: The series with its present noise.
         nis: Shape (n, 4): see `PassResult.nis`.
     """
-    if len(nis) < MIN_ROWS_FOR_NOISE:
+    if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact:
         return 1.0
     nu2, prior = nis[:, 1], nis[:, 2]
     r = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])

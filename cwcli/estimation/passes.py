@@ -68,6 +68,7 @@ class Series:
         floor: Least sigma of noise that is found from the log.
         interval_s: Between two rows, as a rule, where that is known from other drives; NaN: as the rows show, infinite:
             they must not be asked.
+        is_exact: See `Measurements`.
     """
 
     source: str
@@ -88,6 +89,7 @@ class Series:
     gate_nis: float = 0.0
     floor: float = 0.0
     interval_s: float = float("nan")
+    is_exact: bool = False
 
     def __len__(self) -> int:
         return len(self.time_s)

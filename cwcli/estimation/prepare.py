@@ -76,13 +76,13 @@ def prepare(
         order = np.argsort(time, kind="stable")
         time, values = time[order], m.values[finite][order]
         covariance = None if m.covariance is None else m.covariance[finite][order]
-        stuck = stuck_rows(m.kind, time, values)
+        stuck = stuck_rows(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
             told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one number for long: stuck, left out"
             notes.append(f"{m.source}: {told}")
             time, values = time[~stuck], values[~stuck]
             covariance = None if covariance is None else covariance[~stuck]
-        if first_row_is_apart(m.kind, time, values):
+        if not m.is_exact and first_row_is_apart(m.kind, time, values):
             notes.append(f"{m.source}: the first {m.kind.name.lower()} row contradicts those after it, left out")
             time, values = time[1:], values[1:]
             covariance = None if covariance is None else covariance[1:]
@@ -103,7 +103,7 @@ def prepare(
                     series = replace(series, pitch_rate=PitchRate(imu.time_s, imu.pitch_rate_radps))
                 prepared.append(PreparedSeries(series, True, len(m), lost, imu.n_interpolated, mounting=imu.mounting))
             continue
-        late = held_back(time)
+        late = held_back(time) if not m.is_exact else np.zeros(len(time), np.bool_)
         if late.any():
             notes.append(f"{m.source}: {int(late.sum())} {m.kind.name.lower()} rows came in bursts, left out")
             time, values = time[~late], values[~late]
@@ -114,7 +114,7 @@ def prepare(
                 PreparedSeries(_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost)
             )
             continue
-        series = _with_noise(m.source, m.kind, time, values, covariance)
+        series = replace(_with_noise(m.source, m.kind, time, values, covariance), is_exact=m.is_exact)
         prepared.append(PreparedSeries(series, False, len(m), lost, n_held_back=int(late.sum())))
     return prepared, notes
 
@@ -143,6 +143,7 @@ def prepare_blind(
         covariance = None if m.covariance is None else m.covariance[rows]
         if m.kind is not Kind.IMU:
             series = _with_noise(m.source, m.kind, time, m.values[rows], covariance, looks_ahead=False)
+            series = replace(series, is_exact=m.is_exact)
             prepared.append(PreparedSeries(series, False, len(m), lost))
             continue
         mounting = mountings.get(m.source, ImuMounting(0.0, 0.0))

@@ -111,7 +111,7 @@ def _whole_model(series: Sequence[Series], known: SensorModel, slack_m: Sequence
     has_pitch = pitch_rate_of(series) is not None
     has_turns = _turned_rad(series) > MIN_TURN_RAD
     for i, s in enumerate(series):
-        if len(s) < MIN_ROWS_FOR_NOISE:
+        if len(s) < MIN_ROWS_FOR_NOISE or s.is_exact:
             continue
         may_stand = has_turns and has_ground and s.place_m is None and slack_m[i] < NARROWED * AHEAD_PRIOR_M
         if may_stand and s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.ACCEL):

@@ -74,7 +74,7 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         series, parameters = layout.series, layout.parameters
     else:
         series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, prior)
-    gated = tuple(replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
+    gated = tuple(s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
     unknown = (
         f"{s.source}: latency of {s.kind.name.lower()} not observable{_bound(latency)}, not corrected"
         for s, latency in zip(series, latencies, strict=True)

@@ -66,6 +66,8 @@ class PoseSignal:
         latitude_deg, longitude_deg: Shape (n,): the same points, WGS84, where the message has them too; else None.
         accel_mps2: Shape (n,), longitudinal, where the message has it; else None.
         yaw_variance_rad2: Shape (n,), NaN where not given; None where no message of the schema has it.
+        is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
+        size_m: Length and width of the vehicle, None where not given.
     """
 
     source: str
@@ -83,6 +85,8 @@ class PoseSignal:
     longitude_deg: FloatArray | None = None
     accel_mps2: FloatArray | None = None
     yaw_variance_rad2: FloatArray | None = None
+    is_exact: bool = False
+    size_m: tuple[float | None, float | None] = (None, None)
 
 
 @dataclass(frozen=True)
@@ -114,6 +118,7 @@ class SpeedSignal:
         speed_mps: Shape (n,), negative in reverse.
         yaw_rate_radps: Shape (n,), counter-clockwise positive.
         speed_variance_m2ps2, yaw_rate_variance_rad2ps2: Shape (n,).
+        is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
     """
 
     source: str
@@ -123,6 +128,7 @@ class SpeedSignal:
     yaw_rate_radps: FloatArray
     speed_variance_m2ps2: FloatArray
     yaw_rate_variance_rad2ps2: FloatArray
+    is_exact: bool = False
 
 
 @dataclass(frozen=True)
@@ -221,12 +227,19 @@ class RemoteSignal(RemoteQuantities):
         station: Station id as text, dictionary-coded.
         stamp_ns: Shape (n,): the generation time, made absolute (secMark, generationDeltaTime).
         log_time_ns: Shape (n,): the reception time.
+        frame_id: The frame of `x_m` and `y_m`, "" where positions are WGS84.
+        x_m, y_m: Shape (n,): Cartesian positions; then latitudes and longitudes are NaN. Else None.
+        is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
     """
 
     source: str
     station: Strings
     stamp_ns: Int64Array
     log_time_ns: Int64Array
+    frame_id: str = ""
+    x_m: FloatArray | None = None
+    y_m: FloatArray | None = None
+    is_exact: bool = False
 
 
 DetectionKind = Literal["position", "radar", "radar_track"]

@@ -331,6 +331,10 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
         Input(Role.TARGET_TRUTH, _STATE, _build_state_truth, fits=is_target_topic),
     ),
     "cwcli.v1.LateralState": (Input(Role.LATERAL_TRUTH, {}, None),),
+    "osi3.GroundTruth": "cwcli.signals.osi.leaves:GROUND_TRUTH",
+    "osi3.SensorView": "cwcli.signals.osi.leaves:SENSOR_VIEW",
+    "osi3.SensorData": "cwcli.signals.osi.leaves:SENSOR_DATA",
+    "osi3.HostVehicleData": "cwcli.signals.osi.leaves:HOST_VEHICLE_DATA",
 }
 
 

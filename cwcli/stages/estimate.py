@@ -20,9 +20,9 @@ from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.from_signals import (
     EgoSignal,
     ego_measurements,
-    merged_remotes,
     near_positions,
     output_grid,
+    placed_remotes,
     remote_measurements,
 )
 from cwcli.estimation.known import MESSAGES, SLACK_NS, THIS_LOG, Knowledge, in_time, known_ns, parameters_of
@@ -146,10 +146,13 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     grid_ns = output_grid(measurements, config.rate_hz, MAX_BRIDGE_S)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
     ego, online = estimate_both(measurements, estimator, grid_ns, blind=estimator.is_blind_online)
-    remote = _remote_states(sources, local_map, estimator)
-    hindsight = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, flags=ego.flags)
+    position = sources.by_role[Role.EGO_POSITION][0]
+    signal, note = placed_remotes(sources.by_role.get(Role.REMOTE, ()), position, local_map)
+    remote = None if signal is None else _remote_states(signal, local_map, estimator)
+    size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
+    hindsight = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
     knowable = replace(
-        VehicleStates.of_ego(online.stamp_ns, online.state, online.covariance, flags=online.flags),
+        VehicleStates.of_ego(online.stamp_ns, online.state, online.covariance, size_m=size_m, flags=online.flags),
         log_time_ns=_known_ns(measurements, online, estimator),
     )
     channels = [
@@ -170,7 +173,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _summary(sources, (*stands, *apart), tracks, told, transforms)
+    summary = _summary(sources, (*stands, *apart, *filter(None, [note])), tracks, told, transforms)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -238,16 +241,12 @@ def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
             raise UsageError(f"--latency {name}: the log has no topic {name}", where=log.name)
 
 
-def _remote_states(sources: Sources, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates | None:
+def _remote_states(signal: RemoteSignal, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates:
     """Estimate the remote vehicles, some at a time, and put their states where they belong in the channels at once.
 
     The covariances are what fills the memory: 61 MB for twenty vehicles in ten minutes. So they exist once.
     Online, a message that was overtaken by a newer one of its station is not used: the filter has gone on.
     """
-    signals = [s for s in sources.by_role.get(Role.REMOTE, ()) if isinstance(s, RemoteSignal)]
-    if not signals or local_map is None:
-        return None
-    signal = merged_remotes(signals)
     stations = list(rows_by_id(signal.station))
     is_fresh = np.ones(len(signal.stamp_ns), np.bool_)
     for _, own in stations:
@@ -292,9 +291,6 @@ def _summary(
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
     notes = [*sources.notes, *remarks, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
-    position = signals[0]
-    if isinstance(position, PoseSignal) and Role.REMOTE in sources.by_role:
-        notes.append("the ego position is Cartesian: remote vehicles can't be placed beside it and are left out")
     notes.extend(_remote_notes(tracks))
     if online[0].parameters == THIS_LOG:
         notes.append(

@@ -91,6 +91,8 @@ def message_class(schema: str) -> Any:
     package, _, name = schema.rpartition(".")
     if package == "foxglove":
         return getattr(importlib.import_module(f"foxglove_schemas_protobuf.{name}_pb2"), name)
+    if package == "osi3":
+        return getattr(importlib.import_module(f"osi3.osi_{name.lower()}_pb2"), name)
     files = descriptor_pb2.FileDescriptorSet.FromString((schema_folder() / DESCRIPTOR_SET_NAME).read_bytes())
     pool = descriptor_pool.DescriptorPool()
     for file in files.file:

@@ -19,6 +19,7 @@ from cwcli.signals.leaf_fields import strings_from
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of
+from tests.laws.osi_messages import OSI_SAMPLES
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 
 NO_SUCH_THING = {("foxglove", "cdr"), ("foxglove_msgs", "protobuf")}
@@ -46,8 +47,8 @@ def topic_of(role: Role) -> str:
 
 @every_input
 def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, tmp_path: Path) -> None:
-    samples = [sample_of(schema, entry.role)(k) for k in range(N)]
-    is_v2x = Role.REMOTE in samples[0][1]
+    samples = [(OSI_SAMPLES.get(schema) or sample_of(schema, entry.role))(k) for k in range(N)]
+    is_v2x = Role.REMOTE in samples[0][1] and schema not in OSI_SAMPLES
     topic = topic_of(entry.role)
     path = write_log(tmp_path / "log.mcap", schema, encoding, topic, [message for message, _ in samples])
     with Log.open(path) as log:
@@ -60,6 +61,8 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
     assert not quality.set_aside
     message = samples[0][0]
     frame = message.get("frame_id", message.get("header", {}).get("frame_id", "map" if "x_m" in message else ""))
+    if schema in OSI_SAMPLES:
+        frame = "" if entry.role in (Role.TARGET_TRUTH, Role.DETECTIONS) else "osi"
     if isinstance(signal, DetectionSignal):
         assert set(signal.frame.values) == {frame} - {""}
     elif hasattr(signal, "frame_id"):

@@ -49,6 +49,7 @@ class Input:
             one. None: only when the user names it.
         needs_ego_station: Bound by itself only when the user says which station is the ego.
         fits: Whether a topic's name suits the role; asked only where the user names no channel.
+        says_what_it_is: The schema tells truth and measurement apart; that a topic is called a truth does not count.
     """
 
     role: Role
@@ -57,3 +58,4 @@ class Input:
     rank: int | None = 0
     needs_ego_station: bool = False
     fits: Callable[[str], bool] = lambda topic: True
+    says_what_it_is: bool = False

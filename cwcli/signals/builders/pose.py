@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -87,7 +89,7 @@ def _pose(
     covariance_m2: FloatArray,
     stamp_ns: Int64Array,
     has_stamp: BoolArray,
-    **more: FloatArray,
+    **more: Any,
 ) -> tuple[PoseSignal, Quality]:
     speed_mps = within(ledger, speed_mps, MAX_SPEED_MPS, "speed")
     yaw_rate_radps = within(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")

@@ -1,0 +1,87 @@
+"""`osi3.HostVehicleData`: what the host vehicle knows of its own place and motion.
+
+`vehicle_localization` and `location` (up to OSI 3.4) are about the centre of the box, in the axes of the world;
+`vehicle_motion` is about the middle of the rear axle: its velocity is in the axes of the vehicle, and its position only
+counts where there is no other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.builders.base import Reading
+from cwcli.signals.canonical import PoseSignal, SpeedSignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
+from cwcli.signals.osi.world import OSI_FRAME, world_times
+from cwcli.signals.quality import Quality, RowLedger
+
+PLACES = ("vehicle_localization", "location", "vehicle_motion")
+
+
+def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
+    """The host's pose, from the first of `PLACES` that the channel has."""
+    ledger = RowLedger(columns, reading.role)
+    part = next((part for part in PLACES if np.isfinite(numbers(columns, f"{part}.position.x")).any()), PLACES[0])
+    place = np.stack([numbers(columns, f"{part}.position.{axis}") for axis in "xy"], axis=1)
+    if part == "vehicle_motion":
+        ledger.note("the position is the middle of the rear axle, not of the car: outlines are shifted by that")
+    reject_unusable(ledger, place, MAX_POSITION_M)
+    yaw_rad = wrap_angle(numbers(columns, f"{part}.orientation.yaw"))
+    nothing = np.full(len(columns), np.nan)
+    variances = [nothing, nothing, nothing]
+    if part == "location":
+        leaves = ("position.x", "position.y", "orientation.yaw")
+        variances = [_variance(numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
+    timeline = settle(ledger, *world_times(columns), reading.clock, [place, yaw_rad])
+    rows = timeline.rows
+    signal = PoseSignal(
+        source=columns.topic,
+        frame_id=OSI_FRAME,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        x_m=place[rows, 0],
+        y_m=place[rows, 1],
+        z_m=np.zeros(len(rows)),
+        yaw_rad=yaw_rad[rows],
+        speed_mps=nothing[rows],
+        yaw_rate_radps=nothing[rows],
+        covariance_m2=np.stack([variances[0], np.where(np.isnan(variances[0]), np.nan, 0.0), variances[1]], 1)[rows],
+        yaw_variance_rad2=variances[2][rows],
+    )
+    return signal, ledger.quality
+
+
+def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+    """The host's speed and yaw rate: of `vehicle_motion`, else the velocity of `location` along its yaw."""
+    ledger = RowLedger(columns, reading.role)
+    speed_mps, yaw_rate = numbers(columns, "vehicle_motion.velocity.x"), "vehicle_motion.orientation_rate.yaw"
+    if not np.isfinite(speed_mps).any():
+        yaw_rad, yaw_rate = numbers(columns, "location.orientation.yaw"), "location.orientation_rate.yaw"
+        velocity = [numbers(columns, f"location.velocity.{axis}") for axis in "xy"]
+        with np.errstate(invalid="ignore", over="ignore"):
+            speed_mps = velocity[0] * np.cos(yaw_rad) + velocity[1] * np.sin(yaw_rad)
+    reject_unusable(ledger, speed_mps[:, None], MAX_SPEED_MPS)
+    yaw_rate_radps = within(ledger, numbers(columns, yaw_rate), MAX_TURN_RATE_RADPS, "yaw rate")
+    timeline = settle(ledger, *world_times(columns), reading.clock, [speed_mps, yaw_rate_radps])
+    rows = timeline.rows
+    nothing = np.full(len(rows), np.nan)
+    signal = SpeedSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        speed_mps=speed_mps[rows],
+        yaw_rate_radps=yaw_rate_radps[rows],
+        speed_variance_m2ps2=nothing,
+        yaw_rate_variance_rad2ps2=nothing,
+    )
+    return signal, ledger.quality
+
+
+def _variance(rmse: FloatArray) -> FloatArray:
+    """Of a root mean squared error; NaN where it is not given."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.where((rmse > 0.0) & (rmse < MAX_POSITION_M), rmse * rmse, np.nan)

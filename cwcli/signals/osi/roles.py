@@ -1,0 +1,169 @@
+"""The signals that an OSI GroundTruth fills, wherever in a message it lies."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.builders.base import Reading
+from cwcli.signals.canonical import PoseSignal, RemoteSignal, SpeedSignal, TargetTruthSignal
+from cwcli.signals.clocks import Timeline, settle
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.osi.world import NO_HOST, OSI_FRAME, World, read_world, station_names, world_times
+from cwcli.signals.quality import Quality, RowLedger
+
+NO_OTHERS = "without another road user"
+POSITION_SIGMA_M = 0.01
+SPEED_SIGMA_MPS = 0.005
+HEADING_SIGMA_RAD = 0.002
+ACCEL_SIGMA_MPS2 = 0.1
+YAW_RATE_SIGMA_RADPS = 0.005
+"""What a simulator's numbers are good for: a step of it moves on with the velocity of one of its ends, and the velocity
+may be that of the rear axle. A GroundTruth says nothing of its own errors."""
+
+
+def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[PoseSignal, Quality]:
+    """The host vehicle's pose: the centre of its box, in the axes of the world.
+
+    Args:
+        columns: The channel.
+        reading: How to read it.
+        prefix: Path of the GroundTruth in the message, with its dot.
+    """
+    ledger = RowLedger(columns, reading.role)
+    world, at, timeline = _host_rows(columns, reading, ledger, prefix)
+    n = len(at)
+    signal = PoseSignal(
+        source=columns.topic,
+        frame_id=OSI_FRAME,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[timeline.rows],
+        x_m=world.x_m[at],
+        y_m=world.y_m[at],
+        z_m=np.zeros(n),
+        yaw_rad=world.heading_rad[at],
+        speed_mps=world.speed_mps[at],
+        yaw_rate_radps=world.yaw_rate_radps[at],
+        covariance_m2=_round(n),
+        accel_mps2=world.accel_mps2[at],
+        yaw_variance_rad2=np.full(n, HEADING_SIGMA_RAD**2),
+        is_exact=True,
+        size_m=(_usual(world.length_m[at]), _usual(world.width_m[at])),
+    )
+    return signal, ledger.quality
+
+
+def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[SpeedSignal, Quality]:
+    """The host vehicle's speed along its heading, and its yaw rate."""
+    ledger = RowLedger(columns, reading.role)
+    world, at, timeline = _host_rows(columns, reading, ledger, prefix)
+    n = len(at)
+    signal = SpeedSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[timeline.rows],
+        speed_mps=world.speed_mps[at],
+        yaw_rate_radps=world.yaw_rate_radps[at],
+        speed_variance_m2ps2=np.full(n, SPEED_SIGMA_MPS**2),
+        yaw_rate_variance_rad2ps2=np.full(n, YAW_RATE_SIGMA_RADPS**2),
+        is_exact=True,
+    )
+    return signal, ledger.quality
+
+
+def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[RemoteSignal, Quality]:
+    """All but the host, as if each said of itself by radio what it does: the station is its id."""
+    ledger = RowLedger(columns, reading.role)
+    world, at, row, timeline = _other_rows(columns, reading, ledger, prefix)
+    n = len(at)
+    nothing = np.full(n, np.nan)
+    signal = RemoteSignal(
+        source=columns.topic,
+        station=station_names(world.id[at]),
+        stamp_ns=timeline.stamp_ns[row],
+        log_time_ns=columns.log_time_ns[timeline.rows][row],
+        latitude_deg=nothing,
+        longitude_deg=nothing,
+        altitude_m=nothing,
+        speed_mps=world.speed_mps[at],
+        heading_rad=world.heading_rad[at],
+        accel_mps2=world.accel_mps2[at],
+        lateral_accel_mps2=world.lateral_accel_mps2[at],
+        yaw_rate_radps=world.yaw_rate_radps[at],
+        length_m=world.length_m[at],
+        width_m=world.width_m[at],
+        position_covariance_m2=_round(n),
+        speed_sigma_mps=np.full(n, SPEED_SIGMA_MPS),
+        heading_sigma_rad=np.full(n, HEADING_SIGMA_RAD),
+        accel_sigma_mps2=np.full(n, ACCEL_SIGMA_MPS2),
+        yaw_rate_sigma_radps=np.full(n, YAW_RATE_SIGMA_RADPS),
+        frame_id=OSI_FRAME,
+        x_m=world.x_m[at],
+        y_m=world.y_m[at],
+        is_exact=True,
+    )
+    return signal, ledger.quality
+
+
+def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> tuple[TargetTruthSignal, Quality]:
+    """Where all but the host really were."""
+    ledger = RowLedger(columns, reading.role)
+    world, at, row, timeline = _other_rows(columns, reading, ledger, prefix)
+    signal = TargetTruthSignal(
+        source=columns.topic,
+        frame_id="",
+        id=station_names(world.id[at]),
+        stamp_ns=timeline.stamp_ns[row],
+        log_time_ns=columns.log_time_ns[timeline.rows][row],
+        x_m=world.x_m[at],
+        y_m=world.y_m[at],
+        vx_mps=world.vx_mps[at],
+        vy_mps=world.vy_mps[at],
+    )
+    return signal, ledger.quality
+
+
+def _host_rows(
+    columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
+) -> tuple[World, npt.NDArray[np.intp], Timeline]:
+    """The objects, the host's rows of them by stamp, and their times."""
+    world = read_world(columns, reading, ledger, prefix)
+    of_message = np.full(len(columns), -1, np.intp)
+    rows = np.flatnonzero(world.is_host)
+    of_message[world.message[rows]] = rows
+    ledger.set_aside(of_message < 0, NO_HOST)
+    pose = np.full((len(columns), 3), np.nan)
+    pose[world.message[rows]] = np.stack([world.x_m[rows], world.y_m[rows], world.heading_rad[rows]], axis=1)
+    timeline = settle(ledger, *world_times(columns, prefix), reading.clock, [pose])
+    return world, of_message[timeline.rows], timeline
+
+
+def _other_rows(
+    columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
+) -> tuple[World, npt.NDArray[np.intp], npt.NDArray[np.intp], Timeline]:
+    """The objects, the rows of all but the host by stamp, the timeline's row of each, and the messages' times."""
+    world = read_world(columns, reading, ledger, prefix)
+    others = np.flatnonzero(~world.is_host)
+    marks = [
+        np.bincount(world.message[others], weights=each[others], minlength=len(columns)).astype(np.float64)
+        for each in (np.ones(len(world.id)), world.x_m, world.y_m)
+    ]
+    ledger.set_aside(marks[0] == 0.0, NO_OTHERS)
+    timeline = settle(ledger, *world_times(columns, prefix), reading.clock, marks)
+    place = np.full(len(columns), -1, np.intp)
+    place[timeline.rows] = np.arange(len(timeline.rows))
+    row = place[world.message[others]]
+    order = np.argsort(row, kind="stable")
+    order = order[row[order] >= 0]
+    return world, others[order], row[order], timeline
+
+
+def _usual(sizes_m: FloatArray) -> float | None:
+    """The median of what is given."""
+    given = sizes_m[np.isfinite(sizes_m)]
+    return float(np.median(given)) if len(given) else None
+
+
+def _round(n: int) -> FloatArray:
+    """Covariances xx, xy, yy, (n, 3), alike in all directions."""
+    return np.tile([POSITION_SIGMA_M**2, 0.0, POSITION_SIGMA_M**2], (n, 1))

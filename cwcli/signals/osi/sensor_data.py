@@ -1,0 +1,101 @@
+"""`osi3.SensorData`: what a sensor detected, and the GroundTruth of its SensorView where the trace keeps a copy.
+
+Positions are in the axes of the sensor, whose place in the car is in the message; the car's origin is the middle of its
+rear axle. They are brought into the body frame of cwcli's states, which is about the centre of the car's box.
+Source: ASAM OSI 3.8.0, osi_sensordata.proto, osi_detectedobject.proto.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from cwcli.signals.builders.base import Reading
+from cwcli.signals.canonical import DetectionSignal
+from cwcli.signals.clocks import settle
+from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.elements import Elements, taken
+from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.osi import roles
+from cwcli.signals.osi.leaves import EMBEDDED
+from cwcli.signals.osi.world import read_world, times, world_times
+from cwcli.signals.quality import Quality, RowLedger
+
+build_pose = partial(roles.build_pose, prefix=EMBEDDED)
+build_speed = partial(roles.build_speed, prefix=EMBEDDED)
+build_target_truth = partial(roles.build_target_truth, prefix=EMBEDDED)
+
+FORWARD = np.array([0, 0, 0, 0, 0, -1, -1, -1, 1, 1, 1], np.float64)
+LEFT = np.array([0, 0, 0, 1, -1, 0, 1, -1, 0, 1, -1], np.float64)
+"""Of `DetectedMovingObject.ReferencePoint`, by its number: where on the box it is, in half lengths and half widths."""
+
+
+def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+    """The moving objects that the sensor detected, about the centre of the host's box, x forward, y left.
+
+    The time is that of the measurement; the covariance is that of `base_rmse`, where it is given.
+    """
+    ledger = RowLedger(columns, reading.role)
+    objects = Elements(columns, ledger, "moving_object.base.position.x", "moving_object.base.position.y")
+    place = np.stack([objects.numbers(f"moving_object.base.position.{axis}") for axis in "xy"], axis=1)
+    place = place - _reference_point(objects)
+    rmse = np.stack([objects.numbers(f"moving_object.base_rmse.position.{axis}") for axis in "xy"], axis=1)
+    message = np.repeat(np.arange(len(columns)), objects.counts)
+    yaw_rad = np.nan_to_num(numbers(columns, "mounting_position.orientation.yaw"))[message]
+    mounting = np.stack([numbers(columns, f"mounting_position.position.{axis}") for axis in "xy"], axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+        turn = np.stack([np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)], axis=-2)
+        values = np.einsum("nij,nj->ni", turn, place) + np.nan_to_num(mounting)[message]
+        variance = np.where(rmse > 0.0, rmse * rmse, np.nan)
+        covariance = np.einsum("nij,nj,nkj->nik", turn, variance, turn)
+    rear_x_m = _rear_axle(columns, reading)
+    if np.isfinite(rear_x_m):
+        values[:, 0] += rear_x_m
+    else:
+        ledger.note(
+            "nothing tells where the rear axle is, about which detections are: they are taken about the centre of the "
+            "car (--sensor TOPIC:x=-1.4 shifts them)"
+        )
+    stamp_ns, has_stamp = times(columns, "last_measurement_time")
+    if not has_stamp.any():
+        stamp_ns, has_stamp = world_times(columns)
+    else:
+        has_stamp = np.ones(len(columns), np.bool_)
+    marks = [objects.counts.astype(np.float64), *(objects.sums(np.nan_to_num(column)) for column in values.T)]
+    timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, marks)
+    offsets, index = taken(objects.offsets, timeline.rows)
+    signal = DetectionSignal(
+        source=columns.topic,
+        kind="position",
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[timeline.rows],
+        frame=Strings(np.full(len(timeline.rows), -1, np.int32), ()),
+        offsets=offsets,
+        values=values[index],
+        covariance=covariance[index],
+    )
+    return signal, ledger.quality
+
+
+def _reference_point(objects: Elements) -> FloatArray:
+    """Where `base.position` is from the centre of each object's box, (n, 2), in the axes of the sensor."""
+    kind = objects.numbers("moving_object.reference_point")
+    with np.errstate(invalid="ignore"):
+        index = np.where((kind >= 0) & (kind < len(FORWARD)), kind, 0).astype(np.intp)
+    length, width, yaw = (
+        np.nan_to_num(objects.numbers(f"moving_object.base.{leaf}"))
+        for leaf in ("dimension.length", "dimension.width", "orientation.yaw")
+    )
+    with np.errstate(over="ignore"):
+        ahead, left = 0.5 * length * FORWARD[index], 0.5 * width * LEFT[index]
+        return np.stack([ahead * np.cos(yaw) - left * np.sin(yaw), ahead * np.sin(yaw) + left * np.cos(yaw)], axis=1)
+
+
+def _rear_axle(columns: Columns, reading: Reading) -> float:
+    """How far ahead of the box's centre the rear axle is, from the embedded GroundTruth; NaN where it does not tell."""
+    world = read_world(columns, reading, RowLedger(columns, reading.role), EMBEDDED)
+    given = world.rear_x_m[world.is_host]
+    given = given[np.isfinite(given)]
+    return float(np.median(given)) if len(given) else float("nan")

@@ -1,0 +1,305 @@
+"""The moving objects of an OSI GroundTruth: which one is the host, and what each says of its motion.
+
+`base.position` is the centre of the bounding box, `base.velocity` and `base.acceleration` are in the axes of the world,
+not of the object. A field that a simulator leaves out is 0, which is no value: an object that moves without a velocity,
+or that drives sideways because its yaw is always 0, has none.
+Source: ASAM OSI 3.8.0, osi_object.proto, osi_common.proto.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.builders.base import Reading
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strings
+from cwcli.signals.elements import Elements, ragged
+from cwcli.signals.leaf_fields import find, whole_numbers
+from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_POSITION_M, MAX_SPEED_MPS
+from cwcli.signals.osi.leaves import WORLD
+from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.units import NS_PER_S
+
+OSI_FRAME = "osi"
+"""The frame of all positions of OSI messages: the axes of the simulated world."""
+VEHICLE = 2
+"""`MovingObject.Type.TYPE_VEHICLE`."""
+MIN_WAY_M = 1.0
+"""An object that gets this far moves."""
+MIN_COURSE_SPEED_MPS = 0.3
+"""Below, the velocity of a pedestrian says nothing of where it is heading."""
+MAX_SIDEWAYS = 0.7
+"""No vehicle drives at more than 45 degrees to its axis."""
+OTHER_HOST, NO_HOST = "of another host vehicle", "without the host vehicle"
+
+
+@dataclass(frozen=True)
+class World:
+    """The moving objects of all messages of a channel, one row per object and message, in the messages' order.
+
+    Attributes:
+        message: Shape (n,): the row of the object's message.
+        id: Shape (n,), uint64.
+        host: Id of the host vehicle, or None where there is no object at all.
+        x_m, y_m: Shape (n,): centre of the box, in the axes of the world.
+        heading_rad: Shape (n,), counter-clockwise from the world's x axis; NaN where not given.
+        speed_mps, accel_mps2, lateral_accel_mps2: Shape (n,), along the heading (negative in reverse) and to its left.
+        vx_mps, vy_mps: Shape (n,), in the axes of the world.
+        yaw_rate_radps: Shape (n,).
+        length_m, width_m: Shape (n,).
+        rear_x_m: Shape (n,): the middle of the rear axle ahead of the centre, mostly negative; NaN where not given.
+    """
+
+    message: npt.NDArray[np.intp]
+    id: npt.NDArray[np.uint64]
+    host: int | None
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    lateral_accel_mps2: FloatArray
+    vx_mps: FloatArray
+    vy_mps: FloatArray
+    yaw_rate_radps: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+    rear_x_m: FloatArray
+
+    @property
+    def is_host(self) -> BoolArray:
+        """Which rows are the host vehicle, (n,)."""
+        if self.host is None:
+            return np.zeros(len(self.id), np.bool_)
+        found: BoolArray = self.id == np.uint64(self.host)
+        return found
+
+
+def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: str = "") -> World:
+    """The moving objects of a channel; messages that name another host than the rest are set aside.
+
+    Args:
+        columns: The channel.
+        reading: `ego_station` names the host vehicle.
+        ledger: Of the channel.
+        prefix: Path of the GroundTruth in the message, with its dot.
+    """
+    base = f"{prefix}moving_object.base"
+    elements = Elements(columns, ledger, f"{base}.position.x", f"{base}.position.y")
+    ids = _ids(columns, elements, f"{prefix}moving_object.id.value")
+    message = np.repeat(np.arange(len(columns)), elements.counts)
+    values = {
+        leaf: elements.numbers(f"{prefix}moving_object.{leaf}")
+        for leaf in (
+            *("base.position.x", "base.position.y", "base.orientation.yaw", "base.velocity.x", "base.velocity.y"),
+            *("base.acceleration.x", "base.acceleration.y", "base.orientation_rate.yaw"),
+            *("base.dimension.length", "base.dimension.width", "type", "vehicle_attributes.bbcenter_to_rear.x"),
+        )
+    }
+    place = np.stack([values["base.position.x"], values["base.position.y"]], axis=1)
+    with np.errstate(invalid="ignore"):
+        is_placed = (np.abs(place) < MAX_POSITION_M).all(axis=1)
+    if not is_placed.all():
+        ledger.note(f"{np.count_nonzero(~is_placed)} objects without a usable position left out")
+    is_first = _first_of_message(message, ids)
+    if not is_first.all():
+        ledger.note(f"{np.count_nonzero(~is_first)} objects are in their message twice: the first counts")
+    keep = is_placed & is_first & ledger.keep[message]
+    values = {leaf: column[keep] for leaf, column in values.items()}
+    message, ids, place = message[keep], ids[keep], place[keep]
+    host = _host(columns, reading, ledger, prefix, message, ids, place, values["type"] == VEHICLE)
+    keep = ledger.keep[message]
+    return _moving(message, ids, host, place, values, keep)
+
+
+def world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArray]:
+    """Stamps in ns and whether they are there, both (n,): that of the world, else that of the message around it.
+
+    Simulated time begins at 0, and a 0 is left out of a message: a stamp is missing only where no message has one.
+    """
+    for path in dict.fromkeys((f"{prefix}timestamp", "timestamp")):
+        stamp_ns, is_given = times(columns, path)
+        if is_given.any():
+            return stamp_ns, np.ones(len(columns), np.bool_)
+    return np.zeros(len(columns), np.int64), np.zeros(len(columns), np.bool_)
+
+
+def times(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
+    """An `osi3.Timestamp` in ns, 0 where it is left out, and whether a message has it, both (n,)."""
+    parts = [_first_value(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
+    (seconds, has_seconds), (nanos, has_nanos) = parts
+    is_sane = (seconds >= 0) & (seconds < 2**33) & (nanos >= 0) & (nanos < NS_PER_S)
+    stamp_ns = np.where(is_sane, seconds, 0) * NS_PER_S + np.where(is_sane, nanos, 0)
+    return stamp_ns, (has_seconds | has_nanos) & is_sane
+
+
+def station_names(ids: npt.NDArray[np.uint64]) -> Strings:
+    """The ids as text, coded in the order of their first appearance."""
+    distinct, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
+    rank = np.empty(len(distinct), np.int32)
+    order = np.argsort(first)
+    rank[order] = np.arange(len(order), dtype=np.int32)
+    return Strings(rank[inverse].astype(np.int32), tuple(str(each) for each in distinct[order].tolist()))
+
+
+def _first_value(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
+    """A number of each message, or the first where the message holds several (views of several sensors)."""
+    field = find(columns, path)
+    if not isinstance(field, Ragged):
+        return whole_numbers(columns, path)
+    counts = np.diff(field.offsets)
+    values = np.zeros(len(columns), np.float64)
+    values[counts > 0] = field.values[field.offsets[:-1][counts > 0]].astype(np.float64)
+    is_whole = np.isfinite(values) & (np.abs(values) < 9e18)
+    return np.where(is_whole, values, 0.0).astype(np.int64), (counts > 0) & is_whole
+
+
+def _ids(columns: Columns, elements: Elements, path: str) -> npt.NDArray[np.uint64]:
+    """The objects' ids, exact however long; 0 where a message does not give one for each object."""
+    leaf = ragged(columns, path)
+    out = np.zeros(len(elements), np.uint64)
+    if leaf is not None and np.issubdtype(leaf.values.dtype, np.integer):
+        lengths = np.diff(leaf.offsets)
+        fits = lengths == elements.counts
+        out[np.repeat(fits, elements.counts)] = leaf.values[np.repeat(fits, lengths)].astype(np.uint64)
+    return out
+
+
+def _first_of_message(message: npt.NDArray[np.intp], ids: npt.NDArray[np.uint64]) -> BoolArray:
+    order = np.lexsort((ids, message))
+    is_again = np.zeros(len(ids), np.bool_)
+    same = (np.diff(message[order]) == 0) & (ids[order][1:] == ids[order][:-1])
+    is_again[order[1:]] = same  # lexsort keeps the order of equal rows
+    return ~is_again
+
+
+def _host(
+    columns: Columns,
+    reading: Reading,
+    ledger: RowLedger,
+    prefix: str,
+    message: npt.NDArray[np.intp],
+    ids: npt.NDArray[np.uint64],
+    place: FloatArray,
+    is_vehicle: BoolArray,
+) -> int | None:
+    """Which object is the host: the one the user names, else the messages, else the first one that drives.
+
+    With two hosts in a channel (the traces of two cars in one) the one of most messages counts.
+    """
+    if not len(ids):
+        return None
+    if reading.ego_station is not None and reading.ego_station.isdecimal() and int(reading.ego_station) < 2**64:
+        return int(reading.ego_station)
+    paths = (f"{prefix.removesuffix(WORLD)}host_vehicle_id.value", f"{prefix}host_vehicle_id.value")
+    for path in dict.fromkeys(paths):
+        said, is_said = _first_value(columns, path)
+        said = said.astype(np.uint64)
+        is_there = is_said & np.isin(said, ids) & ledger.keep
+        if not is_there.any():
+            continue
+        hosts, n = np.unique(said[is_there], return_counts=True)
+        host = int(hosts[np.argmax(n)])
+        if len(hosts) > 1:
+            named_hosts = ", ".join(f"{one} ({k} messages)" for one, k in zip(hosts.tolist(), n.tolist(), strict=True))
+            ledger.note(f"several host vehicles, {named_hosts}: {host} is the ego (--ego-station chooses another)")
+            ledger.set_aside(is_there & (said != host), OTHER_HOST)
+        return host
+    host, why = _first_driven(ids, place, is_vehicle)
+    ledger.note(f"no message names the host vehicle: {host}, {why}, is the ego (--ego-station chooses another)")
+    return host
+
+
+def _first_driven(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: BoolArray) -> tuple[int, str]:
+    """The smallest id of a vehicle that moves; of any object that does; of any vehicle; of any object."""
+    distinct, inverse = np.unique(ids, return_inverse=True)
+    low, high = np.full((len(distinct), 2), np.inf), np.full((len(distinct), 2), -np.inf)
+    np.minimum.at(low, inverse, place)
+    np.maximum.at(high, inverse, place)
+    moves = (high - low).max(axis=1) > MIN_WAY_M
+    drives = np.zeros(len(distinct), np.bool_)
+    drives[inverse[is_vehicle]] = True
+    for chosen, why in (
+        (moves & drives, "the smallest id of a vehicle that moves"),
+        (moves, "the smallest id of what moves"),
+        (drives, "the smallest id of a vehicle (none moves)"),
+    ):
+        if chosen.any():
+            return int(distinct[chosen][0]), why
+    return int(distinct[0]), "the smallest id (nothing moves)"
+
+
+def _moving(
+    message: npt.NDArray[np.intp],
+    ids: npt.NDArray[np.uint64],
+    host: int | None,
+    place: FloatArray,
+    values: dict[str, FloatArray],
+    keep: BoolArray,
+) -> World:
+    """Motion along and across each object's heading.
+
+    A vehicle's heading is its yaw, so that it may reverse; that of others is the course of their way: a pedestrian may
+    step to the side.
+    """
+    distinct, owner = np.unique(ids, return_inverse=True)
+    velocity = values["base.velocity.x"] + 1j * values["base.velocity.y"]
+    acceleration = values["base.acceleration.x"] + 1j * values["base.acceleration.y"]
+    yaw_rad, n = wrap_angle(values["base.orientation.yaw"]), len(distinct)
+
+    def never(column: npt.NDArray[np.generic]) -> BoolArray:
+        """Which objects have a 0 in every message, (objects,)."""
+        is_never: BoolArray = np.bincount(owner, weights=(column != 0).astype(np.float64), minlength=n) == 0
+        return is_never
+
+    low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
+    np.minimum.at(low, owner, place)
+    np.maximum.at(high, owner, place)
+    moves = (high - low).max(axis=1, initial=0.0) > MIN_WAY_M
+    is_still = never(velocity)
+    no_velocity = (is_still & moves)[owner]
+    with np.errstate(invalid="ignore", over="ignore"):
+        velocity = np.where(no_velocity | ~(np.abs(velocity) < MAX_SPEED_MPS), np.nan, velocity)
+        acceleration = np.where(np.abs(acceleration) < MAX_ACCEL_MPS2, acceleration, np.nan)
+    acceleration = np.where((never(acceleration) & (moves & is_still))[owner], np.nan, acceleration)
+    with np.errstate(invalid="ignore"):
+        is_fast = np.abs(velocity) > MIN_COURSE_SPEED_MPS
+        course_rad = np.angle(velocity)
+        is_sideways = is_fast & (np.abs(np.sin(course_rad - yaw_rad)) > MAX_SIDEWAYS)
+    n_sideways = np.bincount(owner, weights=is_sideways.astype(np.float64), minlength=n)
+    n_fast = np.bincount(owner, weights=is_fast.astype(np.float64), minlength=n)
+    no_yaw = never(yaw_rad) & (n_sideways > 0.5 * n_fast) & (n_fast > 0)
+    follows_course = ((values["type"] != VEHICLE) | no_yaw[owner]) & is_fast
+    yaw_rad = np.where(no_yaw[owner] & ~is_fast, np.nan, yaw_rad)
+    heading_rad = np.where(follows_course, course_rad, yaw_rad)
+    with np.errstate(invalid="ignore"):
+        forward = np.exp(-1j * heading_rad)
+        along, across = velocity * forward, acceleration * forward
+    speed = np.where(np.isfinite(heading_rad), along.real, np.abs(velocity))
+    yaw_rate = np.where(follows_course | never(values["base.orientation_rate.yaw"])[owner], np.nan, 1.0)
+    yaw_rate = yaw_rate * values["base.orientation_rate.yaw"]
+    sizes = [
+        np.where(values[f"base.dimension.{name}"] > 0.0, values[f"base.dimension.{name}"], np.nan)
+        for name in ("length", "width")
+    ]
+    rear = values["vehicle_attributes.bbcenter_to_rear.x"]
+    return World(
+        message=message[keep],
+        id=ids[keep],
+        host=host,
+        x_m=place[keep, 0],
+        y_m=place[keep, 1],
+        heading_rad=heading_rad[keep],
+        speed_mps=speed[keep],
+        accel_mps2=across.real[keep],
+        lateral_accel_mps2=across.imag[keep],
+        vx_mps=velocity.real[keep],
+        vy_mps=velocity.imag[keep],
+        yaw_rate_radps=yaw_rate[keep],
+        length_m=sizes[0][keep],
+        width_m=sizes[1][keep],
+        rear_x_m=np.where(rear != 0.0, rear, np.nan)[keep],
+    )
