@@ -18,6 +18,7 @@ from cwcli.errors import UsageError
 from cwcli.pipeline.call import Call
 from cwcli.pipeline.execute import Missed, Outcome, run_stages
 from cwcli.pipeline.selection import select
+from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -92,6 +93,7 @@ def execute(job: Job) -> Outcome:
                 missing=job.missing,
                 lenient=job.lenient,
                 strict=job.reading.strict,
+                choice=job.writing.choice,
                 step=progress.step,
             )
             _write(job, annotated, outcome, progress)
@@ -112,6 +114,7 @@ def _check_targets(job: Job) -> None:
 
     if job.metrics is not None:
         check_table_name(job.metrics)
+    job.writing.choice.check_before(STAGES[name] for name in job.stages)
     files = (job.writing.output, job.metrics)
     check_targets(files, (job.metrics_dir,), force=job.writing.force, inputs=[job.source])
 
@@ -134,6 +137,7 @@ def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
                 job.writing.output,
                 replace=job.writing.replace,
                 force=job.writing.force,
+                chosen=job.writing.choice,
                 together=together,
             )
             outcome.left_profile = report.left_profile
@@ -167,6 +171,7 @@ def document(job: Job, outcome: Outcome) -> dict[str, Any]:
         "written": outcome.written,
         "faults": outcome.faults,
         "left_out": dict(outcome.left_out),
+        **({"channels_not_made": list(outcome.unmade)} if outcome.unmade else {}),
         "stages": {result.stage: result.summary.to_json() for result in outcome.results},
     }
 
@@ -177,6 +182,8 @@ def tell(job: Job, console: Console, outcome: Outcome) -> None:
         print_result(console, result.summary)
     for stage, reason in outcome.left_out.items():
         console.note(f"{stage} was left out: {reason}")
+    for name in outcome.unmade:
+        console.note(f"--channels {name}: this run made no such channel")
     for reason, count in outcome.faults.items():
         console.note(f"{outcome.name}: {reason}: {count}")
     if outcome.left_profile:

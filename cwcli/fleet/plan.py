@@ -25,6 +25,7 @@ class Plan:
         ego_station: V2X station of the ego, or None.
         replace: Leave channels of an earlier run out of the annotated log.
         tables: Write the channels' columns too.
+        channels: Patterns of the new channels that are written into the annotated logs; empty for all.
     """
 
     stages: tuple[StageCall, ...]
@@ -38,6 +39,7 @@ class Plan:
     ego_station: str | None = None
     replace: bool = False
     tables: bool = False
+    channels: tuple[str, ...] = ()
 
     def calls(self) -> dict[str, StageCall]:
         """Name -> stage, in order."""

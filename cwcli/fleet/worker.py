@@ -22,6 +22,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.logs.read.source import open_source
 from cwcli.logs.write.annotate import annotate
 from cwcli.output import make_folder
+from cwcli.pipeline.channel_choice import ChannelChoice
 from cwcli.pipeline.execute import Outcome, run_stages
 from cwcli.pipeline.missing import SignalsFor
 from cwcli.pipeline.selection import select
@@ -112,7 +113,7 @@ def record(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
 
 def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]:
     """Run the stages and write everything but the entry; returns the files."""
-    calls = plan.calls()
+    calls, choice = plan.calls(), ChannelChoice(plan.channels)
     outcome, annotated = run_stages(
         log,
         calls,
@@ -120,8 +121,9 @@ def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]
         missing=SignalsFor(STAGES, plan.ego_station),
         lenient=True,
         strict=plan.strict,
+        choice=choice,
     )
-    annotate(annotated, (), {}, folder.annotated, replace=plan.replace, force=True, durable=False)
+    annotate(annotated, (), {}, folder.annotated, replace=plan.replace, force=True, chosen=choice, durable=False)
     outputs = [folder.annotated]
     tables = outcome.tables()
     for name, table in tables.items():

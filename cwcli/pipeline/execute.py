@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.pipeline.call import Call, Selection
+from cwcli.pipeline.channel_choice import ChannelChoice
 from cwcli.pipeline.missing import Missing
 from cwcli.signals.units import NS_PER_S
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from cwcli.metrics.table import Table
     from cwcli.pipeline.result import StageResult
 
+ALL_CHANNELS = ChannelChoice()
 Missed = Callable[[str, "Log", Selection], "Missing | None"]
 
 
@@ -29,6 +31,7 @@ class Outcome:
         left_out: Stage -> why it did not run.
         faults: What is wrong with the input file, as counts.
         written: Files, in the order in which they were written.
+        unmade: Chosen channels that no stage made.
         left_profile: The input's profile, if the annotated log could not keep it.
     """
 
@@ -37,6 +40,7 @@ class Outcome:
     left_out: dict[str, str] = field(default_factory=dict)
     faults: dict[str, int] = field(default_factory=dict)
     written: list[str] = field(default_factory=list)
+    unmade: tuple[str, ...] = ()
     left_profile: str = ""
 
     def tables(self) -> dict[str, Table]:
@@ -56,6 +60,7 @@ def run_stages(
     missing: Missed = lambda name, log, selection: None,
     lenient: bool = False,
     strict: bool = False,
+    choice: ChannelChoice = ALL_CHANNELS,
     step: Callable[[str], None] = lambda text: None,
 ) -> tuple[Outcome, Log]:
     """Run stages on a log; each sees the channels of those before it as if they had been in the file.
@@ -67,6 +72,7 @@ def run_stages(
         missing: Asked before each stage; what it returns is why that stage is left out.
         lenient: A stage that finds no signal when it runs is left out too, and only if none is left that is an error.
         strict: Rejected, repaired or lost data is an error.
+        choice: The channels that will be written, for the records.
         step: Told what is being done.
 
     Returns:
@@ -74,6 +80,7 @@ def run_stages(
 
     Raises:
         MissingSignalError: No stage could run.
+        UsageError: No stage makes a channel that was chosen.
         CwcliError: As the stages do.
     """
     outcome = Outcome(log.name)
@@ -94,9 +101,11 @@ def run_stages(
             first = first or lack.error
             continue
         outcome.results.append(result)
-        current = current.with_channels(result.channels, {f"cwcli.run.{name}": result.metadata})
+        current = current.with_channels(result.channels, {f"cwcli.run.{name}": choice.record(result)})
     if first is not None and not outcome.results:
         raise first
+    choice.check(made := [channel.topic for result in outcome.results for channel in result.channels])
+    outcome.unmade = choice.unmade(made)
     outcome.faults = log.faults.counts()
     if strict:
         refuse_faults(outcome, log.start_ns)

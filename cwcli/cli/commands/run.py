@@ -21,6 +21,8 @@ from cwcli.cli.options.shared import (
 from cwcli.cli.options.stage import StageOptions, call_of, every_stage
 from cwcli.cli.pipeline import Job, run_job
 from cwcli.errors import UsageError
+from cwcli.pipeline.channel_choice import ChannelChoice
+from cwcli.pipeline.execute import ALL_CHANNELS
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
 if TYPE_CHECKING:
@@ -135,14 +137,14 @@ class AllOptions:
         run = {"stages": list(self.calls()), "tables": self.pipeline.tables}
         return {**shared, "run": run, **{name: options.values() for name, options in self.of_stages.items()}}
 
-    def plan(self, *, replace: bool) -> Plan:
+    def plan(self, *, replace: bool, choice: ChannelChoice = ALL_CHANNELS) -> Plan:
         """What is done with each log."""
         from cwcli.fleet.plan import Plan
 
         reading = self.reading
         return Plan(
             stages=tuple(self.calls().values()),
-            pipeline=self.document(),
+            pipeline={**self.document(), **({"channels": list(choice.patterns)} if choice else {})},
             topic=tuple(reading.topics),
             start=reading.start,
             end=reading.end,
@@ -152,6 +154,7 @@ class AllOptions:
             ego_station=self.sensors.ego_station,
             replace=replace,
             tables=self.pipeline.tables,
+            channels=choice.patterns,
         )
 
 
@@ -210,7 +213,8 @@ def command(
         from cwcli.cli.fleet import run_many
 
         _refuse_with_directory(writing, metrics_dir, fleet)
-        plan = options.plan(replace=writing.replace)
+        writing.choice.check_before(STAGES[name] for name in options.wanted)
+        plan = options.plan(replace=writing.replace, choice=writing.choice)
         say_notes(talk, options.notes)
         return run_many(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
     _refuse_without_directory(logs, pipeline, fleet)

@@ -9,6 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration
+    from cwcli.pipeline.channel_choice import ChannelChoice
 
 MEGABYTE = 1_000_000
 GIGABYTE = 1_000_000_000
@@ -179,6 +180,12 @@ OutputOption = Annotated[
 ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Overwrite files that exist.")]
 
 
+def _topics(incomplete: str) -> list[str]:
+    from cwcli.channels.published import topics
+
+    return [topic for topic in topics() if topic.startswith(incomplete)]
+
+
 @dataclass(frozen=True)
 class WritingOptions:
     """Where the annotated log goes."""
@@ -189,6 +196,23 @@ class WritingOptions:
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
     ] = False
     force: ForceOption = False
+    channels: Annotated[
+        list[str],
+        typer.Option(
+            "--channels",
+            metavar="/NAME",
+            show_default="all",
+            autocompletion=_topics,
+            help="Of the new channels, these alone are written; * is any part, several with commas. Repeatable.",
+        ),
+    ] = field(default_factory=list)
+
+    @property
+    def choice(self) -> ChannelChoice:
+        """`--channels`."""
+        from cwcli.pipeline.channel_choice import ChannelChoice
+
+        return ChannelChoice.parse(self.channels)
 
 
 MetricsOption = Annotated[

@@ -7,7 +7,7 @@ in the header is left out where a channel is not of ROS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,6 +64,7 @@ def annotate(
     *,
     replace: bool = False,
     force: bool = False,
+    chosen: Container[str] | None = None,
     durable: bool = True,
     together: Together | None = None,
 ) -> AnnotateReport:
@@ -81,6 +82,8 @@ def annotate(
         replace: Leave the source's channels on the same topics, and its metadata records of the same names, out of the
             copy.
         force: Overwrite a file that exists. The source itself is never overwritten.
+        chosen: Of the new channels these topics alone are written; None for all. What the others would replace is left
+            out all the same, so that the copy holds the channels of one run.
         durable, together: As in `cwcli.output.open_output`.
 
     Raises:
@@ -96,7 +99,7 @@ def annotate(
     replaced = {each.id: each for each in index.channels.values() if each.topic in topics}
     _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
     _refuse(sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace)
-    new = assign_ids(index, channels, replaced)
+    new = assign_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
     profile = kept_profile(
         index.profile,
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],

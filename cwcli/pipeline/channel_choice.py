@@ -1,0 +1,73 @@
+"""Which of the channels that a run makes go into the annotated log; later stages of the run see them all."""
+
+from __future__ import annotations
+
+import json
+from collections import ChainMap
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+from cwcli.channels.published import topics
+from cwcli.errors import UsageError
+from cwcli.pipeline.stage import Stage
+
+if TYPE_CHECKING:
+    from cwcli.pipeline.result import StageResult
+
+WRITTEN = "channels_written"
+"""The entry of a run's record that lists the topics that were chosen."""
+
+
+@dataclass(frozen=True)
+class ChannelChoice:
+    """The channels that are written.
+
+    Attributes:
+        patterns: Topics, `*` and `?` as in file names; empty for all.
+    """
+
+    patterns: tuple[str, ...] = ()
+
+    @classmethod
+    def parse(cls, given: Iterable[str]) -> ChannelChoice:
+        """From the values of `--channels`; each may name several, with commas."""
+        return cls(tuple(name.strip() for names in given for name in names.split(",")))
+
+    def __bool__(self) -> bool:
+        return bool(self.patterns)
+
+    def __contains__(self, topic: object) -> bool:
+        return not self.patterns or (isinstance(topic, str) and any(fnmatchcase(topic, each) for each in self.patterns))
+
+    def check_before(self, stages: Iterable[Stage]) -> None:
+        """As `check`, before anything is made: where a stage of somebody else runs, that can't be told yet."""
+        if all(stage.package == Stage.package for stage in stages):
+            self.check()
+
+    def check(self, made: Collection[str] = ()) -> None:
+        """Check that each pattern means a channel.
+
+        Args:
+            made: Topics beside those that cwcli publishes.
+
+        Raises:
+            UsageError: One means none.
+        """
+        known = (*topics(), *made) if self.patterns else ()
+        for each in self.patterns:
+            if not any(fnmatchcase(topic, each) for topic in known):
+                what = f"--channels {each}: cwcli writes no such channel"
+                raise UsageError(what, found=tuple(sorted(known)), hint="name some of these; * stands for any part")
+
+    def unmade(self, made: Collection[str]) -> tuple[str, ...]:
+        """The patterns that mean none of the topics that were made."""
+        return tuple(each for each in self.patterns if not any(fnmatchcase(topic, each) for topic in made))
+
+    def record(self, result: StageResult) -> Mapping[str, str]:
+        """The record of a stage, with the topics of it that are written where not all are."""
+        if not self.patterns:
+            return result.metadata
+        written = [channel.topic for channel in result.channels if channel.topic in self]
+        return ChainMap({WRITTEN: json.dumps(written)}, result.metadata)  # type: ignore[arg-type]

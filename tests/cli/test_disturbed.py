@@ -1,0 +1,43 @@
+"""A few commands that are disturbed at random moments, and that what must not be is found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.disturb import KINDS, SAMPLES, Finding, Reference, check_outputs, disturb
+
+SEED = 3
+N = 3
+LOGS = (SAMPLES / "intersection.mcap").read_bytes(), (SAMPLES / "rear-end.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_left_is_whole(tmp_path: Path, kind: str) -> None:
+    assert disturb(kind, N, SEED, tmp_path, LOGS).total() == N
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ({"out.mcap": b"AB"}, "not what a run"),
+        ({"out.mcap": b"ABC", "out.csv": b"y"}, "not what a run"),
+        ({"out.mcap": b"ABC", ".out.csv.1234.part": b""}, "left behind"),
+        ({"out.mcap": b"ABC", "out.csv": b"x"}, ""),
+        ({"out.csv": b"y"}, ""),
+        ({}, ""),
+    ],
+)
+def test_a_part_of_a_file_a_mixture_and_a_leftover_are_found(
+    tmp_path: Path, found: dict[str, bytes], message: str
+) -> None:
+    runs = {"out/out.mcap": b"ABC", "out/out.csv": b"x"}, {"out/out.mcap": b"DEF", "out/out.csv": b"y"}
+    (tmp_path / "out").mkdir()
+    for name, content in found.items():
+        (tmp_path / "out" / name).write_bytes(content)
+    if message:
+        with pytest.raises(Finding, match=message):
+            check_outputs(tmp_path, Reference(runs, 0.0))
+    else:
+        check_outputs(tmp_path, Reference(runs, 0.0))

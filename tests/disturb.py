@@ -1,0 +1,218 @@
+"""Commands that are killed, find no room, or whose log changes, at random moments: `python -m tests.disturb --help`.
+
+What must hold of every one of them: no file of its outputs is a part of one, or a mixture of two logs; nothing else is
+left; the same command, run again, gives what an undisturbed one gives; and it ends by itself with a documented code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_OUTPUT
+
+ROOT = Path(__file__).parents[1]
+SAMPLES = ROOT / "sample_logs"
+LONGEST_S = 120
+COMMANDS = (
+    ("estimate", "log.mcap", "-o", "out/out.mcap", "--metrics", "out/out.csv", "--force", "--quiet"),
+    ("run", "log.mcap", "-o", "out/out.mcap", "--metrics-dir", "out/tables", "--force", "--quiet"),
+    ("run", "log.mcap", "-d", "out/many", "--jobs", "1", "--force", "--quiet"),
+)
+WHOLE = (".mcap", ".csv", ".parquet")
+"""Outputs that are the same bytes in every run; the manifest of `-d` tells how long it took."""
+Files = dict[str, bytes]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What an undisturbed command makes of each log, and how long it takes."""
+
+    outputs: tuple[Files, ...]
+    took_s: float
+
+
+class Finding(AssertionError):
+    """What must not be."""
+
+
+def start(folder: Path, command: tuple[str, ...], limit_bytes: int | None = None) -> subprocess.Popen[bytes]:
+    """The command, in a group of processes of its own; `limit_bytes` is the longest file that it can write."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cwcli", *command],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", "TMPDIR": str(folder / "tmp")},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    if limit_bytes is not None:  # it is still about to start
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes))
+    return process
+
+
+def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
+    """Its exit code and what it said."""
+    _, said = process.communicate(timeout=LONGEST_S)
+    return process.returncode, said.decode(errors="replace")
+
+
+def outputs(folder: Path) -> Files:
+    """The files below `out` that are the same in every run."""
+    paths = (path for path in (folder / "out").rglob("*") if path.suffix in WHOLE)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+def reference(folder: Path, command: tuple[str, ...], logs: tuple[bytes, ...]) -> Reference:
+    """Run the command undisturbed."""
+    made = []
+    took_s = 0.0
+    for content in logs:
+        empty(folder, content)
+        begin = time.perf_counter()
+        code, said = ended(start(folder, command))
+        took_s = max(took_s, time.perf_counter() - begin)
+        if code:
+            raise Finding(f"{command} ended with {code}: {said}")
+        made.append(outputs(folder))
+    return Reference(tuple(made), took_s)
+
+
+def empty(folder: Path, log: bytes) -> None:
+    """A folder with a log, and nothing written."""
+    for name in ("out", "tmp"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+        (folder / name).mkdir()
+    (folder / "log.mcap").write_bytes(log)
+
+
+def check_outputs(folder: Path, known: Reference, *, was_killed: bool = False) -> None:
+    """Check that each file is that of one of the undisturbed runs, all of the same one, and that no other is there.
+
+    A file has a hidden name for a moment: a run that is killed then can't remove it.
+    """
+    found = outputs(folder)
+    if not any(found.items() <= each.items() for each in known.outputs):
+        raise Finding(f"not what a run of one log writes: {sorted(found)}")
+    hidden = [str(path) for path in folder.rglob("*") if path.name.endswith(".part") or path.parent.name == "tmp"]
+    if hidden and not was_killed:
+        raise Finding(f"left behind: {hidden}")
+
+
+def check_again(folder: Path, command: tuple[str, ...], expected: Files) -> None:
+    """Check that the command, run again, makes what it should."""
+    code, said = ended(start(folder, command))
+    if code or outputs(folder) != expected:
+        raise Finding(f"run again, it ended with {code}: {said}")
+
+
+def kill(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator, log: bytes) -> str:
+    """SIGKILL for all its processes, as when the machine goes down, or SIGTERM for the first."""
+    how = signal.SIGKILL if rng.random() < 0.5 else signal.SIGTERM
+    process = start(folder, command)
+    time.sleep(float(rng.uniform(0, 1.1 * known.took_s)))
+    if how == signal.SIGKILL:
+        os.killpg(process.pid, how)
+    else:
+        process.terminate()
+    code, said = ended(process)
+    if code not in (0, -how, 128 + how) or "Traceback" in said:
+        raise Finding(f"{how.name}: it ended with {code}: {said}")
+    check_outputs(folder, known, was_killed=how == signal.SIGKILL)
+    check_again(folder, command, known.outputs[0])
+    return f"{how.name}, ended with {code}"
+
+
+def fill(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator, log: bytes) -> str:
+    """No file can grow beyond some size."""
+    largest = max(map(len, known.outputs[0].values()))
+    code, said = ended(start(folder, command, int(rng.integers(largest * 1.05))))
+    if code not in (0, EXIT_OUTPUT) or "Traceback" in said:
+        raise Finding(f"it ended with {code}: {said}")
+    check_outputs(folder, known)
+    if code and "-d" not in command and outputs(folder):
+        raise Finding(f"it ended with {code} and wrote {sorted(outputs(folder))}")
+    check_again(folder, command, known.outputs[0])
+    return f"ended with {code}"
+
+
+def change(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator, log: bytes) -> str:
+    """The log is replaced by another one, overwritten with it, or cut."""
+    path, other = folder / "log.mcap", folder / "other.mcap"
+    other.write_bytes(log)
+    process = start(folder, command)
+    time.sleep(float(rng.uniform(0, 1.05 * known.took_s)))
+    how = int(rng.integers(3))
+    if how == 0:
+        other.rename(path)
+    elif how == 1:
+        with path.open("r+b") as file:
+            file.write(log)
+    else:
+        os.truncate(path, int(rng.integers(path.stat().st_size)))
+    code, said = ended(process)
+    if code not in (0, EXIT_BAD_INPUT) or "Traceback" in said:
+        raise Finding(f"it ended with {code}: {said}")
+    other.unlink(missing_ok=True)
+    check_outputs(folder, known)
+    if bool(code) == bool(outputs(folder)):
+        raise Finding(f"it ended with {code} and wrote {sorted(outputs(folder))}")
+    return f"{('replaced', 'overwritten', 'cut')[how]}, ended with {code}"
+
+
+Kind = Callable[[Path, tuple[str, ...], Reference, np.random.Generator, bytes], str]
+KINDS: dict[str, Kind] = {"kill": kill, "fill": fill, "change": change}
+
+
+def disturb(kind: str, n: int, seed: int, folder: Path, logs: tuple[bytes, bytes]) -> Counter[str]:
+    """Disturb commands n times; what became of them, counted.
+
+    Raises:
+        Finding: Something came out that must not.
+    """
+    counts: Counter[str] = Counter()
+    known: dict[tuple[str, ...], Reference] = {}
+    for k in range(n):
+        rng = np.random.default_rng([seed, k])
+        command = COMMANDS[int(rng.integers(len(COMMANDS)))]
+        if command not in known:
+            known[command] = reference(folder, command, logs if kind == "change" else logs[:1])
+        empty(folder, logs[0])
+        try:
+            counts[KINDS[kind](folder, command, known[command], rng, logs[1])] += 1
+        except Finding as error:
+            raise Finding(f"{kind} {k} of seed {seed} ({' '.join(command)}): {error}") from error
+    return counts
+
+
+def main() -> int:
+    """Parse the arguments, disturb and tell."""
+    parser = argparse.ArgumentParser(prog="python -m tests.disturb", description=sys.modules[__name__].__doc__)
+    parser.add_argument("kind", choices=KINDS)
+    parser.add_argument("-n", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", type=Path, help="where the outputs go; a small file system to fill, say")
+    given = parser.parse_args()
+    logs = (SAMPLES / "intersection.mcap").read_bytes(), (SAMPLES / "rear-end.mcap").read_bytes()
+    with tempfile.TemporaryDirectory(dir=given.folder) as folder:
+        counts = disturb(given.kind, given.n, given.seed, Path(folder), logs)
+    for what, count in sorted(counts.items()):
+        print(f"{count:5} {what}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
