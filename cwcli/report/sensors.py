@@ -91,19 +91,30 @@ def doubts(drive: Drive) -> list[str]:
 
 
 def error_figure(drive: Drive, truth: EgoTruth, meetings: Meetings, n_pieces: int) -> Figure | None:
-    """Errors of position, speed and heading over time with their 95 % bands; None where the two never meet.
+    """The errors over time as a figure; None where states and truth never meet."""
+    curves = error_curves(drive, truth)
+    if not curves or drive.ego is None:
+        return None
+    figure = stacked(drive, curves, meetings, n_pieces, around_zero=True)
+    span = drive.seconds(drive.ego.by_stamp().stamp_ns[[0, -1]])
+    figure["layout"]["xaxis"]["range"] = rounded(span, 2)
+    return figure
+
+
+def error_curves(drive: Drive, truth: EgoTruth) -> list[Curve]:
+    """Errors of position, speed and heading over time with their 95 % bands; empty where the two never meet.
 
     The position's band is the extent of its 95 % ellipse in the direction of the error: the line leaves the band where
     the truth leaves the ellipse.
     """
     ego = drive.ego
     if ego is None:
-        return None
+        return []
     states = ego.by_stamp()
     state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_GAP_S)
     error = state[:, :2] - truth.xy
     if not np.isfinite(error).any():
-        return None
+        return []
     covariance = covariance_at(truth.stamp_ns, states)
     distance = np.hypot(*error.T)
     curves = [
@@ -120,10 +131,7 @@ def error_figure(drive: Drive, truth: EgoTruth, meetings: Meetings, n_pieces: in
         difference = wrap_angle(difference) if column == HEADING else difference
         sigma = np.sqrt(np.maximum(covariance[:, column, column], 0.0))
         curves.append(Curve(title, unit, decimals, truth.stamp_ns, difference * scale, INTERVAL_95 * sigma * scale))
-    figure = stacked(drive, curves, meetings, n_pieces, around_zero=True)
-    span = drive.seconds(states.stamp_ns[[0, -1]])
-    figure["layout"]["xaxis"]["range"] = rounded(span, 2)
-    return figure
+    return curves
 
 
 def along_error(error: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -51,9 +51,15 @@ class Curve:
 
 def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
     """Speed, heading, yaw rate and acceleration of the car; None without its states."""
+    curves = motion_curves(drive)
+    return stacked(drive, curves, meetings, n_pieces) if curves else None
+
+
+def motion_curves(drive: Drive) -> list[Curve]:
+    """What `motion_figure` shows; empty without the car's states."""
     ego = drive.ego
     if ego is None:
-        return None
+        return []
     sigma = np.sqrt(np.maximum(np.einsum("nii->ni", ego.covariance), 0.0))
     turn = np.degrees(1.0)
     curves = []
@@ -70,21 +76,27 @@ def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | N
         values, spread = ego.state[:, state] * scale, sigma[:, state] * scale
         gated = None if raw is None else _is_gated(raw, drive.gated)
         curves.append(Curve(title, unit, decimals, ego.stamp_ns, values, spread, scaled, gated))
-    return stacked(drive, curves, meetings, n_pieces)
+    return curves
 
 
 def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
     """The car's place in the lane at the preview point; None without lanes."""
+    curves = lane_curves(drive)
+    return stacked(drive, curves, meetings, n_pieces) if curves else None
+
+
+def lane_curves(drive: Drive) -> list[Curve]:
+    """What `lane_figure` shows; empty without lanes."""
     lanes = drive.lanes
     if lanes is None or not len(lanes):
-        return None
+        return []
     curves = []
     for k, (title, unit, scale) in enumerate(
         (("offset", "m", 1.0), ("heading", "deg", np.degrees(1.0)), ("curvature", "1/km", 1000.0))
     ):
         values, sigma = lanes.preview[:, k] * scale, lanes.preview_sigma[:, k] * scale
         curves.append(Curve(title, unit, 3, lanes.stamp_ns, values, sigma))
-    return stacked(drive, curves, meetings, n_pieces)
+    return curves
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,7 @@ ARGUMENTS = {
     "reproduce": ["song2016"],
     "layout": ["LOG"],
     "export": ["LOG"],
+    "plot": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
 READING = {"config", "file", "dbc", "vehicle", "observe__vehicle", "calibration", "labelled"}

@@ -19,6 +19,7 @@ COMMANDS = {
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Make a paper's tables and figures again, beside ours.",
     "export": "Write states, paths, warnings or measures as a file of another tool.",
+    "plot": "Draw one plot of an annotated log as an image.",
     "layout": "Make a viewer layout that shows every channel of cwcli.",
     "demo": "Estimate, predict and warn on two bundled logs.",
 }

@@ -1,0 +1,247 @@
+"""Single plots of an annotated log as image files: the report's curves, and the trajectory errors of the field."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.evaluation.subject import EgoTruth
+from cwcli.report.drive import Drive
+from cwcli.report.map_figure import with_breaks
+from cwcli.report.sensors import MAX_GAP_S, error_curves
+from cwcli.report.signal_figures import Curve, lane_curves, motion_curves
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import HEADING
+
+FORMATS = ("png", "svg")
+RELATIVE_S = 1.0
+"""Span of a relative error."""
+WIDTH_IN, ROW_IN, MAP_IN, DPI = 9.0, 2.1, 6.5, 110
+INK, BAND, RAW, GATED, TRUTH, WARNED = "#0072b2", "#0072b2", "0.65", "#d55e00", "black", "#d55e00"
+OTHERS = ("#cc79a7", "#009e73", "#56b4e9", "#e69f00", "#5b3f8c")
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes over time.
+
+    Attributes:
+        curve: What is drawn, in its unit.
+        is_error: Its band lies around zero.
+        said: What stands in the title beside the curve's name, such as its mean.
+    """
+
+    curve: Curve
+    is_error: bool = False
+    said: str = ""
+
+
+def motion(drive: Drive) -> list[Panel]:
+    """Speed, heading, yaw rate and acceleration."""
+    return [Panel(curve) for curve in motion_curves(drive)]
+
+
+def error(drive: Drive) -> list[Panel]:
+    """Errors of position, speed and heading against the truth."""
+    panels = [Panel(curve, is_error=True) for curve in error_curves(drive, _truth(drive))]
+    return panels or _never_meet()
+
+
+def lane(drive: Drive) -> list[Panel]:
+    """The place in the lane."""
+    panels = [Panel(curve) for curve in lane_curves(drive)]
+    if not panels:
+        raise MissingSignalError("the log holds no lanes", where=drive.name, hint="run `cwcli lanes` first")
+    return panels
+
+
+def absolute(drive: Drive) -> list[Panel]:
+    """Absolute position error (APE, translation part), nothing aligned: both are in the same map."""
+    truth = _truth(drive)
+    return [_statistics("APE, translation", truth.stamp_ns, np.hypot(*(_states(drive, truth)[:, :2] - truth.xy).T))]
+
+
+def relative(drive: Drive) -> list[Panel]:
+    """Relative position error (RPE, translation part) over a second: how wrong the way was, seen from its beginning.
+
+    The ways are those in the frames of the two poses at the beginning; in the map where the truth has no heading.
+    """
+    truth = _truth(drive)
+    return [_statistics(f"RPE over {RELATIVE_S:.0f} s, translation", *relative_error(_states(drive, truth), truth))]
+
+
+def relative_error(state: FloatArray, truth: EgoTruth) -> tuple[Int64Array, FloatArray]:
+    """Errors of the ways over `RELATIVE_S` from each of the truth's stamps that has another that much later.
+
+    Args:
+        state: The estimated states at the truth's stamps, (n, 8), NaN where not known.
+        truth: The truth.
+
+    Returns:
+        Stamps of the ends (k,), and errors (k,), m.
+    """
+    end = np.searchsorted(truth.stamp_ns, truth.stamp_ns + round(RELATIVE_S * NS_PER_S))
+    start = np.flatnonzero(end < len(end))
+    end = end[start]
+    is_near = (truth.stamp_ns[end] - truth.stamp_ns[start]) < (RELATIVE_S + MAX_GAP_S) * NS_PER_S
+    start, end = start[is_near], end[is_near]
+    way, true_way = state[end, :2] - state[start, :2], truth.xy[end] - truth.xy[start]
+    if truth.heading_rad is not None:
+        way, true_way = _turned(way, -state[start, HEADING]), _turned(true_way, -truth.heading_rad[start])
+    return truth.stamp_ns[end], np.hypot(*(way - true_way).T)
+
+
+def _turned(xy: FloatArray, angle: FloatArray) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * xy[:, 0] - s * xy[:, 1], s * xy[:, 0] + c * xy[:, 1]])
+
+
+def _statistics(title: str, stamp_ns: Int64Array, values: FloatArray) -> Panel:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        _never_meet()
+    rmse, mean, median, most = np.sqrt((known**2).mean()), known.mean(), np.median(known), known.max()
+    said = f"rmse {rmse:.3g}, mean {mean:.3g}, median {median:.3g}, max {most:.3g} m, n {len(known)}"
+    return Panel(Curve(title, "m", 3, stamp_ns, values, np.full(len(values), np.nan)), is_error=True, said=said)
+
+
+def _truth(drive: Drive) -> EgoTruth:
+    if drive.truth is None:
+        raise MissingSignalError(
+            "the log holds no truth of the ego that was used",
+            where=drive.name,
+            hint="a topic with the role truth, or `cwcli estimate --topic truth=/name`",
+        )
+    return drive.truth
+
+
+def _states(drive: Drive, truth: EgoTruth) -> FloatArray:
+    assert drive.ego is not None  # who has a truth has states
+    states = drive.ego.by_stamp()
+    return resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_GAP_S)
+
+
+def _never_meet() -> list[Panel]:
+    raise MissingSignalError("the states and the truth have no time in common")
+
+
+PANELS: Mapping[str, Callable[[Drive], list[Panel]]] = {
+    "motion": motion,
+    "error": error,
+    "ape": absolute,
+    "rpe": relative,
+    "lane": lane,
+}
+SIGNALS: Mapping[str, str] = {
+    "speed": "speed",
+    "heading": "heading",
+    "yaw-rate": "yaw rate",
+    "acceleration": "acceleration",
+}
+"""One panel of `motion` each: its title there."""
+MAP = "map"
+WHAT = (*PANELS, *SIGNALS, MAP)
+
+
+def draw(drive: Drive, what: str, file_format: str) -> bytes:
+    """One plot as a file; the same log gives the same bytes.
+
+    Args:
+        drive: The log.
+        what: One of `WHAT`.
+        file_format: One of `FORMATS`.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+        MissingSignalError: The log does not hold what is to be drawn.
+    """
+    from importlib.util import find_spec
+
+    if find_spec("matplotlib") is None:
+        raise UsageError("plots need matplotlib", hint="pip install 'cwcli[plots]'")
+    if drive.ego is None and what != "lane":
+        raise MissingSignalError("the log holds no ego state", where=drive.name, hint="run `cwcli estimate` first")
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({"svg.hashsalt": "cwcli"}):
+        if what == MAP:
+            figure = Figure(figsize=(WIDTH_IN, MAP_IN), layout="constrained")
+            _draw_map(figure, drive)
+        else:
+            title = SIGNALS.get(what)
+            panels = PANELS["motion" if title else what](drive)
+            panels = [panel for panel in panels if title is None or panel.curve.title == title]
+            figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(panels) + 1.2), layout="constrained")
+            _draw_panels(figure, drive, panels)
+        sink = io.BytesIO()
+        metadata = {"Date": None} if file_format == "svg" else {"Software": "cwcli"}
+        figure.savefig(sink, format=file_format, dpi=DPI, metadata=metadata)
+    return sink.getvalue()
+
+
+def _draw_panels(figure: Any, drive: Drive, panels: Sequence[Panel]) -> None:
+    all_axes = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
+    handles: dict[str, Any] = {}
+    for axes, panel in zip(all_axes, panels, strict=True):
+        curve = panel.curve
+        stamp_ns, both = with_breaks(curve.stamp_ns, np.column_stack([curve.values, curve.sigma]))
+        seconds, (values, sigma) = drive.seconds(stamp_ns), both.T
+        if curve.raw is not None:
+            at = drive.seconds(curve.raw[0])
+            handles["measured"] = axes.plot(at, curve.raw[1], ".", color=RAW, markersize=2, zorder=1)[0]
+            if curve.gated is not None and curve.gated.any():
+                crosses = axes.plot(at[curve.gated], curve.raw[1][curve.gated], "x", color=GATED, markersize=4)
+                handles["gated"] = crosses[0]
+        if np.isfinite(sigma).any():
+            middle = np.zeros_like(values) if panel.is_error else values
+            said = "95 % band" if panel.is_error else "1-sigma band"
+            handles[said] = axes.fill_between(
+                seconds, middle - sigma, middle + sigma, color=BAND, alpha=0.25, linewidth=0, zorder=2
+            )
+        name = "error" if panel.is_error else "estimated"
+        handles[name] = axes.plot(seconds, values, color=INK, linewidth=1.1, zorder=3)[0]
+        for at_s in _warned_s(drive):
+            handles["warning"] = axes.axvline(at_s, color=WARNED, linestyle="--", linewidth=0.9, zorder=0)
+        axes.set_ylabel(f"{curve.title.partition(',')[0]} [{curve.unit}]")
+        if panel.said:
+            axes.set_title(f"{curve.title}: {panel.said}", fontsize="medium")
+            axes.set_ylim(bottom=0.0)
+        axes.grid(alpha=0.3)
+    all_axes[-1].set_xlabel("time since the log began [s]")
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(handles), fontsize="small")
+
+
+def _warned_s(drive: Drive) -> FloatArray:
+    from cwcli.channels.warning import warning_events
+
+    if drive.warnings is None:
+        return np.zeros(0)
+    return drive.seconds(np.array([event.raised_ns for event in warning_events(drive.warnings)], np.int64))
+
+
+def _draw_map(figure: Any, drive: Drive) -> None:
+    axes = figure.add_subplot()
+    assert drive.ego is not None
+    states = drive.ego.by_stamp()
+    _, xy = with_breaks(states.stamp_ns, states.state[:, :2])
+    for k, other in enumerate(drive.others):
+        _, theirs = with_breaks(other.track.stamp_ns, other.track.state[:, :2])
+        label = f"{other.kind} {other.id}" if k < len(OTHERS) else None
+        axes.plot(*theirs.T, color=OTHERS[k % len(OTHERS)], linestyle="--", linewidth=1.0, label=label)
+    if drive.truth is not None:
+        axes.plot(*drive.truth.xy.T, color=TRUTH, linestyle=":", linewidth=1.2, label="the truth")
+    axes.plot(*xy.T, color=INK, linewidth=1.5, label="the car, estimated")
+    axes.plot(*xy[0], "o", color=INK, markerfacecolor="none", label="start")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=3, fontsize="small")
