@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,11 +30,14 @@ from cwcli.export.formats.base import Track
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.pipeline.records import map_of, run_records
-from cwcli.signals.columns import Columns, Field, Strings, column_at
+from cwcli.signals.columns import Columns, Field, FloatArray, Strings, column_at
 from cwcli.signals.row_order import tracks_of
+from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
 from cwcli.text import join_names
 
 MOST_NAMED = 10
+WORLD = ("ego", "remote", "targets")
+"""What a format that holds the ego and all others is made of, as far as the log has it."""
 
 
 class Content(NamedTuple):
@@ -62,6 +67,12 @@ CONTENTS = {
     "rejected": Content(REJECTED),
 }
 """What can be exported -> where it is."""
+
+
+def contents_of_world(log: Log) -> list[str]:
+    """The ego and whatever the log holds of others."""
+    there = {channel.topic for channel in log.channels if channel.message_count}
+    return [what for what in WORLD if CONTENTS[what].channel.topic in there] or [WORLD[0]]
 
 
 def require_content(log: Log, what: str) -> None:
@@ -129,12 +140,21 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
         if (vehicle is None or name == vehicle) and len(rows):
             x_m, y_m, speed_mps, heading_rad = states.state[rows, :4].T
             place = latitude_deg[rows], longitude_deg[rows]
-            found.append(Track(name, states.stamp_ns[rows], x_m, y_m, heading_rad, speed_mps, *place))
+            motion = {"accel_mps2": states.state[rows, ACCEL], "yaw_rate_radps": states.state[rows, YAW_RATE]}
+            size_m = _usual(states.length_m[rows]), _usual(states.width_m[rows])
+            track = Track(name, states.stamp_ns[rows], x_m, y_m, heading_rad, speed_mps, *place, what, size_m=size_m)
+            found.append(replace(track, **motion))
     if vehicle is not None and not found:
         raise _no_such_vehicle(vehicle, [name for name, _ in known], what)
     if not found:
         raise MissingSignalError(f"{topic} holds no state", where=log.name)
     return found
+
+
+def _usual(sizes_m: FloatArray) -> float:
+    """The median of what is known."""
+    known = sizes_m[np.isfinite(sizes_m)]
+    return float(np.median(known)) if len(known) else math.nan
 
 
 def require_globe(tracks: list[Track], log: Log, name: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +23,7 @@ EXAMPLES = (
     "cwcli export annotated.mcap --what ego --format tum -o ego.tum",
     "cwcli export annotated.mcap --what remote --format gpx -o others.gpx",
     "cwcli export annotated.mcap --what warnings --format csv | head",
+    "cwcli export annotated.mcap --format osi -o trace.mcap",
 )
 WHAT = (
     "ego, ego-online, remote, remote-online, targets, lanes, observer, paths, remote-paths, warnings, measures, "
@@ -35,7 +37,15 @@ MOST_NAMED = 10
 def command(
     log: LogArgument,
     talk: TalkOptions,
-    what: Annotated[str, typer.Option("--what", metavar="WHAT", help=f"What is exported: {WHAT}.")] = "ego",
+    what: Annotated[
+        str | None,
+        typer.Option(
+            "--what",
+            metavar="WHAT",
+            show_default="ego; osi: ego, remote and targets",
+            help=f"What is exported: {WHAT}. Several tracks with commas.",
+        ),
+    ] = None,
     form: Annotated[
         str | None,
         typer.Option(
@@ -60,36 +70,57 @@ def command(
     Tables have a column for each field of the channel, with its unit in the name. Tracks are positions over time: of
     each vehicle where the format allows it, else of the one that --id names.
     """
-    from cwcli.export.content import CONTENTS, require_content
+    from cwcli.export.content import contents_of_world, require_content
+    from cwcli.export.formats import track_format
     from cwcli.logs.read.reader import Log
     from cwcli.output import check_targets, write_file
 
     output = "-" if output is None else str(stdout_or_file(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the file with -o FILE")
-    if what not in CONTENTS:
-        raise UsageError(
-            f"--what {what!r}: there is no such thing to export", hint=f"it is one of {', '.join(CONTENTS)}"
-        )
+    names = [] if what is None else what.split(",")
     form = form or _format_of(output)
-    if form not in FORMATS:
-        raise UsageError(f"--format {form!r}: there is no such format", hint=f"it is one of {', '.join(FORMATS)}")
-    if form in TRACK_FORMATS and not CONTENTS[what].is_tracks:
-        raise UsageError(f"--format {form} holds tracks, and `{what}` are none", hint="export it as csv or parquet")
-    is_text = form != "parquet"
+    _check(names, form)
+    is_text = track_format(form).is_text if form in TRACK_FORMATS else form != "parquet"
     check_targets([] if output == "-" and is_text else [output], force=force, inputs=[log])
     with Log.open(log) as opened:
-        require_content(opened, what)
-        content, n = _encode(opened, what, form, vehicle)
+        if not names:
+            of_all = form in TRACK_FORMATS and track_format(form).is_of_all
+            names = contents_of_world(opened) if of_all else ["ego"]
+        for name in names:
+            require_content(opened, name)
+        content, n = _encode(opened, names, form, vehicle)
         if output == "-" and is_text:
             Console(quiet=talk.quiet).data(bytes(content).decode().removesuffix("\n"))
         else:
             write_file(output, content, force=force)
     if talk.json:
-        said = {"command": "export", "what": what, "format": form, "output": output, "rows": n}
+        said = {"command": "export", "what": ",".join(names), "format": form, "output": output, "rows": n}
         Console(quiet=talk.quiet).data(json.dumps(said))
     elif output != "-":
         print_written(Console(quiet=talk.quiet), [output])
+
+
+def _check(names: Sequence[str], form: str) -> None:
+    """Check that the format can hold what is asked for.
+
+    Raises:
+        UsageError: It can't, or there is no such thing.
+    """
+    from cwcli.export.content import CONTENTS
+
+    for name in names:
+        if name not in CONTENTS:
+            raise UsageError(
+                f"--what {name!r}: there is no such thing to export", hint=f"it is one of {', '.join(CONTENTS)}"
+            )
+    if form not in FORMATS:
+        raise UsageError(f"--format {form!r}: there is no such format", hint=f"it is one of {', '.join(FORMATS)}")
+    for name in names if form in TRACK_FORMATS else ():
+        if not CONTENTS[name].is_tracks:
+            raise UsageError(f"--format {form} holds tracks, and `{name}` are none", hint="export it as csv or parquet")
+    if form in TABLES and len(names) > 1:
+        raise UsageError(f"--what {','.join(names)}: a table holds one of them", hint="export them one by one")
 
 
 def _format_of(output: str) -> str:
@@ -101,22 +132,22 @@ def _format_of(output: str) -> str:
     return known.get(suffix, TABLES[0])
 
 
-def _encode(opened: Log, what: str, form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
+def _encode(opened: Log, names: list[str], form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
     """The content of the file, and its number of rows."""
     from cwcli.export.content import require_globe, table_to_export, tracks_to_export
     from cwcli.export.formats import track_format
     from cwcli.metrics.table import table_bytes
 
     if form in TABLES:
-        table = table_to_export(opened, what, vehicle)
+        table = table_to_export(opened, names[0], vehicle)
         return table_bytes(table, f".{form}"), len(table)
-    tracks = tracks_to_export(opened, what, vehicle)
+    tracks = [track for name in names for track in tracks_to_export(opened, name, vehicle)]
     wanted = track_format(form)
     if wanted.on_globe:
         require_globe(tracks, opened, form)
     if wanted.is_of_one and len(tracks) > 1:
-        names = ", ".join(track.id for track in tracks[:10])
+        known = ", ".join(track.id for track in tracks[:10])
         raise UsageError(
-            f"--format {form} holds one track, and `{what}` has {len(tracks)}", hint=f"--id one of {names}"
+            f"--format {form} holds one track, and `{','.join(names)}` has {len(tracks)}", hint=f"--id one of {known}"
         )
     return wanted.encode(tracks), sum(len(track.stamp_ns) for track in tracks)

@@ -12,6 +12,7 @@ TRACK_FORMATS = {
     "gpx": "cwcli.export.formats.gpx",
     "kml": "cwcli.export.formats.kml",
     "geojson": "cwcli.export.formats.geojson",
+    "osi": "cwcli.export.formats.osi",
 }
 """Name -> the module with its `FORMAT`."""
 

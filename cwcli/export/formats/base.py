@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,9 @@ class Track:
         x_m, y_m, heading_rad: Shape (n,): in the map frame; the heading counter-clockwise from east.
         speed_mps: Shape (n,).
         latitude_deg, longitude_deg: Shape (n,), WGS84; NaN where the map has no place on the earth.
+        what: What was exported: `ego`, `remote`, ...
+        accel_mps2, yaw_rate_radps: Shape (n,), or None.
+        size_m: Length and width, NaN where unknown.
     """
 
     id: str
@@ -28,6 +32,10 @@ class Track:
     speed_mps: FloatArray
     latitude_deg: FloatArray
     longitude_deg: FloatArray
+    what: str = ""
+    accel_mps2: FloatArray | None = None
+    yaw_rate_radps: FloatArray | None = None
+    size_m: tuple[float, float] = (math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,8 @@ class TrackFormat:
         encode: Tracks -> the content of a file.
         is_of_one: A file holds one track.
         on_globe: It holds latitudes and longitudes.
+        is_text: It can be printed.
+        is_of_all: It holds the ego and all others together, unless something else is asked for.
     """
 
     suffix: str
@@ -47,3 +57,5 @@ class TrackFormat:
     encode: Callable[[Sequence[Track]], bytes]
     is_of_one: bool = False
     on_globe: bool = False
+    is_text: bool = True
+    is_of_all: bool = False

@@ -1,7 +1,8 @@
-"""Message schemas that cwcli writes: its own `cwcli.v1.*`, and the standard `foxglove.*` ones.
+"""Message schemas that cwcli writes: its own `cwcli.v1.*`, the standard `foxglove.*` ones, and `osi3.GroundTruth`.
 
 The standard schemas come from Foxglove's own package `foxglove-schemas-protobuf`, so that they are exactly what viewers
-know.
+know. That of OSI is ASAM's (release 3.8.0, MPL-2.0), compiled and unchanged: its source is at
+github.com/OpenSimulationInterface/open-simulation-interface.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from google.protobuf.descriptor_pool import DescriptorPool
 
 DESCRIPTOR_SET_NAME = "cwcli_v1.binpb"
+OSI_SET_NAME = "osi3_ground_truth.binpb"
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,8 @@ def message_schema(name: str) -> MessageSchema:
         KeyError: There is no such message.
     """
     standard = name.startswith("foxglove.")
-    descriptor = _foxglove_descriptor(name) if standard else _own_pool().FindMessageTypeByName(name)
+    kept = OSI_SET_NAME if name.startswith("osi3.") else DESCRIPTOR_SET_NAME
+    descriptor = _foxglove_descriptor(name) if standard else _pool(kept).FindMessageTypeByName(name)
     return MessageSchema(name, _descriptor_set(descriptor.file), descriptor)
 
 
@@ -56,12 +59,12 @@ def schema_folder() -> Traversable:
 
 
 @cache
-def _own_pool() -> DescriptorPool:
+def _pool(set_name: str) -> DescriptorPool:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
     from google.protobuf.descriptor_pool import DescriptorPool
 
     pool = DescriptorPool()
-    for file in FileDescriptorSet.FromString((schema_folder() / DESCRIPTOR_SET_NAME).read_bytes()).file:
+    for file in FileDescriptorSet.FromString((schema_folder() / set_name).read_bytes()).file:
         pool.Add(file)
     return pool
 

@@ -1,0 +1,167 @@
+"""ASAM OSI: a multi-channel trace file with one `osi3.GroundTruth` for each state of the ego.
+
+The rules: OSI 3.8.0, doc/architecture/trace_file_formats.adoc. A position is the centre of the box, velocity and
+acceleration are in the axes of the map.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.export.formats.base import Track, TrackFormat
+from cwcli.export.text import iso_time
+from cwcli.logs.write.protobuf_encoder import encode_columns
+from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.writer import LogWriter
+from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, Strings
+from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
+
+OSI_VERSION = (3, 8, 0)
+TOPIC, SCHEMA = "ground_truth", "osi3.GroundTruth"
+EGO = ("ego", "ego-online")
+DEFAULT_SIZE_M = (4.5, 1.8)
+"""Length and width where nothing tells: what the measures assume, too."""
+HEIGHT_M = 1.5
+MAX_GAP_S = 1.0
+TYPE_OTHER, TYPE_VEHICLE, VEHICLE_OTHER = 1, 2, 1
+GPS_EPOCH_NS = 315_964_800 * NS_PER_S
+"""Stamps before it count from the start of a simulation, not from 1970."""
+
+
+def encode(tracks: Sequence[Track]) -> bytes:
+    """All tracks at the times of the ego's states; without an ego, at those of all states.
+
+    Others are interpolated between two states of theirs that are at most a second apart. Ids that are no whole numbers
+    get free ones, with the name beside it as an external reference.
+    """
+    host = next((track for track in tracks if track.what in EGO), None)
+    at_ns = np.unique(host.stamp_ns if host is not None else np.concatenate([track.stamp_ns for track in tracks]))
+    n = len(at_ns)
+    ids = _ids(tracks)
+    fields: dict[str, OutputField] = {
+        **{f"version.version_{name}": np.full(n, part) for name, part in zip(_PARTS, OSI_VERSION, strict=True)},
+        "timestamp.seconds": at_ns // NS_PER_S,
+        "timestamp.nanos": at_ns % NS_PER_S,
+        "moving_object": _objects(tracks, ids, at_ns),
+    }
+    if host is not None:
+        fields["host_vehicle_id.value"] = np.full(n, ids[tracks.index(host)], np.uint64)
+    schema = message_schema(SCHEMA)
+    with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
+        path = Path(folder) / "trace.mcap"
+        with LogWriter(path) as log:
+            made = _versions()
+            key = "net.asam.osi.trace.channel"
+            channel = log.add_channel(
+                TOPIC,
+                "protobuf",
+                log.add_schema(SCHEMA, "protobuf", schema.data),
+                {
+                    f"{key}.osi_version": made["min_osi_version"],
+                    f"{key}.protobuf_version": made["min_protobuf_version"],
+                    f"{key}.description": "states by cwcli: " + ", ".join(dict.fromkeys(t.what for t in tracks)),
+                },
+            )
+            log.write_messages(channel, at_ns, encode_columns(schema.descriptor, fields, n))
+            zero = {"zero_time": iso_time(0)} if n and at_ns[0] >= GPS_EPOCH_NS else {}
+            log.add_metadata("net.asam.osi.trace", {**made, **zero, "description": "states estimated by cwcli"})
+        return path.read_bytes()
+
+
+_PARTS = ("major", "minor", "patch")
+
+
+def _versions() -> Mapping[str, str]:
+    osi = ".".join(map(str, OSI_VERSION))
+    found = re.match(r"\d+\.\d+\.\d+", version("protobuf"))
+    protobuf = found.group() if found else "0.0.0"
+    return {
+        "version": osi,
+        "min_osi_version": osi,
+        "max_osi_version": osi,
+        "min_protobuf_version": protobuf,
+        "max_protobuf_version": protobuf,
+    }
+
+
+def _ids(tracks: Sequence[Track]) -> list[int]:
+    """A number for each track: its own where it is one, and nobody's before it."""
+    own = [int(t.id) if t.id.isdecimal() and t.id == str(int(t.id)) and int(t.id) < 2**64 - 1 else None for t in tracks]
+    taken: set[int] = set()
+    ids: list[int | None] = []
+    for number in own:
+        ids.append(None if number in taken else number)
+        if number is not None:
+            taken.add(number)
+    free = (number for number in range(len(tracks) + len(taken) + 1) if number not in taken)
+    return [next(free) if number is None else number for number in ids]
+
+
+def _objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> Repeated:
+    """The moving objects of each message, by message and then in the order of the tracks."""
+    parts = [_states(track, at_ns) for track in tracks]
+    there = [np.isfinite(part[:, :4]).all(axis=1) for part in parts]
+    row = np.concatenate([np.flatnonzero(is_there) for is_there in there])
+    owner = np.repeat(np.arange(len(tracks)), [np.count_nonzero(is_there) for is_there in there])
+    state = np.concatenate([part[is_there] for part, is_there in zip(parts, there, strict=True)])
+    order = np.lexsort((owner, row))
+    row, owner, state = row[order], owner[order], state[order]
+    x_m, y_m, speed, yaw_rad, accel, yaw_rate = state.T
+    cosine, sine, aside = np.cos(yaw_rad), np.sin(yaw_rad), speed * yaw_rate
+    sizes = np.array([_size(track) for track in tracks])[owner]
+    nothing = np.zeros(len(owner))
+    is_target = np.array([track.what == "targets" for track in tracks])[owner]
+    triples = {
+        "position": (x_m, y_m, np.full(len(owner), 0.5 * HEIGHT_M)),
+        "velocity": (speed * cosine, speed * sine, nothing),
+        "acceleration": (accel * cosine - aside * sine, accel * sine + aside * cosine, nothing),
+    }
+    angles = {"orientation": yaw_rad, "orientation_rate": yaw_rate}
+    fields: dict[str, OutputField] = {
+        "id.value": np.array(ids, np.uint64)[owner],
+        **{f"base.{name}.{axis}": v for name, vs in triples.items() for axis, v in zip("xyz", vs, strict=True)},
+        **{f"base.{name}.{axis}": nothing for name in angles for axis in ("roll", "pitch")},
+        **{f"base.{name}.yaw": angle for name, angle in angles.items()},
+        "base.dimension.length": sizes[:, 0],
+        "base.dimension.width": sizes[:, 1],
+        "base.dimension.height": np.full(len(owner), HEIGHT_M),
+        "type": np.where(is_target, TYPE_OTHER, TYPE_VEHICLE),
+        "vehicle_classification.type": np.full(len(owner), VEHICLE_OTHER),
+        "source_reference": Repeated(
+            np.arange(len(owner) + 1, dtype=np.int64),
+            {
+                "reference": Strings(owner.astype(np.int32), tuple(track.id for track in tracks)),
+                "type": Strings(np.zeros(len(owner), np.int32), ("net.cwcli",)),
+            },
+        ),
+    }
+    offsets = np.searchsorted(row, np.arange(len(at_ns) + 1)).astype(np.int64)
+    return Repeated(offsets, fields)
+
+
+def _size(track: Track) -> tuple[float, ...]:
+    return tuple(
+        size if math.isfinite(size) and size > 0.0 else default
+        for size, default in zip(track.size_m, DEFAULT_SIZE_M, strict=True)
+    )
+
+
+def _states(track: Track, at_ns: Int64Array) -> FloatArray:
+    """x, y, speed, heading, acceleration and yaw rate at the given times, (n, 6); NaN where the track has none."""
+    nothing = np.zeros(len(track.stamp_ns))
+    motion = [nothing if each is None else np.nan_to_num(each) for each in (track.accel_mps2, track.yaw_rate_radps)]
+    lines = np.stack([track.x_m, track.y_m, track.speed_mps, *motion], axis=1)
+    found = resample(track.stamp_ns, lines, at_ns, max_gap_s=MAX_GAP_S)
+    heading = resample(track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_GAP_S, is_angle=True)
+    return np.column_stack([found[:, :3], heading, found[:, 3:]])
+
+
+FORMAT = TrackFormat(".mcap", "ASAM OSI trace, for simulators and their tools", encode, is_text=False, is_of_all=True)
