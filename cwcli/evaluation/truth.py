@@ -55,7 +55,8 @@ def truth_section(errors: TruthErrors) -> Section:
         for row in errors.rows
     ]
     columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
-    return Section("errors", f"1-sigma errors against {errors.topic} (position: of one axis, as in song2016)", columns, tuple(rows))
+    title = f"1-sigma errors against {errors.topic} (position: of one axis, as in song2016)"
+    return Section("errors", title, columns, tuple(rows))
 
 
 def nees_section(errors: TruthErrors) -> Section:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import re
+import unicodedata
 from collections.abc import Sequence
 
 MAX_LENGTH = 80
+MAX_BYTES = 160
+"""In UTF-8; file systems take 255, and more comes behind."""
 DIGEST_LENGTH = 8
-_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
-_MORE_THAN_A_NUMBER = re.compile(r"[A-DF-SU-Ya-df-su-y]")
+PLAIN = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
+"""Unicode's categories of letters, their marks, and digits."""
+_MORE_THAN_A_NUMBER = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
 _LIKE_A_NUMBER = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
 _DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
 
@@ -17,11 +21,13 @@ _DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
 def safe_name(text: str) -> str:
     """A name that is a file name on every system, can't leave its folder, and reads as text in every table.
 
-    Text that is such a name already stays as it is. What is changed gets eight hexadecimal digits of the text's hash at
-    its end, so that two texts never get one name. `2026-05-01` becomes `log-2026-05-01`: a reader of partitioned tables
-    would take it for a date.
+    Letters of all scripts stay. Text that is such a name already stays as it is. What is changed gets eight hexadecimal
+    digits of the text's hash at its end, so that two texts never get one name. `2026-05-01` becomes `log-2026-05-01`: a
+    reader of partitioned tables would take it for a date.
     """
-    name = _UNSAFE.sub("_", text).lstrip(".-_")[:MAX_LENGTH].rstrip(".")
+    composed = unicodedata.normalize("NFC", text)  # some disks do so, too: an accent is part of its letter
+    kept = "".join(char if _is_plain(char) else "\0" for char in composed)
+    name = _cut(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", kept))).rstrip(".")
     if not _MORE_THAN_A_NUMBER.search(name) or _LIKE_A_NUMBER.fullmatch(name) or _DEVICES.fullmatch(name):
         name = f"log-{name}".rstrip("-.")
         if name == f"log-{text}":
@@ -30,6 +36,15 @@ def safe_name(text: str) -> str:
         return name
     digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:DIGEST_LENGTH]
     return f"{name}-{digest}"
+
+
+def _is_plain(char: str) -> bool:
+    """A letter, a digit or a mark on one, of any script, or one of `._-`."""
+    return char in "._-" or (char.isalnum() if char.isascii() else unicodedata.category(char) in PLAIN)
+
+
+def _cut(name: str) -> str:
+    return name[:MAX_LENGTH].encode()[:MAX_BYTES].decode(errors="ignore")
 
 
 def topic_name(topic: str) -> str:
