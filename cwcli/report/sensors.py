@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -36,6 +37,13 @@ MOST_ACCEL_MPS2 = 12.0
 """Tyres on a dry road hold about 1.2 g at the most."""
 
 
+LATE_MS = 100.0
+"""A latency that shows in the figures is put into words."""
+TILTED_DEG = 3.0
+"""Likewise a bias of the accelerometer, as the pitch that would give it; roads seldom are steeper for long."""
+GRAVITY_MPS2 = 9.80665
+
+
 def sensors_view(drive: Drive) -> SensorsView | None:
     """What the records tell of the sensors; None where they tell nothing."""
     estimate = told_by(drive.records.get("estimate", {}))
@@ -44,7 +52,36 @@ def sensors_view(drive: Drive) -> SensorsView | None:
     notes = tuple(f"{stage}: {note}" for stage, record in drive.records.items() for note in told_by(record).notes)
     if not (tables or notes or estimate.verdict):
         return None
-    return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)))
+    return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)), tuple(_remarks(found)))
+
+
+def _remarks(found: Mapping[str, Section]) -> Iterator[str]:
+    """What explains the figures: why blue lies beside grey, and a bias that is a pitch."""
+    for row in found["sources"].rows if "sources" in found else ():
+        source, quantity, latency, status = row[0], row[1], _leading(row[-2]), row[-1]
+        if status == "applied" and abs(latency) >= LATE_MS:
+            word, side = ("late", "ahead of") if latency > 0.0 else ("early", "behind")
+            yield (
+                f"The {quantity} of {source} came {abs(latency) / 1000.0:.2f} s {word} by its stamps; that is "
+                f"corrected, so the estimate (blue) lies as far {side} what was measured (grey)."
+            )
+    for row in found["parameters"].rows if "parameters" in found else ():
+        source, quantity, parameter, value = row[0], row[1], row[2], _leading(row[3])
+        if (quantity, parameter) == ("accel", "bias") and abs(value) < GRAVITY_MPS2:
+            pitch_deg = math.degrees(math.asin(abs(value) / GRAVITY_MPS2))
+            if pitch_deg >= TILTED_DEG:
+                yield (
+                    f"The acceleration of {source} is off by {value:.2f} m/s²: that of an IMU pitched by "
+                    f"{pitch_deg:.0f} degrees."
+                )
+
+
+def _leading(cell: Cell) -> float:
+    """The number at the beginning of `1013 +- 88`; NaN where there is none."""
+    try:
+        return float(str(cell).partition(" ")[0])
+    except ValueError:
+        return math.nan
 
 
 def _table(section: Section) -> TableView:

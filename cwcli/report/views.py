@@ -50,11 +50,13 @@ class SensorsView:
         verdict: One sentence of the estimator on itself, "" from older logs.
         tables: What it found.
         notes: What each stage remarked, as on the terminal.
+        remarks: What explains the figures, a sentence each.
     """
 
     verdict: str
     tables: tuple[TableView, ...]
     notes: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
