@@ -109,10 +109,12 @@ class Bindings:
         by_role: str -> its channels: one, or several where the user listed them or each is a source of its own.
             Unbound roles are absent.
         notes: What the user should know, one line each.
+        undecided: Roles that are unbound because several channels can fill them -> these.
     """
 
     by_role: Mapping[str, tuple[Binding, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    undecided: Mapping[str, tuple[Binding, ...]] = field(default_factory=dict)
 
     def __contains__(self, role: str) -> bool:
         return role in self.by_role
@@ -166,6 +168,7 @@ def bind(
     """
     named = _check_overrides(channels, overrides, where)
     by_role: dict[str, tuple[Binding, ...]] = {}
+    undecided: dict[str, tuple[Binding, ...]] = {}
     notes: list[str] = []
     for role in dict.fromkeys((*required, *optional)):
         if role in named:
@@ -179,8 +182,9 @@ def bind(
         elif role in required:
             raise _unbound(role, candidates, channels, where, command)
         elif candidates:
+            undecided[role] = tuple(candidates)
             notes.append(f"{_too_many(role, candidates)}; none is used (choose one with {_option(role, candidates)})")
-    return Bindings(by_role=by_role, notes=tuple(notes))
+    return Bindings(by_role=by_role, notes=tuple(notes), undecided=undecided)
 
 
 def is_truth_topic(topic: str) -> bool:

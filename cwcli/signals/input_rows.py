@@ -21,6 +21,7 @@ SUMMARY, RECEIVER, SENTENCE, FUSED, OWN_V2X, ODOMETRY = 1, 2, 3, 4, 5, 6
 """A receiver's summary for everybody, its own messages, NMEA, what it fused with an IMU; then other sources."""
 
 TARGET_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
+GIVEN_WORDS = frozenset({"initialpose", "initialpose3d", "goal", "checkpoint", "checkpoints", "waypoint"})
 GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
 
 
@@ -72,6 +73,11 @@ class LaterFields(Mapping[str, tuple[str, ...]]):
 def is_gnss_topic(topic: str) -> bool:
     """A topic whose twist is taken for a velocity over ground before its frame_id is known."""
     return not GNSS_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
+
+
+def is_measured_topic(topic: str) -> bool:
+    """A topic whose pose is one that the car had, not one that it was given or is to reach."""
+    return GIVEN_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
 def is_vehicle_topic(topic: str) -> bool:

@@ -22,6 +22,7 @@ from cwcli.signals.input_rows import (
     in_signals,
     is_ego_topic,
     is_gnss_topic,
+    is_measured_topic,
     is_target_topic,
     is_vehicle_topic,
     quaternion,
@@ -182,11 +183,11 @@ _PLAIN_SPEED = Input(
 )
 
 
-def _pose(fields: Fields) -> tuple[Input, ...]:
+def _pose(fields: Fields, after: int = 0) -> tuple[Input, ...]:
     return (
-        Input(Role.TRUTH, fields, _build_pose, fits=is_ego_topic),
-        Input(Role.TARGET_TRUTH, fields, _build_pose_truth, fits=is_target_topic),
-        Input(Role.EGO_POSITION, fields, _build_pose, rank=ODOMETRY),
+        Input(Role.TRUTH, fields, _build_pose, rank=after, fits=is_ego_topic),
+        Input(Role.TARGET_TRUTH, fields, _build_pose_truth, rank=after, fits=is_target_topic),
+        Input(Role.EGO_POSITION, fields, _build_pose, rank=ODOMETRY + after, fits=is_measured_topic),
     )
 
 
@@ -272,7 +273,8 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
         Input(Role.EGO_HEADING, ros(*quaternion("quaternion")), _build_quaternion_heading),
     ),
     "geometry_msgs/PoseStamped": _pose(_POSE_STAMPED),
-    "geometry_msgs/PoseWithCovarianceStamped": _pose(_POSE_COVARIANCE),
+    # a localisation publishes it beside its odometry
+    "geometry_msgs/PoseWithCovarianceStamped": _pose(_POSE_COVARIANCE, after=1),
     "nav_msgs/Odometry": (*_pose(_ODOMETRY), Input(Role.EGO_SPEED, _ODOMETRY, _build_odometry_speed, rank=ODOMETRY)),
     "foxglove.PoseInFrame": _pose(_POSE_IN_FRAME),
     "foxglove_msgs/PoseInFrame": _pose(_POSE_IN_FRAME),

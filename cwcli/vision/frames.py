@@ -16,6 +16,8 @@ from itertools import groupby
 import numpy as np
 
 from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS, MIN_STAMP_NS
+from cwcli.vision.depth_images import HEADER as DEPTH_HEADER
+from cwcli.vision.depth_images import DepthImageError, depth_picture, is_compressed_depth
 from cwcli.vision.encoded import FrameLike, Image
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
 from cwcli.vision.ordered_threads import in_order
@@ -149,11 +151,12 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> Decode
     """Decode one frame; `size_of` as in `decode_frames`. Never raises for what the data holds."""
     if not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
         return _rejected(index, frame, LOG_TIME_OUT)
+    is_depth = not frame.encoding and is_compressed_depth(frame.format)
     if frame.encoding:
         width_px, height_px = frame.width, frame.height
         header = None
     else:
-        header = read_image_header(frame.data)
+        header = read_image_header(frame.data[DEPTH_HEADER.size :] if is_depth else frame.data)
         if header is None:
             return _rejected(index, frame, _no_image(frame))
         width_px, height_px = header.width_px, header.height_px
@@ -166,11 +169,20 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> Decode
     try:
         if header is None:
             image = raw_grey(frame) if size_of else raw_colour(frame)
+        elif is_depth:
+            image = _as_wanted(depth_picture(frame.format, frame.data), is_grey=size_of is not None)
         else:
             image = _decoded(frame.data, header, wanted)
-    except RawImageError as error:
+    except (RawImageError, DepthImageError) as error:
         return _rejected(index, frame, str(error))
     return _finished(index, frame, image, (width_px, height_px), wanted)
+
+
+def _as_wanted(grey: Image, *, is_grey: bool) -> Image:
+    """A grey image, or the same in three channels."""
+    import cv2
+
+    return grey if is_grey else np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def _no_image(frame: FrameLike) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.vision.depth_images import scaled
 from cwcli.vision.encoded import FrameLike, Image
 
 PACKED = {
@@ -25,6 +26,9 @@ BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_g
 YUV422 = {"yuyv": 0, "yuv422_yuy2": 0, "yuy2": 0, "uyvy": 1, "yuv422": 1}
 """Encoding -> place of the luminance in each pair of bytes."""
 MONO16 = ("mono16", "16uc1")
+NV = {"nv12": "NV12", "nv21": "NV21"}
+"""Encoding -> OpenCV's name: the luminance of all pixels, then the colours of four by four, side by side."""
+FLOAT32 = "32fc1"
 
 
 class RawImageError(ValueError):
@@ -42,6 +46,10 @@ def raw_grey(frame: FrameLike) -> Image:
         return _pixels(frame, 2)[:, :, YUV422[encoding]]
     if encoding in MONO16:
         return _pixels(frame, 2)[:, :, 1]  # the upper byte of little-endian values
+    if encoding in NV:
+        return _pixels(frame, 1)[:, :, 0]
+    if encoding == FLOAT32:
+        return scaled(np.ascontiguousarray(_pixels(frame, 4)).view("<f4")[:, :, 0])
     import cv2
 
     if encoding in BAYER:
@@ -67,11 +75,21 @@ def raw_colour(frame: FrameLike) -> Image:
         return np.ascontiguousarray(image[:, : frame.width])
     if encoding in BAYER:
         return _converted(_pixels(frame, 1)[:, :, 0], getattr(cv2, f"COLOR_BAYER_{BAYER[encoding]}2BGR"))
-    if encoding in MONO16 or PACKED.get(encoding, (0, ""))[1] == "":
+    if encoding in NV:
+        return _nv_colour(frame, NV[encoding])
+    if encoding in MONO16 or encoding == FLOAT32 or PACKED.get(encoding, (0, ""))[1] == "":
         return _converted(raw_grey(frame), cv2.COLOR_GRAY2BGR)
     n_bytes, order = _packed(encoding)
     pixels = _pixels(frame, n_bytes)
     return pixels.copy() if order == "BGR" else _converted(pixels, getattr(cv2, f"COLOR_{order}2BGR"))
+
+
+def _nv_colour(frame: FrameLike, name: str) -> Image:
+    import cv2
+
+    if frame.width % 2 or frame.height % 2:
+        raise RawImageError("an odd number of rows or columns with one colour for four pixels")
+    return _converted(_pixels(frame, 1, rows=frame.height * 3 // 2)[:, :, 0], getattr(cv2, f"COLOR_YUV2BGR_{name}"))
 
 
 def _even(pixels: Image) -> Image:
@@ -85,16 +103,15 @@ def _packed(encoding: str) -> tuple[int, str]:
     return PACKED[encoding]
 
 
-def _pixels(frame: FrameLike, n_bytes: int) -> Image:
-    """Shape (height, width, n_bytes), a view of the message's bytes."""
+def _pixels(frame: FrameLike, n_bytes: int, rows: int | None = None) -> Image:
+    """Shape (height, width, n_bytes), or another number of rows, a view of the message's bytes."""
+    height = frame.height if rows is None else rows
     row_bytes = frame.width * n_bytes
     step = frame.step or row_bytes
-    if step < row_bytes or len(frame.data) < step * (frame.height - 1) + row_bytes:
+    if step < row_bytes or len(frame.data) < step * (height - 1) + row_bytes:
         raise RawImageError("fewer bytes than width, height and encoding need")
-    values = np.frombuffer(frame.data, np.uint8, count=step * (frame.height - 1) + row_bytes)
-    return np.lib.stride_tricks.as_strided(
-        values, (frame.height, frame.width, n_bytes), (step, n_bytes, 1), writeable=False
-    )
+    values = np.frombuffer(frame.data, np.uint8, count=step * (height - 1) + row_bytes)
+    return np.lib.stride_tricks.as_strided(values, (height, frame.width, n_bytes), (step, n_bytes, 1), writeable=False)
 
 
 def _converted(pixels: Image, code: int) -> Image:

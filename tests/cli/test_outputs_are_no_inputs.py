@@ -51,7 +51,7 @@ ARGUMENTS = {
     "plot": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
-READING = {"config", "file", "dbc", "vehicle", "observe__vehicle", "calibration", "labelled"}
+READING = {"config", "file", "dbc", "expect", "vehicle", "observe__vehicle", "calibration", "labelled"}
 """Parameters with a file that is read."""
 FOLDERS = {"metrics_dir", "directory", "plots", "report"}
 """Each has tests of its own below."""

@@ -192,6 +192,14 @@ def test_bind_override_lists_several_topics_where_a_car_can_have_several_sensors
         bind([TRUTH, TRUTH_IMU], {"truth": "/truth/pose,/truth/pose_imu"}, required=(), optional=[Role.TRUTH])
 
 
+def test_poses_beside_an_odometry_and_poses_to_reach_are_not_taken_for_it() -> None:
+    others = ("/initialpose", "/localization/pose_with_covariance", "/planning/goal_pose")
+    poses = [Channel(topic, "geometry_msgs/msg/PoseWithCovarianceStamped", "cdr") for topic in others]
+    odometry = Channel("/localization/kinematic_state", "nav_msgs/msg/Odometry", "cdr")
+    for channels, topic in (([*poses, odometry], odometry.topic), (poses, others[1])):
+        assert bind(channels, {}, required=[Role.EGO_POSITION]).topic(Role.EGO_POSITION) == topic
+
+
 def test_bind_mapping_names_the_fields_of_any_channel() -> None:
     status = Channel("/status", "my_msgs/msg/Status", "cdr")
     binding = bind([status], {"ego_speed": "/status:wheel.kmh*kmh@at"}, required=[Role.EGO_SPEED]).of("ego_speed")[0]

@@ -1,0 +1,113 @@
+"""How well a log was recorded, topic by topic: rates, gaps, delays, and clocks that drift apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.errors import CwcliError
+from cwcli.logs.read.reader import Log
+from cwcli.signals.clocks import find_gaps
+from cwcli.signals.columns import Columns, Int64Array
+from cwcli.signals.leaf_fields import stamps
+from cwcli.signals.stamp_fields import HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+from cwcli.signals.units import NS_PER_S
+
+STAMPS = (*HEADER_STAMP, *JSON_STAMPS, *PROTOBUF_STAMP, "stamp.sec", "stamp.nanosec")
+MIN_ROWS, MIN_DURATION_S = 30, 5.0
+"""A drift is told from no fewer messages, and no shorter time."""
+N_SIGMA = 5.0
+S_PER_MIN = 60.0
+
+
+@dataclass(frozen=True)
+class Health:
+    """How a topic was recorded; NaN or None where the messages do not tell.
+
+    Attributes:
+        topic, messages: Its name and how many of its messages could be decoded.
+        undecodable: How many could not; -1: none was tried, the encoding is unknown.
+        stamped: How many have a time of their own.
+        rate_hz: By the median of the intervals.
+        gaps: Stretches of more than five intervals, and a second, without a message.
+        longest_gap_s: The longest of them, or 0.
+        out_of_order: Messages whose stamp is before that of the one before.
+        delay_s: Median of log time less stamp.
+        drift_ms_per_min: By how much the delay grows, where it does so clearly; else 0.
+    """
+
+    topic: str
+    messages: int
+    undecodable: int
+    stamped: int
+    rate_hz: float
+    gaps: int
+    longest_gap_s: float
+    out_of_order: int
+    delay_s: float
+    drift_ms_per_min: float
+
+
+def examine(log: Log, topics: Sequence[str]) -> list[Health]:
+    """Read the times of topics.
+
+    Args:
+        log: The log.
+        topics: Of it.
+    """
+    found = []
+    for topic in topics:
+        try:
+            columns = log.columns(topic, STAMPS)
+        except CwcliError:
+            n = sum(each.message_count or 0 for each in log.channels if each.topic == topic)
+            found.append(Health(topic, n, -1, 0, np.nan, 0, 0.0, 0, np.nan, np.nan))
+            continue
+        found.append(health(columns, log.start_ns, log.end_ns))
+    return found
+
+
+def health(columns: Columns, start_ns: int, end_ns: int) -> Health:
+    """How one topic was recorded, in a log from `start_ns` to `end_ns`."""
+    stamp_ns, has_stamp = stamps(columns)
+    log_ns = columns.log_time_ns
+    given, logged = stamp_ns[has_stamp], log_ns[has_stamp]
+    time_ns = np.sort(given if len(given) > 0.5 * len(log_ns) else log_ns)
+    steps = np.diff(time_ns)
+    median_ns = float(np.median(steps)) if len(steps) else 0.0
+    gaps = find_gaps(np.sort(log_ns), start_ns=start_ns, end_ns=end_ns)
+    return Health(
+        columns.topic,
+        len(columns),
+        columns.n_undecodable,
+        len(given),
+        NS_PER_S / median_ns if median_ns > 0.0 else np.nan,
+        len(gaps),
+        max((gap.duration_s for gap in gaps), default=0.0),
+        int(np.count_nonzero(np.diff(given) < 0)),
+        float(np.median(logged - given)) / NS_PER_S if len(given) else np.nan,
+        drift(given, logged),
+    )
+
+
+def drift(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
+    """By how much log time less stamp grows, ms a minute; 0 where the scatter could make it, NaN of too few messages.
+
+    The quickest quarter of the messages of each third of the log is compared: what waits in queues says little of
+    clocks.
+
+    Args:
+        stamp_ns, log_ns: Shape (n,), in log-time order.
+    """
+    n = len(stamp_ns)
+    if n < MIN_ROWS or log_ns[-1] - log_ns[0] < MIN_DURATION_S * NS_PER_S:
+        return float("nan")
+    third = n // 3
+    delay_s = (log_ns - stamp_ns) / NS_PER_S
+    first, last = delay_s[:third], delay_s[-third:]
+    minutes = (np.median(log_ns[-third:]) - np.median(log_ns[:third])) / NS_PER_S / S_PER_MIN
+    change_s = float(np.quantile(last, 0.25) - np.quantile(first, 0.25))
+    scatter_s = max(float(np.subtract(*np.quantile(part, (0.75, 0.25)))) for part in (first, last)) / np.sqrt(third)
+    return 1e3 * change_s / float(minutes) if abs(change_s) > max(N_SIGMA * scatter_s, 1e-4) else 0.0

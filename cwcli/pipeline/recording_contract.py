@@ -1,0 +1,144 @@
+"""A recording contract: what a log must hold, as TOML, and whether it does.
+
+min_duration_s = 60
+roles = ["ego_position", "imu"]
+
+[topics."/gps/fix"]
+schema = "sensor_msgs/NavSatFix"
+min_rate_hz = 9
+max_gap_s = 1.0
+max_delay_s = 0.5
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from cwcli.errors import UsageError
+from cwcli.input import read_file
+
+OF_LOG = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
+OF_TOPIC = {
+    "min_messages": "messages",
+    "min_rate_hz": "rate_hz",
+    "max_rate_hz": "rate_hz",
+    "max_gap_s": "longest_gap_s",
+    "max_delay_s": "delay_s",
+    "max_drift_ms_per_min": "drift_ms_per_min",
+    "max_undecodable": "undecodable",
+    "max_out_of_order": "out_of_order",
+}
+"""Condition on a topic -> what of `Health` it is about. Of a drift the size counts."""
+
+
+class Verdict(NamedTuple):
+    """One condition: on what (a topic, or the log), its text, what was found, and whether it holds."""
+
+    about: str
+    condition: str
+    found: str
+    holds: bool
+
+
+@dataclass(frozen=True)
+class RecordingContract:
+    """What a log must hold.
+
+    Attributes:
+        limits: Condition on the log -> number.
+        roles: That must be filled.
+        topics: Topic -> condition -> number, or its schema.
+    """
+
+    limits: Mapping[str, float]
+    roles: Sequence[str]
+    topics: Mapping[str, Mapping[str, Any]]
+
+    @classmethod
+    def read(cls, path: str, known_roles: Collection[str]) -> RecordingContract:
+        """Read it from a TOML file.
+
+        Raises:
+            UsageError: The file can't be read, is no TOML, or says what no log can be checked for.
+        """
+        try:
+            document = tomllib.loads(read_file(path).decode())
+        except OSError as error:
+            raise UsageError(f"can't read the contract: {error.strerror}", where=path) from error
+        except (ValueError, RecursionError) as error:
+            raise UsageError(f"the contract is not TOML: {error}", where=path) from error
+        _known(path, document, OF_LOG, "")
+        roles, topics = document.pop("roles", []), document.pop("topics", {})
+        if not isinstance(roles, list) or not set(map(str, roles)) <= set(known_roles):
+            raise UsageError("roles must be a list of roles", where=path, hint=f"roles: {', '.join(known_roles)}")
+        if not isinstance(topics, dict) or not all(isinstance(each, dict) for each in topics.values()):
+            raise UsageError("topics must be tables", where=path, hint='[topics."/gps/fix"]')
+        for topic, conditions in topics.items():
+            _known(path, conditions, ("schema", *OF_TOPIC), f"{topic}: ")
+            _check_numbers(path, {name: each for name, each in conditions.items() if name != "schema"}, f"{topic}: ")
+        _check_numbers(path, document, "")
+        if not (document or roles or topics):
+            raise UsageError("the contract asks for nothing", where=path)
+        return cls(document, tuple(map(str, roles)), topics)
+
+    def judge(
+        self,
+        *,
+        totals: Mapping[str, float],
+        roles: Collection[str],
+        schemas: Mapping[str, str],
+        topics: Mapping[str, Mapping[str, float]],
+    ) -> list[Verdict]:
+        """Whether a log keeps it.
+
+        Args:
+            totals: `duration_s` and `messages` of the log.
+            roles: That are filled.
+            schemas: Topic -> its schema, in one spelling.
+            topics: Topic -> what was found of it, by the names of `Health`.
+        """
+        made = [_verdict("log", name, limit, totals[_quantity(name)]) for name, limit in self.limits.items()]
+        for role in self.roles:
+            made.append(Verdict("log", f"role {role}", "filled" if role in roles else "not filled", role in roles))
+        for topic, conditions in self.topics.items():
+            if topic not in schemas:
+                made.append(Verdict(topic, "is there", "no such topic", holds=False))
+                continue
+            if not conditions:
+                made.append(Verdict(topic, "is there", "yes", holds=True))
+            for name, limit in conditions.items():
+                if name == "schema":
+                    made.append(Verdict(topic, f"schema {limit}", schemas[topic] or "none", schemas[topic] == limit))
+                else:
+                    made.append(_verdict(topic, name, limit, topics[topic][OF_TOPIC[name]]))
+        return made
+
+
+def _quantity(name: str) -> str:
+    return name.partition("_")[2]
+
+
+def _verdict(about: str, name: str, limit: float, found: float) -> Verdict:
+    """A value that is not known keeps no condition."""
+    size = abs(found) if "drift" in name else found
+    holds = size >= limit if name.startswith("min_") else size <= limit
+    shown = "not known" if math.isnan(found) else f"{found:.4g}"
+    return Verdict(
+        about, f"{_quantity(name)} {'>=' if name.startswith('min_') else '<='} {limit:g}", shown, bool(holds)
+    )
+
+
+def _known(path: str, table: Mapping[str, Any], names: Sequence[str], about: str) -> None:
+    for name in table:
+        if name not in names:
+            raise UsageError(f"{about}a contract knows no {name}", where=path, hint=f"it knows {', '.join(names)}")
+
+
+def _check_numbers(path: str, table: Mapping[str, Any], about: str) -> None:
+    for name, value in table.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
+            raise UsageError(f"{about}{name} = {value!r} is no number from 0 on", where=path)

@@ -1,0 +1,198 @@
+"""`cwcli info` as the doctor: why a channel is not used, what to try, how it was recorded, and a recording contract."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer as JsonWriter
+from mcap_ros2.writer import Writer
+
+from cwcli.channels.reasons import suggestions
+from cwcli.pipeline.health import drift
+from tests.cli.conftest import Run
+from tests.cli.test_map import FIX, FRAME
+from tests.laws.receiver_messages import HEADER, LINE, TOP
+
+STATUS = LINE.join(
+    [TOP + "my_msgs/Wheels wheels\nfloat64 target_speed", "MSG: my_msgs/Wheels\nfloat64 speed_kmh", *HEADER]
+)
+IMU_LIKE = "float64 x"
+T0_NS = 1_700_000_000_000_000_000
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Two receivers, the second with a gap and a clock that loses 1 ms a second; a status, CAN frames, a stranger."""
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        fix = writer.register_msgdef("sensor_msgs/msg/NavSatFix", FIX)
+        status = writer.register_msgdef("my_msgs/msg/Status", STATUS)
+        frame = writer.register_msgdef("can_msgs/msg/Frame", FRAME)
+        stranger = writer.register_msgdef("my_msgs/msg/Stranger", IMU_LIKE)
+        for k in range(200):
+            at_ns = T0_NS + 100_000_000 * k
+            for topic, late_ns in (("/gps/a", 20_000_000), ("/gps/b", 20_000_000 + 100_000 * k)):
+                if topic == "/gps/b" and 100 <= k < 130:
+                    continue
+                header = {"stamp": dict(zip(("sec", "nanosec"), divmod(at_ns, 10**9), strict=True)), "frame_id": ""}
+                where = {"latitude": 50.0 + k / 111_229.0, "longitude": 8.0, "altitude": 0.0, "status": {"status": 0}}
+                none = {"position_covariance": [0.0] * 9, "position_covariance_type": 0}
+                message = {"header": header, **where, **none}
+                writer.write_message(topic, fix, message, at_ns + late_ns, at_ns + late_ns)
+            made = {"header": header, "wheels": {"speed_kmh": 36.0}, "target_speed": 1.0}
+            writer.write_message("/status", status, made, at_ns, at_ns)
+            writer.write_message("/can", frame, {"header": header, "id": 1, "data": [0] * 8}, at_ns, at_ns)
+            writer.write_message("/stranger", stranger, {"x": 1.0}, at_ns, at_ns)
+        writer.finish()
+    return path
+
+
+def channel(document: dict, topic: str) -> dict:
+    return next(each for each in document["channels"] if each["topic"] == topic)
+
+
+def test_info_says_why_a_channel_is_not_used_and_what_to_try(cwcli: Run, log: Path) -> None:
+    document = json.loads(cwcli("info", log, "--json").stdout)
+    assert channel(document, "/gps/a")["why_not"].startswith("one of several for ego_position")
+    assert channel(document, "/gps/a")["try"] == [
+        "--topic ego_position=/gps/a",
+        "--topic ego_position=/gps/a,/gps/b",
+    ]
+    assert channel(document, "/status")["try"] == ["--map ego_speed=/status:wheels.speed_kmh*kmh"]
+    assert channel(document, "/can")["try"] == ["--map ego_speed=/can:MESSAGE.SIGNAL --dbc FILE"]
+    assert channel(document, "/stranger") | {"why_not": "no role takes this type", "try": []} == channel(
+        document, "/stranger"
+    )
+    estimate = document["commands"]["estimate"]
+    assert (estimate["ready"], estimate["missing"], estimate["choose"]) == (False, [], ["ego_position"])
+    shown = cwcli("info", log).stdout.decode()
+    assert "has several for ego_position" in shown
+    assert "try: --map ego_speed=/status:wheels.speed_kmh*kmh" in shown
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_a_line_to_try_works(cwcli: Run, log: Path) -> None:
+    document = json.loads(cwcli("info", log, "--json").stdout)
+    line = channel(document, "/status")["try"][0].split()
+    done = cwcli("info", log, *line, "--topic", "ego_position=/gps/a", "--json")
+    found = {each["role"]: each for each in json.loads(done.stdout)["inputs"]}
+    assert (found["ego_speed"]["used"], found["ego_speed"]["topic"]) == (200, "/status")
+
+
+def test_doctor_looks_into_messages_whose_fields_nobody_lists(cwcli: Run, tmp_path: Path) -> None:
+    path = tmp_path / "json.mcap"
+    with path.open("wb") as stream:
+        writer = JsonWriter(stream)
+        writer.start()
+        channel_id = writer.register_channel("/car", "json", writer.register_schema("Car", "jsonschema", b"{}"))
+        for k in range(3):
+            data = json.dumps({"motion": {"speed_kmh": 36.0 + k}, "name": "x"}).encode()
+            writer.add_message(channel_id, log_time=T0_NS + k, publish_time=T0_NS + k, data=data)
+        writer.finish()
+    document = json.loads(cwcli("info", path, "--doctor", "--json").stdout)
+    assert channel(document, "/car")["try"] == ["--map ego_speed=/car:motion.speed_kmh*kmh"]
+
+
+def test_doctor_finds_rate_gap_and_drift(cwcli: Run, log: Path) -> None:
+    document = json.loads(cwcli("info", log, "--doctor", "--json").stdout)
+    health = {each["topic"]: each for each in document["health"]}
+    assert health["/gps/a"] == pytest.approx(
+        {
+            "topic": "/gps/a",
+            **{"messages": 200, "undecodable": 0, "stamped": 200, "rate_hz": 10.0, "gaps": 0, "longest_gap_s": 0.0},
+            **{"out_of_order": 0, "delay_s": 0.02, "drift_ms_per_min": 0.0},
+        }
+    )
+    assert (health["/gps/b"]["gaps"], health["/gps/b"]["stamped"]) == (1, 170)
+    assert health["/gps/b"]["longest_gap_s"] == pytest.approx(3.1, abs=0.01)
+    assert health["/gps/b"]["drift_ms_per_min"] == pytest.approx(60.0, rel=0.05)
+    assert health["/stranger"]["delay_s"] is None
+    shown = cwcli("info", log, "--doctor").stdout.decode()
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+CONTRACT = """
+min_duration_s = 15
+roles = ["camera"]
+[topics."/gps/a"]
+schema = "sensor_msgs/NavSatFix"
+min_rate_hz = 9.5
+max_gap_s = 1
+[topics."/gps/b"]
+max_gap_s = 1
+max_drift_ms_per_min = 10
+[topics."/none"]
+"""
+
+
+def test_contract_is_judged_condition_by_condition(cwcli: Run, log: Path, tmp_path: Path) -> None:
+    contract = tmp_path / "contract.toml"
+    contract.write_text(CONTRACT)
+    done = cwcli("info", log, "--expect", contract, "--json")
+    assert done.returncode == 1
+    verdicts = {(each["about"], each["condition"]): each["holds"] for each in json.loads(done.stdout)["contract"]}
+    assert verdicts == {
+        ("log", "duration_s >= 15"): True,
+        ("log", "role camera"): False,
+        ("/gps/a", "schema sensor_msgs/NavSatFix"): True,
+        ("/gps/a", "rate_hz >= 9.5"): True,
+        ("/gps/a", "longest_gap_s <= 1"): True,
+        ("/gps/b", "longest_gap_s <= 1"): False,
+        ("/gps/b", "drift_ms_per_min <= 10"): False,
+        ("/none", "is there"): False,
+    }
+    assert b"BROKEN" in cwcli("info", log, "--expect", contract).stdout
+    contract.write_text('min_messages = 1\n[topics."/gps/a"]\nmin_messages = 200\n')
+    assert cwcli("info", log, "--expect", contract).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "asks for nothing"),
+        ("= 1", "not TOML"),
+        ("min_rate = 1", "knows no min_rate"),
+        ('[topics."/a"]\nmin_rate = 1', "knows no min_rate"),
+        ('min_duration_s = "long"', "no number"),
+        ("min_duration_s = -1", "no number"),
+        ('roles = ["pilot"]', "list of roles"),
+        ("topics = 3", "must be tables"),
+    ],
+)
+def test_contract_that_is_none_is_refused(cwcli: Run, log: Path, tmp_path: Path, text: str, words: str) -> None:
+    contract = tmp_path / "contract.toml"
+    contract.write_text(text)
+    done = cwcli("info", log, "--expect", contract)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert words in done.stderr.decode()
+    assert cwcli("info", log, "--expect", tmp_path / "nothing.toml").returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("paths", "expected"),
+    [
+        (["speed"], ["--map ego_speed=/t:speed"]),
+        (["vehicleSpeedMph"], ["--map ego_speed=/t:vehicleSpeedMph*mph"]),
+        (["speed_limit", "target.speed", "engine_speed", "speed_accuracy"], []),
+        (["fix.lat", "fix.lon", "fix.alt"], ["--map ego_position=/t:fix.lat,fix.lon"]),
+        (["steering_angle_deg"], ["--map ego_steer=/t:steering_angle_deg*deg"]),
+        (["heading"], ["--map ego_heading=/t:-heading*deg+90deg"]),
+        (["x", "header.stamp.sec"], []),
+    ],
+)
+def test_suggestions(paths: list[str], expected: list[str]) -> None:
+    assert list(suggestions("/t", paths)) == expected
+
+
+def test_drift_is_not_told_from_scatter() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        stamp_ns = T0_NS + np.arange(600) * 10**8
+        late_ns = (2e7 + 5e6 * rng.exponential(size=600)).astype(np.int64)
+        assert drift(stamp_ns, stamp_ns + late_ns) == 0.0
+    drifting = (np.arange(600) * 5e3).astype(np.int64)  # 5 microseconds each 0.1 s: 3 ms a minute
+    assert drift(stamp_ns, stamp_ns + late_ns + drifting) == pytest.approx(3.0, rel=0.3)
