@@ -133,7 +133,7 @@ def test_damage_is_a_reason_not_an_error() -> None:
         "smaller than 32 x 32 pixels": FakeFrame(encoded(gradient(1, 1))),
         f"more than {MAX_PIXELS // 1_000_000} megapixels": FakeFrame(png_header(10_000, 10_000)),
         "one side more than 10 times as long as the other": FakeFrame(encoded(gradient(2000, 32))),
-        "the encoding 32fc1 is not supported": FakeFrame(b"\x00" * 40_000, width=100, height=100, encoding="32FC1"),
+        "the encoding 64fc1 is not supported": FakeFrame(b"\x00" * 40_000, width=100, height=100, encoding="64FC1"),
         "fewer bytes than width, height and encoding need": FakeFrame(
             b"\x00" * 9, width=64, height=48, encoding="mono8"
         ),
