@@ -49,6 +49,7 @@ _PLAIN: dict[str, Callable[[Sequence[float]], float]] = {
     "max": max,
     "sum": math.fsum,
 }
+_MEASURES, _EXTREMES = "measures.", ("min", "max")
 FAILED_LOGS = "every log was evaluated"
 """The gate that failed logs fail, beside those that were asked for."""
 
@@ -187,7 +188,8 @@ class _Judge:
             assert log is not None
             return [self._of_log(name, log) for name in self._matching(operand, list(log.rows))]
         if isinstance(operand, Aggregate):
-            return [self._of_run(operand.function, name) for name in self._matching(operand.name, self._names)]
+            asked = self._matching(operand.name, self._names, operand.function)
+            return [self._of_run(operand.function, name) for name in asked]
         answers = [self._ask(operand.inner, each).holds for each in self._done]
         known = [answer for answer in answers if answer is not None]
         if not known:
@@ -195,10 +197,17 @@ class _Judge:
         held = sum(known)
         return [(held / len(known), f"it holds for {held} of {len(known)} logs")]
 
-    def _matching(self, name: Name, names: list[str]) -> list[str]:
-        """The metrics that a pattern means; the pattern itself where there is none."""
+    def _matching(self, name: Name, names: list[str], function: str = "") -> list[str]:
+        """The metrics that a pattern means; the pattern itself where there is none.
+
+        Of a measure, `measures.ttc_s`, the most critical value of each log is meant; `min` is not asked of one whose
+        greatest value is critical, nor `max` of one whose least value is.
+        """
         if not name.is_pattern:
-            return [name.text]
+            extremes = [function] if function in _EXTREMES else _EXTREMES
+            column = name.text.removeprefix(_MEASURES)
+            meant = [f"{_MEASURES}{each}_{column}" for each in extremes if name.text != column]
+            return [next((each for each in meant if each in self._names and name.text not in self._names), name.text)]
         return [known for known in names if matches(name.text, known)] or [name.text]
 
     def _of_log(self, name: str, log: LogMetrics) -> tuple[float | None, str]:

@@ -13,6 +13,14 @@ from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import Record, configuration_of
 
 States = Literal["online", "hindsight"]
+ChosenStates = Annotated[
+    States,
+    Option(
+        "--states",
+        "Start from the states as they could have been known when it happened, or from those in hindsight, which "
+        "know what came later.",
+    ),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,14 +31,7 @@ class OfStates(Selection):
         states: "online": as they could have been known at their log time. "hindsight": with all that came later.
     """
 
-    states: Annotated[
-        States,
-        Option(
-            "--states",
-            "Start from the states as they could have been known when it happened, or from those in hindsight, which "
-            "know what came later.",
-        ),
-    ] = "online"
+    states: ChosenStates = "online"
 
 
 def with_states(

@@ -21,9 +21,9 @@ from cwcli.measures.evaluate import WHOLE, Extreme, MeasuredPair, measure_pair
 from cwcli.measures.pair import OUTLINE_RANGE_M
 from cwcli.measures.tables import extremes_table, series_table
 from cwcli.option import Option
-from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import Cell, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.states import ChosenStates, OfStates, with_states
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.tracks import OTHERS, Tracks, add_sigmas, read_tracks
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
@@ -50,14 +50,16 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class MeasureConfig(Selection):
+class MeasureConfig(OfStates):
     """Settings of the stage.
 
     Attributes:
+        states: Of the ego and the others; what really happened is in those of hindsight.
         measures: Names of measures; empty: all that are not sampled.
         with_sigma: Give the most critical values a sigma, by the states' covariances.
     """
 
+    states: ChosenStates = "hindsight"
     measures: Annotated[
         tuple[str, ...],
         Option(
@@ -94,9 +96,8 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     Raises:
         MissingSignalError: The log lacks the ego's states, or has neither remote vehicles nor targets.
     """
-    bound = bind(
-        log.channels, config.topics, required=(EGO_STATE.role,), optional=OTHERS, where=log.name, command="measure"
-    )
+    topics = with_states(config.topics, config.states, log.channels, (EGO_STATE.role, *OTHERS))
+    bound = bind(log.channels, topics, required=(EGO_STATE.role,), optional=OTHERS, where=log.name, command="measure")
     if not set(OTHERS) & set(bound.by_role):
         raise MissingSignalError(
             "no channel holds remote vehicles or targets (needed by `cwcli measure`)",

@@ -371,6 +371,7 @@ OPENERS = {
     "cli/main.py": "the null device",
     "registry.py": "what tells of a plug-in",
     "logs/write/schemas.py": "comes with cwcli",
+    "export/formats/osi.py": "what it has just written",
     "dynamics/vehicle.py": "comes with cwcli",
     "prediction/fleet.py": "comes with cwcli",
     "simulation/catalogue.py": "comes with cwcli",

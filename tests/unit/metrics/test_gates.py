@@ -246,3 +246,25 @@ def test_no_logs_pass_no_gate() -> None:
 )
 def test_patterns(pattern: str, name: str, expected: bool) -> None:
     assert matches(pattern, name) is expected
+
+
+@pytest.mark.parametrize(
+    ("gate", "expected"),
+    [
+        ("min(measures.ttc_s) > 1", True),
+        ("min(measures.ttc_s) > 1.3", False),
+        ("measures.ttc_s > 1.1", True),
+        ("mean(measures.ttc_s) == 1.5", True),
+        ("max(measures.drac_mps2) < 6", True),
+        ("measures.drac_mps2 < 5", False),
+        ("min(measures.min_ttc_s) > 1", True),
+        ("min(measures.drac_mps2) > 0", False),  # only the greatest value is critical, and known
+        ("measures.pet_s > 0", False),
+    ],
+)
+def test_a_measure_means_its_most_critical_value(gate: str, expected: bool) -> None:
+    logs = (
+        log("a", measures__min_ttc_s=1.2, measures__max_drac_mps2=3.0),
+        log("b", measures__min_ttc_s=1.8, measures__max_drac_mps2=5.5),
+    )
+    assert holds(gate, logs) is expected

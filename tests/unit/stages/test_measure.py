@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from cwcli.channels.measures import measured
+from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
+from cwcli.channels.vehicle_state import write_states
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.write.schemas import schema_folder
 from cwcli.measures import MEASURES
 from cwcli.pipeline.result import StageResult
 from cwcli.stages.measure import MeasureConfig, measure
-from tests.unit.stages.measure_logs import SIGMA, ring, state_log, states, straight, without_sizes
+from tests.unit.stages.measure_logs import SIGMA, log_of, ring, state_log, states, straight, without_sizes
 
 TIME_S = np.arange(0.0, 6.0, 0.05)
 
@@ -93,6 +95,17 @@ def test_a_crash_is_driven_again(tmp_path: Path) -> None:
     assert not rows["careful human"]["avoided"]
     assert [section.key for section in result.summary.sections] == ["encounters", "preventability"]
     assert not follower(tmp_path).tables["preventability"].records()
+
+
+def test_online_states_are_measured_where_they_are_asked_for(tmp_path: Path) -> None:
+    """The online states say that the other is 10 m nearer: 65.5 m of gap at the start."""
+    ego = states(["ego"], [straight(0.0, 0.0, 20.0, 0.0, TIME_S)], TIME_S)
+    far, near = (states(["car"], [straight(x_m, 0.0, 10.0, 0.0, TIME_S)], TIME_S) for x_m in (80.0, 70.0))
+    made = ((EGO_STATE, ego), (REMOTE_STATE, far), (EGO_ONLINE, ego), (REMOTE_ONLINE, near))
+    log = log_of(tmp_path / "log.mcap", [write_states(channel, each, None) for channel, each in made])
+    for which, gap_m in (("hindsight", 75.5), ("online", 65.5)):
+        result = measure(log, MeasureConfig(states=which))  # type: ignore[arg-type]
+        assert result.tables["measures"].columns["gap_m"][0] == pytest.approx(gap_m)
 
 
 def test_nobody_near_is_said(tmp_path: Path) -> None:
