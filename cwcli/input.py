@@ -47,9 +47,10 @@ class InputFile:
 
     Attributes:
         name: For messages.
-        descriptor: Open until `close`.
+        descriptor: Open until `close`; -1 where it has no file of its own.
         max_chunk_bytes: No part of it may unpack to more at once, nor be stored as more.
         state: Device, number, size in bytes and time of the last change in ns, when it was opened.
+        notes: What is to be told of it, because of how it was opened -> how often.
 
     Raises:
         InputError: It is empty.
@@ -59,6 +60,7 @@ class InputFile:
         self.name = name
         self.descriptor = descriptor
         self.max_chunk_bytes = MAX_CHUNK_BYTES
+        self.notes: dict[str, int] = {}
         self._path = path
         self._inputs: Inputs | None = None
         self._digest: Future[str] | None = None
@@ -105,6 +107,15 @@ class InputFile:
             self._held = first, held
         return held[start - first : stop - first]
 
+    @property
+    def files(self) -> Sequence[InputFile]:
+        """The files that it consists of: itself."""
+        return (self,)
+
+    def place(self, at: int) -> tuple[InputFile, int]:
+        """The file in which a byte is, and where in it."""
+        return self, at
+
     def read_into(self, buffer: memoryview, start: int) -> memoryview:
         """Fill a buffer with the bytes from `start` on; returns it. Raises as slicing does."""
         self._is_checked = False
@@ -120,7 +131,10 @@ class InputFile:
         return buffer
 
     def begin_sha256(self) -> Future[str]:
-        """SHA-256 of the bytes, in hexadecimal; computed once, in a thread that goes on after `close`."""
+        """SHA-256 of the bytes, in hexadecimal; of several files one behind the other, as `cat` would print them.
+
+        It is computed once, in a thread that goes on after `close`.
+        """
         if self._digest is None:
             from concurrent.futures import Future
 
@@ -158,8 +172,9 @@ class InputFile:
         """Check the file, from whose change an error may come, unless it was read last before a check; close it."""
         may_matter = isinstance(error, Exception | None) and not isinstance(error, NOT_OF_INPUT)
         try:
-            if self.descriptor >= 0 and may_matter and (error is not None or not self._is_checked):
-                self.check_unchanged()
+            for file in self.files if may_matter else ():
+                if file.descriptor >= 0 and (error is not None or not file._is_checked):
+                    file.check_unchanged()
         finally:
             self.close()
 
@@ -199,8 +214,9 @@ class InputFile:
 
             made = hashlib.sha256()
             block = memoryview(bytearray(BLOCK_BYTES))
-            for at in range(0, self._size, BLOCK_BYTES):
-                made.update(self.read_into(block[: self._size - at], at))
+            for file in self.files:
+                for at in range(0, len(file), BLOCK_BYTES):
+                    made.update(file.read_into(block[: len(file) - at], at))
             digest.set_result(made.hexdigest())
         except BaseException as error:
             digest.set_exception(error)
@@ -256,8 +272,9 @@ def note_input(name: str | Path) -> None:
 def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
     """Whether this run reads the file, or it is one of some more."""
     inputs = _RUN.get()
-    file = _state(found)[:2]
-    return (inputs is not None and file in inputs.names) or any(each.state[:2] == file for each in more)
+    place = _state(found)[:2]
+    of_more = (file.state[:2] for each in more for file in each.files)
+    return (inputs is not None and place in inputs.names) or place in of_more
 
 
 def check_unchanged(more: Sequence[InputFile] = ()) -> None:

@@ -88,7 +88,7 @@ def test_the_page_lists_what_is_declared() -> None:
         extras.setdefault(extra.strip("`").removeprefix("cwcli[").rstrip("]") or [*extras][-1], set()).add(name)
     assert extras == EXTRAS
     developer = {name for (name,) in listed("To develop", 0)}
-    shared = set().union(*(EXTRAS[extra] for extra in ("plots", "report", "can", "ray", "remote")))
+    shared = set().union(*(EXTRAS[extra] for extra in ("bags", "plots", "report", "can", "ray", "remote")))
     assert developer == declared("dev") - shared
     assert shared <= declared("dev")
     for name in PROJECT["build-system"]["requires"]:

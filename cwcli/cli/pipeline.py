@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from cwcli import __version__
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.shared import ReadingOptions, WritingOptions
+from cwcli.cli.options.shared import ReadingOptions, WritingOptions, names_of
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
 from cwcli.errors import UsageError
@@ -22,7 +22,9 @@ from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
+    from cwcli.logs.read.source import Source
     from cwcli.metrics.table import Table
+    from cwcli.output import Together
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Job:
 
     Attributes:
         command: Name of the command.
-        source: MCAP file or "-".
+        source: The log's name, those of its parts, or "-".
         stages: Name -> stage, in order.
         metrics: File of the stage's main table, or None.
         metrics_dir: Folder for every table of every stage, or None.
@@ -40,7 +42,7 @@ class Job:
     """
 
     command: str
-    source: str
+    source: Source
     stages: Mapping[str, Call]
     reading: ReadingOptions
     writing: WritingOptions
@@ -78,7 +80,7 @@ def execute(job: Job) -> Outcome:
     from cwcli.logs.read.reader import Log
 
     with Progress(quiet=job.talk.quiet) as progress:
-        progress.step(f"reading {job.source}")
+        progress.step(f"reading {', '.join(names_of(job.source))}")
         reading = job.reading
         with Log.open(
             job.source,
@@ -115,39 +117,48 @@ def _check_targets(job: Job) -> None:
     if job.metrics is not None:
         check_table_name(job.metrics)
     job.writing.choice.check_before(STAGES[name] for name in job.stages)
-    files = (job.writing.output, job.metrics)
-    check_targets(files, (job.metrics_dir,), force=job.writing.force, inputs=[job.source])
+    output, parts = (None, job.writing.output) if job.writing.is_folder else (job.writing.output, None)
+    if parts == "-":
+        raise UsageError("--split like-input writes several files, and -o - is one", hint="name a folder with -o")
+    folders = (job.metrics_dir, parts)
+    check_targets((output, job.metrics), folders, force=job.writing.force, inputs=names_of(job.source))
 
 
 def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
     """Write the annotated log and the tables: all of them, or none."""
-    from cwcli.logs.write.annotate import annotate
     from cwcli.metrics.table import write_table
     from cwcli.output import Together, check_targets, make_folder
 
     tables = _table_files(job, outcome)
     check_targets([path for path in tables if path.parent.is_dir()], force=job.writing.force)  # others are made below
     with Together() as together:
-        if job.writing.output is not None:
-            progress.step(f"writing {job.writing.output}")
-            report = annotate(
-                log,
-                (),
-                {},
-                job.writing.output,
-                replace=job.writing.replace,
-                force=job.writing.force,
-                chosen=job.writing.choice,
-                together=together,
-            )
-            outcome.left_profile = report.left_profile
+        written = [] if job.writing.output is None else _write_log(job, log, outcome, progress, together)
         if job.metrics_dir is not None:
             make_folder(job.metrics_dir)
         for path, table in tables.items():
             write_table(table, path, force=job.writing.force, together=together)
-    if job.writing.output not in (None, "-"):
-        outcome.written.append(str(job.writing.output))
+    outcome.written.extend(name for name in written if name != "-")
     outcome.written.extend(map(str, tables))
+
+
+def _write_log(job: Job, log: Log, outcome: Outcome, progress: Progress, together: Together) -> list[str]:
+    """Write the annotated log; returns its files."""
+    from cwcli.logs.write.annotate import annotate
+    from cwcli.logs.write.annotate_parts import annotate_parts
+
+    writing = job.writing
+    output = str(writing.output)
+    progress.step(f"writing {output}")
+    if writing.is_folder:
+        parts = annotate_parts(
+            log, output, replace=writing.replace, force=writing.force, chosen=writing.choice, together=together
+        )
+        return list(map(str, parts))
+    report = annotate(
+        log, (), {}, output, replace=writing.replace, force=writing.force, chosen=writing.choice, together=together
+    )
+    outcome.left_profile = report.left_profile
+    return [output]
 
 
 def _table_files(job: Job, outcome: Outcome) -> dict[Path, Table]:

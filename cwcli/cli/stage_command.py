@@ -19,6 +19,7 @@ from cwcli.cli.options.shared import (
     ReadingOptions,
     SensorOptions,
     WritingOptions,
+    one_log,
 )
 from cwcli.cli.options.stage import StageOptions, call_of, reads_sensors, stage_options, uses_calibration
 from cwcli.cli.pipeline import Job, run_job
@@ -50,7 +51,17 @@ def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
         first = {name: call_of(stage_options(name)(**values), sensors, known) for name, values in stage.first.items()}
         calls = {name: call_of(options[name], sensors, known) for name in wanted}
         say_notes(talk, notes)
-        job = Job(stage.name, log, {**first, **calls}, reading, writing, talk, metrics, metrics_dir, tuple(first))
+        job = Job(
+            stage.name,
+            one_log(log, reading.as_one),
+            {**first, **calls},
+            reading,
+            writing,
+            talk,
+            metrics,
+            metrics_dir,
+            tuple(first),
+        )
         if first:
             job = replace(job, missing=FirstStages(stage, STAGES, sensors.ego_station))
         run_job(replace(job, lenient=len(calls) > 1))

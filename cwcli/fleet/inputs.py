@@ -8,25 +8,18 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from cwcli.errors import InputError, OutputError, UsageError
-
-FILE_SCHEME = "file://"
-COPY_BYTES = 4 << 20
-
-
-def is_remote(source: str) -> bool:
-    """Whether a name is a URL of something that is not a file on this machine."""
-    return "://" in source and not source.startswith(FILE_SCHEME)
+from cwcli.errors import OutputError, UsageError
+from cwcli.logs.read.recording import METADATA, is_recording, logs_in
+from cwcli.logs.read.remote import FILE_SCHEME, blocks, file_system, is_remote, names_below, unreadable
 
 
 def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> list[tuple[str, str]]:
     """Every log once, as (source, path): the name for people, and the absolute path or the URL.
 
-    A folder stands for the logs (`*.mcap`) that lie right in it. Patterns (`*`, `?`, `[...]`, `**`) are expanded here
-    where the shell has not done it. A file of that very name comes first. What is named twice, also through a link, is
-    one log.
+    A folder with a recorder's metadata.yaml is one log; another one stands for the logs that lie right in it. Patterns
+    (`*`, `?`, `[...]`, `**`) are expanded here where the shell has not done it. A file of that very name comes first.
+    What is named twice, also through a link, is one log.
 
     Args:
         arguments: Files, folders, patterns and URLs.
@@ -67,18 +60,23 @@ def _expanded(argument: str) -> list[str]:
         return _in_folder(argument, Path(plain))
     if not glob.has_magic(plain) or os.path.lexists(plain):
         return [argument]
-    matches = sorted(name for name in glob.glob(plain, recursive=True) if not Path(name).is_dir())  # noqa: PTH207
+    matches = sorted(name for name in glob.glob(plain, recursive=True) if _is_log(Path(name)))  # noqa: PTH207
     if not matches:
         raise UsageError("no file matches", where=argument)
     return matches
 
 
+def _is_log(path: Path) -> bool:
+    return not path.is_dir() or is_recording(path)
+
+
 def _in_folder(argument: str, folder: Path) -> list[str]:
-    """The logs right in a folder, as a recording of rosbag2 has them."""
-    try:
-        names = sorted(each.name for each in folder.iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
-    except OSError as error:
-        raise InputError(f"the folder can't be listed: {error.strerror}", where=argument) from error
+    """A folder that is one log, or the logs right in a folder, each a file or such a folder."""
+    if is_recording(folder):
+        return [argument]
+    names = sorted(
+        [*logs_in(folder), *(each.name for each in folder.iterdir() if each.is_dir() and is_recording(each))]
+    )
     if names:
         return [f"{argument.rstrip('/')}/{name}" for name in names]
     deeper = f"{argument.rstrip('/')}/*/*.mcap"
@@ -91,14 +89,22 @@ def _in_folder(argument: str, folder: Path) -> list[str]:
 
 
 def _expanded_remote(url: str) -> list[str]:
-    system, path = _file_system(f"{url}*.mcap" if url.endswith("/") else url)
+    if url.endswith("/") and METADATA in names_below(url):
+        return [url]
+    system, path = file_system(f"{url}*.mcap" if url.endswith("/") else url)
     if not glob.has_magic(path):
         return [url]
     try:
         matches = sorted(name for name in system.glob(path) if not system.isdir(name))
     except Exception as error:  # each store has its own errors
-        raise _unreadable(url, error) from error
+        raise unreadable(url, error) from error
     if not matches:
+        parent = url[: url.index(next(each for each in url if each in "*?["))].rpartition("/")[0]
+        try:
+            system.ls(file_system(f"{parent}/")[1])
+        except Exception as error:
+            if "bucket" in str(error).lower():  # there is no such one; else no such folder in it, where nothing matches
+                raise unreadable(url, error) from error
         raise UsageError("no file matches", where=url)
     return [str(system.unstrip_protocol(name)) for name in matches]
 
@@ -115,7 +121,6 @@ def local_copy(url: str, folder: Path) -> Iterator[Path]:
         InputError: It can't be read.
         OutputError: The copy can't be written.
     """
-    system, path = _file_system(url)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(suffix=".mcap", dir=folder)
@@ -124,7 +129,7 @@ def local_copy(url: str, folder: Path) -> Iterator[Path]:
     copy = Path(name)
     try:
         with os.fdopen(descriptor, "wb") as target:
-            for block in _blocks(system, path, url):
+            for block in blocks(url):
                 try:
                     target.write(block)
                 except OSError as error:
@@ -134,35 +139,3 @@ def local_copy(url: str, folder: Path) -> Iterator[Path]:
         yield copy
     finally:
         copy.unlink(missing_ok=True)
-
-
-def _blocks(system: Any, path: str, url: str) -> Iterator[bytes]:
-    try:
-        with system.open(path, "rb") as remote:
-            while block := remote.read(COPY_BYTES):
-                yield block
-    except GeneratorExit:
-        raise
-    except Exception as error:  # each store has its own errors
-        raise _unreadable(url, error) from error
-
-
-def _file_system(url: str) -> tuple[Any, str]:
-    try:
-        from fsspec.core import url_to_fs
-    except ImportError as error:
-        raise UsageError(
-            "remote logs need a package that is not installed", where=url, hint="pip install 'cwcli[remote]'"
-        ) from error
-    try:
-        system, path = url_to_fs(url)
-    except (ImportError, ValueError) as error:  # the store's own package, or a scheme that nobody knows
-        raise UsageError(
-            str(error).splitlines()[0], where=url, hint="pip install 'cwcli[remote]' reads s3://"
-        ) from error
-    return system, str(path)
-
-
-def _unreadable(url: str, error: Exception) -> InputError:
-    reason = " ".join(str(error).split()) or type(error).__name__
-    return InputError(f"it can't be read: {reason}", where=url)

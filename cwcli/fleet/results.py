@@ -12,6 +12,7 @@ import numpy as np
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import MANIFEST, NOT_DONE, LogFolder, RecordedRun, read_output
 from cwcli.input import read_file
+from cwcli.logs.read.recording import is_recording
 from cwcli.metrics.headline import COLUMNS, LATER_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
@@ -60,8 +61,9 @@ def read_metrics(
     """Read or compute the headline metrics of a run.
 
     Args:
-        source: Output folder of `cwcli run -d`; folder of annotated logs (`*.mcap`); one annotated log, `-` for
-            standard input; or a table (`.parquet`) that `cwcli evaluate --metrics` has written.
+        source: Output folder of `cwcli run -d`; folder of annotated logs (`*.mcap`); one annotated log, also a folder
+            with a recorder's metadata.yaml or a URL, `-` for standard input; or a table (`.parquet`) that `cwcli
+            evaluate --metrics` has written.
         truth: As in `cwcli.evaluation.evaluate_log`. What an output folder holds is computed again from its annotated
             logs if it was computed with another one.
         system: Another system in the logs, which is judged too: then everything is computed again.
@@ -77,7 +79,7 @@ def read_metrics(
         raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
     path = Path(source)
     try:
-        is_folder = source != STDIN and path.is_dir()
+        is_folder = source != STDIN and path.is_dir() and not is_recording(path)
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if is_folder:

@@ -32,12 +32,13 @@ from cwcli.fleet.folder import (
     recorded_ids,
     write_document,
 )
-from cwcli.fleet.inputs import expand_sources, is_remote
+from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import ATTEMPTS, WorkerDied, run_local
 from cwcli.fleet.names import log_ids
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.worker import Done, record
 from cwcli.input import inputs_below, note_input, remembering_inputs
+from cwcli.logs.read.remote import is_remote
 from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection
 

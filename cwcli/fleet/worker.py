@@ -15,10 +15,11 @@ from cwcli import __version__
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, new_entry, put_table
-from cwcli.fleet.inputs import is_remote, local_copy
+from cwcli.fleet.inputs import local_copy
 from cwcli.fleet.plan import Plan, Task
 from cwcli.input import InputFile, remembering_inputs
 from cwcli.logs.read.reader import Log
+from cwcli.logs.read.remote import is_remote
 from cwcli.logs.read.source import open_source
 from cwcli.logs.write.annotate import annotate
 from cwcli.output import make_folder
@@ -177,6 +178,6 @@ def _opened(task: Task) -> Iterator[InputFile]:
     """The log, or a copy of it on this machine."""
     with ExitStack() as stack:
         path = task.path
-        if is_remote(path):
+        if is_remote(path) and not path.endswith("/"):  # of a folder, each part is copied where it is opened
             path = str(stack.enter_context(local_copy(path, Path(task.out) / SCRATCH)))
         yield stack.enter_context(open_source(path, task.source, pipes=False))

@@ -9,6 +9,7 @@ from pathlib import Path
 from cwcli.errors import InputError
 from cwcli.fleet.folder import MANIFEST, NOT_DONE, RecordedLog, read_output
 from cwcli.fleet.results import read_metrics_table
+from cwcli.logs.read.recording import is_recording
 from cwcli.metrics.pooling import MetricRow, rows_of
 
 
@@ -67,7 +68,7 @@ def read_run(source: str) -> Run:
         raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
     path = Path(source)
     try:
-        is_folder = source != "-" and path.is_dir()
+        is_folder = source != "-" and path.is_dir() and not is_recording(path)
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if not is_folder:

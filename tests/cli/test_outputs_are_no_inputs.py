@@ -37,6 +37,7 @@ ARGUMENTS = {
     "warn-lane": ["LOG"],
     "control": ["LOG"],
     "measure": ["LOG"],
+    "join": ["LOG", "OTHER"],
     "calibrate": ["LOG"],
     "lanes": ["LOG"],
     "observe": ["LOG", "--vehicle", "CAR"],

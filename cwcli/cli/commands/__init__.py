@@ -10,6 +10,7 @@ from cwcli.stages import STAGES
 COMMANDS = {
     "info": "List what a log holds and what cwcli can do with it.",
     **{name: stage.help for name, stage in STAGES.items()},
+    "join": "Make one log of two cars' logs.",
     "calibrate": "Find the constants of a car's sensors from many drives.",
     "run": "Run every stage that a log, or each of many, has the signals for.",
     "config": "Print a pipeline file with every option resolved and checked.",

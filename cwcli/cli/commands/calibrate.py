@@ -59,6 +59,8 @@ def command(
 
     if output is not None and not output.endswith(".toml"):
         raise UsageError(f"-o {output} must end in .toml")
+    if reading.as_one:
+        raise UsageError("--as-one: this takes many logs", hint="a folder with a metadata.yaml is one of them")
     if len(set(logs)) < len(logs):
         raise UsageError("a log is named twice: it would count twice")
     check_targets([output] if output is not None else [], force=force, inputs=logs)

@@ -11,7 +11,7 @@ import typer
 
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.shared import ForceOption, LogArgument
+from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_log
 from cwcli.cli.report import print_written
 from cwcli.errors import UsageError
 from cwcli.export.formats import TRACK_FORMATS
@@ -63,6 +63,7 @@ def command(
         str | None,
         typer.Option("--output", "-o", metavar="FILE", show_default="-", help="Write it here; - is standard output."),
     ] = None,
+    as_one: AsOneOption = False,
     force: ForceOption = False,
 ) -> None:
     """Write what cwcli added to a log as a file of another tool: a table, or tracks.
@@ -82,8 +83,8 @@ def command(
     form = form or _format_of(output)
     _check(names, form)
     is_text = track_format(form).is_text if form in TRACK_FORMATS else form != "parquet"
-    check_targets([] if output == "-" and is_text else [output], force=force, inputs=[log])
-    with Log.open(log) as opened:
+    check_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
+    with Log.open(one_log(log, as_one)) as opened:
         if not names:
             of_all = form in TRACK_FORMATS and track_format(form).is_of_all
             names = contents_of_world(opened) if of_all else ["ego"]

@@ -11,7 +11,7 @@ import typer
 
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions
+from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, one_log
 from cwcli.cli.options.values import utc
 from cwcli.cli.tables import Cell, table
 from cwcli.cli.text import count, duration, join_names, paragraph, shown, size
@@ -70,7 +70,7 @@ def command(
     console = Console(quiet=talk.quiet)
     contract = None if expect is None else RecordingContract.read(expect, EVERY_ROLE)
     with Log.open(
-        log,
+        one_log(log, reading.as_one),
         recover=reading.recover,
         max_chunk_bytes=reading.max_chunk_bytes,
         max_pipe_bytes=reading.max_pipe_bytes,

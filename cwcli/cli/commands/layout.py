@@ -23,7 +23,8 @@ def command(
         typer.Argument(
             metavar="LOG",
             show_default=False,
-            help="MCAP file whose own fixes, cameras and truth are shown too; - is standard input.",
+            help="Log whose own fixes, cameras and truth are shown too: MCAP file, folder of a recording, or URL; - is "
+            "standard input.",
         ),
     ] = None,
     output: Annotated[

@@ -10,7 +10,7 @@ import typer
 
 from cwcli.cli.console import Console, closest
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.shared import ForceOption, LogArgument
+from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_log
 from cwcli.cli.report import print_written
 from cwcli.errors import UsageError
 
@@ -23,6 +23,7 @@ def command(
     talk: TalkOptions,
     output: Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="Draw it here: .png or .svg.")],
     what: Annotated[str, typer.Option("--what", metavar="WHAT", help=f"What is drawn: {WHAT}.")] = "motion",
+    as_one: AsOneOption = False,
     force: ForceOption = False,
 ) -> None:
     """Draw one plot of an annotated log as an image.
@@ -37,13 +38,13 @@ def command(
     from cwcli.report.plots import FORMATS, draw
     from cwcli.report.plots import WHAT as KNOWN
 
-    check_targets([output], force=force, inputs=[log])
+    check_targets([output], force=force, inputs=log)
     if what not in KNOWN:
         raise UsageError(f"--what {what!r}: there is no such plot", hint=closest(what, list(KNOWN)))
     form = Path(output).suffix.lower().removeprefix(".")
     if form not in FORMATS:
         raise UsageError(f"-o {output}: an image ends in .png or .svg", hint=f"-o {Path(output).stem or 'plot'}.png")
-    with Log.open(log) as opened:
+    with Log.open(one_log(log, as_one)) as opened:
         drive = read_drive(opened)
     write_file(output, draw(drive, what, form), force=force)
     console = Console(quiet=talk.quiet)

@@ -17,6 +17,7 @@ from cwcli.cli.options.shared import (
     ReadingOptions,
     SensorOptions,
     WritingOptions,
+    one_log,
 )
 from cwcli.cli.options.stage import StageOptions, call_of, every_stage
 from cwcli.cli.pipeline import Job, run_job
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/",
     "cwcli run drive.mcap --warn-rule ttc --predict-horizon 3 --json",
+    "cwcli run part_0.mcap part_1.mcap --as-one -o annotated.mcap",
     "cwcli run logs/*.mcap -d out/ --jobs 2",
     "cwcli run 's3://bucket/drives/*.mcap' -d out/ --ray auto",
 )
@@ -212,13 +214,15 @@ def command(
     if fleet.directory is not None:
         from cwcli.cli.fleet import run_many
 
-        _refuse_with_directory(writing, metrics_dir, fleet)
+        _refuse_with_directory(writing, reading, metrics_dir, fleet)
         writing.choice.check_before(STAGES[name] for name in options.wanted)
         plan = options.plan(replace=writing.replace, choice=writing.choice)
         say_notes(talk, options.notes)
         return run_many(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
-    _refuse_without_directory(logs, pipeline, fleet)
-    job = with_all_stages(Job("run", logs[0], {}, reading, writing, talk, metrics_dir=metrics_dir), options)
+    _refuse_without_directory(logs, pipeline, reading, fleet)
+    job = with_all_stages(
+        Job("run", one_log(logs, reading.as_one), {}, reading, writing, talk, metrics_dir=metrics_dir), options
+    )
     say_notes(talk, options.notes)
     run_job(job)
     return 0
@@ -232,19 +236,34 @@ def with_all_stages(job: Job, options: AllOptions) -> Job:
     return replace(job, stages=options.calls(), missing=missing, lenient=True)
 
 
-def _refuse_with_directory(writing: WritingOptions, metrics_dir: str | None, fleet: FleetOptions) -> None:
+def _refuse_with_directory(
+    writing: WritingOptions, reading: ReadingOptions, metrics_dir: str | None, fleet: FleetOptions
+) -> None:
     for option, value in (("-o", writing.output), ("--metrics-dir", metrics_dir)):
         if value is not None:
             raise UsageError(f"{option} and -d exclude each other", hint="-d holds the annotated logs and the tables")
+    if writing.split != "one":
+        raise UsageError("--split and -d exclude each other", hint="-d writes one annotated log each")
+    if reading.as_one:
+        raise UsageError("--as-one and -d exclude each other", hint="-d takes a folder with a metadata.yaml as one log")
     if fleet.jobs is not None and fleet.jobs < 1:
         raise UsageError(f"--jobs {fleet.jobs} must be at least 1")
 
 
-def _refuse_without_directory(logs: list[str], pipeline: PipelineOptions, fleet: FleetOptions) -> None:
+def _refuse_without_directory(
+    logs: list[str], pipeline: PipelineOptions, reading: ReadingOptions, fleet: FleetOptions
+) -> None:
     for option, value in (("--jobs", fleet.jobs), ("--ray", fleet.ray), ("--tables", pipeline.tables or None)):
         if value is not None:
             raise UsageError(f"{option} needs an output folder", hint="name it with -d")
-    if len(logs) > 1:
-        raise UsageError(f"{len(logs)} logs need an output folder", hint="name it with -d")
-    if Path(logs[0]).is_dir():
-        raise UsageError("a folder of logs needs an output folder", where=logs[0], hint="name it with -d")
+    hint = "name it with -d; or --as-one takes them as the parts of one log"
+    if len(logs) > 1 and not reading.as_one:
+        raise UsageError(f"{len(logs)} logs need an output folder", hint=hint)
+    if not reading.as_one and _is_folder_of_logs(Path(logs[0])):
+        raise UsageError("a folder of logs needs an output folder", where=logs[0], hint=hint)
+
+
+def _is_folder_of_logs(path: Path) -> bool:
+    from cwcli.logs.read.recording import is_recording, logs_in
+
+    return path.is_dir() and not is_recording(path) and len(logs_in(path)) != 1

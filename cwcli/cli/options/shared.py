@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import typer
 
+from cwcli.errors import UsageError
+
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration
+    from cwcli.logs.read.source import Source
     from cwcli.pipeline.channel_choice import ChannelChoice
 
 MEGABYTE = 1_000_000
 GIGABYTE = 1_000_000_000
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
-LogArgument = Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="MCAP file; - is standard input.")]
+LogArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG",
+        show_default=False,
+        help="MCAP file, folder of a recording, or URL; - is standard input. With --as-one several, the parts of one.",
+    ),
+]
 LogsArgument = Annotated[
     list[str],
     typer.Argument(
@@ -24,6 +36,29 @@ LogsArgument = Annotated[
         help="MCAP files, folders of them, patterns or URLs; - is standard input (without -d).",
     ),
 ]
+AsOneOption = Annotated[
+    bool, typer.Option("--as-one", help="The logs that are named, or lie in the folder, are the parts of one log.")
+]
+
+
+def one_log(logs: Sequence[str], as_one: bool) -> Source:
+    """The log that a command takes: the only one, or the one that consists of all.
+
+    Raises:
+        UsageError: There are several, and not `as_one`.
+    """
+    if as_one:
+        return tuple(logs)
+    if len(logs) > 1:
+        raise UsageError(
+            f"{len(logs)} logs are named, and this takes one", hint="--as-one takes them as the parts of one log"
+        )
+    return logs[0]
+
+
+def names_of(source: Source) -> list[str]:
+    """The names of a log, or of its parts."""
+    return [str(source)] if isinstance(source, str | Path) else list(source)
 
 
 @dataclass(frozen=True)
@@ -71,6 +106,7 @@ class ReadingOptions:
         str | None,
         typer.Option("--end", metavar="TIME", show_default=False, help="Use messages before here; as --start."),
     ] = None
+    as_one: AsOneOption = False
     recover: Annotated[
         bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
     ] = False
@@ -195,6 +231,13 @@ class WritingOptions:
     replace: Annotated[
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
     ] = False
+    split: Annotated[
+        Literal["one", "like-input"],
+        typer.Option(
+            "--split",
+            help="Write one file, or the parts in which the log came into the folder that -o names.",
+        ),
+    ] = "one"
     force: ForceOption = False
     channels: Annotated[
         list[str],
@@ -213,6 +256,11 @@ class WritingOptions:
         from cwcli.pipeline.channel_choice import ChannelChoice
 
         return ChannelChoice.parse(self.channels)
+
+    @property
+    def is_folder(self) -> bool:
+        """Whether the output is a folder of parts."""
+        return self.output is not None and self.split == "like-input"
 
 
 MetricsOption = Annotated[

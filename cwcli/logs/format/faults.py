@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from cwcli.errors import InputError
+from cwcli.input import InputFile
 
 MAX_RECORDS = 1 << 16
 """Beside messages and chunks; metadata records that stand side by side are one."""
 RECOVER_HINT = "--recover reads what is intact"
 
 
-def damaged(name: str, at: int, why: object) -> InputError:
+def damaged(file: InputFile, at: int, why: object) -> InputError:
     """The error that a file is damaged at an offset; `why` may have a hint of its own."""
-    return InputError(f"damaged at byte {at}: {why}", where=name, hint=getattr(why, "hint", RECOVER_HINT))
+    part, at = file.place(at)
+    return InputError(f"damaged at byte {at}: {why}", where=part.name, hint=getattr(why, "hint", RECOVER_HINT))
 
 
 def no_mcap(name: str, head: bytes) -> InputError:
@@ -24,9 +27,9 @@ def no_mcap(name: str, head: bytes) -> InputError:
 def _hint_for(head: bytes) -> str:
     """What a file that is not MCAP may be."""
     if head.startswith(b"#ROSBAG"):
-        return "it is a ROS 1 bag; `mcap convert` makes an MCAP file of it"
+        return "it is a ROS 1 bag; name the file, which is converted on the way in"
     if head.startswith(b"SQLite format 3"):
-        return "it is a ROS 2 database; `ros2 bag convert` or `mcap convert` makes an MCAP file of it"
+        return "it is a ROS 2 database; name the file, which is converted on the way in"
     if head.startswith((b"\x28\xb5\x2f\xfd", b"\x1f\x8b")):
         return "it is compressed as a whole; decompress it first, or pipe it in (`zstdcat FILE | cwcli ... -`)"
     return ""
@@ -48,6 +51,7 @@ class Faults:
     """Counts of what could not be read, or was read in spite of a fault. They grow while the log is read.
 
     Attributes:
+        parts: What is wrong with the file, or with the parts of a recording, as such -> how often.
         crc_mismatches: Chunks whose CRC does not fit; all their messages are left out.
         chunks_lost: Chunks that can't be decompressed, or whose CRC does not fit.
         chunks_partial: Cut chunks whose first part was read.
@@ -62,6 +66,7 @@ class Faults:
         undecodable: Topic -> reason -> messages.
     """
 
+    parts: dict[str, int] = field(default_factory=dict)
     crc_mismatches: int = 0
     chunks_lost: int = 0
     chunks_partial: int = 0
@@ -73,6 +78,11 @@ class Faults:
     truncated: bool = False
     summary_damaged: bool = False
     undecodable: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    def note_parts(self, notes: Mapping[str, int]) -> None:
+        """Note what is wrong with a file, or a recording, as such."""
+        for what, count in notes.items():
+            self.parts[what] = self.parts.get(what, 0) + count
 
     def note_undecodable(self, topic: str, reason: str, count: int) -> None:
         """Note how many messages of a topic one reading of it could not decode so far.
@@ -86,6 +96,7 @@ class Faults:
     def counts(self) -> dict[str, int]:
         """Reason, as the user reads it -> count, for everything that happened."""
         named = {
+            **self.parts,
             "file cut short": int(self.truncated),
             "summary damaged": int(self.summary_damaged),
             "CRC of all messages wrong": int(self.data_crc_mismatch),

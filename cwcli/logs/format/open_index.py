@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.logs.format.faults import RECOVER_HINT, Faults, no_mcap
 from cwcli.logs.format.index import Index
+from cwcli.logs.format.join_indexes import join_indexes
+from cwcli.logs.format.joined_file import JoinedFile
+from cwcli.logs.format.part_order import arrange, left_out
 from cwcli.logs.format.records import HEADER, MAGIC, RecordError, read_header, read_prefix
 from cwcli.logs.format.summary import find_footer, is_complete, read_summary
 from cwcli.logs.format.walk import walk
@@ -23,6 +29,11 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) 
     Raises:
         InputError: It is not an MCAP file, or damaged; with `recover`, if there is nothing to be had.
     """
+    if isinstance(file, JoinedFile):
+        joined = _of_parts(file, partial(open_index, faults=faults, recover=recover, verify=verify), recover=recover)
+        faults.note_parts(file.notes)
+        return joined
+    faults.note_parts(file.notes)
     start, head = _read_head(file, faults, recover=recover)
     index = summary = _read_summary(file, start, faults, recover=recover, verify=verify)
     if index is None or not is_complete(index):
@@ -50,6 +61,8 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Ind
     Raises:
         InputError: It is not an MCAP file, or its data section is damaged and `recover` is off.
     """
+    if isinstance(file, JoinedFile):
+        return _of_parts(file, partial(index_every_record, faults=faults, recover=recover), recover=recover)
     start, head = _read_head(file, faults, recover=recover)
     summary = _read_summary(file, start, Faults(), recover=True, verify=True)
     index = walk(file, start, faults, summary, recover=recover, define_all=True)
@@ -58,6 +71,31 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Ind
     index.is_listed = summary is not None and is_complete(summary)
     index.profile, index.library, index.header_length = head
     return index
+
+
+def _of_parts(file: JoinedFile, read: Callable[[InputFile], Index], *, recover: bool) -> Index:
+    """What the parts of a log hold together; with `recover`, those that can be read.
+
+    Raises:
+        InputError: One is damaged and `recover` is off, or none can be read.
+    """
+    found: list[tuple[InputFile, Index]] = []
+    for part in file.parts:
+        part.max_chunk_bytes = file.max_chunk_bytes
+        try:
+            found.append((part, read(part)))
+        except InputError as error:
+            if not recover or file.is_arranged:
+                raise
+            left_out(file, part, error)
+            last = error
+    if not found:
+        raise last
+    indexes = [index for _, index in found]
+    if not file.is_arranged:
+        file.drop_all_but([part for part, _ in found])
+        indexes = arrange(file, indexes)
+    return join_indexes(file, indexes)
 
 
 def _read_head(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:

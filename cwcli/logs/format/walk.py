@@ -196,7 +196,7 @@ class _Walk:
     def _behind_damage(self, at: int, error: RecordError) -> int:
         """Count what is lost; returns where the walk goes on."""
         if not self._recover:
-            raise damaged(self._file.name, at, error) from error
+            raise damaged(self._file, at, error) from error
         following = self._take_cut_chunk(at)
         if following is None:
             from cwcli.logs.format.resync import is_record, next_record
@@ -273,7 +273,7 @@ class _Walk:
         except ChunkError as error:
             if self._recover or (error.is_foreign and not must_open):
                 return chunk  # it is counted when it is read
-            raise damaged(self._file.name, chunk.chunk_start, error) from error
+            raise damaged(self._file, chunk.chunk_start, error) from error
         counts: dict[int, int] = {}
         at = 0
         while at < len(payload):
@@ -287,7 +287,7 @@ class _Walk:
             except RecordError as error:
                 if self._recover:
                     break
-                raise damaged(self._file.name, chunk.chunk_start, f"inside a chunk: {error}") from error
+                raise damaged(self._file, chunk.chunk_start, f"inside a chunk: {error}") from error
             at = end
         return chunk._replace(counts=counts or chunk.counts)
 

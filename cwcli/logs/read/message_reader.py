@@ -83,7 +83,6 @@ class MessageReader:
         file: The log.
         index: What it holds.
         faults: Counts what is lost.
-        name: For messages.
         recover: Leave damaged parts out and count them.
         verify: Check CRCs and message indexes.
 
@@ -91,15 +90,12 @@ class MessageReader:
         counts: What the summary counts, to compare with what is read.
     """
 
-    def __init__(
-        self, file: InputFile, index: Index, faults: Faults, name: str, *, recover: bool, verify: bool
-    ) -> None:
+    def __init__(self, file: InputFile, index: Index, faults: Faults, *, recover: bool, verify: bool) -> None:
         self._file = file
         self._index = index
         self._chunks = index.items_of(ChunkIndex)
         self._spans = index.items_of(Span)
         self._faults = faults
-        self._name = name
         self._recover = recover
         self._verify = verify
         self._counted: set[int] = set()
@@ -142,7 +138,7 @@ class MessageReader:
         listed = dict.fromkeys(channel_ids, 0)
         for chunk in self.chunks(channel_ids):
             for channel_id in listed.keys() & chunk.index_offsets.keys():
-                entries = message_index(self._file, chunk, channel_id)
+                entries = message_index(self._file, self._index, chunk, channel_id)
                 listed[channel_id] += 0 if entries is None else len(entries)
         if self.counts.differing(listed):
             self.distrust_indexes()
@@ -223,11 +219,12 @@ class MessageReader:
         is_wanted = self._wanted(channel_ids)
         size = LOOSE_BYTES
         while at < end:
-            octets = np.frombuffer(self._file[at : min(at + size, end)], np.uint8)
+            records = self._index.with_own_ids(at, self._file[at : min(at + size, end)])
+            octets = np.frombuffer(records, np.uint8)
             batch, n_bytes, status = scan_records(octets, 0, len(octets), is_wanted)
             size = LOOSE_BYTES
             if len(batch):
-                self._check_data_crc()
+                self._check_data_crc(at)
                 yield (at, at + n_bytes), batch
             at += n_bytes
             if status == DAMAGED and not n_bytes:  # at the first record, which may be longer than what was read
@@ -243,19 +240,17 @@ class MessageReader:
                 else:
                     at = record_end
 
-    def _check_data_crc(self) -> None:
-        """Check the CRC over the data section, once: it is all that protects messages outside chunks."""
-        end = self._index.data_end
+    def _check_data_crc(self, at: int) -> None:
+        """Check the CRC over the data section around an offset, once: nothing else protects messages outside chunks."""
+        start, end = self._index.section_at(at)
         if not self._verify or end is None or end in self._counted:
             return
         self._counted.add(end)
         (crc,) = struct.unpack("<I", self._file[end + PREFIX.size : end + PREFIX.size + 4])
-        if not crc or crc == crc32(self._file, 0, end):
+        if not crc or crc == crc32(self._file, start, end):
             return
         if not self._recover:
-            raise InputError(
-                f"the CRC of its messages does not fit (at byte {end})", where=self._name, hint=RECOVER_HINT
-            )
+            raise self._error("the CRC of its messages does not fit", end)
         self._faults.data_crc_mismatch = True
 
     def _payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
@@ -295,16 +290,16 @@ class MessageReader:
     def _payload(self, chunk: ChunkIndex) -> memoryview:
         if chunk.chunk_start in self._index.cut_chunks:
             self._count(chunk.chunk_start, "chunks_partial")
-            return partial_payload(self._file, chunk)
+            return self._index.with_own_ids(chunk.chunk_start, partial_payload(self._file, chunk))
         verify = self._verify and chunk.chunk_start not in self._verified  # the stages of a run read it several times
         payload = chunk_payload(self._file, chunk, verify=verify)
         self._verified.add(chunk.chunk_start)
-        return payload
+        return self._index.with_own_ids(chunk.chunk_start, payload)
 
     def _lose_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
         at = chunk.chunk_start
         if not self._recover:
-            raise InputError(f"{error} (at byte {at})", where=self._name, hint=error.hint) from error
+            raise self._error(str(error), at, error.hint) from error
         if at not in self._counted:
             self._counted.add(at)
             self._faults.chunks_lost += 1
@@ -314,10 +309,14 @@ class MessageReader:
 
     def _lose(self, at: int, what: str, n_bytes: int) -> None:
         if not self._recover:
-            raise InputError(f"{what} (at byte {at})", where=self._name, hint=RECOVER_HINT)
+            raise self._error(what, at)
         if at not in self._counted:
             self._counted.add(at)
             self._faults.bytes_lost += n_bytes
+
+    def _error(self, what: str, at: int, hint: str = RECOVER_HINT) -> InputError:
+        file, at = self._file.place(at)
+        return InputError(f"{what} (at byte {at})", where=file.name, hint=hint)
 
     def _count(self, at: int, fault: str) -> None:
         if at not in self._counted:
@@ -329,7 +328,7 @@ class MessageReader:
         return sum(
             len(entries)
             for each in chunk.index_offsets
-            if (entries := message_index(self._file, chunk, each)) is not None
+            if (entries := message_index(self._file, self._index, chunk, each)) is not None
         )
 
     def _index_fits(self, chunk: ChunkIndex, batches: Sequence[Batch], channel_ids: Collection[int]) -> bool:
@@ -345,7 +344,7 @@ class MessageReader:
                 if is_own.any():
                     return False
                 continue
-            listed = message_index(self._file, chunk, channel_id)
+            listed = message_index(self._file, self._index, chunk, channel_id)
             if listed is None or len(listed) != int(is_own.sum()):
                 return False
             order = np.argsort(listed[:, 1], kind="stable")
@@ -356,14 +355,16 @@ class MessageReader:
         return True
 
 
-def message_index(file: InputFile, chunk: ChunkIndex, channel_id: int) -> npt.NDArray[np.uint64] | None:
+def message_index(file: InputFile, index: Index, chunk: ChunkIndex, channel_id: int) -> npt.NDArray[np.uint64] | None:
     """Shape (n, 2): a channel's message index, (log time, offset); None if it is not what and where it should be."""
     try:
         opcode, start, stop = read_prefix(file, chunk.index_offsets[channel_id], chunk.end)
         found, first, last = read_message_index(file, start, stop)
     except RecordError:
         return None
-    if opcode != MESSAGE_INDEX or found != channel_id:
+    renumbering = index.renumbering(chunk.chunk_start)
+    own_id = found if renumbering is None else renumbering.id(found)
+    if opcode != MESSAGE_INDEX or own_id != channel_id:
         return None
     return np.frombuffer(file[first:last], "<u8").reshape(-1, 2)
 

@@ -20,7 +20,6 @@ would tell that one of them leaves a channel out; else every chunk is opened.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -40,7 +39,7 @@ from cwcli.logs.format.records import (
 )
 from cwcli.logs.read.channels import ChannelInfo, channels_of
 from cwcli.logs.read.column_cache import ColumnCache
-from cwcli.logs.read.source import MAX_PIPE_BYTES, open_source
+from cwcli.logs.read.source import MAX_PIPE_BYTES, Source, open_source
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -118,7 +117,7 @@ class Log:
     @classmethod
     def open(
         cls,
-        source: str | Path | InputFile,
+        source: Source | InputFile,
         *,
         recover: bool = False,
         verify: bool = True,
@@ -128,8 +127,8 @@ class Log:
         """Open a log.
 
         Args:
-            source: File name, or `-` for standard input, of which a pipe is copied to a temporary file first; or a file
-                that is open, which is closed with the log.
+            source: File name, or `-` for standard input, of which a pipe is copied to a temporary file first; a folder
+                that is a log, or the names of its parts; or a file that is open, which is closed with the log.
             recover: Read what is intact of a damaged file, and count the rest.
             verify: Check CRCs and message indexes.
             max_chunk_bytes: A chunk that unpacks to more counts as damaged.
@@ -317,9 +316,7 @@ class Log:
         if self._reader is None:
             from cwcli.logs.read.message_reader import MessageReader
 
-            self._reader = MessageReader(
-                self.file, self._index, self.faults, self.name, recover=self.recover, verify=self._verify
-            )
+            self._reader = MessageReader(self.file, self._index, self.faults, recover=self.recover, verify=self._verify)
         return self._reader
 
     def _memory_channels(self) -> tuple[ChannelInfo, ...]:

@@ -1,10 +1,11 @@
-"""The bytes of a log: a file, or a pipe, copied into a temporary file first."""
+"""The bytes of a log: a file, the parts of a recording, or a pipe, copied into a temporary file first."""
 
 from __future__ import annotations
 
 import os
 import stat
 import sys
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -13,6 +14,8 @@ from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.input import InputFile
 from cwcli.logs.format.faults import no_mcap
 from cwcli.logs.format.records import MAGIC
+from cwcli.logs.read.converted import converted
+from cwcli.logs.read.remote import FILE_SCHEME, blocks, is_remote, names_below
 
 STDIN = "-"
 GIGABYTE = 1_000_000_000
@@ -21,38 +24,80 @@ STDIN_NAME = "<stdin>"
 COPY_BYTES = 1 << 20
 
 
+Source = str | Path | Sequence[str]
+"""A log by its name, or by those of its parts."""
+
+
 def open_source(
-    source: str | Path, name: str | None = None, *, pipes: bool = True, max_pipe_bytes: int = MAX_PIPE_BYTES
+    source: Source, name: str | None = None, *, pipes: bool = True, max_pipe_bytes: int = MAX_PIPE_BYTES
 ) -> InputFile:
     """Open a log's bytes.
 
     Args:
-        source: File name, or `-` for standard input. Named pipes are read like standard input.
+        source: File name, or `-` for standard input. Named pipes are read like standard input. A folder with a
+            recorder's metadata.yaml, or with one log. Several names, also of folders, are parts of one log.
         name: For messages, where the file is a copy of something with another name.
         pipes: Read what is no file, too.
         max_pipe_bytes: What comes out of a pipe at most: it may have no end.
 
     Raises:
-        InputError: It does not exist, is a directory, is empty, or can't be read.
+        InputError: It does not exist, is a folder that is no log, is empty, or can't be read.
         OutputError: The temporary copy of a pipe can't be written.
         UsageError: Standard input is a terminal.
     """
+    if not isinstance(source, str | Path):
+        return _parts(source, name)
     if str(source) == STDIN:
         return _standard_input(max_pipe_bytes)
-    path = Path(source)
     name = str(source) if name is None else name
+    if is_remote(str(source)):
+        return _remote(str(source), name)
+    path = Path(str(source).removeprefix(FILE_SCHEME))
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise InputError("it is a directory", where=name, hint="name an .mcap file in it")
+            from cwcli.logs.read.recording import open_folder
+
+            return open_folder(str(path), name, _opened, as_one=False)
         if stat.S_ISREG(mode):
-            return InputFile.open(path, name)
+            return converted(InputFile.open(path, name), max_pipe_bytes)
         if not pipes:  # it may never end, and can't be read twice
             raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
         with path.open("rb") as pipe:
             return _spooled(pipe, name, max_pipe_bytes)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
+
+
+def _parts(names: Sequence[str], name: str | None) -> InputFile:
+    from cwcli.logs.read.recording import joined_name, open_folder, open_parts
+
+    name = joined_name(names) if name is None else name
+    if len(names) == 1 and _is_folder(names[0]):
+        return open_folder(names[0].removeprefix(FILE_SCHEME), name, _opened, as_one=True)
+    return open_parts(names, name, _opened)
+
+
+def _opened(name: str) -> InputFile:
+    return open_source(name, pipes=False)
+
+
+def _is_folder(name: str) -> bool:
+    if is_remote(name):
+        return bool(names_below(name))
+    with suppress(OSError, ValueError):
+        return Path(name.removeprefix(FILE_SCHEME)).is_dir()
+    return False
+
+
+def _remote(url: str, name: str) -> InputFile:
+    """A copy of a remote log on this machine, gone when it is closed; or of the logs of a folder."""
+    may_be_folder = "." not in url.rpartition("/")[2] and not url.startswith(("http:", "https:"))
+    if url.endswith("/") or (may_be_folder and names_below(url)):
+        from cwcli.logs.read.recording import open_folder
+
+        return open_folder(url, name, _opened, as_one=False)
+    return converted(spooled(blocks(url), name), MAX_PIPE_BYTES)
 
 
 def _standard_input(max_bytes: int) -> InputFile:
@@ -69,21 +114,37 @@ def _standard_input(max_bytes: int) -> InputFile:
 
 
 def _spooled(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
-    """Everything that comes out of a pipe, in a temporary file: of something else than a log only its beginning.
+    """Everything that comes out of a pipe, in a temporary file: of something else than a log only its beginning."""
+    return spooled(_checked(iter(lambda: _block(pipe, name), b""), name, max_bytes), name)
+
+
+def _checked(pieces: Iterator[bytes], name: str, max_bytes: int) -> Iterator[bytes]:
+    n_bytes = 0
+    for piece in pieces:
+        if not n_bytes and not piece.startswith(MAGIC[: len(piece)]):
+            raise no_mcap(name, piece[:16])
+        n_bytes += len(piece)
+        if n_bytes > max_bytes:
+            what = f"more than {max_bytes / GIGABYTE:g} GB came in"
+            raise InputError(what, where=name, hint="--max-input reads more; a file has no such bound")
+        yield piece
+
+
+def spooled(pieces: Iterable[bytes], name: str) -> InputFile:
+    """What comes piece by piece as a file that is gone when it is closed.
 
     Its name is gone before it is filled, so that not even a killed run leaves it behind.
+
+    Raises:
+        InputError: Nothing comes, or as the pieces do.
+        OutputError: There is no room for it.
     """
     import tempfile
 
     try:
         with tempfile.TemporaryFile(prefix="cwcli-", suffix=".mcap") as spool:
-            while block := _block(pipe, name):
-                if not spool.tell() and not block.startswith(MAGIC[: len(block)]):
-                    raise no_mcap(name, block[:16])
-                spool.write(block)
-                if spool.tell() > max_bytes:
-                    what = f"more than {max_bytes / GIGABYTE:g} GB came in"
-                    raise InputError(what, where=name, hint="--max-input reads more; a file has no such bound")
+            for piece in pieces:
+                spool.write(piece)
             spool.flush()
             if not spool.tell():
                 raise InputError("nothing came in", where=name)

@@ -92,13 +92,13 @@ def annotate(
         InputError: The source is damaged, or changed while it was read.
         ValueError: A column does not fit its schema, or log times go back.
     """
-    channels, metadata = _with_memory(source, channels, metadata, replace)
+    channels, metadata = with_memory(source, channels, metadata, replace)
     topics = {channel.topic for channel in channels}
     faults = Faults()
     index = index_every_record(source.file, faults, recover=source.recover)
     replaced = {each.id: each for each in index.channels.values() if each.topic in topics}
-    _refuse(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
-    _refuse(sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace)
+    refuse_existing(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
+    refuse_existing(sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace)
     new = assign_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
     profile = kept_profile(
         index.profile,
@@ -107,7 +107,7 @@ def annotate(
     )
     merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
     copy = SourceCopy(source.file, index, faults, recover=source.recover)
-    with open_output(target, force=force, inputs=(source.file,), durable=durable, together=together) as output:
+    with open_output(target, force=force, inputs=source.file.files, durable=durable, together=together) as output:
         writer = RecordWriter(output)
         copy.begin(
             writer,
@@ -116,7 +116,7 @@ def annotate(
             replaced_metadata=frozenset(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
         )
-        n_added = _write(writer, copy, new, merge, metadata)
+        n_added = write_items(writer, copy, new, merge, metadata)
         n_bytes = output.position
     return AnnotateReport(
         target=str(target),
@@ -132,14 +132,16 @@ def annotate(
     )
 
 
-def _write(
+def write_items(
     writer: RecordWriter,
     copy: SourceCopy,
     new: Sequence[NewChannel],
     merge: MessageMerge,
     metadata: Mapping[str, Mapping[str, str]],
+    *,
+    until_ns: int | None = None,
 ) -> int:
-    """All but the beginning; returns the number of new chunks."""
+    """All but the beginning; returns the number of new chunks. New messages that are logged after `until_ns` wait."""
     n_added = 0
     for schema in {each.schema.id: each.schema for each in new}.values():
         writer.schema(schema)
@@ -148,10 +150,11 @@ def _write(
     for item in copy.items:
         last_ns = copy.item(writer, item)
         if last_ns is not None:
+            last_ns = last_ns if until_ns is None else min(last_ns, until_ns)
             for payload in merge.take_until(last_ns, min_bytes=MIN_NEW_CHUNK_BYTES):
                 writer.chunk(payload)
                 n_added += 1
-    for payload in merge.take_until(None):
+    for payload in merge.take_until(until_ns):
         writer.chunk(payload)
         n_added += 1
     for name, values in metadata.items():
@@ -161,21 +164,26 @@ def _write(
     return n_added
 
 
-def _with_memory(
+def with_memory(
     source: Log, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]], replace: bool
 ) -> tuple[list[OutputChannel], dict[str, Mapping[str, str]]]:
     """What the source holds in memory and what is new, by topic and by name; the later one wins."""
     by_topic: dict[str, OutputChannel] = {}
     for channel in (*source.added_channels, *channels):
         if channel.topic in by_topic:
-            _refuse([channel.topic], "channel", source.name, replace)
+            refuse_existing([channel.topic], "channel", source.name, replace)
         by_topic[channel.topic] = channel
     by_name = dict(source.added_metadata)
-    _refuse(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
+    refuse_existing(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
     return list(by_topic.values()), {**by_name, **metadata}
 
 
-def _refuse(names: Sequence[str], kind: str, source: str, replace: bool) -> None:
+def refuse_existing(names: Sequence[str], kind: str, source: str, replace: bool) -> None:
+    """Refuse what the log holds already, unless it is to be replaced.
+
+    Raises:
+        OutputError: As it says.
+    """
     if names and not replace:
         raise OutputError(
             f"the log holds the {kind} {names[0]} already",

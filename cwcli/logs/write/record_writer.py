@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from cwcli.input import InputFile
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.metadata_table import MetadataTable, Run
 from cwcli.logs.format.records import (
@@ -97,11 +98,11 @@ class RecordWriter:
             ChunkIndex(*span, start, end - start, offsets, index_length, compression, len(stored), size, counts)
         )
 
-    def copy_chunk(self, source: int, chunk: ChunkIndex) -> None:
+    def copy_chunk(self, source: InputFile, chunk: ChunkIndex) -> None:
         """A chunk of another file with its message indexes, byte for byte; its messages must be counted."""
         shift = self._output.position - chunk.chunk_start
         offsets = {channel_id: offset + shift for channel_id, offset in chunk.index_offsets.items()}
-        self._output.copy(source, chunk.chunk_start, chunk.chunk_length + chunk.index_length)
+        self.copy(source, chunk.chunk_start, chunk.chunk_length + chunk.index_length)
         self._list_chunk(chunk._replace(chunk_start=chunk.chunk_start + shift, index_offsets=offsets))
 
     def attachment(self, log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> None:
@@ -111,10 +112,10 @@ class RecordWriter:
         self._attachments.append(AttachmentIndex(*place, log_time_ns, create_time_ns, len(data), name, media_type))
         self._output.write(record)
 
-    def copy_attachment(self, source: int, index: AttachmentIndex) -> None:
+    def copy_attachment(self, source: InputFile, index: AttachmentIndex) -> None:
         """An attachment record byte for byte; `index` tells where it is in the source."""
         self._attachments.append(index._replace(offset=self._output.position))
-        self._output.copy(source, index.offset, index.length)
+        self.copy(source, index.offset, index.length)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A new metadata record."""
@@ -122,21 +123,22 @@ class RecordWriter:
         self._metadata.append(self._output.position, len(data), name)
         self._output.write(data)
 
-    def copy_metadata(self, source: int, run: Run, table: MetadataTable) -> None:
+    def copy_metadata(self, source: InputFile, run: Run, table: MetadataTable) -> None:
         """Metadata records byte for byte; run and table tell where they are in the source."""
         shift = self._output.position - run.start
         for row in range(run.first, run.stop):
             offset, length, name = table[row]
             self._metadata.append(offset + shift, length, name)
-        self._output.copy(source, run.start, run.end - run.start)
+        self.copy(source, run.start, run.end - run.start)
 
     def record(self, data: bytes | memoryview) -> None:
         """A record that the summary does not list, as it stands."""
         self._output.write(data)
 
-    def copy(self, source: int, start: int, length: int) -> None:
+    def copy(self, source: InputFile, start: int, length: int) -> None:
         """Bytes of another file that the summary does not list."""
-        self._output.copy(source, start, length)
+        file, start = source.place(start)
+        self._output.copy(file.descriptor, start, length)
 
     def finish(self) -> None:
         """The end of the data section, the summary with its offsets, and the footer with the summary's CRC."""

@@ -91,7 +91,7 @@ class SourceCopy:
                     yield self._inspected(item)
                 except (ChunkError, RecordError) as error:
                     if not self._recover:
-                        raise damaged(self._source.name, item.chunk_start, error) from error
+                        raise damaged(self._source, item.chunk_start, error) from error
                     self._faults.chunks_lost += 1
                     self._faults.bytes_lost += item.end - item.chunk_start
             else:
@@ -105,7 +105,7 @@ class SourceCopy:
 
     def _inspected(self, chunk: ChunkIndex) -> ChunkIndex:
         """The chunk with what it really holds, to be indexed anew where its header or its indexes say otherwise."""
-        entries = index_entries(chunk_payload(self._source, chunk, verify=True))
+        entries = index_entries(self._payload(chunk))
         times = np.concatenate([np.zeros(0, "<u8"), *(each["log_time"] for each in entries.values())])
         fits = not len(times) or (int(times.min()), int(times.max())) == (chunk.start_ns, chunk.end_ns)
         if chunk.index_offsets:
@@ -117,7 +117,7 @@ class SourceCopy:
 
     def _index_fits(self, chunk: ChunkIndex, channel_id: int, entries: npt.NDArray[np.void]) -> bool:
         """Whether a message index record holds these entries, in any order."""
-        listed = message_index(self._source, chunk, channel_id)
+        listed = message_index(self._source, self._index, chunk, channel_id)
         return listed is not None and np.array_equal(np.sort(listed.view(INDEX_ENTRY)[:, 0], order="offset"), entries)
 
     def _pieces(self, span: Span) -> Iterator[Span]:
@@ -156,12 +156,12 @@ class SourceCopy:
         self._written_schema_ids = written_schema_ids
         index = self._index
         if index.header_length and index.profile == profile:
-            writer.copy(self._source.descriptor, 0, index.header_length)
+            writer.copy(self._source, 0, index.header_length)
         else:
             writer.header(profile, index.library)
         kept = [each for each in index.channels.values() if each.id not in replaced_ids]
         orphans = {index.channels[each].schema_id for each in replaced_ids} - {each.schema_id for each in kept}
-        listed_only = not self._faults.bytes_lost
+        listed_only = not self._faults.bytes_lost and not index.renumberings
         for schema in index.schemas.values():
             if schema.id not in orphans:
                 writer.schema(schema, listed_only=listed_only)
@@ -174,60 +174,67 @@ class SourceCopy:
 
     def item(self, writer: RecordWriter, item: Item) -> int | None:
         """Copy one item; returns the last log time in it, or None if it holds no message."""
-        descriptor = self._source.descriptor
         if isinstance(item, ChunkIndex):
             return self._chunk(writer, item)
         if isinstance(item, Span):
-            return self._messages(writer, self._source[item.start : item.end], compress=False)
+            records = self._index.with_own_ids(item.start, self._source[item.start : item.end])
+            return self._messages(writer, records, compress=False)
         if isinstance(item, LooseRecord):
             left_out = {CHANNEL: self._replaced_ids, SCHEMA: self._written_schema_ids}.get(item.opcode, ())
             if item.id not in left_out:
-                writer.copy(descriptor, item.start, item.length)
+                writer.copy(self._source, item.start, item.length)
         elif isinstance(item, AttachmentIndex):
-            writer.copy_attachment(descriptor, item)
+            writer.copy_attachment(self._source, item)
         else:
             for run in self._index.metadata.without(item, self._replaced_metadata):
-                writer.copy_metadata(descriptor, run, self._index.metadata)
+                writer.copy_metadata(self._source, run, self._index.metadata)
         return None
 
     def _chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
         if chunk.chunk_start in self._index.cut_chunks:
             try:
                 records = whole_records(partial_payload(self._source, chunk))
+                records = self._index.with_own_ids(chunk.chunk_start, records)
             except ChunkError:
                 self._faults.chunks_lost += 1
                 return None
             return self._messages(writer, records, compress=True)
         counts = chunk.counts or {}
         is_filtered = not self._replaced_ids.isdisjoint(counts)
-        if is_filtered or chunk.chunk_start in self._reindexed:
-            return self._rebuilt_chunk(writer, chunk, is_filtered=is_filtered)
-        writer.copy_chunk(self._source.descriptor, chunk)
+        is_renumbered = self._index.renumbering(chunk.chunk_start) is not None
+        if is_filtered or is_renumbered or chunk.chunk_start in self._reindexed:
+            return self._rebuilt_chunk(writer, chunk, is_changed=is_filtered or is_renumbered)
+        writer.copy_chunk(self._source, chunk)
         self.n_chunks += 1
         self.n_messages += sum(counts.values())
         return min(chunk.end_ns, MAX_TIME_NS) if any(counts.values()) else None
 
-    def _rebuilt_chunk(self, writer: RecordWriter, chunk: ChunkIndex, *, is_filtered: bool) -> int | None:
+    def _payload(self, chunk: ChunkIndex) -> memoryview:
+        payload = chunk_payload(self._source, chunk, verify=True)
+        return self._index.with_own_ids(chunk.chunk_start, payload)
+
+    def _rebuilt_chunk(self, writer: RecordWriter, chunk: ChunkIndex, *, is_changed: bool) -> int | None:
         try:
-            records = chunk_payload(self._source, chunk, verify=True)
-            if is_filtered:
-                records = without_channels(records, self._replaced_ids)
+            records = self._payload(chunk)
+            if is_changed:
+                is_renumbered = self._index.renumbering(chunk.chunk_start) is not None
+                records = without_channels(records, self._replaced_ids, definitions=not is_renumbered)
             entries = index_entries(records)
         except (ChunkError, RecordError) as error:
-            raise damaged(self._source.name, chunk.chunk_start, error) from error
+            raise damaged(self._source, chunk.chunk_start, error) from error
         if not entries:
             for opcode, start, end in chunk_records(records):
                 if opcode in (SCHEMA, CHANNEL):
                     writer.record(records[start:end])
             return None
-        stored = None if is_filtered else stored_records(self._source, chunk)
+        stored = None if is_changed else stored_records(self._source, chunk)
         return self._new_chunk(writer, records, entries, chunk.compression, stored)
 
     def _messages(self, writer: RecordWriter, records: memoryview, *, compress: bool) -> int | None:
         """Put records that have no chunk of their own into one."""
         entries = index_entries(records)
-        if not self._replaced_ids.isdisjoint(entries):
-            records = without_channels(records, self._replaced_ids)
+        if not self._replaced_ids.isdisjoint(entries) or (self._index.renumberings and entries):
+            records = without_channels(records, self._replaced_ids, definitions=not self._index.renumberings)
             entries = index_entries(records)
         if not entries:
             return None
@@ -274,14 +281,16 @@ def index_entries(records: memoryview) -> Entries:
     return {channel_id: entries[channel_ids == channel_id] for channel_id in found[np.argsort(first)].tolist()}
 
 
-def without_channels(records: memoryview, channel_ids: frozenset[int]) -> memoryview:
-    """The records without the messages and the definitions of some channels.
+def without_channels(records: memoryview, channel_ids: frozenset[int], *, definitions: bool = True) -> memoryview:
+    """The records without the messages and the definitions of some channels, or without any definition.
 
     Raises:
         RecordError: A record reaches beyond the given bytes, or is too short for a channel id.
     """
     kept = bytearray()
     for opcode, start, end in chunk_records(records):
+        if opcode in (SCHEMA, CHANNEL) and not definitions:
+            continue
         if opcode in (MESSAGE, CHANNEL):
             if end - start < PREFIX.size + 2:
                 raise RecordError("a record ends before its fields do")

@@ -17,7 +17,8 @@ import fsspec
 import pytest
 
 from cwcli.errors import InputError, OutputError, UsageError
-from cwcli.fleet.inputs import expand_sources, is_remote, local_copy
+from cwcli.fleet.inputs import expand_sources, local_copy
+from cwcli.logs.read.remote import is_remote
 
 
 @pytest.fixture

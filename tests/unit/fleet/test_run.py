@@ -150,7 +150,7 @@ def test_a_log_that_became_a_folder_is_an_error_of_its_log(plan: Plan, tmp_path:
     assert work(Task("a", "a.mcap", str(tmp_path / "a.mcap"), str(tmp_path / "out")), plan).status == "failed"
     entry = LogFolder(tmp_path / "out", "a").entry()
     assert entry is not None
-    assert (entry["error"]["exit_code"], entry["error"]["what"]) == (3, "it is a directory")
+    assert (entry["error"]["exit_code"], entry["error"]["what"]) == (3, "the folder holds no log")
 
 
 @pytest.mark.parametrize(

@@ -299,7 +299,7 @@ def test_no_log_at_all(tmp_path: Path, content: bytes, what: str) -> None:
 def test_missing_file_and_directory(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         Log.open(tmp_path / "nothing.mcap")
-    with pytest.raises(InputError, match="directory"):
+    with pytest.raises(InputError, match="the folder holds no log"):
         Log.open(tmp_path)
 
 

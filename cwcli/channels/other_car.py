@@ -1,0 +1,122 @@
+"""The states of one car in the log of another: on its map, on its clock, as a remote vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_MS, NS_PER_S
+from cwcli.signals.vehicle_state import HEADING
+
+STEP_M = 1.0
+MAD_TO_SIGMA = 1.4826
+EPOCH_NS = 10 * NS_PER_MS
+"""GNSS receivers measure at whole multiples of their period, which is one of 10 ms, from the whole second on."""
+MAX_PHASE_NS = 2 * NS_PER_MS
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """How the clock of a recorder stood to that of the positions in its log.
+
+    Attributes:
+        ahead_ns: Median of log time less stamp: how far the recorder's clock was ahead, and how late positions came.
+        sigma_ns: Of one difference, from their median absolute deviation.
+        n: Positions.
+        is_on_epochs: Their stamps are whole epochs of GNSS time; else they may be the computer's.
+    """
+
+    ahead_ns: int
+    sigma_ns: int
+    n: int
+    is_on_epochs: bool
+
+
+def recorder_of(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Recorder:
+    """The recorder of some positions, one at least; stamps and log times of shape (n,)."""
+    late_ns = log_time_ns - stamp_ns
+    ahead_ns = int(np.median(late_ns))
+    sigma_ns = int(MAD_TO_SIGMA * np.median(np.abs(late_ns - ahead_ns)))
+    phase_ns = (stamp_ns + EPOCH_NS // 2) % EPOCH_NS - EPOCH_NS // 2
+    is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_PHASE_NS)
+    return Recorder(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)
+
+
+def moved(
+    states: VehicleStates, theirs: LocalMap, ours: LocalMap, *, name: str, stamp_shift_ns: int, log_shift_ns: int
+) -> VehicleStates:
+    """A car's states on another map and clock, with their covariances.
+
+    Two maps that are plane at different places are turned against each other (by the convergence of the meridians), so
+    headings and covariances turn with the positions.
+
+    Args:
+        states: Of one car, on its own map.
+        theirs, ours: The car's map, and the one that the states are to be on.
+        name: The car's id there.
+        stamp_shift_ns, log_shift_ns: Added to the stamps, and to the log times.
+    """
+    x_m, y_m, heading_rad = states.state[:, 0], states.state[:, 1], states.state[:, HEADING]
+    placed = np.column_stack(_across(theirs, ours, x_m, y_m))
+    ahead = _across(theirs, ours, x_m + STEP_M * np.cos(heading_rad), y_m + STEP_M * np.sin(heading_rad))
+    turned_rad = np.arctan2(ahead[1] - placed[:, 1], ahead[0] - placed[:, 0])
+    by_rad = np.remainder(turned_rad - heading_rad + np.pi, 2.0 * np.pi) - np.pi
+    state = states.state.copy()
+    state[:, :2] = placed
+    state[:, HEADING] = heading_rad + by_rad
+    n = len(states)
+    return VehicleStates(
+        ids=constant_strings(name, n),
+        stamp_ns=states.stamp_ns + stamp_shift_ns,
+        log_time_ns=states.log_time_ns + log_shift_ns,
+        state=state,
+        covariance=_turned(states.covariance, by_rad),
+        length_m=states.length_m,
+        width_m=states.width_m,
+        flags=states.flags,
+    )
+
+
+def beside(some: VehicleStates, more: VehicleStates) -> VehicleStates:
+    """The states of several vehicles in the order of their log times."""
+    names = tuple(dict.fromkeys((*some.ids.values, *more.ids.values)))
+    codes = [
+        np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (some, more)
+    ]
+    columns = {
+        name: np.concatenate([getattr(some, name), getattr(more, name)])
+        for name in VehicleStates.__dataclass_fields__
+        if name != "ids"
+    }
+    made = VehicleStates(ids=Strings(np.concatenate(codes), names), **columns)
+    return made.rows(np.argsort(made.log_time_ns, kind="stable"))
+
+
+def clock_text(offset_ns: int, ours: Recorder, theirs: Recorder) -> str:
+    """How the two recorders' clocks differ, in words."""
+    sigma_ns = float(np.hypot(ours.sigma_ns, theirs.sigma_ns))
+    return (
+        f"the other car's recorder is {abs(offset_ns) / NS_PER_S:.3f} s {'ahead of' if offset_ns >= 0 else 'behind'} "
+        f"this one's (scatter {sigma_ns / NS_PER_S:.3f} s), by the stamps of {ours.n} and {theirs.n} positions"
+    )
+
+
+def _across(theirs: LocalMap, ours: LocalMap, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Positions on one map as positions on the other; where maps lie at different heights, along the vertical."""
+    latitude_deg, longitude_deg, _ = theirs.wgs84_from_map(x_m, y_m, np.zeros(len(x_m)))
+    x, y, _ = ours.map_from_wgs84(latitude_deg, longitude_deg, np.full(len(x_m), np.nan))
+    return x, y
+
+
+def _turned(covariance: FloatArray, by_rad: FloatArray) -> FloatArray:
+    """(n, k, k) covariances whose first two states turn by an angle each, (n,)."""
+    turn = np.broadcast_to(np.eye(covariance.shape[1]), covariance.shape).copy()
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(by_rad)
+    turn[:, 1, 0] = np.sin(by_rad)
+    turn[:, 0, 1] = -turn[:, 1, 0]
+    made = turn @ covariance @ turn.transpose(0, 2, 1)
+    return 0.5 * (made + made.transpose(0, 2, 1))

@@ -1,0 +1,105 @@
+"""`cwcli join`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption
+from cwcli.cli.progress import Progress
+from cwcli.cli.report import print_written
+from cwcli.errors import UsageError
+
+EXAMPLES = (
+    "cwcli join ego.mcap other.mcap --role remote -o both.mcap",
+    "cwcli run both.mcap --stage predict,warn,measure -o annotated.mcap",
+)
+
+
+def command(
+    log: Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="Log of the ego; - is standard input.")],
+    other: Annotated[str, typer.Argument(metavar="OTHER", show_default=False, help="Log of the other car.")],
+    talk: TalkOptions,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            show_default=False,
+            help="Write the ego's log with both cars' states here; - is standard output.",
+        ),
+    ],
+    role: Annotated[
+        Literal["remote"], typer.Option("--role", help="What the other car is in the ego's log: a remote vehicle.")
+    ] = "remote",
+    name: Annotated[
+        str | None,
+        typer.Option("--id", metavar="ID", show_default="its file's name", help="What the other car is called there."),
+    ] = None,
+    late: Annotated[
+        float, typer.Option("--late", metavar="S", help="The other log's stamps are late by so many seconds.")
+    ] = 0.0,
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
+    ] = False,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
+    ] = False,
+    force: ForceOption = False,
+) -> None:
+    """Make one log of two cars' logs: the second car becomes a remote vehicle, with its own covariance.
+
+    Each car is estimated from its own sensors, unless its log holds its states already. The stamps of both logs are
+    taken as GNSS time; how the two recorders' clocks differ is found from the positions and told. The new log is the
+    ego's with the states of both cars: predict, warn and measure go on from there.
+    """
+    from cwcli.cli.options.shared import SensorOptions
+    from cwcli.cli.options.stage import call_of, stage_options
+    from cwcli.logs.read.reader import Log
+    from cwcli.logs.write.annotate import annotate
+    from cwcli.output import check_targets
+    from cwcli.pipeline.join import join_logs
+
+    target = str(stdout_or_file(output))
+    if target == "-" and talk.json:
+        raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
+    check_targets([target], force=force, inputs=[log, other])
+    estimate = call_of(stage_options("estimate")(), SensorOptions())
+    console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
+    with Progress(quiet=talk.quiet) as progress, Log.open(log, recover=recover) as ego:
+        with Log.open(other, recover=recover) as second:
+            progress.step(f"estimating {log} and {other}")
+            name = name or Path(other.rstrip("/")).name.split(".")[0] or "other"
+            joined = join_logs(ego, second, estimate, name=name, late_s=late)
+            faults = {each.name: each.faults.counts() for each in (ego, second)}
+        progress.step(f"writing {target}")
+        annotate(joined.log, (), {}, target, replace=replace, force=force)
+    if talk.json:
+        said = {
+            "command": "join",
+            "role": role,
+            "id": name,
+            "clock_offset_s": joined.offset_ns / 1e9,
+            "states": dict(joined.n_states),
+            "outside": joined.n_outside,
+            "notes": list(joined.notes),
+            "faults": faults,
+            "written": target,
+        }
+        console.data(json.dumps(said, indent=2))
+        return
+    for topic, n in joined.n_states.items():
+        console.summary(f"{topic}: {n} states of {name}")
+    for note in joined.notes:
+        console.note(note)
+    for where, counts in faults.items():
+        for reason, count in counts.items():
+            console.note(f"{where}: {reason}: {count}")
+    if target != "-":
+        print_written(console, [target])

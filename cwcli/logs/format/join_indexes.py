@@ -1,0 +1,146 @@
+"""The indexes of a log's parts as the index of the log."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+from cwcli.logs.format.index import Index, Item, LooseRecord, Span
+from cwcli.logs.format.joined_file import NOBODY, JoinedFile, Renumbering
+from cwcli.logs.format.metadata_table import Run
+from cwcli.logs.format.records import (
+    CHANNEL,
+    SCHEMA,
+    AttachmentIndex,
+    ChunkIndex,
+    Statistics,
+)
+
+
+def join_indexes(file: JoinedFile, indexes: Sequence[Index]) -> Index:
+    """What the log holds, as if it were one file.
+
+    The schemas and channels of all parts stand in it, but no record that defines one: their ids may be others.
+
+    Args:
+        file: The log, arranged.
+        indexes: Of its parts, in order; made with the same function for all.
+
+    Raises:
+        InputError: The ids do not suffice.
+    """
+    joined = Index(
+        profile=indexes[0].profile if len({each.profile for each in indexes}) == 1 else "",
+        library=indexes[0].library,
+        header_length=indexes[0].header_length,
+        has_end=all(each.has_end for each in indexes),
+        is_listed=all(each.is_listed for each in indexes),
+        is_counted=all(each.is_counted for each in indexes),
+    )
+    for k in _most_alike_first(indexes):
+        file.numbering.number(indexes[k].schemas, indexes[k].channels)
+    channel_ids = []
+    for k, index in enumerate(indexes):
+        schema_ids, ids = file.numbering.number(index.schemas, index.channels)
+        channel_ids.append(ids)
+        for schema in index.schemas.values():
+            new_id = schema_ids[schema.id]
+            joined.schemas.setdefault(new_id, schema._replace(id=new_id))
+        for channel in index.channels.values():
+            new_id = ids[channel.id]
+            schema_id = schema_ids.get(channel.schema_id, 0)
+            joined.channels.setdefault(new_id, channel._replace(id=new_id, schema_id=schema_id))
+        used = {each for chunk in index.items_of(ChunkIndex) for each in chunk.channel_ids}
+        start = file.start_of(k)
+        is_same = all(old == new for each in (schema_ids, ids) for old, new in each.items()) and used <= ids.keys()
+        joined.renumberings.append((start, None if is_same else Renumbering(ids)))
+        joined.items += _placed(file, index, start, ids, joined)
+        joined.cut_chunks |= {at + start for at in index.cut_chunks}
+        if index.data_end is not None:
+            joined.data_sections.append((start, index.data_end + start))
+    joined.statistics = _counted(joined, indexes, channel_ids)
+    return joined
+
+
+def _most_alike_first(indexes: Sequence[Index]) -> list[int]:
+    """The parts by how many others have their ids: the first ones keep theirs. A recorder may well give the first part
+    of a recording other ids than all that follow.
+    """
+    layouts = [tuple(sorted((each.id, each.topic) for each in index.channels.values())) for index in indexes]
+    counts = Counter(layouts)
+    return sorted(range(len(indexes)), key=lambda k: -counts[layouts[k]])
+
+
+def _placed(file: JoinedFile, index: Index, start: int, ids: Mapping[int, int], joined: Index) -> list[Item]:
+    """The items of a part, where they are in the log."""
+    items: list[Item] = []
+    earlier: dict[tuple[int, str], list[int]] = {}
+    for offset, length, name in joined.metadata if len(index.metadata) else ():
+        earlier.setdefault((length, name), []).append(offset)
+    for item in index.items:
+        if isinstance(item, ChunkIndex):
+            items.append(
+                item._replace(
+                    chunk_start=item.chunk_start + start,
+                    index_offsets={ids.get(old, NOBODY): at + start for old, at in item.index_offsets.items()},
+                    counts=None if item.counts is None else _renamed(item.counts, ids),
+                )
+            )
+        elif isinstance(item, Span):
+            items.append(Span(item.start + start, item.end + start))
+        elif isinstance(item, LooseRecord):
+            if item.opcode not in (SCHEMA, CHANNEL):
+                items.append(item._replace(start=item.start + start))
+        elif isinstance(item, AttachmentIndex):
+            items.append(item._replace(offset=item.offset + start))
+        else:
+            items += _placed_metadata(file, index, item, start, joined, earlier)
+    return items
+
+
+def _renamed(counts: Mapping[int, int], ids: Mapping[int, int]) -> dict[int, int]:
+    renamed: Counter[int] = Counter()
+    for old, n in counts.items():
+        renamed[ids.get(old, NOBODY)] += n
+    return dict(renamed)
+
+
+def _placed_metadata(
+    file: JoinedFile, index: Index, run: Run, start: int, joined: Index, earlier: Mapping[tuple[int, str], list[int]]
+) -> Iterator[Run]:
+    """Metadata records of a part, but those that an earlier part has word for word; they come into the table."""
+    placed: Run | None = None
+    for row in range(run.first, run.stop):
+        offset, length, name = index.metadata[row]
+        at = offset + start
+        data = file[at : at + length]
+        if any(file[each : each + length] == data for each in earlier.get((length, name), ())):
+            continue
+        joined.metadata.append(at, length, name)
+        n = len(joined.metadata)
+        if placed is not None and placed.end != at:
+            yield placed
+            placed = None
+        placed = Run(at, at + length, n - 1, n) if placed is None else placed._replace(end=at + length, stop=n)
+    if placed is not None:
+        yield placed
+
+
+def _counted(joined: Index, indexes: Sequence[Index], channel_ids: Sequence[Mapping[int, int]]) -> Statistics:
+    counted = [index.statistics for index in indexes]
+    counts: Counter[int] = Counter()
+    for statistics, ids in zip(counted, channel_ids, strict=True):
+        if statistics is not None:
+            counts.update({new: statistics.channel_counts.get(old, 0) for old, new in ids.items()})
+    filled = [each for each in counted if each is not None and each.n_messages]
+    return Statistics(
+        n_messages=sum(each.n_messages for each in filled),
+        n_schemas=len(joined.schemas),
+        n_channels=len(joined.channels),
+        n_attachments=len(joined.items_of(AttachmentIndex)),
+        n_metadata=len(joined.metadata),
+        n_chunks=len(joined.items_of(ChunkIndex)),
+        start_ns=min((each.start_ns for each in filled), default=0),
+        end_ns=max((each.end_ns for each in filled), default=0),
+        channel_counts=dict(counts) if all(each.channel_counts for each in filled) else {},
+    )

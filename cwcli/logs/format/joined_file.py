@@ -1,0 +1,202 @@
+"""Several files as the bytes of one log, and ids of that log for the schemas and channels of each."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+from cwcli.errors import InputError
+from cwcli.input import MAX_CHUNK_BYTES, InputFile
+from cwcli.logs.format.records import MESSAGE_HEADER_BYTES, Channel, Schema
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+NOBODY = 0xFFFF
+"""The id of messages whose channel their file does not define; no channel of a log of parts has it."""
+
+
+class JoinedFile(InputFile):
+    """The bytes of several files, one behind the other.
+
+    Args:
+        parts: Open files; closed with this.
+        name: For messages.
+
+    Attributes:
+        parts: In the order in which they lie behind each other.
+        numbering: Ids for the schemas and channels of all parts.
+        notes: What is wrong with the parts as such -> how often.
+        listing: What the recorder says of the parts: file name -> messages, None where it does not tell. Empty without.
+        n_listed: Messages that it says are in all of them, or None.
+        is_arranged: The parts are in the order of their times.
+    """
+
+    def __init__(self, parts: Sequence[InputFile], name: str) -> None:
+        self.name = name
+        self.descriptor = -1
+        self.max_chunk_bytes = MAX_CHUNK_BYTES
+        self.numbering = Numbering()
+        self.notes: dict[str, int] = {}
+        self.listing: dict[str, int | None] = {}
+        self.n_listed: int | None = None
+        self.is_arranged = False
+        self._inputs = None
+        self._digest = None
+        self._held = (0, memoryview(b""))
+        self._is_checked = False
+        self._place(parts)
+
+    @property
+    def files(self) -> Sequence[InputFile]:
+        """The files on the disk that it consists of."""
+        return [file for part in self.parts for file in part.files]
+
+    def arrange(self, parts: Sequence[InputFile]) -> None:
+        """Put these of the parts in this order, for good; the others are closed."""
+        self.drop_all_but(parts)
+        self.is_arranged = True
+
+    def drop_all_but(self, parts: Sequence[InputFile]) -> None:
+        """Go on with these parts; the others are closed."""
+        left_out = [each for each in self.parts if each not in parts]
+        self._place(parts)
+        for each in left_out:
+            each.close()
+
+    def start_of(self, k: int) -> int:
+        """Where part `k` begins."""
+        return self._starts[k]
+
+    def place(self, at: int) -> tuple[InputFile, int]:
+        """The part in which a byte is, and where in it."""
+        k = self.part_of(at)
+        return self.parts[k], at - self._starts[k]
+
+    def part_of(self, at: int) -> int:
+        """The number of the part in which a byte is."""
+        return min(bisect_right(self._starts, at) - 1, len(self.parts) - 1)
+
+    def __getitem__(self, place: slice) -> memoryview:
+        """Some bytes, as far as the last part goes."""
+        start, stop, _ = place.indices(self._size)
+        part, at = self.place(start)
+        if stop - start <= len(part) - at:
+            return part[at : at + max(stop - start, 0)]
+        return self.read_into(memoryview(bytearray(stop - start)), start)
+
+    def read_into(self, buffer: memoryview, start: int) -> memoryview:
+        """Fill a buffer with the bytes from `start` on; returns it."""
+        n = 0
+        while n < len(buffer):
+            part, at = self.place(start + n)
+            size = min(len(part) - at, len(buffer) - n)
+            if size <= 0:
+                raise self._changed(f"its parts had {self._size} bytes")
+            part.read_into(buffer[n : n + size], at)
+            n += size
+        return buffer
+
+    def check_unchanged(self) -> None:
+        """Check that every part is what it was when it was opened."""
+        for each in self.files:
+            each.check_unchanged()
+
+    def _place(self, parts: Sequence[InputFile]) -> None:
+        self.parts = tuple(parts)
+        ends = list(accumulate(map(len, self.parts)))
+        self._starts = [0, *ends[:-1]]
+        self._size = ends[-1]
+        self.state = (-1, -1, self._size, 0)
+
+    def _close(self) -> None:
+        for each in self.parts:
+            each.close()
+
+
+@dataclass
+class Numbering:
+    """Ids of one log for the schemas and channels of its parts; each part has its own.
+
+    What two parts say of a channel is the same channel if they say the same. A part keeps its ids where nobody else has
+    them.
+    """
+
+    _schemas: dict[Any, int] = field(default_factory=dict)
+    _channels: dict[Any, int] = field(default_factory=dict)
+
+    def number(
+        self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]
+    ) -> tuple[dict[int, int], dict[int, int]]:
+        """Id in a part -> id in the log, of its schemas and of its channels.
+
+        Raises:
+            InputError: The ids do not suffice.
+        """
+        schema_ids = {0: 0, **_numbered(((each.id, each[1:]) for each in schemas.values()), self._schemas)}
+        keys = (
+            (each.id, (schema_ids.get(each.schema_id, 0), each[2:4], tuple(sorted(each.metadata.items()))))
+            for each in channels.values()
+        )
+        return schema_ids, _numbered(keys, self._channels)
+
+
+def _numbered(entries: Iterable[tuple[int, Any]], known: dict[Any, int]) -> dict[int, int]:
+    """Old id -> new id; what is equal has the same, one by one where a part has it several times."""
+    seen: Counter[Any] = Counter()
+    taken = set(known.values())
+    numbered = {}
+    for own_id, content in sorted(entries, key=lambda entry: entry[0]):
+        key = content, seen[content]
+        seen[content] += 1
+        if key not in known:
+            new_id = own_id if own_id not in taken and own_id < NOBODY else max(taken, default=0) + 1
+            if new_id >= NOBODY:
+                raise InputError("its parts have more than 65,534 ids of schemas or channels")
+            known[key] = new_id
+            taken.add(new_id)
+        numbered[own_id] = known[key]
+    return numbered
+
+
+class Renumbering:
+    """Gives the messages of a part's records the ids of the log.
+
+    Args:
+        ids: Id in the part -> id in the log; messages with another one are nobody's.
+    """
+
+    def __init__(self, ids: Mapping[int, int]) -> None:
+        self._ids = ids
+        self._table: npt.NDArray[np.uint16] | None = None
+
+    def id(self, own_id: int) -> int:
+        """The log's id of a channel of the part."""
+        return self._ids.get(own_id, NOBODY)
+
+    def records(self, data: memoryview) -> memoryview:
+        """The records, as far as they are whole, with the log's ids in the messages; all else as it was."""
+        import numpy as np
+
+        from cwcli.kernels.message_scan import DAMAGED, Messages, scan_messages
+
+        if self._table is None:
+            table = np.full(1 << 16, NOBODY, np.uint16)
+            table[list(self._ids)] = list(self._ids.values())
+            self._table = table
+        octets = np.frombuffer(bytearray(data), np.uint8)
+        every = np.ones(1 << 16, np.uint8)
+        at, status = 0, -1
+        while at < len(octets) and status != DAMAGED:
+            found = Messages((len(octets) - at) // MESSAGE_HEADER_BYTES + 1)
+            at, status = scan_messages(octets, at, len(octets), every, found)
+            ids = self._table[found.channel_id[: found.n]]
+            places = found.payload_start[: found.n] - MESSAGE_HEADER_BYTES
+            octets[places] = ids & 0xFF
+            octets[places + 1] = ids >> 8
+        return octets.data

@@ -1,0 +1,141 @@
+"""The parts of a recording: in which order they are one log, and what is wrong with them as such."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from cwcli.errors import InputError
+from cwcli.input import InputFile
+from cwcli.logs.format.index import Index
+from cwcli.logs.format.joined_file import JoinedFile
+from cwcli.logs.format.records import Statistics
+
+MAX_GAP_NS = 1_000_000_000
+"""A recorder goes on with the next part at once; where it is silent for longer, something may be missing."""
+NS_PER_S = 1_000_000_000
+MAX_NAMED = 3
+MAX_NUMBER = 10_000
+"""Of a part; a larger one is a time or a date."""
+_NUMBERED = re.compile(r"^(.*?)(\d+)((?:\.[A-Za-z]\w*)*)$")
+
+
+def arrange(file: JoinedFile, indexes: Sequence[Index]) -> list[Index]:
+    """Put the parts in the order of their first messages, without those that are there twice; returns their indexes.
+
+    What is told of them comes into `file.notes`: parts that are missing by their numbers, or by a silence between two,
+    that are repeated, that overlap in time, and what the recorder's listing says wrongly.
+
+    Args:
+        file: The log.
+        indexes: Of its parts as they were named.
+
+    Raises:
+        InputError: Two parts that have to be compared can't be read.
+    """
+    kept: list[tuple[InputFile, Index]] = []
+    repeated: list[InputFile] = []
+    for part, index in zip(file.parts, indexes, strict=True):
+        if any(_is_copy(part, index, *other) for other in kept):
+            repeated.append(part)
+        else:
+            kept.append((part, index))
+    kept.sort(key=lambda each: _span(each[1]) or (0, 0))
+    parts = [part for part, _ in kept]
+    _note(file, "parts that are there twice", repeated)
+    if not file.listing:
+        _note_numbers(file, parts)
+    else:
+        _check_listing(file, kept)
+    _note_times(file, [(part, span) for part, index in kept if (span := _span(index))])
+    if len({index.profile for _, index in kept}) > 1:
+        file.notes["parts with different profiles"] = len(kept)
+    file.arrange(parts)
+    return [index for _, index in kept]
+
+
+def _span(index: Index) -> tuple[int, int] | None:
+    """First and last log time; None where it has no message."""
+    found = index.statistics
+    return (found.start_ns, found.end_ns) if found and found.n_messages else None
+
+
+def _is_copy(part: InputFile, index: Index, other: InputFile, of_other: Index) -> bool:
+    """Whether a part holds the same bytes as another one."""
+    if part.files[0].state[:2] == other.files[0].state[:2]:
+        return True
+    if len(part) != len(other) or index.statistics != of_other.statistics:
+        return False
+    return part.begin_sha256().result() == other.begin_sha256().result()
+
+
+def _note(file: JoinedFile, what: str, parts: Sequence[InputFile]) -> None:
+    if parts:
+        file.notes[f"{what} ({_names([_short(part) for part in parts])})"] = len(parts)
+
+
+def _note_numbers(file: JoinedFile, parts: Sequence[InputFile]) -> None:
+    """Parts that are missing by the numbers in the names."""
+    found = [_NUMBERED.match(_short(part)) for part in parts]
+    if len(parts) < 2 or None in found or len({(each[1], each[3]) for each in found if each}) > 1:
+        return
+    numbers = {int(each[2]) for each in found if each}
+    is_counted = found[0] is not None and found[0][1].endswith("_")  # as rosbag2 numbers them, from 0
+    first = 1 if is_counted else min(numbers)
+    missing = sorted(set(range(first, max(numbers))) - numbers) if max(numbers) < MAX_NUMBER else []
+    if missing:
+        names = _names([str(number) for number in missing])
+        file.notes[f"parts missing by the numbers in the names ({names})"] = len(missing)
+
+
+def _note_times(file: JoinedFile, parts: Sequence[tuple[InputFile, tuple[int, int]]]) -> None:
+    """Parts that overlap in time, and silences between them."""
+    overlaps: list[str] = []
+    gaps: list[str] = []
+    end_ns = 0
+    for (before, (_, before_ns)), (after, (start_ns, after_ns)) in pairwise(parts):
+        end_ns = max(end_ns, before_ns)
+        both = f"{_short(before)} and {_short(after)}"
+        if start_ns < end_ns:
+            overlaps.append(f"{both}: {(min(end_ns, after_ns) - start_ns) / NS_PER_S:.3f} s")
+        elif start_ns - end_ns > MAX_GAP_NS:
+            gaps.append(f"{both}: {(start_ns - end_ns) / NS_PER_S:.1f} s")
+    if overlaps:
+        file.notes[f"parts that overlap in time ({_names(overlaps)})"] = len(overlaps)
+    if gaps:
+        file.notes[f"silences between parts ({_names(gaps)})"] = len(gaps)
+
+
+def _check_listing(file: JoinedFile, parts: Sequence[tuple[InputFile, Index]]) -> None:
+    """Compare what the recorder says of the parts with what they hold."""
+    wrong = []
+    total = 0
+    for part, index in parts:
+        counted: Statistics | None = index.statistics
+        n = counted.n_messages if counted else 0
+        total += n
+        listed = file.listing.get(_short(part))
+        if listed is not None and listed != n:
+            wrong.append(f"{_short(part)}: {listed} instead of {n}")
+    is_whole = len(parts) == len(file.listing)
+    if not wrong and is_whole and file.n_listed not in (None, total):
+        wrong.append(f"all: {file.n_listed} instead of {total}")
+    if wrong:
+        file.notes[f"wrong numbers of messages in metadata.yaml ({_names(wrong)})"] = len(wrong)
+
+
+def _short(part: InputFile) -> str:
+    return Path(part.name).name
+
+
+def _names(names: Sequence[str]) -> str:
+    more = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def left_out(file: JoinedFile, part: InputFile, error: InputError) -> None:
+    """Note a part that can't be read."""
+    what = f"parts that can't be read ({_short(part)}: {error.what})"
+    file.notes[what] = file.notes.get(what, 0) + 1

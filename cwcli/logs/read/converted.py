@@ -1,0 +1,128 @@
+"""Files that become logs when they are opened: whole files compressed with zstd, ROS 1 bags, databases of rosbag2.
+
+What they become lies in a temporary file without a name, as large as the disk allows, for as long as the log is open.
+Their hash, and the file that must not change or be written to, is the one that was named.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import IO, cast
+
+from cwcli.errors import InputError, OutputError
+from cwcli.input import InputFile
+
+COPY_BYTES = 1 << 20
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+BAG_MAGIC = b"#ROSBAG V"
+DATABASE_MAGIC = b"SQLite format 3\0"
+GIGABYTE = 1_000_000_000
+
+
+class ConvertedFile(InputFile):
+    """What a file has become.
+
+    Args:
+        descriptor: Of the temporary file; closed with this.
+        original: The file that was named; closed with this.
+
+    Attributes:
+        original: The file that was named.
+    """
+
+    def __init__(self, descriptor: int, original: InputFile) -> None:
+        self.original = original
+        super().__init__(descriptor, original.name)
+
+    @property
+    def files(self) -> Sequence[InputFile]:
+        """The file that was named."""
+        return self.original.files
+
+    def check_unchanged(self) -> None:
+        """Check that the file that was named is what it was when it was opened."""
+        self.original.check_unchanged()
+
+    def _close(self) -> None:
+        super()._close()
+        self.original.close()
+
+
+def converted(file: InputFile, max_bytes: int) -> InputFile:
+    """The file, or what it becomes if it is no log itself.
+
+    Args:
+        file: An open file; closed where this fails.
+        max_bytes: What a compressed file may unpack to.
+
+    Raises:
+        InputError: It can't be read.
+        OutputError: There is no room for what it becomes.
+        UsageError: It needs a package that is not installed.
+    """
+    try:
+        head = bytes(file[:16])
+        while head.startswith(ZSTD_MAGIC):
+            file = _made(file, partial(_unpack, file, max_bytes))
+            head = bytes(file[:16])
+        if head.startswith((BAG_MAGIC, DATABASE_MAGIC)):
+            from cwcli.logs.read.bags import convert_bag
+
+            notes: dict[str, int] = {}
+            made = _made(file, partial(convert_bag, file, notes, head.startswith(BAG_MAGIC)))
+            made.notes = {**file.notes, **notes}
+            return made
+        return file
+    except BaseException:
+        file.close()
+        raise
+
+
+def _made(file: InputFile, fill: Callable[[IO[bytes]], None]) -> InputFile:
+    """A temporary file that `fill` has written, in place of `file`."""
+    try:
+        with tempfile.TemporaryFile(prefix="cwcli-", suffix=".mcap") as target:
+            fill(target)
+            target.flush()
+            return ConvertedFile(os.dup(target.fileno()), file)
+    except OSError as error:
+        raise OutputError(
+            f"{file.name} can't be converted: {error.strerror}",
+            where=tempfile.gettempdir(),
+            hint="point TMPDIR to a folder with more room",
+        ) from error
+
+
+def _unpack(file: InputFile, max_bytes: int, target: IO[bytes]) -> None:
+    import zstandard
+
+    unpacker = zstandard.ZstdDecompressor().stream_reader(cast("IO[bytes]", _Blocks(file)), read_across_frames=True)
+    n_bytes = 0
+    try:
+        while block := unpacker.read(COPY_BYTES):
+            n_bytes += len(block)
+            if n_bytes > max_bytes:
+                what = f"it unpacks to more than {max_bytes / GIGABYTE:g} GB"
+                raise InputError(what, where=file.name, hint="--max-input reads more")
+            target.write(block)
+    except zstandard.ZstdError as error:
+        raise InputError(f"it can't be decompressed: {error}", where=file.name) from error
+
+
+class _Blocks:
+    """A file as zstandard reads one."""
+
+    def __init__(self, file: InputFile) -> None:
+        self._pieces = _pieces(file)
+
+    def read(self, size: int = -1) -> bytes:
+        """The next piece, whatever size is asked for; the reader takes what it gets."""
+        return next(self._pieces, b"")
+
+
+def _pieces(file: InputFile) -> Iterator[bytes]:
+    for at in range(0, len(file), COPY_BYTES):
+        yield bytes(file[at : at + COPY_BYTES])

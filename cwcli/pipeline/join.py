@@ -1,0 +1,160 @@
+"""Two logs of two cars as one: the second car becomes a remote vehicle of the first, with its own covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli import __version__
+from cwcli.channels.binding import bind
+from cwcli.channels.other_car import Recorder, beside, clock_text, moved, recorder_of
+from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
+from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
+from cwcli.errors import DataError
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.call import Call, Selection
+from cwcli.pipeline.execute import run_stages
+from cwcli.pipeline.records import map_of, run_records
+from cwcli.signals.build import build
+from cwcli.signals.canonical import PositionSignal
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.role import Role
+from cwcli.signals.units import NS_PER_S
+
+RECORD = "cwcli.join"
+EGO, OTHER = "ego", "other"
+TWINS = ((EGO_STATE, REMOTE_STATE), (EGO_ONLINE, REMOTE_ONLINE))
+
+
+@dataclass(frozen=True)
+class Joined:
+    """What became of two logs.
+
+    Attributes:
+        log: The first, with the states of both cars in memory.
+        offset_ns: How far the second recorder's clock is ahead of the first's.
+        n_states: Channel -> states of the second car that are in it.
+        n_outside: Its states before or after the first log, left out.
+        notes: What is to be told.
+    """
+
+    log: Log
+    offset_ns: int
+    n_states: Mapping[str, int]
+    n_outside: int
+    notes: tuple[str, ...]
+
+
+def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float = 0.0) -> Joined:
+    """The first log with the second's car as a remote vehicle.
+
+    Each car is estimated from its own sensors, unless its log holds its states already. The stamps of both are taken as
+    GNSS time. What a recorder's clock adds to it is found from the positions of its log: the median of log time less
+    stamp. The second car's states get the first one's map, and count as known when they were known in their own car.
+
+    Args:
+        ego, other: The logs, open.
+        estimate: The stage.
+        name: Id of the second car.
+        late_s: What the stamps of the second log are late by, if that is known.
+
+    Raises:
+        MissingSignalError: A log has no position.
+        DataError: A car's positions are not on the globe, or the logs have no moment in common.
+        CwcliError: As the stage does.
+    """
+    ours, theirs = _estimated(ego, estimate), _estimated(other, estimate)
+    our_map, their_map = _map(ours), _map(theirs)
+    recorders = _recorder(ego), _recorder(other)
+    stamp_shift_ns = -round(late_s * NS_PER_S)
+    offset_ns = recorders[1].ahead_ns - stamp_shift_ns - recorders[0].ahead_ns
+    added = {}
+    counts: dict[str, int] = {}
+    n_outside = 0
+    known = {channel.topic for channel in ours.channels}
+    span_ns = read_states(ours.columns(EGO_STATE.topic), with_covariance=False).stamp_ns
+    for source, target in TWINS:
+        if source.topic not in {channel.topic for channel in theirs.channels}:
+            continue
+        log_shift_ns = stamp_shift_ns if source is EGO_STATE else -offset_ns  # in hindsight, log times are the stamps
+        states = moved(
+            read_states(theirs.columns(source.topic)),
+            their_map,
+            our_map,
+            name=name,
+            stamp_shift_ns=stamp_shift_ns,
+            log_shift_ns=log_shift_ns,
+        )
+        within = states.rows(np.flatnonzero((states.stamp_ns >= span_ns.min()) & (states.stamp_ns <= span_ns.max())))
+        if not len(within):
+            raise _apart(ego, other, span_ns, states)
+        counts[target.topic] = len(within)
+        n_outside = max(n_outside, len(states) - len(within))
+        all_states = beside(read_states(ours.columns(target.topic)), within) if target.topic in known else within
+        added[target] = all_states
+    record = {
+        "version": __version__,
+        "role": str(Role.REMOTE),
+        "id": name,
+        "log": other.name,
+        "input_sha256": other.begin_sha256().result(),
+        "clock_offset_s": f"{offset_ns / NS_PER_S:.9f}",
+        "stamps_late_s": repr(late_s),
+    }
+    channels = [write_states(target, states, our_map) for target, states in added.items()]
+    notes = _notes(recorders, offset_ns, n_outside)
+    return Joined(ours.with_channels(channels, {RECORD: record}), offset_ns, counts, n_outside, notes)
+
+
+def _estimated(log: Log, estimate: Call) -> Log:
+    """The log with its car's states."""
+    if any(channel.topic == EGO_STATE.topic for channel in log.channels):
+        return log
+    return run_stages(log, {"estimate": estimate}, Selection())[1]
+
+
+def _map(log: Log) -> LocalMap:
+    found = map_of(run_records(log).get("estimate", {}))
+    if found is None:
+        raise DataError(
+            "its positions are Cartesian: nothing tells where they are on the globe",
+            where=log.name,
+            hint="name fixes with --topic ego_position= in `cwcli estimate`, and join what that writes",
+        )
+    return found
+
+
+def _recorder(log: Log) -> Recorder:
+    bound = bind(log.channels, {}, required=(Role.EGO_POSITION,), where=log.name, command="join")
+    topic = bound.topic(Role.EGO_POSITION)
+    assert topic is not None
+    signal = build(Role.EGO_POSITION, log.columns(topic))[0]
+    if not isinstance(signal, PositionSignal):
+        raise DataError("its positions are no fixes of a GNSS receiver", where=f"{log.name}: {topic}")
+    return recorder_of(signal.stamp_ns, signal.log_time_ns)
+
+
+def _apart(ego: Log, other: Log, span_ns: np.ndarray, states: VehicleStates) -> DataError:
+    behind_s = (int(states.stamp_ns.min()) - int(span_ns.max())) / NS_PER_S
+    ahead_s = (int(span_ns.min()) - int(states.stamp_ns.max())) / NS_PER_S
+    what = f"begins {behind_s:.3f} s after the end of" if behind_s > 0 else f"ends {ahead_s:.3f} s before"
+    return DataError(
+        f"it {what} {ego.name}: the cars have no moment in common",
+        where=other.name,
+        hint="if its clock is wrong, --late SECONDS corrects the stamps",
+    )
+
+
+def _notes(recorders: tuple[Recorder, Recorder], offset_ns: int, n_outside: int) -> tuple[str, ...]:
+    notes = [clock_text(offset_ns, *recorders)]
+    for who, recorder in zip((EGO, OTHER), recorders, strict=True):
+        if not recorder.is_on_epochs:
+            notes.append(
+                f"the stamps of the {who}'s positions are no whole epochs of GNSS time: they may be the computer's, "
+                "and the cars are then apart in time by what the two clocks differ (--late corrects it)"
+            )
+    if n_outside:
+        notes.append(f"{n_outside} states of the other car are before or after this log, left out")
+    return tuple(notes)

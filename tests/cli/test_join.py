@@ -1,0 +1,121 @@
+"""`cwcli join`: the log of a second car, recorded by a computer whose clock is 3.2 s ahead."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from cwcli.channels.vehicle_state import read_states
+from cwcli.cli.main import run
+from cwcli.errors import EXIT_BAD_DATA, EXIT_OUTPUT
+from cwcli.logs.read.reader import Log
+
+SAMPLE = Path(__file__).parents[2] / "sample_logs" / "intersection.mcap"
+AHEAD_NS = 3_200_000_000
+SENSORS = {"/gps/fix", "/gps/heading", "/vehicle/velocity", "/imu/data"}
+
+
+def copied(source: Path, target: Path, later: Callable[[int], int], topics: set[str] = SENSORS) -> Path:
+    """The topics of a log with other log times."""
+    with source.open("rb") as stream, target.open("wb") as sink:
+        reader = make_reader(stream)
+        writer = Writer(sink)
+        writer.start("ros2", "test")
+        ids: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            if channel.topic in topics and schema is not None:
+                if channel.id not in ids:
+                    schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    ids[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
+                writer.add_message(ids[channel.id], later(message.log_time), message.data, message.publish_time)
+        writer.finish()
+    return target
+
+
+@pytest.fixture(scope="module")
+def cars(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The same drive, recorded by two computers."""
+    folder = tmp_path_factory.mktemp("cars")
+    return (
+        copied(SAMPLE, folder / "ego.mcap", lambda log_time: log_time),
+        copied(SAMPLE, folder / "truck.mcap", lambda log_time: log_time + AHEAD_NS),
+    )
+
+
+def test_the_second_car_is_a_remote_vehicle(
+    cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = tmp_path / "both.mcap"
+    assert run(["join", *map(str, cars), "--role", "remote", "-o", str(both), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["clock_offset_s"] == pytest.approx(AHEAD_NS / 1e9, abs=1e-6)
+    assert any("recorder is 3.200 s ahead of this one's" in note for note in said["notes"])
+    with Log.open(both) as log:
+        ego = read_states(log.columns("/cwcli/ego/state"))
+        truck = read_states(log.columns("/cwcli/remote/state"))
+        online = read_states(log.columns("/cwcli/ego/online"))
+        truck_online = read_states(log.columns("/cwcli/remote/online"))
+        assert dict(log.metadata)["cwcli.join"]["id"] == "truck"
+    assert truck.ids.values == ("truck",)
+    np.testing.assert_array_equal(truck.stamp_ns, ego.stamp_ns)
+    np.testing.assert_allclose(truck.state, ego.state, atol=1e-5)
+    np.testing.assert_allclose(truck.covariance, ego.covariance, atol=1e-6)
+    np.testing.assert_array_equal(truck_online.stamp_ns, online.stamp_ns)
+    assert np.abs(truck_online.log_time_ns - online.log_time_ns).max() < 1_000_000
+
+
+def test_stages_go_on_from_the_joined_log(
+    cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both, annotated = tmp_path / "both.mcap", tmp_path / "annotated.mcap"
+    assert run(["join", *map(str, cars), "-o", str(both), "--id", "b", "--quiet"]) == 0
+    assert run(["run", str(both), "--stage", "predict,warn,measure", "-o", str(annotated), "--quiet"]) == 0
+    with Log.open(annotated) as log:
+        assert {"/cwcli/remote/path", "/cwcli/measures"} <= {channel.topic for channel in log.channels}
+
+
+def test_a_log_with_remote_vehicles_keeps_them(cars: tuple[Path, Path], tmp_path: Path) -> None:
+    both = tmp_path / "both.mcap"
+    assert run(["join", str(SAMPLE), str(cars[1]), "-o", str(both), "--quiet"]) == 0
+    with Log.open(both) as log:
+        found = read_states(log.columns("/cwcli/remote/state"))
+    assert len(found.ids.values) == 2
+    assert "truck" in found.ids.values
+    assert (np.diff(found.log_time_ns) >= 0).all()
+
+
+def test_logs_without_a_common_moment_are_refused(
+    cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = tmp_path / "both.mcap"
+    assert run(["join", *map(str, cars), "--late", "60", "-o", str(both)]) == EXIT_BAD_DATA
+    assert "no moment in common" in capsys.readouterr().err
+    assert not both.exists()
+
+
+def test_stamps_that_are_late_are_corrected(
+    cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = tmp_path / "both.mcap"
+    assert run(["join", *map(str, cars), "--late", "1", "-o", str(both), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["clock_offset_s"] == pytest.approx(AHEAD_NS / 1e9 + 1.0, abs=1e-6)
+    with Log.open(both) as log:
+        ego, truck = (read_states(log.columns(f"/cwcli/{who}/state")) for who in ("ego", "remote"))
+    shifted = np.searchsorted(ego.stamp_ns, truck.stamp_ns[0] + 1_000_000_000)
+    np.testing.assert_allclose(truck.state[0], ego.state[shifted], atol=1e-5)
+    assert said["outside"] > 0
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_no_input_is_overwritten(cars: tuple[Path, Path], which: int, capsys: pytest.CaptureFixture[str]) -> None:
+    before = cars[which].read_bytes()
+    assert run(["join", *map(str, cars), "-o", str(cars[which]), "--force"]) == EXIT_OUTPUT
+    assert "the input itself" in capsys.readouterr().err
+    assert cars[which].read_bytes() == before

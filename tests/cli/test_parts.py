@@ -1,0 +1,202 @@
+"""A log in parts on the command line: every command takes it, and finds what it finds in the whole."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import threading
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from pyarrow import parquet
+
+from cwcli.cli.main import run
+from cwcli.errors import EXIT_BAD_DATA, EXIT_BAD_INPUT, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.logs.read.reader import Log
+from tests.unit.logs_read.part_builders import official, write_metadata
+
+SAMPLE = Path(__file__).parents[2] / "sample_logs" / "intersection.mcap"
+N_PARTS = 10
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sample log in ten parts, cut between any two messages, each part with ids of its own; and its metadata.yaml."""
+    folder = tmp_path_factory.mktemp("recorded") / "drive"
+    folder.mkdir()
+    with SAMPLE.open("rb") as stream:
+        reader = make_reader(stream)
+        header = reader.get_header()
+        content = list(reader.iter_messages(log_time_order=False))
+    size = -(-len(content) // N_PARTS)
+    counts, paths = [], []
+    for k in range(N_PARTS):
+        part = content[k * size : (k + 1) * size]
+        paths.append(folder / f"drive_{k}.mcap")
+        counts.append(len(part))
+        with paths[-1].open("wb") as target:
+            writer = Writer(target, chunk_size=20_000)
+            writer.start(header.profile, header.library)
+            ids: dict[int, int] = {}
+            for schema, channel, message in part:
+                if channel.id not in ids:
+                    schema_id = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
+                    ids[channel.id] = writer.register_channel(
+                        channel.topic, channel.message_encoding, schema_id, channel.metadata
+                    )
+                writer.add_message(
+                    ids[channel.id], message.log_time, message.data, message.publish_time, message.sequence
+                )
+            writer.finish()
+    write_metadata(folder, paths, counts)
+    return folder
+
+
+def tables(folder: Path) -> dict[str, bytes]:
+    """Name -> every byte of the values and of the schema; the bytes of a Parquet file hold more than these."""
+    found = {path.name: parquet.read_table(path) for path in sorted(folder.iterdir())}
+    return {name: ipc_bytes(table) for name, table in found.items()}
+
+
+def ipc_bytes(table: pa.Table) -> bytes:
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table.combine_chunks())
+    return bytes(sink.getvalue())
+
+
+def test_ten_parts_give_the_tables_and_the_channels_of_the_whole(drive: Path, tmp_path: Path) -> None:
+    parts = sorted(map(str, drive.glob("*.mcap")))
+    ways = {"whole": [str(SAMPLE)], "folder": [str(drive)], "named": [*parts[::-1], "--as-one"]}
+    for name, source in ways.items():
+        out, made = tmp_path / f"{name}.mcap", tmp_path / name
+        assert run(["run", *source, "-o", str(out), "--metrics-dir", str(made), "--quiet"]) == 0
+    expected = sorted(official(tmp_path / "whole.mcap"))
+    for name in ("folder", "named"):
+        assert tables(tmp_path / name) == tables(tmp_path / "whole")
+        assert sorted(official(tmp_path / f"{name}.mcap")) == expected
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["info", "PARTS"],
+        ["estimate", "PARTS", "--metrics", "OUT.csv"],
+        ["run", "PARTS", "-d", "OUT"],
+        ["export", "ANNOTATED", "--what", "ego", "-o", "OUT.csv"],
+        ["evaluate", "ANNOTATED", "--metrics", "OUT.csv"],
+        ["report", "ANNOTATED", "-o", "OUT.html"],
+        ["layout", "PARTS", "-o", "OUT.json"],
+        ["calibrate", "PARTS", "-o", "OUT.toml"],
+        ["compare", "ANNOTATED", "ANNOTATED"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_folder_is_a_log_for_every_command(
+    drive: Path, tmp_path: Path, command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    annotated = tmp_path / "annotated"
+    if "ANNOTATED" in command:
+        annotated.mkdir()
+        assert run(["run", str(drive), "-o", str(annotated / "one.mcap"), "--quiet"]) == 0
+    names = {"PARTS": str(drive), "ANNOTATED": str(annotated)}
+    if command[0] in ("evaluate", "report", "compare"):  # there a folder without metadata.yaml means its logs
+        write_metadata(annotated, [annotated / "one.mcap"], [3489])
+    told = run([names.get(each, each.replace("OUT", str(tmp_path / "made"))) for each in command])
+    assert told == 0, capsys.readouterr().err
+
+
+def test_a_missing_part_is_told_and_strict_refuses_it(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = [str(path) for path in sorted(drive.glob("*.mcap")) if path.name != "drive_4.mcap"]
+    assert run(["info", *parts, "--as-one", "--json"]) == 0
+    faults = json.loads(capsys.readouterr().out)["faults"]
+    assert faults.pop("parts missing by the numbers in the names (4)") == 1
+    assert run(["run", *parts, "--as-one"]) == 0
+    assert "parts missing by the numbers in the names (4): 1" in " ".join(capsys.readouterr().err.split())
+    assert run(["run", *parts, "--as-one", "--strict", "-o", str(tmp_path / "out.mcap")]) == EXIT_BAD_DATA
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_several_logs_need_a_word_on_what_they_are(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parts = sorted(map(str, drive.glob("*.mcap")))[:2]
+    for command in ("info", "estimate", "run", "export"):
+        assert run([command, *parts]) == EXIT_USAGE
+        assert "--as-one" in capsys.readouterr().err
+    assert run(["run", *parts, "--as-one", "-d", "out"]) == EXIT_USAGE
+    assert "exclude each other" in capsys.readouterr().err
+
+
+def test_a_part_is_no_output(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    part = drive / "drive_3.mcap"
+    before = part.read_bytes()
+    assert run(["estimate", str(drive), "-o", str(part), "--force"]) != 0
+    assert "the input itself" in capsys.readouterr().err
+    assert part.read_bytes() == before
+
+
+@pytest.fixture
+def server(drive: Path) -> Iterator[str]:
+    handler = partial(http.server.SimpleHTTPRequestHandler, directory=str(drive))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as served:
+        thread = threading.Thread(target=served.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{served.server_port}"
+        served.shutdown()
+        thread.join()
+
+
+def test_a_url_is_a_log_for_every_command(server: str, drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", f"{server}/drive_0.mcap", "--json"]) == 0
+    of_url = json.loads(capsys.readouterr().out)
+    assert run(["info", str(drive / "drive_0.mcap"), "--json"]) == 0
+    of_file = json.loads(capsys.readouterr().out)
+    assert of_url.pop("name") == f"{server}/drive_0.mcap"
+    of_file.pop("name")
+    assert of_url == of_file
+    assert run(["info", f"{server}/drive_0.mcap", f"{server}/drive_1.mcap", "--as-one", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["messages"] == 2 * of_file["messages"]
+    assert run(["info", f"{server}/nothing.mcap"]) == EXIT_BAD_INPUT
+    assert "there is no such file" in capsys.readouterr().err
+
+
+def test_the_annotated_log_in_the_parts_of_the_input(drive: Path, tmp_path: Path) -> None:
+    whole, parts = tmp_path / "whole.mcap", tmp_path / "parts"
+    assert run(["run", str(drive), "-o", str(whole), "--quiet"]) == 0
+    assert run(["run", str(drive), "-o", str(parts), "--split", "like-input", "--quiet"]) == 0
+    written = sorted(parts.iterdir())
+    assert [path.name for path in written] == [f"drive_{k}.mcap" for k in range(N_PARTS)]
+    assert sorted(each for path in written for each in official(path)) == sorted(official(whole))
+    for one, path in zip(sorted(drive.glob("*.mcap")), written, strict=True):
+        first_ns = min(log_time_ns for _, _, log_time_ns, _ in official(one))
+        of_cwcli = [log_time_ns for topic, _, log_time_ns, _ in official(path) if topic.startswith("/cwcli/")]
+        assert path == written[0] or min(of_cwcli) >= first_ns
+    with Log.open([str(path) for path in written]) as log, Log.open(whole) as expected:
+        assert log.faults.counts() == {}
+        assert {each.topic: each.message_count for each in log.channels} == {
+            each.topic: each.message_count for each in expected.channels
+        }
+        assert dict(log.metadata) == dict(expected.metadata)
+
+
+def test_parts_are_written_to_a_folder_of_their_own(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    split = ["--split", "like-input"]
+    assert run(["estimate", str(SAMPLE), "-o", str(tmp_path / "out"), *split]) == EXIT_USAGE
+    assert "the log is one file" in capsys.readouterr().err
+    before = {path: path.read_bytes() for path in drive.iterdir()}
+    assert run(["estimate", str(drive), "-o", str(drive), "--force", *split]) == EXIT_OUTPUT
+    assert "the input itself" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in drive.iterdir()} == before
+    assert run(["estimate", str(drive), "-o", "-", *split]) == EXIT_USAGE
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "drive_9.mcap").write_bytes(b"mine")
+    assert run(["estimate", str(drive), "-o", str(tmp_path / "there"), *split]) == EXIT_OUTPUT
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["drive_9.mcap"]

@@ -1,0 +1,200 @@
+"""ROS 1 bags and rosbag2's databases are logs: written by the library `rosbags`, read as the same log in MCAP."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from cwcli.cli.main import run
+from cwcli.errors import EXIT_USAGE, InputError
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
+from tests.unit.logs_read.part_builders import official
+
+T0_NS = 1_700_000_000_000_000_000
+N = 50
+FIX, IMU, TF = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu", "tf2_msgs/msg/TFMessage"
+
+
+def content(store: Any, *, is_ros1: bool) -> list[tuple[str, str, int, Any]]:
+    """Topic, type, log time and message: fixes, rates of turn, and a transform that is said once."""
+    types = store.types
+
+    def header(k: int, frame: str) -> Any:
+        stamp = types["builtin_interfaces/msg/Time"](sec=1_700_000_000 + k // 10, nanosec=k % 10 * 100_000_000)
+        more = {"seq": k} if is_ros1 else {}
+        return types["std_msgs/msg/Header"](**more, stamp=stamp, frame_id=frame)
+
+    def vector(x: float) -> Any:
+        return types["geometry_msgs/msg/Vector3"](x=x, y=0.0, z=0.0)
+
+    turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+    mounted = types["geometry_msgs/msg/TransformStamped"](
+        header=header(0, "base_link"),
+        child_frame_id="camera",
+        transform=types["geometry_msgs/msg/Transform"](translation=vector(1.5), rotation=turn),
+    )
+    made = [("/tf_static", TF, T0_NS, types[TF](transforms=[mounted]))]
+    for k in range(N):
+        status = types["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
+        fix = types[FIX](
+            header=header(k, "gps"),
+            status=status,
+            latitude=48.0 + k * 1e-5,
+            longitude=11.0,
+            altitude=500.0,
+            position_covariance=np.eye(3).ravel(),
+            position_covariance_type=2,
+        )
+        none = np.zeros(9)
+        imu = types[IMU](
+            header=header(k, "imu"),
+            orientation=turn,
+            orientation_covariance=none,
+            angular_velocity=vector(k / 10),
+            angular_velocity_covariance=none,
+            linear_acceleration=vector(1.0),
+            linear_acceleration_covariance=none,
+        )
+        made += [("/fix", FIX, T0_NS + k * 100_000_000, fix), ("/imu", IMU, T0_NS + k * 100_000_000 + 5, imu)]
+    return made
+
+
+def bag(path: Path, compression: Writer1.CompressionFormat | None = None) -> Path:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+    writer = Writer1(path)
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        connections: dict[str, Any] = {}
+        for topic, kind, log_time_ns, message in content(store, is_ros1=True):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_time_ns, store.serialize_ros1(message, kind))
+    return path
+
+
+def recording(folder: Path, storage: StoragePlugin, mode: CompressionMode | None = None, version: int = 9) -> Path:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    writer = Writer2(folder, version=version, storage_plugin=storage)
+    if mode is not None:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connections: dict[str, Any] = {}
+        for topic, kind, log_time_ns, message in content(store, is_ros1=False):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_time_ns, store.serialize_cdr(message, kind))
+    return folder
+
+
+RECORDINGS: dict[str, Callable[[Path], Path]] = {
+    "bag": lambda folder: bag(folder / "drive.bag"),
+    "bag with bz2": lambda folder: bag(folder / "drive.bag", Writer1.CompressionFormat.BZ2),
+    "bag with lz4": lambda folder: bag(folder / "drive.bag", Writer1.CompressionFormat.LZ4),
+    "database in a folder": lambda folder: recording(folder / "drive", StoragePlugin.SQLITE3),
+    "database of ROS 2 Humble": lambda folder: recording(folder / "drive", StoragePlugin.SQLITE3, version=8),
+    "database alone": lambda folder: next(recording(folder / "drive", StoragePlugin.SQLITE3).glob("*.db3")),
+    "database, files compressed": lambda folder: recording(
+        folder / "drive", StoragePlugin.SQLITE3, CompressionMode.FILE
+    ),
+    "database, messages compressed": lambda folder: recording(
+        folder / "drive", StoragePlugin.SQLITE3, CompressionMode.MESSAGE
+    ),
+    "MCAP in a folder": lambda folder: recording(folder / "drive", StoragePlugin.MCAP),
+    "MCAP, files compressed": lambda folder: recording(folder / "drive", StoragePlugin.MCAP, CompressionMode.FILE),
+}
+
+
+@pytest.mark.parametrize("kind", RECORDINGS)
+def test_a_recording_of_any_kind_is_a_log(tmp_path: Path, kind: str) -> None:
+    with Log.open(RECORDINGS[kind](tmp_path)) as log:
+        assert log.faults.counts() == {}
+        assert {(each.topic, each.schema_name, each.message_count) for each in log.channels} == {
+            ("/tf_static", TF, 1),
+            ("/fix", FIX, N),
+            ("/imu", IMU, N),
+        }
+        fixes, rates = log.columns("/fix"), log.columns("/imu")
+        assert fixes.log_time_ns.tolist() == [T0_NS + k * 100_000_000 for k in range(N)]
+        np.testing.assert_array_equal(np.asarray(fixes.fields["latitude"]), [48.0 + k * 1e-5 for k in range(N)])
+        np.testing.assert_array_equal(np.asarray(fixes.fields["position_covariance"])[:, 4], np.ones(N))
+        stamps = np.asarray(fixes.fields["header.stamp.sec"]), np.asarray(fixes.fields["header.stamp.nanosec"])
+        assert stamps[0].tolist() == [1_700_000_000 + k // 10 for k in range(N)]
+        assert stamps[1].tolist() == [k % 10 * 100_000_000 for k in range(N)]
+        np.testing.assert_array_equal(np.asarray(rates.fields["angular_velocity.x"]), np.arange(N) / 10)
+        (transforms,) = log.transforms("/tf_static")
+        assert transforms is not None
+        assert [(each.parent, each.child, each.translation_m[0]) for each in transforms] == [
+            ("base_link", "camera", 1.5)
+        ]
+
+
+def test_the_annotated_bag_is_a_log_of_ros_2(tmp_path: Path) -> None:
+    path = bag(tmp_path / "drive.bag")
+    with Log.open(path) as log:
+        assert log.begin_sha256().result() == hashlib.sha256(path.read_bytes()).hexdigest()
+        annotate(log, (), {}, tmp_path / "drive.mcap")
+    found = list(official(tmp_path / "drive.mcap"))
+    assert [(topic, schema) for topic, schema, _, _ in found[:3]] == [("/tf_static", TF), ("/fix", FIX), ("/imu", IMU)]
+    store = get_typestore(Stores.ROS2_JAZZY)
+    fix: Any = store.deserialize_cdr(found[1][3], FIX)
+    assert (fix.latitude, fix.header.frame_id) == (48.0, "gps")
+
+
+def test_bags_are_parts_of_a_log_too(tmp_path: Path) -> None:
+    one = bag(tmp_path / "a_0.bag")
+    two = recording(tmp_path / "rest", StoragePlugin.MCAP)
+    with Log.open([str(one), str(next(two.glob("*.mcap")))]) as log:
+        assert log.n_messages == 2 * (2 * N + 1)
+        assert {each.topic for each in log.channels} == {"/tf_static", "/fix", "/imu"}
+
+
+def test_no_output_overwrites_the_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = bag(tmp_path / "drive.bag")
+    before = path.read_bytes()
+    assert run(["estimate", str(path), "-o", str(path), "--force"]) != 0
+    assert "the input itself" in capsys.readouterr().err
+    assert path.read_bytes() == before
+
+
+def test_without_the_library_one_line_names_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = bag(tmp_path / "drive.bag")
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
+    assert run(["info", str(path)]) == EXIT_USAGE
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {path}: ROS 1 bags need a package that is not installed")
+    assert "pip install 'cwcli[bags]'" in said
+
+
+@pytest.mark.parametrize("kind", ["bag", "bag with lz4", "database alone"])
+def test_a_damaged_bag_is_an_error_or_read(tmp_path: Path, kind: str) -> None:
+    path = RECORDINGS[kind](tmp_path)
+    data = path.read_bytes()
+    rng = np.random.default_rng(3)
+    n_errors = 0
+    for _ in range(40):
+        broken = bytearray(data)
+        for at in rng.integers(20, len(data), 20):
+            broken[at] = rng.integers(256)
+        path.write_bytes(broken[: rng.integers(100, len(data))] if rng.random() < 0.5 else broken)
+        try:
+            with Log.open(path) as log:
+                for topic in {each.topic for each in log.channels}:
+                    log.columns(topic)
+        except InputError:
+            n_errors += 1
+    assert n_errors > 5
