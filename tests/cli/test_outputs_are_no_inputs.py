@@ -50,6 +50,7 @@ ARGUMENTS = {
     "layout": ["LOG"],
     "export": ["LOG"],
     "plot": ["LOG"],
+    "view": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
 READING = {"config", "file", "dbc", "expect", "vehicle", "observe__vehicle", "calibration", "labelled"}
@@ -377,6 +378,8 @@ OPENERS = {
     "prediction/fleet.py": "comes with cwcli",
     "simulation/catalogue.py": "comes with cwcli",
     "report/page.py": "comes with cwcli",
+    "signals/radio/tables.py": "comes with cwcli",
+    "export/formats/osi.py": "comes with cwcli",
     "reproduction/expectations.py": "comes with cwcli",
 }
 """Modules that open files themselves, and which."""

@@ -1,4 +1,4 @@
-"""docs/viewers.md: Rerun's own converter and the page's script find paths, fixes and logs in an annotated log.
+"""`cwcli view`, and Rerun's own converter: paths, fixes and logs of an annotated log are found and drawn.
 
 Whether Rerun draws an entity in a spatial view is a matter of frames (https://rerun.io/docs/concepts/transforms):
 each entity has one, named or its path's own, and is drawn where a chain of transforms leads from it to the view's.
@@ -7,7 +7,6 @@ each entity has one, named or its path's own, and is drawn where a chain of tran
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -22,10 +21,11 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from cwcli.cli.main import run
+from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_USAGE
 from cwcli.logs.read.reader import Log
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "viewers.md").read_text(encoding="utf-8")
 TIMEOUT_S = 120
 TIMELINE = "message_log_time"
 ATOL_DEG = 1e-12
@@ -175,30 +175,28 @@ def test_converter_finds_poses_and_transforms(converted: dict[str, Columns]) -> 
 
 
 @pytest.fixture(scope="module")
-def script_made(annotated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the page's script makes of the log."""
-    [script] = re.findall(r"<!-- rerun -->\n```python\n(.*?)```", PAGE, re.DOTALL)
-    folder = tmp_path_factory.mktemp("script")
-    (folder / "rerun_view.py").write_text(script, encoding="utf-8")
+def recorded(annotated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `cwcli view` makes of the log."""
+    folder = tmp_path_factory.mktemp("view")
     target = folder / "annotated.rrd"
-    command = [sys.executable, str(folder / "rerun_view.py"), str(annotated), str(target)]
+    command = [sys.executable, "-m", "cwcli", "view", str(annotated), "-o", str(target)]
     run_tool(command, rerun_environment(folder))
     return target
 
 
-def test_script_of_the_page_draws_paths_and_speeds(annotated: Path, script_made: Path) -> None:
+def test_view_draws_paths_and_speeds(annotated: Path, recorded: Path) -> None:
     with Log.open(annotated) as log:
         x_m = np.asarray(log.columns("/cwcli/ego/path").fields["x_m"]).reshape(201, -1)
-    found = read_recording(script_made)
+    found = read_recording(recorded)
     strips = in_time_order(found["/paths/ego"], "LineStrips3D:strips")
     assert np.allclose([[point[0] for point in strip[0]] for strip in strips], x_m, rtol=0, atol=1e-4)
     assert len(found["/speed/d9583520"]["Scalars:scalars"]) == 201
     assert len(found["/cwcli/log"]["TextLog:text"]) == 2
 
 
-def test_main_view_of_the_page_draws_the_paths_and_the_ego(script_made: Path) -> None:
-    view = view_named(script_made, "From above")
-    assert drawn_in(view, read_recording(script_made)) == {"/paths/ego", "/paths/d9583520", "/cwcli/ego/pose"}
+def test_main_view_draws_the_paths_and_the_ego(recorded: Path) -> None:
+    view = view_named(recorded, "From above")
+    assert drawn_in(view, read_recording(recorded)) == {"/paths/ego", "/paths/d9583520", "/cwcli/ego/pose"}
 
 
 def test_frames_decide_what_is_drawn() -> None:
@@ -214,3 +212,14 @@ def test_frames_decide_what_is_drawn() -> None:
     link: Columns = {"Transform3D:child_frame": [["base_link"]], "Transform3D:parent_frame": [["map"]]}
     assert drawn_in(view, {"/paths/a": path | body, "/": said}) == set()
     assert drawn_in(view, {"/paths/a": path | body, "/": said, "/tf": link}) == {"/paths/a"}
+
+
+def test_what_can_not_be_shown_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], annotated: Path) -> None:
+    target = tmp_path / "x.rrd"
+    raw = ROOT / "sample_logs" / "straight.mcap"
+    assert run(["view", str(raw), "-o", str(target)]) == EXIT_MISSING_SIGNAL
+    assert "run `cwcli run` first" in capsys.readouterr().err
+    assert run(["view", str(annotated), "-o", str(tmp_path / "x.mcap")]) == EXIT_USAGE
+    assert "a recording ends in .rrd" in capsys.readouterr().err
+    assert run(["view", "-", "-o", str(target)]) == EXIT_USAGE
+    assert list(tmp_path.iterdir()) == []

@@ -21,6 +21,7 @@ COMMANDS = {
     "reproduce": "Make a paper's tables and figures again, beside ours.",
     "export": "Write states, paths, warnings or measures as a file of another tool.",
     "plot": "Draw one plot of an annotated log as an image.",
+    "view": "Show an annotated log in Rerun, or write a recording for it.",
     "layout": "Make a viewer layout that shows every channel of cwcli.",
     "demo": "Estimate, predict and warn on two bundled logs.",
 }

@@ -1,0 +1,55 @@
+"""`cwcli view`."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cwcli.cli.console import Console
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption, LogArgument
+from cwcli.cli.report import print_written
+from cwcli.errors import UsageError
+
+EXAMPLES = ("cwcli view annotated.mcap", "cwcli view annotated.mcap -o annotated.rrd")
+
+
+def command(
+    log: LogArgument,
+    talk: TalkOptions,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default="open the viewer", help="Write a recording (.rrd) instead."
+        ),
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Show an annotated log in Rerun: paths from above, speeds, warnings, the map, and all that Rerun knows of the log.
+
+    Needs rerun-sdk, the extra `view`.
+    """
+    from cwcli.export.recording import record, require_rerun
+    from cwcli.input import read_file
+    from cwcli.logs.read.reader import Log
+    from cwcli.output import check_targets, write_file
+
+    if output is not None:
+        check_targets([output], force=force, inputs=[log])
+        if Path(output).suffix.lower() != ".rrd":
+            raise UsageError(f"-o {output}: a recording ends in .rrd", hint=f"-o {Path(output).stem or 'log'}.rrd")
+    if log == "-" or "://" in log:
+        raise UsageError(f"{log} can't be shown: Rerun opens the file by itself", hint="give a file on this machine")
+    require_rerun()
+    with Log.open(log) as opened:
+        if output is None:
+            record(opened, log, None)
+            return
+        with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
+            made = Path(folder) / "recording.rrd"
+            record(opened, log, made)
+            write_file(output, read_file(str(made)), force=force)
+    print_written(Console(quiet=talk.quiet), [output])

@@ -1,0 +1,127 @@
+"""An annotated log as a recording of Rerun: what Rerun makes of it by itself, and beside it paths, speeds and views."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cwcli.channels.predicted_path import read_paths
+from cwcli.channels.published import (
+    EGO_FIX,
+    EGO_PATH,
+    EGO_POSE,
+    EGO_STATE,
+    REMOTE_PATH,
+    REMOTE_STATE,
+    WARNING_LOG,
+)
+from cwcli.channels.vehicle_state import KINEMATICS, read_states
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.vehicle_state import MAP_FRAME
+
+if TYPE_CHECKING:
+    from cwcli.logs.read.reader import Log
+
+TIMELINE = "message_log_time"
+"""What Rerun calls the log times of MCAP messages."""
+
+HEIGHT_M = 150.0
+"""Of the eye over the ego."""
+
+
+def require_rerun() -> None:
+    """Refuse to begin where nothing can be recorded.
+
+    Raises:
+        UsageError: The extra `view` is not installed.
+    """
+    if find_spec("rerun") is None:
+        raise UsageError("the viewer needs rerun-sdk", hint="pip install 'cwcli[view]'")
+
+
+def record(log: Log, path: str, target: Path | None) -> None:
+    """Send a log to a recording.
+
+    Args:
+        log: The annotated log.
+        path: Where it lies; Rerun opens it by itself.
+        target: The `.rrd` file to write; None: the viewer is opened.
+
+    Raises:
+        MissingSignalError: The log holds no states.
+    """
+    there = {channel.topic for channel in log.channels}
+    if not there & {EGO_STATE.topic, REMOTE_STATE.topic}:
+        raise MissingSignalError("the log holds no states", where=log.name, hint="run `cwcli run` first")
+    import rerun as rr
+
+    recording = rr.RecordingStream("cwcli")
+    if target is None:
+        recording.spawn(default_blueprint=_views())
+    else:
+        recording.save(target, default_blueprint=_views())
+    recording.log_file_from_path(path)
+    # The frame of paths and poses: a view draws what a chain of transforms leads from to its own.
+    recording.log("/", rr.CoordinateFrame(MAP_FRAME), static=True)
+    recording.log(EGO_POSE.topic, rr.TransformAxes3D(5), static=True)
+    for channel in (EGO_STATE, REMOTE_STATE):
+        if channel.topic in there:
+            _speeds(recording, log, channel.topic)
+    for channel in (EGO_PATH, REMOTE_PATH):
+        if channel.topic in there:
+            _paths(recording, log, channel.topic)
+    recording.flush()
+    recording.disconnect()
+
+
+def _views() -> Any:
+    import rerun.blueprint as rrb
+
+    above = rrb.EyeControls3D(
+        position=(0, 0, HEIGHT_M), look_target=(0, 0, 0), eye_up=(0, 1, 0), tracking_entity=EGO_POSE.topic
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Spatial3DView(
+                origin="/", contents=["/paths/**", EGO_POSE.topic], name="From above", eye_controls=above
+            ),
+            rrb.Vertical(
+                rrb.MapView(origin=EGO_FIX.topic, name="The ego on the globe"),
+                rrb.TimeSeriesView(origin="/speed", name="Speed [m/s]"),
+                rrb.TextLogView(origin=WARNING_LOG.topic, name="Warnings"),
+            ),
+        )
+    )
+
+
+def _times(stamp_ns: Any) -> Any:
+    import rerun as rr
+
+    return rr.TimeColumn(TIMELINE, timestamp=stamp_ns.astype("datetime64[ns]"))
+
+
+def _speeds(recording: Any, log: Log, topic: str) -> None:
+    import rerun as rr
+
+    states = read_states(log.columns(topic, KINEMATICS), with_covariance=False)
+    for vehicle, rows in rows_by_id(states.ids):
+        speed = states.state[rows, 2]
+        recording.send_columns(
+            f"/speed/{vehicle}", [_times(states.log_time_ns[rows])], rr.Scalars.columns(scalars=speed)
+        )
+
+
+def _paths(recording: Any, log: Log, topic: str) -> None:
+    import rerun as rr
+
+    predicted = read_paths(log.columns(topic))
+    for vehicle, rows in rows_by_id(predicted.ids):
+        x, y = predicted.paths.x_m[rows], predicted.paths.y_m[rows]
+        strips = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(np.float32)
+        frames = rr.CoordinateFrame.columns(frame=[MAP_FRAME] * len(rows))
+        columns = [*rr.LineStrips3D.columns(strips=list(strips)), *frames]
+        recording.send_columns(f"/paths/{vehicle}", [_times(predicted.log_time_ns[rows])], columns)
