@@ -9,6 +9,7 @@ from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.estimation.result import Track
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Int64Array
+from cwcli.signals.packed_covariances import PackedCovariances
 from cwcli.signals.vehicle_state import N_STATES
 
 
@@ -26,13 +27,14 @@ class CollectedStates:
         n = len(self._order)
         self._place = np.empty(len(order), np.intp)
         self._place[self._order] = np.arange(n)
-        self._state, self._covariance = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
+        self._state, self._covariance = np.empty((n, N_STATES)), PackedCovariances.empty(n, N_STATES)
         self._flags = np.zeros(n, np.uint8)
 
     def add(self, rows: Int64Array, track: Track) -> None:
-        """The states of some rows of the signal."""
+        """The states of some rows of the signal; safe in a thread of its own for each vehicle."""
         at = self._place[rows]
-        self._state[at], self._covariance[at], self._flags[at] = track.state, track.covariance, track.flags
+        self._state[at], self._flags[at] = track.state, track.flags
+        self._covariance.put(at, PackedCovariances.of(track.covariance))
 
     def states(self) -> VehicleStates:
         """All of them."""

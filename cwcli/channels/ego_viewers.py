@@ -4,47 +4,58 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.output import output
+from cwcli.channels.output import first_of_each_period, output
 from cwcli.channels.published import EGO_FIX, EGO_POSE, EGO_STATE, TRANSFORMS, Channel
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, constant_strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.vehicle_state import BODY_FRAME, HEADING, MAP_FRAME, X, Y
+from cwcli.signals.precision import plane_to_digits, to_step
+from cwcli.signals.vehicle_state import BODY_FRAME, HEADING, MAP_FRAME, STATE_NAMES, X, Y
 
 COVARIANCE_TYPE_KNOWN = 3  # foxglove.LocationFix: KNOWN
+SHOWN_HZ, TRANSFORMS_HZ = 5.0, 10.0
+VARIANCE_DIGITS = 8  # binary ones, of a picture
+TURN_BITS = 20
 
 
 def write_ego(states: VehicleStates, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
-    """The ego's states, and each of them as fix, pose and transform.
+    """The ego's states, and some of them as fix, pose and transform: pictures, not a record.
 
     Args:
         states: In the order of their log times, which are their stamps.
         local_map: Where the map lies on the earth; None leaves the fixes unknown.
     """
-    n = len(states)
     published = write_states(EGO_STATE, states, local_map)
+    placed = first_of_each_period(states.ids.codes, states.stamp_ns, TRANSFORMS_HZ)
+    shown = first_of_each_period(states.ids.codes, states.stamp_ns, SHOWN_HZ)
+    state = np.column_stack([np.asarray(published.fields[name]) for name in STATE_NAMES])
+    transform: dict[str, Field] = {
+        "timestamp": states.stamp_ns[placed],
+        "parent_frame_id": constant_strings(MAP_FRAME, len(placed)),
+        "child_frame_id": constant_strings(BODY_FRAME, len(placed)),
+        **_placed("translation", "rotation", state[placed]),
+    }
+    transforms = output(TRANSFORMS, states.log_time_ns[placed], transform)
+    states, state, n = states.rows(shown), state[shown], len(shown)
     position_covariance = np.zeros((n, 9))
-    position_covariance[:, [0, 1, 3, 4]] = states.covariance[:, :2, :2].reshape(n, 4)
+    position_covariance[:, [0, 1, 4]] = plane_to_digits(
+        np.stack([states.covariance[:, a, b] for a, b in ((0, 0), (0, 1), (1, 1))], axis=1), VARIANCE_DIGITS
+    )
+    position_covariance[:, 3] = position_covariance[:, 1]
     fix: dict[str, Field] = {
         "timestamp": states.stamp_ns,
         "frame_id": constant_strings(BODY_FRAME, n),
-        "latitude": np.asarray(published.fields["latitude_deg"]),
-        "longitude": np.asarray(published.fields["longitude_deg"]),
+        "latitude": np.asarray(published.fields["latitude_deg"])[shown],
+        "longitude": np.asarray(published.fields["longitude_deg"])[shown],
         "altitude": np.full(n, local_map.origin_alt_m if local_map else 0.0),
         "position_covariance": position_covariance,
         "position_covariance_type": np.full(n, COVARIANCE_TYPE_KNOWN, np.int32),
     }
-    transform: dict[str, Field] = {
-        "timestamp": states.stamp_ns,
-        "parent_frame_id": constant_strings(MAP_FRAME, n),
-        "child_frame_id": constant_strings(BODY_FRAME, n),
-        **_placed("translation", "rotation", states.state),
-    }
     return (
         published,
         output(EGO_FIX, states.log_time_ns, fix),
-        write_poses(EGO_POSE, states.stamp_ns, states.state),
-        output(TRANSFORMS, states.log_time_ns, transform),
+        write_poses(EGO_POSE, states.stamp_ns, state),
+        transforms,
     )
 
 
@@ -67,6 +78,6 @@ def _placed(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
         f"{place}.z": zeros,
         f"{turn}.x": zeros,
         f"{turn}.y": zeros,
-        f"{turn}.z": np.sin(half),
-        f"{turn}.w": np.cos(half),
+        f"{turn}.z": to_step(np.sin(half), TURN_BITS),
+        f"{turn}.w": to_step(np.cos(half), TURN_BITS),
     }

@@ -1,4 +1,4 @@
-"""Columns as one of the published channels."""
+"""Columns as one of the published channels, and how often."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from cwcli.channels.published import Channel
-from cwcli.signals.columns import Field, Int64Array, OutputChannel, Strings
+from cwcli.signals.columns import Field, Int64Array, NumericArray, OutputChannel, Strings
+from cwcli.signals.units import NS_PER_S
 
 
 def output(channel: Channel, log_time_ns: Int64Array, fields: Mapping[str, Field]) -> OutputChannel:
@@ -33,3 +34,16 @@ def _rows(values: Field, order: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) 
     if isinstance(values, np.ndarray):
         return values[order]
     raise TypeError("a ragged column can't be reordered here")
+
+
+def first_of_each_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
+    """The first row of each vehicle in each period of a clock that ticks at a rate; increasing.
+
+    Args:
+        codes, stamp_ns: Shape (n,): vehicle and time of each row.
+        rate_hz: Of the clock, whose first tick is at time 0.
+    """
+    period = stamp_ns // max(round(NS_PER_S / rate_hz), 1)
+    order = np.lexsort((period, codes))
+    is_first = (np.diff(period[order]) != 0) | (np.diff(codes[order]) != 0)
+    return np.sort(order[np.concatenate([[True], is_first])[: len(order)]])

@@ -1,16 +1,16 @@
 """Predicted paths as lines that viewers draw: `foxglove.SceneUpdate` beside `cwcli.v1.PredictedPath`.
 
-A picture, not a record: about ten paths a second of each vehicle, each with every tenth of its length. Who computes
+A picture, not a record: about five paths a second of each vehicle, each with every tenth of its length. Who computes
 with paths takes `/cwcli/ego/path` and `/cwcli/remote/path`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cwcli.channels.predicted_path import PredictedPaths
+from cwcli.channels.predicted_path import LENGTH_BITS, AnyPaths
 from cwcli.channels.published import PATH_SCENE
 from cwcli.signals.columns import (
     FloatArray,
@@ -18,48 +18,62 @@ from cwcli.signals.columns import (
     OutputChannel,
     OutputField,
     Repeated,
+    StreamedChannel,
     constant_strings,
     strings_from,
 )
+from cwcli.signals.precision import to_step
 from cwcli.signals.row_order import Rows, rows_by_id
 from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 
-MIN_PERIOD_NS = 95_000_000
-"""A little less than 0.1 s, so that of states at 10 or 20 Hz none is missed by jitter."""
+MIN_PERIOD_NS = 190_000_000
+"""A little less than 0.2 s, so that of states at 5 or 10 Hz none is missed by jitter."""
 N_POINTS = 11
+NO_TIMES = np.zeros(0, np.int64)
 LIFETIME_NS = 500_000_000
 THICKNESS_M = 0.3
 EGO_COLOR = (0.15, 0.5, 1.0, 0.9)
 OTHER_COLOR = (1.0, 0.55, 0.0, 0.9)
 
 
-def write_path_scene(predicted: Sequence[PredictedPaths]) -> OutputChannel:
+def write_path_scene(predicted: Sequence[AnyPaths]) -> OutputChannel:
     """One line a path, with the vehicle's id as the entity's, so that a vehicle's next path replaces its last.
 
     Args:
         predicted: Paths in the map frame, each in the order of their log times.
     """
     drawn = [_drawn_rows(each) for each in predicted]
-    chosen = list(zip(predicted, drawn, strict=True))
-    log_time_ns = np.concatenate([np.zeros(0, np.int64), *(each.log_time_ns[rows] for each, rows in chosen)])
-    stamp_ns = np.concatenate([np.zeros(0, np.int64), *(each.stamp_ns[rows] for each, rows in chosen)])
-    names = [each.ids.values[code] for each, rows in chosen for code in each.ids.codes[rows]]
-    points = np.concatenate([np.zeros((0, N_POINTS, 2)), *(_points(each, rows) for each, rows in chosen)])
+    log_time_ns = np.concatenate(
+        [NO_TIMES, *(each.log_time_ns[rows] for each, rows in zip(predicted, drawn, strict=True))]
+    )
     order = np.argsort(log_time_ns, kind="stable")
-    return _scene(log_time_ns[order], stamp_ns[order], [names[row] for row in order], points[order])
+    which = np.repeat(np.arange(len(drawn)), [len(rows) for rows in drawn])[order]
+    row = np.concatenate([np.zeros(0, np.intp), *drawn])[order]
+
+    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+        n = stop - start
+        stamp_ns, points, names = np.zeros(n, np.int64), np.zeros((n, N_POINTS, 2)), np.empty(n, np.object_)
+        for k, each in enumerate(predicted):
+            here = np.flatnonzero(which[start:stop] == k)
+            own = row[start:stop][here]
+            stamp_ns[here], points[here] = each.stamp_ns[own], _points(each, own)
+            names[here] = [each.ids.values[code] for code in each.ids.codes[own]]
+        return _lines(stamp_ns, names.tolist(), points)
+
+    return StreamedChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns[order], rows=rows)
 
 
-def _drawn_rows(predicted: PredictedPaths) -> Rows:
+def _drawn_rows(predicted: AnyPaths) -> Rows:
     """The first path of each vehicle in each period."""
     kept = [_spaced(rows, predicted.log_time_ns) for _, rows in rows_by_id(predicted.ids)]
     return np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
 
 
-def _points(predicted: PredictedPaths, rows: Rows) -> FloatArray:
+def _points(predicted: AnyPaths, rows: Rows) -> FloatArray:
     """Points along some paths, shape (n, N_POINTS, 2)."""
-    x_m, y_m = predicted.paths.x_m, predicted.paths.y_m
-    at = np.linspace(0, x_m.shape[1] - 1, N_POINTS).round().astype(np.intp)
-    return np.stack([x_m[rows][:, at], y_m[rows][:, at]], axis=2)
+    at = np.linspace(0, len(predicted.time_s) - 1, N_POINTS).round().astype(np.intp)
+    points, place = np.unique(at, return_inverse=True)
+    return to_step(predicted.positions(rows, points)[:, place], LENGTH_BITS)
 
 
 def _spaced(rows: Rows, log_time_ns: Int64Array) -> Rows:
@@ -70,8 +84,8 @@ def _spaced(rows: Rows, log_time_ns: Int64Array) -> Rows:
     return rows[np.concatenate(([True], np.diff(slot) > 0))]
 
 
-def _scene(log_time_ns: Int64Array, stamp_ns: Int64Array, names: list[str], points: FloatArray) -> OutputChannel:
-    n = len(log_time_ns)
+def _lines(stamp_ns: Int64Array, names: list[str], points: FloatArray) -> Mapping[str, OutputField]:
+    n = len(stamp_ns)
     one_each = np.arange(n + 1, dtype=np.int64)
     is_ego = np.array([name == EGO_ID for name in names], np.bool_)
     color = np.where(is_ego[:, None], EGO_COLOR, OTHER_COLOR)
@@ -91,4 +105,4 @@ def _scene(log_time_ns: Int64Array, stamp_ns: Int64Array, names: list[str], poin
         "lifetime": np.full(n, LIFETIME_NS, np.int64),
         "lines": Repeated(one_each, line),
     }
-    return OutputChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns, {"entities": Repeated(one_each, entity)})
+    return {"entities": Repeated(one_each, entity)}

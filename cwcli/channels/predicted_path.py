@@ -2,21 +2,67 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 
-from cwcli.channels.output import output
+from cwcli.channels.output import first_of_each_period, output
 from cwcli.channels.published import Channel
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import Columns, Field, Int64Array, NumericArray, OutputChannel, Strings, constant_strings
+from cwcli.prediction.plan import PathPlan, SomePaths
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    FloatArray,
+    Int64Array,
+    OutputChannel,
+    OutputField,
+    StreamedChannel,
+    Strings,
+    constant_strings,
+)
 from cwcli.signals.leaf_fields import matrix, numbers, texts, whole_numbers
-from cwcli.signals.units import NS_PER_S
+from cwcli.signals.precision import plane_to_digits, to_step
+from cwcli.signals.row_order import Rows
 
+LENGTH_BITS, ANGLE_BITS, VARIANCE_DIGITS = 7, 12, 6
+"""Positions and speeds are multiples of 2^-7, headings of 2^-12; variances have 6 binary digits."""
+MAX_STEP_S = 0.25
+"""Between the published points: a car that brakes with 3 m/s^2 is 2 cm from the line between them."""
 MAX_SPREAD_S = 1e-6
 """Step and horizon of one channel's paths may differ by rounding only."""
+
+
+class PathSource(Protocol):
+    """Paths of n starts over the same times; the arrays come when they are asked for."""
+
+    @property
+    def time_s(self) -> FloatArray: ...
+    def __len__(self) -> int: ...
+    def take(self, rows: Rows) -> Paths: ...
+
+
+class AnyPaths(Protocol):
+    """Paths of vehicles, n rows: `PredictedPaths` or `PlannedPaths`."""
+
+    @property
+    def ids(self) -> Strings: ...
+    @property
+    def stamp_ns(self) -> Int64Array: ...
+    @property
+    def log_time_ns(self) -> Int64Array: ...
+    @property
+    def model(self) -> str: ...
+    @property
+    def time_s(self) -> FloatArray: ...
+    def __len__(self) -> int: ...
+    def some(self, rows: Rows) -> PathSource: ...
+    def positions(self, rows: Rows, points: Rows) -> FloatArray: ...
 
 
 @dataclass(frozen=True)
@@ -44,51 +90,131 @@ class PredictedPaths:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    @property
+    def time_s(self) -> FloatArray:
+        """The times of each path's points, from its start."""
+        return self.paths.time_s
 
-def write_paths(
-    channel: Channel, predicted: PredictedPaths, *, frame_id: str = "", rate_hz: float | None = None
-) -> OutputChannel:
+    def some(self, rows: Rows) -> Paths:
+        """Some of the paths."""
+        return self.paths.take(rows)
+
+    def positions(self, rows: Rows, points: Rows) -> FloatArray:
+        """Some points of some paths, shape (rows, points, 2)."""
+        at = np.ix_(rows, points)
+        return np.stack([self.paths.x_m[at], self.paths.y_m[at]], axis=2)
+
+
+@dataclass(frozen=True)
+class PlannedPaths:
+    """Paths of vehicles that are made when they are wanted; n rows, one from each state.
+
+    Attributes:
+        ids, stamp_ns, log_time_ns: As of `PredictedPaths`.
+        plan: What they come from.
+    """
+
+    ids: Strings
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    plan: PathPlan
+
+    @classmethod
+    def of(cls, states: VehicleStates, plan: PathPlan) -> PlannedPaths:
+        """Paths that start from states, one from each."""
+        return cls(states.ids, states.stamp_ns, states.log_time_ns, plan)
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    @property
+    def model(self) -> str:
+        """The motion model of all of them."""
+        return self.plan.model
+
+    @property
+    def time_s(self) -> FloatArray:
+        """The times of each path's points, from its start."""
+        return self.plan.time_s
+
+    def some(self, rows: Rows) -> SomePaths:
+        """Some of the paths, not made yet."""
+        return SomePaths(self.plan, rows)
+
+    def positions(self, rows: Rows, points: Rows) -> FloatArray:
+        """Some points of some paths, shape (rows, points, 2)."""
+        paths = self.plan.take(rows, points=points)
+        return np.stack([paths.x_m, paths.y_m], axis=2)
+
+
+@dataclass(frozen=True)
+class PlannedChannel(StreamedChannel):
+    """A channel of paths that are made when they are written. Whoever reads it gets those that a file gets.
+
+    Attributes:
+        planned: All of them, for later stages of the same run.
+    """
+
+    planned: PlannedPaths = field(kw_only=True)
+
+
+def write_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = "") -> OutputChannel:
     """One message a path.
 
     Args:
         channel: Where they are published.
         predicted: The paths.
         frame_id: "" for `map`.
-        rate_hz: A file gets so many of each vehicle at most; None: all. Later stages of the same run see all.
     """
-    n, paths = len(predicted), predicted.paths
-    fields: dict[str, Field] = {
-        "stamp_ns": predicted.stamp_ns,
-        "id": predicted.ids,
-        "model": constant_strings(predicted.model, n),
-        "horizon_s": np.full(n, float(paths.time_s[-1])),
-        "step_s": np.full(n, float(paths.time_s[1] - paths.time_s[0]) if len(paths.time_s) > 1 else 0.0),
-        "x_m": paths.x_m,
-        "y_m": paths.y_m,
-        "heading_rad": paths.heading_rad,
-        "speed_mps": paths.speed_mps,
-        "position_covariance": paths.position_covariance_m2.reshape(n, 3 * len(paths.time_s)),
-    }
+    fields = _fields(predicted.ids, predicted.stamp_ns, predicted.model, predicted.paths)
     if frame_id:
-        fields["frame_id"] = constant_strings(frame_id, n)
-    made = output(channel, predicted.log_time_ns, fields)
-    if rate_hz is None:
-        return made
-    ids, stamp_ns = made.fields["id"], made.fields["stamp_ns"]
-    assert isinstance(ids, Strings) and isinstance(stamp_ns, np.ndarray)
-    return replace(made, written=first_of_each_period(ids.codes, stamp_ns.astype(np.int64), rate_hz))
+        fields["frame_id"] = constant_strings(frame_id, len(predicted))
+    return output(channel, predicted.log_time_ns, fields)
 
 
-def first_of_each_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
-    """The first row of each vehicle in each period of a clock that ticks at a rate; increasing.
+def write_planned(channel: Channel, planned: PlannedPaths, *, rate_hz: float) -> PlannedChannel:
+    """The first path of each vehicle in each period of a clock as a message, with points a quarter of a second apart.
 
     Args:
-        codes, stamp_ns: Shape (n,): vehicle and time of each row.
-        rate_hz: Of the clock, whose first tick is at time 0.
+        channel: Where they are published.
+        planned: All paths.
+        rate_hz: Of the clock.
     """
-    period_ns = max(round(NS_PER_S / rate_hz), 1)
-    pairs = np.stack([codes.astype(np.int64), stamp_ns // period_ns], axis=1)
-    return np.sort(np.unique(pairs, axis=0, return_index=True)[1]).astype(np.int64)
+    order = np.argsort(planned.log_time_ns, kind="stable")
+    chosen = order[first_of_each_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
+
+    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+        own = chosen[start:stop]
+        paths = planned.plan.take(own)
+        return _fields(planned.ids.rows(own), planned.stamp_ns[own], planned.model, paths.at(_kept(paths.time_s)))
+
+    return PlannedChannel(channel.topic, channel.schema, planned.log_time_ns[chosen], rows=rows, planned=planned)
+
+
+def _kept(time_s: FloatArray) -> Rows:
+    """Every k-th point, `MAX_STEP_S` apart at most, with the last."""
+    last = len(time_s) - 1
+    every = max((k for k in range(1, last + 1) if last % k == 0 and time_s[k] < MAX_STEP_S + 1e-9), default=1)
+    return np.arange(0, last + 1, every)
+
+
+def _fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dict[str, Field]:
+    n, time_s = len(stamp_ns), paths.time_s
+    lengths, angles = partial(to_step, bits=LENGTH_BITS), partial(to_step, bits=ANGLE_BITS)
+    return {
+        "stamp_ns": stamp_ns,
+        "id": ids,
+        "model": constant_strings(model, n),
+        "horizon_s": np.full(n, float(time_s[-1])),
+        "step_s": np.full(n, float(time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0),
+        "x_m": lengths(paths.x_m),
+        "y_m": lengths(paths.y_m),
+        "heading_rad": angles(paths.heading_rad),
+        "speed_mps": lengths(paths.speed_mps),
+        "position_covariance": plane_to_digits(paths.position_covariance_m2, VARIANCE_DIGITS).reshape(
+            n, 3 * len(time_s)
+        ),
+    }
 
 
 def read_paths(columns: Columns) -> PredictedPaths:

@@ -10,10 +10,20 @@ import numpy.typing as npt
 from cwcli.channels.output import output
 from cwcli.channels.published import Channel
 from cwcli.errors import MissingSignalError
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, Strings, constant_strings
-from cwcli.signals.covariances import is_positive_definite
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    FloatArray,
+    Int64Array,
+    OutputChannel,
+    Ragged,
+    Strings,
+    constant_strings,
+)
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.leaf_fields import matrix, numbers, texts, whole_numbers
+from cwcli.signals.leaf_fields import find, matrix, numbers, texts, unusable, whole_numbers
+from cwcli.signals.packed_covariances import Covariances, PackedCovariances
+from cwcli.signals.precision import to_step
 from cwcli.signals.row_order import Rows, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES, StateFlag
@@ -21,6 +31,12 @@ from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES, StateFlag
 UInt8Array = npt.NDArray[np.uint8]
 FLAGS: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in StateFlag}
 
+STATE_BITS = (11, 11, 11, 16, 11, 16, 11, 16)
+"""Each state is published as a multiple of 2 to minus this."""
+DEGREE_BITS = 24
+N_CORRELATIONS = N_STATES * (N_STATES - 1) // 2
+COVARIANCE = ("covariance", "sigma", "correlation")
+"""Fields that hold it, in logs of older versions and of this one."""
 KINEMATICS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
 """All that `read_states` reads but the covariance, which is most of a channel."""
 
@@ -33,7 +49,7 @@ class VehicleStates:
         ids: Vehicle id.
         stamp_ns, log_time_ns: Shape (n,): time of the state; time at which it was known (reception for V2X).
         state: Shape (n, 8), order `STATE_NAMES`.
-        covariance: Shape (n, 8, 8).
+        covariance: Shape (n, 8, 8); packed where it was read from a channel.
         length_m, width_m: Shape (n,), NaN where unknown.
         flags: Shape (n,): `StateFlag`s.
     """
@@ -42,7 +58,7 @@ class VehicleStates:
     stamp_ns: Int64Array
     log_time_ns: Int64Array
     state: FloatArray
-    covariance: FloatArray
+    covariance: Covariances
     length_m: FloatArray
     width_m: FloatArray
     flags: UInt8Array
@@ -52,7 +68,7 @@ class VehicleStates:
         cls,
         stamp_ns: Int64Array,
         state: FloatArray,
-        covariance: FloatArray | None = None,
+        covariance: Covariances | None = None,
         *,
         size_m: tuple[float | None, float | None] = (None, None),
         flags: UInt8Array | None = None,
@@ -60,7 +76,7 @@ class VehicleStates:
         """States of the ego, each known at its stamp; without a covariance it is unknown."""
         n = len(stamp_ns)
         if covariance is None:
-            covariance = np.full((n, N_STATES, N_STATES), np.nan)
+            covariance = np.broadcast_to(np.nan, (n, N_STATES, N_STATES))
         length_m, width_m = (np.full(n, np.nan if size is None else size) for size in size_m)
         if flags is None:
             flags = np.zeros(n, np.uint8)
@@ -76,7 +92,7 @@ class VehicleStates:
             self.stamp_ns[rows],
             self.log_time_ns[rows],
             self.state[rows],
-            self.covariance[rows],
+            self.covariance.rows(rows) if isinstance(self.covariance, PackedCovariances) else self.covariance[rows],
             self.length_m[rows],
             self.width_m[rows],
             self.flags[rows],
@@ -113,18 +129,21 @@ def write_states(
         ArithmeticError: A covariance is not positive definite: whoever made the states has a bug.
     """
     n = len(states)
+    covariance = _packed(states.covariance)
     if has_covariance:
-        _require_definite(channel.topic, states)
+        _require_definite(channel.topic, states, covariance)
+    state = [to_step(states.state[:, k], bits) for k, bits in enumerate(STATE_BITS)]
     latitude_deg, longitude_deg = np.full((2, n), np.nan)
     if local_map is not None:
-        latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(states.state[:, 0], states.state[:, 1], np.zeros(n))
+        latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(state[0], state[1], np.zeros(n))
     fields: dict[str, Field] = {
         "stamp_ns": states.stamp_ns,
         "id": states.ids,
-        **{name: states.state[:, k] for k, name in enumerate(STATE_NAMES)},
-        "latitude_deg": latitude_deg,
-        "longitude_deg": longitude_deg,
-        "covariance": states.covariance.reshape(n, N_STATES**2),
+        **dict(zip(STATE_NAMES, state, strict=True)),
+        "latitude_deg": to_step(latitude_deg, DEGREE_BITS),
+        "longitude_deg": to_step(longitude_deg, DEGREE_BITS),
+        "sigma": covariance.sigma,
+        "correlation": covariance.correlation,
         "length_m": states.length_m,
         "width_m": states.width_m,
         **{name: (states.flags & flag) > 0 for name, flag in FLAGS.items()},
@@ -132,8 +151,12 @@ def write_states(
     return output(channel, states.log_time_ns, fields)
 
 
-def _require_definite(topic: str, states: VehicleStates) -> None:
-    is_definite = is_positive_definite(states.covariance)
+def _packed(covariance: Covariances) -> PackedCovariances:
+    return covariance if isinstance(covariance, PackedCovariances) else PackedCovariances.of(covariance)
+
+
+def _require_definite(topic: str, states: VehicleStates, covariance: PackedCovariances) -> None:
+    is_definite = np.isfinite(covariance.sigma[:, 0])  # of one that is not, all are NaN
     if is_definite.all():
         return
     first = int(np.argmin(is_definite))
@@ -151,24 +174,43 @@ def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleSta
         with_covariance: Without, it is NaN and takes no memory.
 
     Raises:
-        DataError: A field is missing or the covariance has not 64 values a row: another version wrote it.
+        DataError: A field is missing, or the covariance has not as many values as it should: another version wrote it.
     """
-    n = len(columns)
-    shape = (n, N_STATES, N_STATES)
     return VehicleStates(
         ids=texts(columns, "id", required=True),
         stamp_ns=whole_numbers(columns, "stamp_ns", required=True)[0],
         log_time_ns=columns.log_time_ns,
         state=np.column_stack([numbers(columns, name, required=True) for name in STATE_NAMES]),
         covariance=(
-            matrix(columns, "covariance", N_STATES**2, required=True).reshape(shape)
+            _read_covariance(columns)
             if with_covariance
-            else np.broadcast_to(np.nan, shape)
+            else np.broadcast_to(np.nan, (len(columns), N_STATES, N_STATES))
         ),
         length_m=numbers(columns, "length_m", required=True),
         width_m=numbers(columns, "width_m", required=True),
         flags=_read_flags(columns),
     )
+
+
+def _read_covariance(columns: Columns) -> Covariances:
+    """The covariances: packed, or those of a log of an older version.
+
+    Raises:
+        DataError: They are not there.
+    """
+    old = find(columns, "covariance")
+    if old is not None and (not isinstance(old, Ragged) or len(old.values)):
+        n = len(columns)
+        return matrix(columns, "covariance", N_STATES**2, required=True).reshape(n, N_STATES, N_STATES)
+    if not len(columns):
+        return PackedCovariances.empty(0, N_STATES)
+    packed = []
+    for name, width in (("sigma", N_STATES), ("correlation", N_CORRELATIONS)):
+        field = find(columns, name)
+        if not isinstance(field, np.ndarray) or field.shape != (len(columns), width):
+            raise unusable(columns, name)
+        packed.append(np.asarray(field, np.float32))
+    return PackedCovariances(*packed)
 
 
 def _read_flags(columns: Columns) -> UInt8Array:

@@ -1,4 +1,4 @@
-"""Which of the two states of knowledge a stage reads: what could have been known, or what really happened."""
+"""The states that a stage reads, of which there are two: what could have been known, and what really happened."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from cwcli.channels.binding import Bindings, ChannelLike, bind
-from cwcli.channels.published import OF_ROLE, ONLINE
+from cwcli.channels.published import EGO_STATE, OF_ROLE, ONLINE
+from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
+from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import Record, configuration_of
+from cwcli.pipeline.result import InputCount
+from cwcli.signals.columns import Columns
 
 States = Literal["online", "hindsight"]
 ChosenStates = Annotated[
@@ -96,3 +100,22 @@ def states_notes(bound: Bindings, selection: OfStates) -> tuple[str, ...]:
     if used == ["targets"] or any(role in selection.topics for role in used):
         return (f"states in hindsight ({topics}): they know what came later",)
     return (f"the log has no online states: {topics} is read, which knows what came later; `cwcli estimate --replace`",)
+
+
+def chosen_states(log: Log, columns: Columns, role: str, selection: Selection) -> tuple[VehicleStates, InputCount]:
+    """The states of a channel in the chosen span, and what became of its messages.
+
+    Args:
+        log: The log.
+        columns: The channel.
+        role: What it is used as.
+        selection: Of the log.
+
+    Raises:
+        MissingSignalError: It is the ego's channel, and no state is left.
+    """
+    everything = read_states(columns)
+    states = everything.logged_within(selection.start_ns, selection.end_ns)
+    if role == EGO_STATE.role:
+        require_ego(states, log_name=log.name, topic=columns.topic)
+    return states, InputCount(columns.topic, role, len(everything), len(states))

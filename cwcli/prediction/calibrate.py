@@ -40,10 +40,12 @@ from cwcli.prediction.outcome import (
     tiled,
 )
 from cwcli.prediction.paths import Paths
+from cwcli.prediction.plan import PathPlan
 from cwcli.prediction.record import NEVER_NS, Track, joined, known_at_ns, known_tracks, measured_acted
-from cwcli.prediction.rollout import ROWS_AT_ONCE, Discretisation, rollout, time_grid
-from cwcli.prediction.row_products import row_products
+from cwcli.prediction.rollout import Discretisation, time_grid
+from cwcli.prediction.scales import knots_s, scaled
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.units import NS_PER_S
 
 LEVELS = np.array([0.5, 0.9])
@@ -90,27 +92,7 @@ def calibrated(
             None: zeros.
     """
     log_scale = log_variance_scale(paths, stamp_ns, position_m, calibration, outcome, begin)
-    return _scaled(replace(paths, position_covariance_m2=paths.position_covariance_m2.copy()), log_scale, True)
-
-
-def _scaled(paths: Paths, log_scale: FloatArray, has_core: bool) -> Paths:
-    """The paths with their covariance scaled in place, and if it is wanted the factor for the 50 % ellipse."""
-    core_factor = np.empty(paths.x_m.shape) if has_core else None
-    for first in range(0, len(paths), ROWS_AT_ONCE):
-        rows = slice(first, first + ROWS_AT_ONCE)
-        covariance, whole = paths.position_covariance_m2[rows], between_knots(log_scale[rows, :, 1], paths.time_s)
-        factor = np.exp(whole)
-        kept = np.maximum(1.0 - factor, 0.0)[..., None] * covariance[:, :1]
-        covariance *= factor[..., None]
-        covariance += kept
-        if core_factor is not None:
-            core_factor[rows] = np.exp(between_knots(log_scale[rows, :, 0], paths.time_s) - whole)
-    return replace(paths, core_factor=core_factor)
-
-
-def knots_s(horizon_s: float) -> FloatArray:
-    """Where the scale of paths of this length is measured, shape (k,): the last is their end if that comes first."""
-    return np.asarray([*(knot for knot in KNOTS_S if knot < horizon_s - 1e-9), min(horizon_s, float(KNOTS_S[-1]))])
+    return scaled(replace(paths, position_covariance_m2=paths.position_covariance_m2.copy()), log_scale, True)
 
 
 def _fleet_quantiles(knots: FloatArray) -> FloatArray:
@@ -156,13 +138,6 @@ def stream_beginning(track: Track, squared: FloatArray, knots: FloatArray) -> Fl
         )
         out[by_now, k] = FIRST_CELL + CELL * found - np.log(LIMITS)
     return out
-
-
-def between_knots(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
-    """The logarithm of the scale at the times of paths: (n, k) at their knots to (n, times)."""
-    knots = np.concatenate([[0.0], knots_s(float(time_s[-1]))])
-    hats = np.stack([np.interp(time_s, knots, row) for row in np.eye(len(knots))[1:]])
-    return row_products(log_scale, hats)
 
 
 def outcomes(
@@ -238,7 +213,7 @@ def predict_vehicles(
     vehicle: npt.NDArray[np.integer],
     stamp_ns: Int64Array,
     state: FloatArray,
-    covariance: FloatArray | None,
+    covariance: Covariances | None,
     *,
     horizon_s: float = 2.5,
     step_s: float = 0.05,
@@ -248,7 +223,42 @@ def predict_vehicles(
     log_time_ns: Int64Array | None = None,
     has_core: bool = False,
 ) -> Paths:
-    """`rollout` of all rows with their measured gains, then each vehicle's covariance `calibrated` by its own record.
+    """The paths of all rows at once, see `plan_vehicles`.
+
+    Args: as there, and
+        has_core: The paths have a `core_factor`.
+    """
+    plan = plan_vehicles(
+        model,
+        vehicle,
+        stamp_ns,
+        state,
+        covariance,
+        horizon_s=horizon_s,
+        step_s=step_s,
+        discretisation=discretisation,
+        prior=prior,
+        calibration=calibration,
+        log_time_ns=log_time_ns,
+    )
+    return plan.take(slice(None), has_core=has_core)
+
+
+def plan_vehicles(
+    model: str,
+    vehicle: npt.NDArray[np.integer],
+    stamp_ns: Int64Array,
+    state: FloatArray,
+    covariance: Covariances | None,
+    *,
+    horizon_s: float = 2.5,
+    step_s: float = 0.05,
+    discretisation: Discretisation = "exact",
+    prior: DriverPrior | None = None,
+    calibration: Calibration | None = None,
+    log_time_ns: Int64Array | None = None,
+) -> PathPlan:
+    """`rollout` of all rows with their measured gains, and each vehicle's covariance `calibrated` by its own record.
 
     Args:
         vehicle: Shape (n,): which vehicle a row is of.
@@ -256,25 +266,24 @@ def predict_vehicles(
         state, covariance, horizon_s, step_s, discretisation, prior: As in `rollout`.
         calibration: None: the default.
         log_time_ns: Shape (n,): when the states were known; None: at their stamps.
-        has_core: The paths have a `core_factor`.
     """
     learns = model in MODELS and MODELS[model].learns
-    paths = rollout(
+    plan = PathPlan(
         model,
+        horizon_s,
+        step_s,
         state,
         covariance,
-        horizon_s=horizon_s,
-        step_s=step_s,
+        acted=measured_acted(vehicle, stamp_ns, log_time_ns, state, covariance) if learns else None,
         discretisation=discretisation,
         prior=prior,
-        acted=measured_acted(vehicle, stamp_ns, log_time_ns, state, covariance) if learns else None,
     )
     known_ns = stamp_ns if log_time_ns is None else log_time_ns
-    knots, settings = knots_s(float(paths.time_s[-1])), calibration or Calibration()
-    judged = paths.at(needed_points(paths.time_s, knots.tolist()))
-    log_scale = np.tile(beginning(model, float(paths.time_s[-1])), (len(state), 1, 1))
+    time_s, settings = plan.time_s, calibration or Calibration()
+    knots = knots_s(float(time_s[-1]))
+    log_scale = np.tile(beginning(model, float(time_s[-1])), (len(state), 1, 1))
     tracks = known_tracks(vehicle, stamp_ns, known_ns, state, None)
-    squared = [_squared(judged, track, settings) for track in tracks]
+    squared = [_squared(plan, track, settings) for track in tracks]
     if learns and len(tracks) > 1:
         every = joined(tracks)
         log_scale[every.rows] = stream_beginning(every, np.concatenate(squared), knots)
@@ -285,11 +294,14 @@ def predict_vehicles(
             newest = np.searchsorted(track.known_ns, known_ns[rows], side="right") - 1
             log_scale[rows] = np.where((newest >= 0)[:, None, None], own[np.maximum(newest, 0)], log_scale[rows])
         log_scale[track.rows] = own
-    return _scaled(paths, log_scale, has_core)
+    return replace(plan, log_scale=log_scale)
 
 
-def _squared(judged: Paths, track: Track, settings: Calibration) -> FloatArray:
-    return np.asarray(squared_distances(judged.take(track.rows), track.stamp_ns, track.state[:, :2], settings)[0])
+def _squared(plan: PathPlan, track: Track, settings: Calibration) -> FloatArray:
+    """Squared distances of one vehicle's outcomes before any scale, (n, k)."""
+    points = needed_points(plan.time_s, knots_s(float(plan.time_s[-1])).tolist())
+    judged = plan.take(track.rows, points=points)
+    return np.asarray(squared_distances(judged, track.stamp_ns, track.state[:, :2], settings)[0])
 
 
 def stream_beginnings(
@@ -298,7 +310,7 @@ def stream_beginnings(
     stamp_ns: Int64Array,
     known_ns: Int64Array,
     state: FloatArray,
-    covariance: FloatArray | None,
+    covariance: Covariances | None,
     acted: FloatArray,
     *,
     horizon_s: float,
@@ -313,9 +325,8 @@ def stream_beginnings(
     out = np.tile(beginning(model, float(time_s[-1])), (len(state), 1, 1))
     tracks = known_tracks(vehicle, stamp_ns, known_ns, state, None)
     if len(tracks) > 1:
-        points = needed_points(time_s, knots.tolist())
-        judged = rollout(model, state, covariance, horizon_s=horizon_s, step_s=step_s, points=points, acted=acted)
+        plan = PathPlan(model, horizon_s, step_s, state, covariance, acted)
         every = joined(tracks)
-        squared = np.concatenate([_squared(judged, track, Calibration()) for track in tracks])
+        squared = np.concatenate([_squared(plan, track, Calibration()) for track in tracks])
         out[every.rows] = stream_beginning(every, squared, knots)
     return out

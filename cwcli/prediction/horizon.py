@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.prediction.calibrate import beginning, calibrated, knots_s, outcomes
+from cwcli.prediction.calibrate import beginning, calibrated, outcomes
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
@@ -21,6 +21,7 @@ from cwcli.prediction.outcome import (
 )
 from cwcli.prediction.paths import stacked
 from cwcli.prediction.rollout import Discretisation, rollout, time_grid
+from cwcli.prediction.scales import knots_s
 from cwcli.signals.columns import FloatArray, Int64Array
 
 BASELINE = "cv"

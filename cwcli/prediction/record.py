@@ -31,6 +31,7 @@ from cwcli.kernels import record as kernel
 from cwcli.prediction.fleet import KNOTS_S, FleetPrior, acted_s, fleet_prior
 from cwcli.prediction.outcome import actual_positions
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.packed_covariances import Covariances, variances
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
 
@@ -97,13 +98,13 @@ def joined(tracks: Sequence[Track]) -> Track:
     )
 
 
-def clearness(state: FloatArray, covariance: FloatArray | None) -> FloatArray:
+def clearness(state: FloatArray, covariance: Covariances | None) -> FloatArray:
     """How far acceleration and yaw rate stand out of what the filter says of their noise: 0 to 1, shape (n, 2)."""
     if covariance is None:
         return np.ones((len(state), 2))
     columns = [ACCEL, YAW_RATE]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        noise = CLEAR_SIGMAS**2 * np.maximum(covariance[:, columns, columns], 0.0)
+        noise = CLEAR_SIGMAS**2 * np.maximum(variances(covariance, columns), 0.0)
         power = (noise / state[:, columns] ** 2) ** (CLEAR_POWER // 2)
         return np.asarray(np.nan_to_num(1.0 / (1.0 + power), nan=1.0))
 
@@ -113,7 +114,7 @@ def known_tracks(
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
     state: FloatArray,
-    covariance: FloatArray | None,
+    covariance: Covariances | None,
 ) -> list[Track]:
     """The tracks of all vehicles; rows whose state is not finite are left out, and whoever has no other."""
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
@@ -208,7 +209,7 @@ def measured_acted(
     stamp_ns: Int64Array,
     log_time_ns: Int64Array | None,
     state: FloatArray,
-    covariance: FloatArray | None,
+    covariance: Covariances | None,
     prior: FleetPrior | None = None,
 ) -> FloatArray:
     """For how long acceleration and yaw rate of each row act by each knot, shape (n, 2, k); see `fleet.acted_s`.

@@ -16,6 +16,7 @@ from cwcli.prediction.models import HYPOTHESES, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.vehicle_state import ACCEL, DERIVATIVES, SPEED, YAW_RATE
 
 Discretisation = Literal["exact", "paper"]
@@ -47,7 +48,7 @@ def time_grid(horizon_s: float, step_s: float) -> FloatArray:
 def rollout(
     model: str,
     state: FloatArray,
-    covariance: FloatArray | None,
+    covariance: Covariances | None,
     *,
     horizon_s: float = 2.5,
     step_s: float = 0.05,
@@ -143,7 +144,7 @@ def _model(name: str, discretisation: Discretisation) -> Model:
     return model
 
 
-def _check_shapes(state: FloatArray, covariance: FloatArray | None) -> None:
+def _check_shapes(state: FloatArray, covariance: Covariances | None) -> None:
     if state.ndim != 2 or state.shape[1] != 8:
         raise ValueError(f"state has shape {state.shape}, not (n, 8)")
     if covariance is not None and covariance.shape != (len(state), 8, 8):

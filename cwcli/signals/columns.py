@@ -176,14 +176,12 @@ class OutputChannel:
         log_time_ns: Shape (n,), int64, non-decreasing.
         fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated numbers, `Repeated` fills repeated
             messages. A field that is not named is left out of the message.
-        written: Increasing rows that a file gets, None for all: later stages of the same run see every row.
     """
 
     topic: str
     schema_name: str
     log_time_ns: Int64Array
     fields: Mapping[str, OutputField] = field(default_factory=dict)
-    written: Int64Array | None = None
 
     def __len__(self) -> int:
         return len(self.log_time_ns)
@@ -191,9 +189,9 @@ class OutputChannel:
 
 @dataclass(frozen=True)
 class StreamedChannel(OutputChannel):
-    """A channel whose columns are made a few rows at a time, when they are written: for images, which never fit memory.
+    """A channel whose columns are made a few rows at a time, when they are written: for what never fits memory.
 
-    A later stage of the same run can't read it: `fields` is empty.
+    `fields` is empty; whoever reads the channel in the same run has its columns made.
 
     Attributes:
         rows: Rows `start` to `stop` as columns. After a first look at the very first rows for their size, it is called

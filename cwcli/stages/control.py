@@ -11,25 +11,23 @@ import numpy as np
 
 from cwcli.channels.binding import Bindings, bind
 from cwcli.channels.control_step import ReplayedSteps, write_replays
-from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.control.encounter import POLICIES, RecordedTrack, ReplaySpan, replay_warning
 from cwcli.control.replayed import Replayed, control_table, record_of, series_table
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.paths import PathRequest, plan_paths
 from cwcli.pipeline.records import map_of, run_records
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import OfStates, bind_states
-from cwcli.prediction.calibrate import predict_vehicles
+from cwcli.pipeline.states import OfStates, bind_states, chosen_states
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.columns import OutputChannel
 from cwcli.signals.row_order import tracks_of
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
-from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, chosen_states, only_ego, vehicle_tracks
+from cwcli.stages.inputs.vehicles import only_ego, vehicle_tracks
 from cwcli.warning.evaluate import check_config as check_rule
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.rules import DEFAULT_RULE, RULES
@@ -134,7 +132,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         states, count = chosen_states(log, columns[role], role, config)
         inputs.append(count)
         is_other = role == REMOTE_STATE.role
-        paths = _predicted(model, states, rule.horizon_s + (MAX_MESSAGE_AGE_S if is_other else 0.0))
+        paths = plan_paths(states, role, PathRequest(model, rule.horizon_s, PATH_STEP_S, "exact"))
         tracks[role] = vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
     host = only_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
     events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events.records()
@@ -161,20 +159,6 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         summary,
         run_record("control", log, config, summary),
     )
-
-
-def _predicted(model: str, states: VehicleStates, horizon_s: float) -> PredictedPaths:
-    paths = predict_vehicles(
-        model,
-        states.ids.codes,
-        states.stamp_ns,
-        states.state,
-        states.covariance,
-        horizon_s=horizon_s,
-        step_s=PATH_STEP_S,
-        log_time_ns=states.log_time_ns,
-    )
-    return PredictedPaths.of(states, model, paths)
 
 
 def _recorded(log: Log, bound: Bindings, config: ControlConfig) -> dict[str, RecordedTrack]:

@@ -51,7 +51,6 @@ EXAMPLES = (
 )
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_BRIDGE_S = 60
-STATIONS_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
@@ -242,9 +241,8 @@ def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
 
 
 def _remote_states(signal: RemoteSignal, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates:
-    """Estimate the remote vehicles, some at a time, and put their states where they belong in the channels at once.
+    """Estimate the remote vehicles, one a thread, and put their states where they belong in the channels at once.
 
-    The covariances are what fills the memory: 61 MB for twenty vehicles in ten minutes. So they exist once.
     Online, a message that was overtaken by a newer one of its station is not used: the filter has gone on.
     """
     stations = list(rows_by_id(signal.station))
@@ -253,22 +251,20 @@ def _remote_states(signal: RemoteSignal, local_map: LocalMap | None, estimator: 
         is_fresh[own] = in_time(signal.stamp_ns[own], signal.log_time_ns[own])
     config = replace(estimator, calibration=None, latency="none", sensor_model="none")
 
-    def both(own: Int64Array) -> tuple[Track, Track]:
+    def estimated(own: Int64Array) -> TrackSummary:
         heard = own[is_fresh[own]]
         fewer = None
         if len(heard) < len(own):
             fewer = remote_measurements(signal, heard, local_map), signal.stamp_ns[heard]
         said = remote_measurements(signal, own, local_map)
-        return estimate_both(said, config, signal.stamp_ns[own], blind=estimator.is_blind_online, in_time=fewer)
+        track, known = estimate_both(said, config, signal.stamp_ns[own], blind=estimator.is_blind_online, in_time=fewer)
+        hindsight.add(own, track)
+        online.add(heard, known)
+        return summarise(track)
 
     hindsight, online = CollectedStates(signal, np.ones_like(is_fresh)), CollectedStates(signal, is_fresh)
-    tracks: dict[str, TrackSummary] = {}
-    for first in range(0, len(stations), STATIONS_AT_ONCE):
-        group = stations[first : first + STATIONS_AT_ONCE]
-        for (station, own), (track, known) in zip(group, each_in_threads(both, [own for _, own in group]), strict=True):
-            hindsight.add(own, track)
-            online.add(own[is_fresh[own]], known)
-            tracks[station] = summarise(track)
+    told = each_in_threads(estimated, [own for _, own in stations])
+    tracks = {station: track for (station, _), track in zip(stations, told, strict=True)}
     return RemoteStates(hindsight.states(), online.states(), tracks, int(np.count_nonzero(~is_fresh)))
 
 

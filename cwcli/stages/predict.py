@@ -6,20 +6,19 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from cwcli.channels.path_scene import write_path_scene
-from cwcli.channels.predicted_path import PredictedPaths, write_paths
+from cwcli.channels.predicted_path import PlannedPaths, write_planned
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.paths import PathRequest, plan_paths
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import OfStates, bind_states
-from cwcli.prediction.calibrate import predict_vehicles
+from cwcli.pipeline.states import OfStates, bind_states, chosen_states
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import Discretisation, check_request
 from cwcli.signals.columns import OutputChannel
 from cwcli.stages.inputs.sources import read_bound
-from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, chosen_states
 
 EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
@@ -33,9 +32,9 @@ class PredictConfig(OfStates):
 
     Attributes:
         model: A key of `cwcli.prediction.models.MODELS`.
-        horizon_s, step_s: Of the published paths; remote paths reach `MAX_MESSAGE_AGE_S` further.
+        horizon_s, step_s: Of the published paths; remote paths reach further, see `plan_paths`.
         discretisation: "exact", or "paper" for song2016's recursion.
-        path_rate_hz: Paths of each vehicle that a file gets, at most; None: one from each state.
+        path_rate_hz: Paths of each vehicle that a file gets, at most.
     """
 
     model: Annotated[str, Option("--model", "{choices}", metavar="NAME", choices="cwcli.prediction.models:MODELS")] = (
@@ -48,15 +47,14 @@ class PredictConfig(OfStates):
         Option("--discretisation", "Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
     ] = "exact"
     path_rate_hz: Annotated[
-        float | None,
+        float,
         Option(
             "--path-rate",
-            "Paths of each vehicle in the written log, at most; the stages of the same run see all.",
+            "Paths of each vehicle in the written log, at most; warnings start from every state all the same.",
             metavar="HZ",
-            default="one from each state",
             above=0.0,
         ),
-    ] = None
+    ] = 5.0
 
     def __post_init__(self) -> None:
         """Check what can be checked without a log.
@@ -70,8 +68,8 @@ class PredictConfig(OfStates):
 def predict(log: Log, config: PredictConfig) -> StageResult:
     """Predict the path of every vehicle from each of its states.
 
-    Needs the channels of `cwcli estimate`. Adds one path per state, with its covariance, and compares every motion
-    model with what then happened.
+    Needs the channels of `cwcli estimate`. Predicts a path from each state, with its covariance, adds some of each
+    second to the log, and compares every motion model with what then happened.
 
     Raises:
         MissingSignalError: The log has no ego state.
@@ -86,31 +84,16 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     )
     columns = read_bound(log, bound)
     channels: list[OutputChannel] = []
-    predicted: list[PredictedPaths] = []
+    predicted: list[PlannedPaths] = []
     made: dict[str, VehicleStates] = {}
     inputs: list[InputCount] = []
-    for role, path_channel, extra_s in (
-        (EGO_STATE.role, EGO_PATH, 0.0),
-        (REMOTE_STATE.role, REMOTE_PATH, MAX_MESSAGE_AGE_S),
-    ):
+    for role, path_channel in ((EGO_STATE.role, EGO_PATH), (REMOTE_STATE.role, REMOTE_PATH)):
         if role not in columns:
             continue
-        states, count = chosen_states(log, columns[role], role, config)
+        made[role], count = chosen_states(log, columns[role], role, config)
         inputs.append(count)
-        paths = predict_vehicles(
-            config.model,
-            states.ids.codes,
-            states.stamp_ns,
-            states.state,
-            states.covariance,
-            horizon_s=config.horizon_s + extra_s,
-            step_s=config.step_s,
-            discretisation=config.discretisation,
-            log_time_ns=states.log_time_ns,
-        )
-        predicted.append(PredictedPaths.of(states, config.model, paths))
-        channels.append(write_paths(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
-        made[role] = states
+        predicted.append(plan_paths(made[role], role, PathRequest.of(config)))
+        channels.append(write_planned(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
     channels.append(write_path_scene(predicted))
     summary = Summary(title="predict", inputs=tuple(inputs), notes=bound.notes)
     record = run_record("predict", log, config, summary)

@@ -6,17 +6,18 @@ import json
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
-from cwcli.channels.predicted_path import PredictedPaths, read_paths
+from cwcli.channels.predicted_path import AnyPaths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.paths import all_paths
 from cwcli.pipeline.records import WITHHELD, run_records
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
-from cwcli.pipeline.states import OfStates, bind_states, paths_note
+from cwcli.pipeline.states import OfStates, bind_states, chosen_states, paths_note
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound
-from cwcli.stages.inputs.vehicles import chosen_states, only_ego, paths_like, vehicle_tracks
+from cwcli.stages.inputs.vehicles import only_ego, paths_like, vehicle_tracks
 from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
 from cwcli.warning.evaluate import check_config as check_rule
@@ -117,26 +118,30 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         DataError: States and paths do not belong together.
     """
     bound = bind_states(log.channels, config, required=OF_EGO + others, where=log.name, command=stage)
-    columns = read_bound(log, bound)
+    columns = read_bound(log, bound, without=(EGO_PATH.role, REMOTE_PATH.role))
     uses_onset = any(RULES[name].uses_onset for name in config.names)
     inputs: list[InputCount] = []
     tracks: dict[str, list[VehicleTrack]] = {}
-    predicted: dict[str, PredictedPaths] = {}
+    predicted: dict[str, AnyPaths] = {}
+    notes = list(bound.notes)
     for state_role, path_role in (OF_EGO, OF_OTHERS):
         if state_role not in columns:
             continue
         states, count = chosen_states(log, columns[state_role], state_role, config)
-        predicted[path_role] = read_paths(columns[path_role])
+        path_topic = bound.topic(path_role)
+        assert path_topic is not None  # it is required
+        predicted[path_role], remarks = all_paths(log, path_topic, state_role)
+        notes.extend(remarks)
         is_other = state_role == REMOTE_STATE.role
         tracks[state_role] = vehicle_tracks(states, predicted[path_role], with_onset=is_other and uses_onset)
         n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
         inputs.append(replace(count, used=n_used))
-        inputs.append(InputCount(columns[path_role].topic, path_role, len(predicted[path_role]), n_used))
+        inputs.append(InputCount(path_topic, path_role, len(predicted[path_role]), n_used))
     host = only_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
     if TARGETS.role in columns:
         everything = read_targets(columns[TARGETS.role])
         states = everything.logged_within(config.start_ns, config.end_ns)
-        paths = paths_like(states, predicted[EGO_PATH.role], where=columns[EGO_PATH.role].topic)
+        paths = paths_like(states, predicted[EGO_PATH.role], where=log.name)
         tracks[REMOTE_STATE.role] = vehicle_tracks(states, paths, with_onset=uses_onset)
         inputs.append(InputCount(columns[TARGETS.role].topic, TARGETS.role, len(everything), len(states)))
     others_tracks = tracks[REMOTE_STATE.role]
@@ -146,8 +151,8 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         for each in found
     )
     withheld = {WITHHELD: json.dumps({each.config.rule: each.n_withheld for each in found})}
-    notes = (*bound.notes, *paths_note(config, run_records(log).get("predict", {})))
-    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), notes, **withheld)
+    notes.extend(paths_note(config, run_records(log).get("predict", {})))
+    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), tuple(notes), **withheld)
     return replace(result, made=Made(found, outcomes, earlier))
 
 

@@ -10,10 +10,9 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
-from cwcli.warning.align import read_paths
 from cwcli.warning.conflict_definition import conflict_definition
 from cwcli.warning.output import events_table, number_events, rows_of, series_table
-from cwcli.warning.pair import PairEvaluation, evaluate_pair
+from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.rules import RULES
 from cwcli.warning.rules.base import Rule
@@ -88,13 +87,8 @@ def find_warnings(
     config = config or WarningConfig()
     rule = _checked_rule(host, config)
     time_s = _times(host, config, rule)
-    n = len(host.stamp_ns)
-    points = read_paths(host.paths, np.arange(n), np.zeros(n), time_s)
-    pairs = tuple(
-        evaluate_pair(host, points, other, rule, config, time_s)
-        for other in others
-        if len(other.stamp_ns) and len(host.stamp_ns)
-    )
+    heard = [other for other in others if len(other.stamp_ns) and len(host.stamp_ns)]
+    pairs = evaluate_pairs(host, heard, rule, config, time_s)
     ids = number_events(pairs)
     return FoundWarnings(host, config, pairs, ids, rows_of(pairs, ids, rule=config.rule, clock=host))
 

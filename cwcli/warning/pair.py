@@ -1,21 +1,26 @@
-"""One pair of cars from paths to events."""
+"""Pairs of cars from paths to events."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import SPEED
-from cwcli.warning.align import Points, pair_up, read_paths
+from cwcli.warning.align import Pairing, Points, pair_up, read_paths
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.measures import ONSET_MATTERS_M, Measures, measure, with_probabilities
 from cwcli.warning.rules.base import BoolArray, Decision, Rule, withheld
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
+
+Rows = npt.NDArray[np.intp]
 
 REACH_M = 15.0  # beyond the collision distance: what can't come this near is not evaluated
 NEAR_M = 6.0  # beyond the collision distance: such rows get every path point, others every fifth
@@ -68,28 +73,85 @@ class PairEvaluation:
         return np.full(len(self.stamp_ns), np.nan) if compared is None else compared
 
 
-def evaluate_pair(
+WINDOW_ROWS = 512
+"""Host stamps whose paths, and those of the others then, are in memory at a time; the result does not depend on it."""
+
+
+def evaluate_pairs(
     host: VehicleTrack,
-    host_points: Points,
-    other: VehicleTrack,
+    others: Sequence[VehicleTrack],
     rule: Rule,
     config: WarningConfig,
     time_s: FloatArray,
-) -> PairEvaluation:
-    """Evaluate one pair at the host's stamps.
+    *,
+    window_rows: int = WINDOW_ROWS,
+) -> tuple[PairEvaluation, ...]:
+    """Evaluate the host with each of the others at the host's stamps, some stamps at a time.
 
     Args:
-        host_points: The host's n paths read at `time_s`.
         time_s: Shape (q,): times along the paths, from 0 past the horizon by the rule's persistence.
+        window_rows: How many stamps.
     """
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
-    pairing = pair_up(host, other, config.use, config.max_age_s)
-    within = _within_reach(host, other, pairing.host_row, pairing.other_row, float(time_s[-1]), config)
-    host_row, other_row = pairing.host_row[within], pairing.other_row[within]
-    age_s = pairing.age_s[within]
-    at = (host_row, other_row, age_s)
-    measures, beyond = _measures(host, host_points, other, other.paths, at, time_s, config)
-    pairs = PathPairs(host.paths, other.paths, *at, host.outline_m, other.outline_m)
+    pairings = [pair_up(host, other, config.use, config.max_age_s) for other in others]
+    parts: list[list[_Part]] = [[] for _ in others]
+    for first in range(0, len(host.stamp_ns), window_rows):
+        last = min(first + window_rows, len(host.stamp_ns))
+        own = host.paths.take(np.arange(first, last))
+        points = read_paths(own, np.arange(last - first), np.zeros(last - first), time_s)
+        for other, pairing, done in zip(others, pairings, parts, strict=True):
+            a, b = np.searchsorted(pairing.host_row, [first, last])
+            if a < b or not done:  # a pair that never meets has one part without rows
+                rows = pairing.host_row[a:b] - first, pairing.other_row[a:b], pairing.age_s[a:b]
+                window = _Window(host, other, own, points, first)
+                done.append(_evaluated(window, rows, rule, config, persistence_s, time_s))
+    return tuple(
+        _joined(host, other, pairing, done, config, persistence_s)
+        for other, pairing, done in zip(others, pairings, parts, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Some of the host's stamps: its paths there, and their points at the times along them."""
+
+    host: VehicleTrack
+    other: VehicleTrack
+    paths: PathArrays
+    points: Points
+    first: int
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The evaluations within reach in one window: rows of the whole tracks, and what is found."""
+
+    host_row: Rows
+    other_row: Rows
+    age_s: FloatArray
+    measures: Measures
+    decision: Decision
+    n_beyond: int
+
+
+def _evaluated(
+    window: _Window,
+    at: tuple[Rows, Rows, FloatArray],
+    rule: Rule,
+    config: WarningConfig,
+    persistence_s: float,
+    time_s: FloatArray,
+) -> _Part:
+    """Evaluate some rows: of the window, of the other's track, and the age of the latter."""
+    host, other = window.host, window.other
+    chosen, place = np.unique(at[1], return_inverse=True)
+    theirs = other.paths.take(chosen)
+    within = np.flatnonzero(_within_reach(window.paths, theirs, at[0], place, float(time_s[-1]), config))
+    host_row, other_row, place, age_s = at[0][within], at[1][within], place[within], at[2][within]
+    near = (host_row, place, age_s)
+    sizes = host.outline_m, other.outline_m
+    measures, beyond = _measures(window.points, theirs, near, time_s, config, sizes)
+    pairs = PathPairs(window.paths, theirs, *near, *sizes)
     judged = partial(
         with_probabilities,
         time_s=time_s,
@@ -100,11 +162,28 @@ def evaluate_pair(
     measures = judged(measures, pairs)
     onset = None
     if rule.uses_onset and other.onset_paths is not None:
-        onset, _ = _measures(host, host_points, other, other.onset_paths, at, time_s, config)
+        begun = other.onset_paths.take(chosen)
+        onset, _ = _measures(window.points, begun, near, time_s, config, sizes)
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - ONSET_MATTERS_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDING_MPS
-        onset = judged(onset, replace(pairs, other=other.onset_paths), wanted=nearer)
+        onset = judged(onset, replace(pairs, other=begun), wanted=nearer)
     decision = rule.decide(measures, onset, config, persistence_s)
+    return _Part(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()))
+
+
+def _joined(
+    host: VehicleTrack,
+    other: VehicleTrack,
+    pairing: Pairing,
+    parts: Sequence[_Part],
+    config: WarningConfig,
+    persistence_s: float,
+) -> PairEvaluation:
+    """The evaluations of all windows, and the events in them."""
+    host_row, other_row = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("host_row", "other_row")
+    )
+    measures, decision = _stacked([part.measures for part in parts]), _stacked([part.decision for part in parts])
     stamp_ns = host.stamp_ns[host_row]
     is_withheld = _flagged(host, host_row) | _flagged(other, other_row)
     trusted = withheld(decision, is_withheld)
@@ -126,7 +205,7 @@ def evaluate_pair(
         stamp_ns=stamp_ns,
         log_time_ns=host.log_time_ns[host_row],
         known_ns=host.known_ns[host_row],
-        age_s=age_s,
+        age_s=np.concatenate([part.age_s for part in parts]),
         measures=measures,
         decision=trusted,
         spans=spans,
@@ -135,27 +214,33 @@ def evaluate_pair(
         n_out_of_reach=len(pairing.host_row) - len(host_row),
         n_unheard=pairing.n_unheard,
         n_stale=pairing.n_stale,
-        n_beyond=int(beyond.sum()),
+        n_beyond=sum(part.n_beyond for part in parts),
         n_not_finite=int(np.isnan(measures.horizon_distance_m).sum()),
         n_withheld=sum(bool(is_withheld[span.raised]) for span in untold),
     )
 
 
-def _flagged(track: VehicleTrack, rows: npt.NDArray[np.intp]) -> BoolArray:
+Stacked = TypeVar("Stacked", Measures, Decision)
+
+
+def _stacked(parts: Sequence[Stacked]) -> Stacked:
+    """The rows of all parts, one below the other; what one part lacks, all lack."""
+    values: dict[str, Any] = {}
+    for name in (entry.name for entry in fields(parts[0])):
+        each = [getattr(part, name) for part in parts]
+        values[name] = None if each[0] is None else np.concatenate(each)
+    return type(parts[0])(**values)
+
+
+def _flagged(track: VehicleTrack, rows: Rows) -> BoolArray:
     """Whether the states of the rows (m,) are to be trusted less, for whatever reason."""
     return np.zeros(len(rows), dtype=bool) if track.flags is None else np.asarray(track.flags[rows] > 0)
 
 
 def _within_reach(
-    host: VehicleTrack,
-    other: VehicleTrack,
-    host_row: npt.NDArray[np.intp],
-    other_row: npt.NDArray[np.intp],
-    span_s: float,
-    config: WarningConfig,
-) -> npt.NDArray[np.bool_]:
+    own: PathArrays, theirs: PathArrays, host_row: Rows, other_row: Rows, span_s: float, config: WarningConfig
+) -> BoolArray:
     """Rows whose paths could come near each other: neither car can get farther than its top speed allows."""
-    own, theirs = host.paths, other.paths
     top_own = np.abs(own.speed_mps).max(axis=1, initial=0.0)
     top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
     apart = np.hypot(theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0])
@@ -163,26 +248,21 @@ def _within_reach(
     return np.asarray(~(apart > reach + config.distance_m + REACH_M))
 
 
-Rows = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]
-"""Host rows, other rows, ages, each (m,)."""
-
-
 def _measures(
-    host: VehicleTrack,
     host_points: Points,
-    other: VehicleTrack,
     paths: PathArrays,
-    at: Rows,
+    at: tuple[Rows, Rows, FloatArray],
     time_s: FloatArray,
     config: WarningConfig,
-) -> tuple[Measures, npt.NDArray[np.bool_]]:
+    sizes: tuple[Size, Size],
+) -> tuple[Measures, BoolArray]:
     """Measures of all rows from every fifth point; of those that come near, from every point."""
     thinned = np.union1d(np.arange(0, len(time_s), COARSE), [_horizon_index(time_s, config), len(time_s) - 1])
-    coarse, beyond = _read_and_measure(host, host_points, other, paths, at, time_s, thinned, config)
+    coarse, beyond = _read_and_measure(host_points, paths, at, time_s, thinned, config, sizes)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_M)
     at_near = (at[0][near], at[1][near], at[2][near])
     every = np.arange(len(time_s))
-    fine, _ = _read_and_measure(host, host_points, other, paths, at_near, time_s, every, config)
+    fine, _ = _read_and_measure(host_points, paths, at_near, time_s, every, config, sizes)
     for name in (entry.name for entry in fields(Measures)):
         getattr(coarse, name)[near] = getattr(fine, name)
     return coarse, beyond
@@ -193,15 +273,14 @@ def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
 
 
 def _read_and_measure(
-    host: VehicleTrack,
     host_points: Points,
-    other: VehicleTrack,
     paths: PathArrays,
-    at: Rows,
+    at: tuple[Rows, Rows, FloatArray],
     time_s: FloatArray,
-    chosen: npt.NDArray[np.intp],
+    chosen: Rows,
     config: WarningConfig,
-) -> tuple[Measures, npt.NDArray[np.bool_]]:
+    sizes: tuple[Size, Size],
+) -> tuple[Measures, BoolArray]:
     """Measures of the rows from the chosen times, and which were read past their path's end."""
     host_row, other_row, age_s = at
     theirs = read_paths(paths, other_row, age_s, time_s[chosen])
@@ -211,7 +290,7 @@ def _read_and_measure(
         time_s[chosen],
         horizon_s=config.horizon_s,
         radius_m=config.distance_m,
-        host_size=host.outline_m,
-        other_size=other.outline_m,
+        host_size=sizes[0],
+        other_size=sizes[1],
     )
     return measures, theirs.beyond

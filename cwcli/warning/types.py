@@ -40,6 +40,14 @@ class PathArrays(Protocol):
     def position_covariance_m2(self) -> FloatArray: ...
 
 
+class PathSource(Protocol):
+    """Predicted paths that may be made only when they are asked for; arrays are their own source."""
+
+    @property
+    def time_s(self) -> FloatArray: ...
+    def take(self, rows: npt.NDArray[np.intp]) -> PathArrays: ...
+
+
 @dataclass(frozen=True)
 class VehicleTrack:
     """One vehicle: its states and the path predicted from each, in the map frame.
@@ -60,10 +68,10 @@ class VehicleTrack:
     stamp_ns: Int64Array
     log_time_ns: Int64Array
     state: FloatArray
-    paths: PathArrays
+    paths: PathSource
     length_m: float | None = None
     width_m: float | None = None
-    onset_paths: PathArrays | None = None
+    onset_paths: PathSource | None = None
     flags: npt.NDArray[np.uint8] | None = None
 
     @cached_property

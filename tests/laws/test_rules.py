@@ -10,9 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from cwcli.prediction.rollout import rollout
-from cwcli.warning.align import read_paths
 from cwcli.warning.evaluate import _times
-from cwcli.warning.pair import PairEvaluation, evaluate_pair
+from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
 from tests.unit.warning.vehicles import T0_NS, evaluate, stamps
@@ -58,8 +57,7 @@ def judged(name: str, pair: Tracks, config: WarningConfig | None = None) -> Pair
     host, other = pair
     config = replace(config or WarningConfig(), rule=name)
     time_s = _times(host, config, RULES[name])
-    points = read_paths(host.paths, np.arange(N), np.zeros(N), time_s)
-    return evaluate_pair(host, points, other, RULES[name], config, time_s)
+    return evaluate_pairs(host, [other], RULES[name], config, time_s)[0]
 
 
 def raised(found: PairEvaluation) -> set[int]:

@@ -16,7 +16,16 @@ from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.write.new_messages import MESSAGE_ENCODING, SCHEMA_ENCODING
 from cwcli.logs.write.protobuf_encoder import encode_columns
 from cwcli.logs.write.schemas import message_schema
-from cwcli.signals.columns import Columns, Field, OutputChannel, OutputField, Ragged, Strings, column_rows
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    OutputChannel,
+    OutputField,
+    Ragged,
+    StreamedChannel,
+    Strings,
+    column_rows,
+)
 
 BLOCK_ROWS = 4096
 
@@ -40,6 +49,9 @@ def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Co
 
     A flat message type is taken over as it is; one with messages inside is encoded and decoded.
     """
+    if isinstance(channel, StreamedChannel):
+        made = channel.rows(0, len(channel))
+        channel = OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, made)
     descriptor = message_schema(channel.schema_name).descriptor
     flat = _flat_fields(descriptor, channel)
     if flat is None:

@@ -33,8 +33,9 @@ class ColumnCache:
     def of_channel(self, channel: OutputChannel, fields: Collection[str] | None) -> Columns:
         """A channel in memory. A flat one's columns are the channel's own arrays: keeping them costs nothing."""
         from cwcli.logs.read.added_channels import is_flat, memory_columns
+        from cwcli.signals.columns import StreamedChannel
 
-        if fields is not None or not is_flat(channel.schema_name):
+        if fields is not None or isinstance(channel, StreamedChannel) or not is_flat(channel.schema_name):
             return memory_columns(channel, fields)
         known = self._of_channel.get(id(channel))
         if known is None:  # the channel is kept too, so that no other one gets its id

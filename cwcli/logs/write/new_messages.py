@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from cwcli.logs.write.byte_rows import ByteRows
 from cwcli.logs.write.message_merge import Feed
 from cwcli.logs.write.protobuf_encoder import ColumnError, encode_columns
 from cwcli.logs.write.schemas import message_schema
-from cwcli.signals.columns import Int64Array, OutputChannel, OutputField, StreamedChannel, Strings, column_rows
+from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, column_rows
 
 MESSAGE_ENCODING = "protobuf"
 SCHEMA_ENCODING = "protobuf"
@@ -30,30 +28,13 @@ def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0
         if len(column) != n:
             raise ColumnError(f"{channel.topic}: {path} has {len(column)} rows instead of {n}")
     descriptor = message_schema(channel.schema_name).descriptor
-    written = channel.written
 
     def encode(start: int, stop: int) -> ByteRows:
-        if written is None:
-            rows = {path: column_rows(column, start, stop) for path, column in channel.fields.items()}
-        else:
-            rows = {path: _some(column, written[start:stop]) for path, column in channel.fields.items()}
+        rows = {path: column_rows(column, start, stop) for path, column in channel.fields.items()}
         return encode_columns(descriptor, rows, stop - start)
 
-    times = channel.log_time_ns if written is None else channel.log_time_ns[written]
+    times = channel.log_time_ns
     return Feed(channel_id, times, times, encode, first_sequence)
-
-
-def _some(column: OutputField, rows: Int64Array) -> OutputField:
-    """Some rows of a column.
-
-    Raises:
-        ColumnError: It is ragged.
-    """
-    if isinstance(column, Strings):
-        return column.rows(rows)
-    if isinstance(column, np.ndarray):
-        return column[rows]
-    raise ColumnError("of a ragged column all rows are written")
 
 
 def _streamed_feed(channel: StreamedChannel, channel_id: int, first_sequence: int) -> Feed:

@@ -12,6 +12,7 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import STEP_S, filter_vectors, trailing_slope
 from cwcli.estimation.track import estimate_track
+from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.record import measured_acted
@@ -20,7 +21,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST, Scenario
 from cwcli.simulation.sensors import measure
-from cwcli.stages.inputs.vehicles import MAX_MESSAGE_AGE_S, ONSET
+from cwcli.stages.inputs.vehicles import ONSET
 from cwcli.warning.types import VehicleTrack
 
 STEP_NS = 50_000_000

@@ -148,9 +148,9 @@ def read_sources(
     return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), others)
 
 
-def read_bound(log: Log, bound: Bindings) -> dict[str, Columns]:
+def read_bound(log: Log, bound: Bindings, *, without: Collection[str] = ()) -> dict[str, Columns]:
     """Role -> all columns of its channel, of the whole log and in one pass: for channels of earlier stages."""
-    topics = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
+    topics = {role: bindings[0].topic for role, bindings in bound.by_role.items() if role not in without}
     columns = log.load(dict.fromkeys(topics.values()))
     return {role: columns[topic] for role, topic in topics.items()}
 

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.channels.binding import Bindings
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import KINEMATICS, VehicleStates, read_states, require_ego
+from cwcli.channels.vehicle_state import COVARIANCE, KINEMATICS, VehicleStates, read_states, require_ego
 from cwcli.logs.read.reader import Log
 from cwcli.measures.base import Measure
 from cwcli.measures.evaluate import MeasuredPair, moments, with_sigmas
@@ -27,7 +27,7 @@ OTHERS = (REMOTE_STATE.role, TARGETS.role)
 MAX_GAP_S = 0.5
 SLICE_NS = 30 * NS_PER_S
 """Of the log, of which covariances are held at once."""
-WITH_COVARIANCE = (*KINEMATICS, "covariance")
+WITH_COVARIANCE = (*KINEMATICS, *COVARIANCE)
 
 
 @dataclass(frozen=True)

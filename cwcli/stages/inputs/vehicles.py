@@ -1,4 +1,4 @@
-"""Vehicles' states in the chosen span, and what the warning rules take: each with the path that starts from it."""
+"""What the warning rules take: vehicles' states, each with the path that starts from it."""
 
 from __future__ import annotations
 
@@ -7,43 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.predicted_path import PredictedPaths
-from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
+from cwcli.channels.predicted_path import AnyPaths, PlannedPaths
+from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
-from cwcli.logs.read.reader import Log
-from cwcli.pipeline.call import Selection
-from cwcli.pipeline.result import InputCount
+from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import rollout
-from cwcli.signals.columns import Columns, FloatArray
+from cwcli.prediction.plan import PathPlan, SomePaths
+from cwcli.signals.columns import FloatArray
 from cwcli.signals.row_order import tracks_of
 from cwcli.warning.types import VehicleTrack, outline_of
 
 ONSET = "onset"
 """The motion model that says where a manoeuvre leads that has just begun."""
-MAX_MESSAGE_AGE_S = 1.0
-"""How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
-
-
-def chosen_states(log: Log, columns: Columns, role: str, selection: Selection) -> tuple[VehicleStates, InputCount]:
-    """The states of a channel in the chosen span, and what became of its messages.
-
-    Args:
-        log: The log.
-        columns: The channel.
-        role: What it is used as.
-        selection: Of the log.
-
-    Raises:
-        MissingSignalError: It is the ego's channel, and no state is left.
-    """
-    everything = read_states(columns)
-    states = everything.logged_within(selection.start_ns, selection.end_ns)
-    if role == EGO_STATE.role:
-        require_ego(states, log_name=log.name, topic=columns.topic)
-    return states, InputCount(columns.topic, role, len(everything), len(states))
 
 
 def only_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
@@ -57,7 +32,7 @@ def only_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
     return tracks[0]
 
 
-def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
+def vehicle_tracks(states: VehicleStates, predicted: AnyPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
     """One track per vehicle: its states, in stamp order, each with the path that starts from it.
 
     Args:
@@ -82,17 +57,17 @@ def vehicle_tracks(states: VehicleStates, predicted: PredictedPaths, *, with_ons
                 stamp_ns=states.stamp_ns[rows],
                 log_time_ns=states.log_time_ns[rows],
                 state=states.state[rows],
-                paths=predicted.paths.take(candidates),
+                paths=predicted.some(candidates),
                 length_m=length_m,
                 width_m=width_m,
-                onset_paths=_onset(states, rows, predicted.paths.time_s) if with_onset else None,
+                onset_paths=_onset(states, rows, predicted.time_s) if with_onset else None,
                 flags=states.flags[rows],
             )
         )
     return tracks
 
 
-def paths_like(states: VehicleStates, like: PredictedPaths, *, where: str) -> PredictedPaths:
+def paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> PlannedPaths:
     """Paths that start from the states, predicted like others.
 
     Raises:
@@ -100,14 +75,14 @@ def paths_like(states: VehicleStates, like: PredictedPaths, *, where: str) -> Pr
     """
     if like.model not in MODELS:
         raise DataError(f"the paths' motion model {like.model!r} is not known", where=where, hint="predict again")
-    time_s = like.paths.time_s
-    step_s = float(time_s[1] - time_s[0])
+    time_s = like.time_s
     horizon_s = float(time_s[-1]) + MAX_MESSAGE_AGE_S
-    paths = rollout(like.model, states.state, states.covariance, horizon_s=horizon_s, step_s=step_s)
-    return PredictedPaths.of(states, like.model, paths)
+    return PlannedPaths.of(
+        states, PathPlan(like.model, horizon_s, float(time_s[1] - time_s[0]), states.state, states.covariance)
+    )
 
 
-def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> Paths:
+def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> SomePaths:
     """Paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
-    return rollout(ONSET, states.state[rows], states.covariance[rows], horizon_s=float(time_s[-1]), step_s=step_s)
+    return SomePaths(PathPlan(ONSET, float(time_s[-1]), step_s, states.state, states.covariance), rows)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cwcli.channels.predicted_path import PredictedPaths, first_of_each_period, read_paths, write_paths
+from cwcli.channels.output import first_of_each_period
+from cwcli.channels.predicted_path import PredictedPaths, read_paths, write_paths
 from cwcli.channels.published import REMOTE_PATH
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.prediction.calibrate import between_knots
 from cwcli.prediction.fleet import KNOTS_S, acted_at
 from cwcli.prediction.record import measured_acted
 from cwcli.prediction.row_products import row_products
+from cwcli.prediction.scales import between_knots
 
 N = 400
 TIME_S = np.linspace(0.0, 2.5, 51)

@@ -1,0 +1,151 @@
+"""The paths that `predict` makes of states, one from each, also where a log holds only some of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from cwcli.channels.predicted_path import (
+    LENGTH_BITS,
+    AnyPaths,
+    PlannedChannel,
+    PlannedPaths,
+    PredictedPaths,
+    read_paths,
+)
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.errors import CwcliError
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import Record, configuration_of, run_records, whole
+from cwcli.pipeline.states import OfStates, bind_states, chosen_states
+from cwcli.prediction.calibrate import plan_vehicles
+from cwcli.prediction.rollout import Discretisation, check_request
+from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.units import NS_PER_S
+
+MAX_MESSAGE_AGE_S = 1.0
+"""How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
+CHECKED_NS = 2 * NS_PER_S
+SAME_M = 2.0**-LENGTH_BITS
+
+
+@dataclass(frozen=True)
+class PathRequest:
+    """Which paths: the settings of `predict` that they depend on."""
+
+    model: str
+    horizon_s: float
+    step_s: float
+    discretisation: Discretisation
+
+    @classmethod
+    def of(cls, config: Any) -> PathRequest:
+        """That of the stage's configuration."""
+        return cls(**{each.name: getattr(config, each.name) for each in fields(cls)})
+
+
+def plan_paths(states: VehicleStates, role: str, request: PathRequest) -> PlannedPaths:
+    """A path from each state of the ego or of the remote vehicles."""
+    plan = plan_vehicles(
+        request.model,
+        states.ids.codes,
+        states.stamp_ns,
+        states.state,
+        states.covariance,
+        horizon_s=request.horizon_s + (MAX_MESSAGE_AGE_S if role == REMOTE_STATE.role else 0.0),
+        step_s=request.step_s,
+        discretisation=request.discretisation,
+        log_time_ns=states.log_time_ns,
+    )
+    return PlannedPaths.of(states, plan)
+
+
+def all_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
+    """A path from each state, and remarks.
+
+    A log holds a few paths a second. The others are those that `predict` makes of the log's states with the settings
+    in its record; they are made again. Where no record tells so, the log holds all of them.
+
+    Args:
+        log: The log.
+        topic: Its channel of paths.
+        role: Of the states that they start from.
+
+    Raises:
+        DataError: The channel was written by another version.
+    """
+    for channel in log.added_channels:
+        if channel.topic == topic and isinstance(channel, PlannedChannel):
+            return channel.planned, ()
+    record = run_records(log).get("predict", {})
+    if whole_rate(record) is None:
+        return read_paths(log.columns(topic)), ()
+    planned = _planned_again(log, role, record)
+    if planned is not None and _agrees(log, topic, planned):
+        return planned, ()
+    published = read_paths(log.columns(topic))
+    note = f"{topic}: {len(published)} paths of the log are used, as its states do not give the same again"
+    return published, (note,)
+
+
+def whole_rate(record: Record) -> float | None:
+    """How many paths of each vehicle and second the log holds at most; None: one from each state."""
+    rate_hz = configuration_of(record).get("path_rate_hz")
+    return float(rate_hz) if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else None
+
+
+def _planned_again(log: Log, role: str, record: Record) -> PlannedPaths | None:
+    """The paths by the settings in the record; None where they don't fit the log."""
+    used = configuration_of(record)
+    topics = used.get("topics")
+    try:
+        request = PathRequest(**{each.name: used[each.name] for each in fields(PathRequest)})
+        check_request(request.model, request.discretisation, request.horizon_s, request.step_s)
+        selection = OfStates(
+            topics={str(k): str(v) for k, v in topics.items()} if isinstance(topics, dict) else {},
+            start_ns=whole(used.get("start_ns")),
+            end_ns=whole(used.get("end_ns")),
+            states="online" if used.get("states") == "online" else "hindsight",
+        )
+        bound = bind_states(
+            log.channels, selection, required=(EGO_STATE.role,), optional=(REMOTE_STATE.role,), command="predict"
+        )
+        topic = bound.topic(role)
+        if topic is None:
+            return None
+        states, _ = chosen_states(log, log.columns(topic), role, selection)
+        return plan_paths(states, role, request)
+    except (CwcliError, KeyError, TypeError, ValueError):
+        return None
+
+
+def _agrees(log: Log, topic: str, planned: PlannedPaths) -> bool:
+    """Whether the first paths of the log, and those in its middle, are among the planned ones."""
+    if not len(planned):
+        return False
+    for at in (0, len(planned) // 2):
+        first_ns = int(planned.log_time_ns[at])
+        found = read_paths(log.load({topic: None}, logged=(first_ns, first_ns + CHECKED_NS))[topic])
+        if not _holds(planned, found):
+            return False
+    return True
+
+
+def _holds(planned: PlannedPaths, found: PredictedPaths) -> bool:
+    own = {name: rows[np.argsort(planned.stamp_ns[rows], kind="stable")] for name, rows in rows_by_id(planned.ids)}
+    for name, rows in rows_by_id(found.ids):
+        if name not in own:
+            return False
+        place = np.searchsorted(planned.stamp_ns[own[name]], found.stamp_ns[rows])
+        if (place == len(own[name])).any() or (planned.stamp_ns[own[name][place]] != found.stamp_ns[rows]).any():
+            return False
+        again, said = planned.plan.take(own[name][place]), found.paths.take(rows)
+        if abs(again.time_s[-1] - said.time_s[-1]) > 1e-6:
+            return False
+        off_m = np.hypot(again.x_m[:, -1] - said.x_m[:, -1], again.y_m[:, -1] - said.y_m[:, -1])
+        if (off_m > SAME_M).any():
+            return False
+    return True

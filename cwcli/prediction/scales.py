@@ -1,0 +1,40 @@
+"""Scales of the ellipses along a path: given at knots, linear between them in the logarithm, 1 at the start."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.prediction.fleet import KNOTS_S
+from cwcli.prediction.paths import Paths
+from cwcli.prediction.rollout import ROWS_AT_ONCE
+from cwcli.prediction.row_products import row_products
+from cwcli.signals.columns import FloatArray
+
+
+def knots_s(horizon_s: float) -> FloatArray:
+    """Where the scale of paths of this length is measured, shape (k,): the last is their end if that comes first."""
+    return np.asarray([*(knot for knot in KNOTS_S if knot < horizon_s - 1e-9), min(horizon_s, float(KNOTS_S[-1]))])
+
+
+def between_knots(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
+    """The logarithm of the scale at the times of paths: (n, k) at their knots to (n, times)."""
+    knots = np.concatenate([[0.0], knots_s(float(time_s[-1]))])
+    hats = np.stack([np.interp(time_s, knots, row) for row in np.eye(len(knots))[1:]])
+    return row_products(log_scale, hats)
+
+
+def scaled(paths: Paths, log_scale: FloatArray, has_core: bool) -> Paths:
+    """The paths with their covariance scaled in place, and if it is wanted the factor for the 50 % ellipse."""
+    core_factor = np.empty(paths.x_m.shape) if has_core else None
+    for first in range(0, len(paths), ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        covariance, whole = paths.position_covariance_m2[rows], between_knots(log_scale[rows, :, 1], paths.time_s)
+        factor = np.exp(whole)
+        kept = np.maximum(1.0 - factor, 0.0)[..., None] * covariance[:, :1]
+        covariance *= factor[..., None]
+        covariance += kept
+        if core_factor is not None:
+            core_factor[rows] = np.exp(between_knots(log_scale[rows, :, 0], paths.time_s) - whole)
+    return replace(paths, core_factor=core_factor)

@@ -1,0 +1,171 @@
+"""Covariances as sigmas and correlations in single precision: 144 bytes each, where a matrix of doubles takes 512.
+
+A sigma has 9 binary digits and a correlation is a multiple of 2^-9, so neighbours in time are alike and compress.
+Where one state follows from the others but for 1/8 of its variance, rounding could matter: there a correlation is a
+multiple of 2^-20. A matrix that rounding would still make indefinite has its correlations drawn towards zero until it
+is definite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.precision import to_digits, to_step
+
+Float32Array = npt.NDArray[np.float32]
+SIGMA_DIGITS = 9
+CORRELATION_BITS = 9
+FINE_CORRELATION_BITS = 20
+LEAST_OWN_SHARE = 2.0**-3
+SHRINKING = (2.0**-18, 2.0**-14, 2.0**-10, 2.0**-7)
+BLOCK_ROWS = 2048  # of doubles that fit the processor's cache
+
+
+@lru_cache(maxsize=8)
+def _upper(k: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    rows, columns = np.triu_indices(k, 1)
+    return rows.astype(np.intp), columns.astype(np.intp)
+
+
+@dataclass(frozen=True)
+class PackedCovariances:
+    """n covariances of k states. Read like an array of shape (n, k, k): any index gives doubles.
+
+    Attributes:
+        sigma: Shape (n, k), float32. NaN: the covariance is not known, or was not positive definite.
+        correlation: Shape (n, k (k - 1) / 2), float32: above the diagonal, row by row.
+    """
+
+    sigma: Float32Array
+    correlation: Float32Array
+
+    @classmethod
+    def empty(cls, n: int, k: int) -> Self:
+        """Room for n covariances, to be filled by `put`."""
+        return cls(np.empty((n, k), np.float32), np.empty((n, k * (k - 1) // 2), np.float32))
+
+    @classmethod
+    def of(cls, covariance: FloatArray) -> Self:
+        """Covariances (n, k, k) to the precision above; one that is not positive definite is NaN."""
+        n, k, _ = covariance.shape
+        out = cls.empty(n, k)
+        for first in range(0, n, BLOCK_ROWS):
+            rows = slice(first, first + BLOCK_ROWS)
+            out.sigma[rows], out.correlation[rows] = _packed(covariance[rows])
+        return out
+
+    def put(self, rows: npt.NDArray[np.intp], packed: PackedCovariances) -> None:
+        """Fill some rows."""
+        self.sigma[rows], self.correlation[rows] = packed.sigma, packed.correlation
+
+    def rows(self, rows: Any) -> PackedCovariances:
+        """The given rows, as packed as before."""
+        return PackedCovariances(self.sigma[rows], self.correlation[rows])
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """That of the array."""
+        n, k = self.sigma.shape
+        return n, k, k
+
+    def __len__(self) -> int:
+        return len(self.sigma)
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return (self[row] for row in range(len(self)))
+
+    def __getitem__(self, key: Any) -> FloatArray:
+        rows, *inside = key if isinstance(key, tuple) else (key,)
+        if isinstance(rows, int | np.integer):
+            dense = self.rows([rows]).dense()[0]
+            return np.asarray(dense[tuple(inside)]) if inside else dense
+        if len(inside) == 2 and all(isinstance(each, int | np.integer) for each in inside):
+            return self.element(int(inside[0]), int(inside[1]))[rows]
+        dense = self.rows(rows).dense()
+        return np.asarray(dense[(slice(None), *inside)]) if inside else dense
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
+        return np.asarray(self.dense(), dtype)
+
+    def element(self, a: int, b: int) -> FloatArray:
+        """One element of each, shape (n,)."""
+        k = self.sigma.shape[1]
+        a, b = sorted((a % k, b % k))
+        product = self.sigma[:, a].astype(np.float64) * self.sigma[:, b]
+        return product if a == b else product * self.correlation[:, a * k - a * (a + 1) // 2 + b - a - 1]
+
+    def dense(self) -> FloatArray:
+        """Shape (n, k, k)."""
+        return _dense(self.sigma, self.correlation)
+
+
+Covariances = FloatArray | PackedCovariances
+"""Covariances of n states as an array (n, k, k), or packed."""
+
+
+def variances(covariance: Covariances, states: Sequence[int]) -> FloatArray:
+    """Those of some states, shape (n, states)."""
+    chosen = list(states)
+    if isinstance(covariance, PackedCovariances):
+        return covariance.sigma[:, chosen].astype(np.float64) ** 2
+    return covariance[:, chosen, chosen]
+
+
+def _dense(sigma: Float32Array | FloatArray, correlation: Float32Array | FloatArray) -> FloatArray:
+    n, k = sigma.shape
+    rows, columns = _upper(k)
+    wide = sigma.astype(np.float64)
+    out = np.empty((n, k, k))
+    mixed = correlation * wide[:, rows] * wide[:, columns]
+    out[:, rows, columns] = out[:, columns, rows] = mixed
+    diagonal = np.arange(k)
+    out[:, diagonal, diagonal] = wide**2
+    return out
+
+
+def _packed(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sigmas and correlations of a few covariances."""
+    k = covariance.shape[1]
+    above = _upper(k)
+    diagonal = np.arange(k)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        exact = np.sqrt(covariance[:, diagonal, diagonal])
+        full = covariance[:, above[0], above[1]] / (exact[:, above[0]] * exact[:, above[1]])
+    is_finite = np.isfinite(exact).all(axis=1) & (exact > 0.0).all(axis=1) & np.isfinite(full).all(axis=1)
+    sigma, correlation = to_digits(exact, SIGMA_DIGITS), to_step(full, CORRELATION_BITS)
+    close = np.flatnonzero(is_finite & ~(_own_shares(correlation, k) >= LEAST_OWN_SHARE))
+    if len(close):
+        is_finite[close] &= _own_shares(full[close], k) > 0.0
+        correlation[close] = to_step(full[close], FINE_CORRELATION_BITS)
+        for share in SHRINKING:
+            close = close[is_finite[close] & ~(_own_shares(correlation[close], k) > 0.0)]
+            if not len(close):
+                break
+            correlation[close] = to_step(full[close] * (1.0 - share), FINE_CORRELATION_BITS)
+    sigma[~is_finite] = correlation[~is_finite] = np.nan
+    return sigma, correlation
+
+
+def _own_shares(correlation: FloatArray, k: int) -> FloatArray:
+    """The least share of a state's variance that is not that of the states before it, (n,); NaN: not definite."""
+    matrices = _dense(np.ones((len(correlation), k)), correlation)
+    matrices[~np.isfinite(correlation).all(axis=1)] = np.eye(k)
+    try:
+        factors = np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        return np.array([_own_share(matrix) for matrix in matrices])
+    return np.asarray(np.einsum("nkk->nk", factors).min(axis=1) ** 2)
+
+
+def _own_share(matrix: FloatArray) -> float:
+    try:
+        return float(np.diagonal(np.linalg.cholesky(matrix)).min() ** 2)
+    except np.linalg.LinAlgError:
+        return float("nan")

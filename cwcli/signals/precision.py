@@ -1,0 +1,37 @@
+"""Numbers to a stated precision: so many binary digits, and zeros behind them.
+
+What is published is known to centimetres at best, while a double has digits down to picometres: noise that no
+compressor makes smaller. A number that ends in zeros is still a double, with the same name, unit and field.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+
+MAX_ROUNDED = 2.0**38
+"""Larger numbers stay as they are: a double has no digit to spare there."""
+
+
+def to_step(values: FloatArray, bits: int) -> FloatArray:
+    """The nearest multiples of 2^-bits; what is not finite stays."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.where(np.abs(values) < MAX_ROUNDED, np.rint(values * 2.0**bits) * 2.0**-bits, values)
+
+
+def to_digits(values: FloatArray, bits: int) -> FloatArray:
+    """The nearest numbers of so many binary digits: off by a share of 2^-bits at most."""
+    share, exponent = np.frexp(values)
+    return np.ldexp(np.rint(share * 2.0**bits) * 2.0**-bits, exponent)
+
+
+def plane_to_digits(covariance: FloatArray, bits: int) -> FloatArray:
+    """Plane covariances (..., 3), xx xy yy, with so many binary digits: variances up, the mixed term towards zero.
+
+    So xx yy > xy^2 stays true, and no ellipse becomes smaller. A variance grows by a share of 2^(1 - bits) at most.
+    """
+    share, exponent = np.frexp(covariance)
+    scaled = share * 2.0**bits
+    kept = np.stack([np.ceil(scaled[..., 0]), np.trunc(scaled[..., 1]), np.ceil(scaled[..., 2])], axis=-1)
+    return np.ldexp(kept * 2.0**-bits, exponent)
