@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -186,7 +185,9 @@ def write_planned(channel: Channel, planned: PlannedPaths, *, rate_hz: float) ->
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
         own = chosen[start:stop]
         paths = planned.plan.take(own)
-        return _fields(planned.ids.rows(own), planned.stamp_ns[own], planned.model, paths.at(_kept(paths.time_s)))
+        return _fields(
+            planned.ids.rows(own), planned.stamp_ns[own], planned.model, _rounded(paths.at(_kept(paths.time_s)))
+        )
 
     return PlannedChannel(channel.topic, channel.schema, planned.log_time_ns[chosen], rows=rows, planned=planned)
 
@@ -198,22 +199,31 @@ def _kept(time_s: FloatArray) -> Rows:
     return np.arange(0, last + 1, every)
 
 
+def _rounded(paths: Paths) -> Paths:
+    """The paths to the precision in which they are published."""
+    return Paths(
+        paths.time_s,
+        to_step(paths.x_m, LENGTH_BITS),
+        to_step(paths.y_m, LENGTH_BITS),
+        to_step(paths.heading_rad, ANGLE_BITS),
+        to_step(paths.speed_mps, LENGTH_BITS),
+        plane_to_digits(paths.position_covariance_m2, VARIANCE_DIGITS),
+    )
+
+
 def _fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dict[str, Field]:
     n, time_s = len(stamp_ns), paths.time_s
-    lengths, angles = partial(to_step, bits=LENGTH_BITS), partial(to_step, bits=ANGLE_BITS)
     return {
         "stamp_ns": stamp_ns,
         "id": ids,
         "model": constant_strings(model, n),
         "horizon_s": np.full(n, float(time_s[-1])),
         "step_s": np.full(n, float(time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0),
-        "x_m": lengths(paths.x_m),
-        "y_m": lengths(paths.y_m),
-        "heading_rad": angles(paths.heading_rad),
-        "speed_mps": lengths(paths.speed_mps),
-        "position_covariance": plane_to_digits(paths.position_covariance_m2, VARIANCE_DIGITS).reshape(
-            n, 3 * len(time_s)
-        ),
+        "x_m": paths.x_m,
+        "y_m": paths.y_m,
+        "heading_rad": paths.heading_rad,
+        "speed_mps": paths.speed_mps,
+        "position_covariance": paths.position_covariance_m2.reshape(n, 3 * len(time_s)),
     }
 
 

@@ -40,6 +40,8 @@ from cwcli.estimation.result import Gated
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import Columns, OutputChannel, Strings, strings_from
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.packed_covariances import PackedCovariances
+from cwcli.signals.precision import to_step
 from cwcli.signals.vehicle_state import N_STATES
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 from cwcli.vision.camera import Camera
@@ -104,7 +106,7 @@ def sorted_like(given: Any, log_time_ns: npt.NDArray[np.int64]) -> Any:
 def of_states(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n, shuffled=rng)
     size_m = rng.uniform(1.0, 5.0, (2, n))
-    state, covariance = rng.normal(size=(n, N_STATES)), definite(rng, n, N_STATES)
+    state, covariance = to_step(rng.normal(size=(n, N_STATES)), 11), PackedCovariances.of(definite(rng, n, N_STATES))
     flags = rng.integers(0, 8, n).astype(np.uint8)
     states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, *size_m, flags)
     channels = tuple(write_states(channel, states, MAP) for channel in (EGO_ONLINE, REMOTE_STATE, REMOTE_ONLINE))
@@ -115,7 +117,8 @@ def of_states(rng: np.random.Generator, n: int) -> Written:
 
 
 def of_ego(rng: np.random.Generator, n: int) -> Written:
-    states = VehicleStates.of_ego(times(n)[0], rng.normal(size=(n, N_STATES)), definite(rng, n, N_STATES))
+    state, covariance = to_step(rng.normal(size=(n, N_STATES)), 11), PackedCovariances.of(definite(rng, n, N_STATES))
+    states = VehicleStates.of_ego(times(n)[0], state, covariance)
     channels = write_ego(states, MAP)
     return Written(channels, {channels[0].topic: states}, {channels[0].topic: read_states})
 
@@ -199,7 +202,7 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
 
 def of_replays(rng: np.random.Generator, n: int) -> Written:
     stamp_ns = times(n)[0]
-    states = tuple(rng.normal(size=(n, N_STATES)) for _ in POLICIES)
+    states = tuple(to_step(rng.normal(size=(n, N_STATES)), 11) for _ in POLICIES)
     series = tuple({name: rng.uniform(size=n) for name in SERIES[:-1]} for _ in POLICIES)
     series = tuple({**each, SERIES[-1]: np.zeros(n, np.bool_)} for each in series)
     replays = [ReplayedSteps(1, "car", stamp_ns, states, series)]

@@ -122,7 +122,7 @@ def test_a_channel_of_another_version_is_an_error_that_says_what_to_do(
         with Log.open(ROOT / "sample_logs" / "straight.mcap") as log:
             columns = log.with_channels(written.channels).columns(topic)
         needed = next(
-            name for name in ("covariance", "x_m", *columns.fields) if name in {*columns.fields} - {"stamp_ns"}
+            name for name in ("sigma", "covariance", "x_m", *columns.fields) if name in {*columns.fields} - {"stamp_ns"}
         )
         for name in ("stamp_ns", needed):
             fields = {each: values for each, values in columns.fields.items() if each != name}

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from cwcli.channels.output import first_of_each_period
-from cwcli.channels.predicted_path import PredictedPaths, read_paths, write_paths
+from cwcli.channels.predicted_path import PlannedPaths, read_paths, write_planned
 from cwcli.channels.published import REMOTE_PATH
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
-from cwcli.prediction.paths import Paths
+from cwcli.pipeline.paths import all_paths
+from cwcli.prediction.plan import PathPlan
 from cwcli.signals.columns import Strings
+from cwcli.signals.vehicle_state import N_STATES, SPEED
 from tests.unit.logs_read.builders import T0_NS, small_log
 
 MS = 1_000_000
@@ -33,28 +37,40 @@ def test_rows_out_of_order_and_a_rate_above_the_paths_own() -> None:
     assert first_of_each_period(codes[:0], stamp_ns[:0], 5.0).tolist() == []
 
 
-def paths_of(n: int) -> PredictedPaths:
-    """Every 50 ms in turns of vehicle 7 and vehicle 8, each path of three points."""
-    rows = np.arange(n, dtype=np.float64)[:, None] * 100 + np.arange(3)
-    paths = Paths(np.arange(3) * 0.05, rows, rows + 0.1, rows + 0.2, rows + 0.3, np.ones((n, 3, 3)))
+def planned(n: int) -> PlannedPaths:
+    """Every 50 ms a start of vehicle 7 and of vehicle 8 in turns, at constant velocity."""
+    state = np.zeros((n, N_STATES))
+    state[:, 0], state[:, SPEED] = np.arange(n) * 100.0, 8.0
     stamps = T0_NS // (200 * MS) * 200 * MS + np.arange(n) * 50 * MS
-    return PredictedPaths(Strings(np.arange(n, dtype=np.int32) % 2, ("7", "8")), stamps, stamps + 5, "cv", paths)
+    plan = PathPlan("cv", 1.0, 0.05, state, np.tile(np.eye(N_STATES), (n, 1, 1)))
+    return PlannedPaths(Strings(np.arange(n, dtype=np.int32) % 2, ("7", "8")), stamps, stamps + 5, plan)
 
 
-def test_a_file_gets_some_and_the_run_sees_all(tmp_path: Path) -> None:
-    predicted = paths_of(20)
-    channel = write_paths(REMOTE_PATH, predicted, rate_hz=5.0)
+def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same(tmp_path: Path) -> None:
+    given = planned(20)
+    channel = write_planned(REMOTE_PATH, given, rate_hz=5.0)
     (tmp_path / "in.mcap").write_bytes(small_log(4))
     with Log.open(tmp_path / "in.mcap") as log:
         run = log.with_channels([channel])
-        assert len(read_paths(run.columns(REMOTE_PATH.topic))) == 20
+        seen = read_paths(run.columns(REMOTE_PATH.topic))
+        assert all_paths(run, REMOTE_PATH.topic, "remote_state") == (given, ())
         annotate(run, (), {}, tmp_path / "out.mcap")
     with Log.open(tmp_path / "out.mcap") as log:
         found = read_paths(log.columns(REMOTE_PATH.topic))
         assert log.faults.counts() == {}
     rows = [0, 1, 4, 5, 8, 9, 12, 13, 16, 17]
-    assert found.stamp_ns.tolist() == predicted.stamp_ns[rows].tolist()
-    assert found.log_time_ns.tolist() == predicted.log_time_ns[rows].tolist()
-    assert [found.ids.values[code] for code in found.ids.codes] == ["7", "8"] * 5
-    assert np.array_equal(found.paths.x_m, predicted.paths.x_m[rows])
-    assert np.array_equal(found.paths.speed_mps, predicted.paths.speed_mps[rows])
+    for each in (seen, found):
+        assert each.stamp_ns.tolist() == given.stamp_ns[rows].tolist()
+        assert each.log_time_ns.tolist() == given.log_time_ns[rows].tolist()
+        assert [each.ids.values[code] for code in each.ids.codes] == ["7", "8"] * 5
+        assert each.paths.time_s.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
+        assert each.paths.x_m[1].tolist() == [100.0, 102.0, 104.0, 106.0, 108.0]  # 8 m/s
+        exact = given.plan.take(np.array(rows))
+        np.testing.assert_allclose(each.paths.position_covariance_m2, exact.position_covariance_m2[:, ::5], rtol=2**-5)
+
+
+@pytest.mark.parametrize("step_s, kept", [(0.05, 5), (0.1, 2), (0.25, 1), (0.3, 1)])
+def test_points_are_a_quarter_of_a_second_apart_at_most(step_s: float, kept: int) -> None:
+    given = replace(planned(2), plan=replace(planned(2).plan, horizon_s=3.0, step_s=step_s))
+    channel = write_planned(REMOTE_PATH, given, rate_hz=5.0)
+    assert np.asarray(channel.rows(0, 2)["step_s"]).tolist() == pytest.approx([kept * step_s] * 2)

@@ -40,4 +40,4 @@ def test_covariance_that_is_not_known_is_not_checked() -> None:
     channel = write_states(
         EGO_STATE, VehicleStates.of_ego(STAMP_NS, np.zeros((3, N_STATES))), None, has_covariance=False
     )
-    assert np.isnan(channel.fields["covariance"]).all()
+    assert np.isnan(channel.fields["sigma"]).all() and np.isnan(channel.fields["correlation"]).all()
