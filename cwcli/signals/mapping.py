@@ -73,12 +73,13 @@ MAPPED: dict[str, Quantities] = {
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _NAME = r"[A-Za-z_]\w*"
 _PATH = rf"{_NAME}(?:\.{_NAME})*"
-_TERM = re.compile(
+# compiled when they are first used: binding imports this at every start
+_TERM = (
     rf"(?P<sign>-?)(?P<path>{_PATH})(?:\[(?P<index>\d{{1,4}})\])?(?P<scales>(?:[*/](?:{_NUMBER}|{_NAME}))*)"
     rf"(?P<offset>[+-]{_NUMBER})?(?P<unit>(?<=[\d.]){_NAME})?"
 )
-_STAMP = re.compile(rf"(?P<path>{_PATH})(?:\*(?P<unit>s|ms|us|ns))?")
-_SCALE = re.compile(rf"([*/])({_NUMBER}|{_NAME})")
+_STAMP = rf"(?P<path>{_PATH})(?:\*(?P<unit>s|ms|us|ns))?"
+_SCALE = rf"([*/])({_NUMBER}|{_NAME})"
 _STAMPED = (*HEADER_STAMP, *PROTOBUF_STAMP, *JSON_STAMPS)
 
 
@@ -162,7 +163,7 @@ def parse_mapping(role: str, text: str) -> FieldMapping:
     rest, *files = text.split(";")
     topic, _, rest = rest.partition(":")
     said, at, stamp_text = rest.partition("@")
-    stamp = _STAMP.fullmatch(stamp_text)
+    stamp = re.fullmatch(_STAMP, stamp_text)
     if not topic or (at and not stamp):
         raise _malformed(role, text, stamp_text or topic)
     given = said.split(",")
@@ -177,11 +178,11 @@ def parse_mapping(role: str, text: str) -> FieldMapping:
 
 
 def _term(role: str, text: str, part: str, kind: str) -> Term:
-    found = _TERM.fullmatch(part)
+    found = re.fullmatch(_TERM, part)
     if found is None or (found["unit"] and not found["offset"]):
         raise _malformed(role, text, part)
     factor = -1.0 if found["sign"] else 1.0
-    for sign, word in _SCALE.findall(found["scales"]):
+    for sign, word in re.findall(_SCALE, found["scales"]):
         value = _value(role, text, word, kind)
         if value == 0.0:
             raise _malformed(role, text, part)

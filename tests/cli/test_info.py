@@ -47,6 +47,7 @@ def test_info_json(cwcli: Run, intersection: Path) -> None:
         "ready": True,
         "after": [],
         "missing": [],
+        "choose": [],
         "would_use": ["ego_velocity"],
     }
     assert document["commands"]["warn"]["after"] == ["estimate", "predict"]
@@ -59,6 +60,7 @@ def test_info_names_what_is_missing(cwcli: Run, intersection: Path) -> None:
         "ready": False,
         "after": [],
         "missing": ["remote"],
+        "choose": [],
         "would_use": [],
     }
 
