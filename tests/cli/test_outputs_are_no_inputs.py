@@ -367,6 +367,8 @@ OPENERS = {
     "output.py": "writes every output",
     "temporary.py": "a part of it",
     "logs/read/source.py": "the pipe that a log comes from, and its copy without a name",
+    "logs/read/remote.py": "a remote log, which is copied to a file without a name",
+    "logs/read/bags.py": "the library's reader of bags, by names that are noted",
     "fleet/inputs.py": "the copy of a remote log",
     "fleet/folder.py": "what an earlier run into the same folder has done",
     "fleet/run.py": "the lock of the output folder",
@@ -379,7 +381,6 @@ OPENERS = {
     "simulation/catalogue.py": "comes with cwcli",
     "report/page.py": "comes with cwcli",
     "signals/radio/tables.py": "comes with cwcli",
-    "export/formats/osi.py": "comes with cwcli",
     "reproduction/expectations.py": "comes with cwcli",
 }
 """Modules that open files themselves, and which."""

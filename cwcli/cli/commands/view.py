@@ -38,18 +38,19 @@ def command(
     from cwcli.output import check_targets, write_file
 
     if output is not None:
-        check_targets([output], force=force, inputs=[log])
+        check_targets([output], force=force, inputs=log)
         if Path(output).suffix.lower() != ".rrd":
             raise UsageError(f"-o {output}: a recording ends in .rrd", hint=f"-o {Path(output).stem or 'log'}.rrd")
-    if log == "-" or "://" in log:
-        raise UsageError(f"{log} can't be shown: Rerun opens the file by itself", hint="give a file on this machine")
+    (path, *more) = log
+    if more or not Path(path).is_file():
+        raise UsageError(f"{path} can't be shown: Rerun opens the file by itself", hint="give one file on this machine")
     require_rerun()
-    with Log.open(log) as opened:
+    with Log.open(path) as opened:
         if output is None:
-            record(opened, log, None)
+            record(opened, path, None)
             return
         with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
             made = Path(folder) / "recording.rrd"
-            record(opened, log, made)
+            record(opened, path, made)
             write_file(output, read_file(str(made)), force=force)
     print_written(Console(quiet=talk.quiet), [output])

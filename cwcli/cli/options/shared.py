@@ -235,7 +235,7 @@ class WritingOptions:
         Literal["one", "like-input"],
         typer.Option(
             "--split",
-            help="Write one file, or the parts in which the log came into the folder that -o names.",
+            help="One file, or the parts in which the log came into the folder that -o names.",
         ),
     ] = "one"
     force: ForceOption = False
