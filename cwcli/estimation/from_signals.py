@@ -21,8 +21,11 @@ from cwcli.signals.canonical import (
 )
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.stitch import stitch
 from cwcli.signals.units import NS_PER_S
 
+MAX_SHOWN_PAIRS = 5
+"""Of changed ids, in a note."""
 MAX_STATES = 20_000_000
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
@@ -104,23 +107,29 @@ def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> 
 
 
 def placed_remotes(
-    signals: Sequence[Signal], position: Signal, local_map: LocalMap | None
-) -> tuple[RemoteSignal | None, str]:
-    """The remote vehicles that have a place in the ego's map, as one signal; and what to tell of the others, or "".
+    signals: Sequence[Signal], position: Signal, local_map: LocalMap | None, *, is_stitched: bool = False
+) -> tuple[RemoteSignal | None, tuple[str, ...]]:
+    """The remote vehicles that have a place in the ego's map, as one signal; and notes on the others.
 
     Args:
         signals: Of the remote vehicles.
         position: The ego's: Cartesian remote vehicles must be in the same frame.
         local_map: The map frame; None where the ego's position is Cartesian.
+        is_stitched: A vehicle that changes its id stays one.
     """
     frame_id = "" if local_map is not None else position.frame_id if isinstance(position, PoseSignal) else ""
     heard = [signal for signal in signals if isinstance(signal, RemoteSignal)]
     placed = [each for each in heard if each.frame_id == frame_id and (each.x_m is not None or local_map is not None)]
-    note = ""
+    notes: tuple[str, ...] = ()
     if len(placed) < len(heard):
         lost = "is Cartesian" if local_map is None else "is on the globe, and theirs are Cartesian"
-        note = f"the ego position {lost}: remote vehicles can't be placed beside it and are left out"
-    return merged_remotes(placed) if placed else None, note
+        notes = (f"the ego position {lost}: remote vehicles can't be placed beside it and are left out",)
+    if not placed:
+        return None, notes
+    merged, told = merged_remotes(placed), ()
+    if is_stitched:
+        merged, told = _joined(merged, local_map)
+    return merged, (*notes, *told)
 
 
 def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) -> list[Measurements]:
@@ -223,6 +232,19 @@ def output_grid(measurements: Sequence[Measurements], rate_hz: float, max_bridge
     for k in np.flatnonzero(np.diff(measured_ns) > max_bridge_s * NS_PER_S):
         grid_ns = grid_ns[(grid_ns <= measured_ns[k]) | (grid_ns >= measured_ns[k + 1])]
     return grid_ns
+
+
+def _joined(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSignal, tuple[str, ...]]:
+    """The ids of vehicles that changed theirs as one, and notes on that."""
+    found = stitch(signal, local_map)
+    notes = []
+    if found.joined:
+        pairs = ", ".join(f"{one} became {other}" for one, other in found.joined[:MAX_SHOWN_PAIRS])
+        more = ", ..." if len(found.joined) > MAX_SHOWN_PAIRS else ""
+        notes.append(f"{len(found.joined)} changes of a station's id were joined by motion ({pairs}{more})")
+    if found.n_undecided:
+        notes.append(f"{found.n_undecided} stations ended where more than one could have followed: they stay apart")
+    return found.signal, tuple(notes)
 
 
 def merged_remotes(signals: list[RemoteSignal]) -> RemoteSignal:

@@ -15,6 +15,7 @@ from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.estimation.consistency import effective_count, nees
 from cwcli.estimation.summary import summarise, verdict_of
 from cwcli.evaluation.knowledge import TRUTH, against, estimated
+from cwcli.evaluation.link import Link, add_link
 from cwcli.evaluation.records import sources_of
 from cwcli.evaluation.subject import AUTO, Ego, EgoTruth, Subject
 from cwcli.evaluation.truth import against_truth, nees_section, truth_rows, truth_section, truth_xy
@@ -43,17 +44,19 @@ ELLIPSE_95 = -2.0 * float(np.log(0.05))
 
 
 def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
-    """The result with the errors of the ego's track, if the log has a truth of it."""
+    """The result with the radio link, and with the errors of the ego's track if the log has a truth of it."""
     made: Made = result.made
     errors = against_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
+    link = Link(made.remotes, made.ego, made.local_map)
     if errors is None:
-        return result.judged()
+        return result.judged(sections=link.sections(), tables=link.tables(), entries=link.entries())
     table = with_rows(result.tables["estimate"], truth_rows(errors))
     return result.judged(
-        sections=(truth_section(errors), nees_section(errors)),
-        tables={"estimate": table},
+        sections=(*link.sections(), truth_section(errors), nees_section(errors)),
+        tables={"estimate": table, **link.tables()},
         notes=errors.notes,
         verdict=verdict_of(summarise(made.ego), errors.nees),
+        entries=link.entries(),
     )
 
 
@@ -80,6 +83,7 @@ def add_metrics(subject: Subject) -> None:
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
     headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
     _add_consistency(headline, reports)
+    add_link(headline, json_entry(record, "link", dict))
     subject.ego = Ego(states, found, _truth_notes(read))
 
 

@@ -101,6 +101,14 @@ def _cell(value: Any) -> Cell:
     return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
+def map_entry(local_map: LocalMap | None) -> dict[str, str]:
+    """Where the map frame lies on the earth, if it does, as an entry of the record of `estimate`."""
+    if local_map is None:
+        return {"map_origin": "cartesian"}
+    values = (local_map.origin_lat_deg, local_map.origin_lon_deg, local_map.origin_alt_m)
+    return {name: repr(value) for name, value in zip(ORIGIN_NAMES, values, strict=True)}
+
+
 def map_of(record: Record) -> LocalMap | None:
     """Where the map frame lies on the earth, from the record of `estimate`."""
     try:

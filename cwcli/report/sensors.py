@@ -22,7 +22,7 @@ from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
 from cwcli.text import number
 
-SHOWN = ("sources", "parameters", "noise", "errors", "nees")
+SHOWN = ("sources", "parameters", "noise", "errors", "nees", "link", "reception")
 """Tables of `estimate` that are about the sensors, in this order."""
 MAX_ROWS = 60
 MAX_GAP_S = 0.5

@@ -199,6 +199,7 @@ class RemoteQuantities:
         length_m, width_m: Shape (n,).
         position_covariance_m2: Shape (n, 3): east-east, east-north, north-north.
         speed_sigma_mps, heading_sigma_rad, accel_sigma_mps2, yaw_rate_sigma_radps: Shape (n,).
+        message_count: Shape (n,), the sender's count of its messages modulo 128.
     """
 
     latitude_deg: FloatArray
@@ -216,6 +217,7 @@ class RemoteQuantities:
     heading_sigma_rad: FloatArray
     accel_sigma_mps2: FloatArray
     yaw_rate_sigma_radps: FloatArray
+    message_count: FloatArray
 
 
 @dataclass(frozen=True)

@@ -160,6 +160,7 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
         heading_sigma_rad=np.deg2rad(value["heading_95_deg"]) / SIGMAS_PER_95_PERCENT,
         accel_sigma_mps2=value["accel_95_mps2"] / SIGMAS_PER_95_PERCENT,
         yaw_rate_sigma_radps=np.deg2rad(_yaw_rate_bound_degps(raw["yaw_rate_confidence"])) / SIGMAS_PER_95_PERCENT,
+        message_count=np.full(len(columns), np.nan),
     )
 
 

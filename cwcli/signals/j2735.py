@@ -39,6 +39,8 @@ ELEMENTS: dict[str, Element] = {
 MIN_SEMI_AXIS_M = 0.05
 """A semi-axis of 0 says "less than one step": it is taken as one step."""
 REVERSE_GEARS = 3
+COUNT_MODULUS = 128
+"""Of msgCnt (DE_MsgCount)."""
 
 JSON_PREFIXES = (
     "",
@@ -51,6 +53,7 @@ JSON_PREFIXES = (
 )
 JSON_RAW: dict[str, str] = {
     "station": "coreData.id",
+    "count": "coreData.msgCnt",
     "dsecond_ms": "coreData.secMark",
     "transmission": "coreData.transmission",
     "latitude_deg": "coreData.lat",
@@ -82,6 +85,7 @@ OWN_SOURCE = "ev"
 
 ROS: dict[str, str] = {
     "station": "core_data.id",
+    "count": "core_data.msg_count",
     "dsecond_ms": "core_data.sec_mark",
     "transmission": "core_data.transmission.transmission_state",
     "latitude_deg": "core_data.latitude",
@@ -186,6 +190,7 @@ def _rows(
     """From values in degrees and metres with cwcli's signs to the canonical rows."""
     n_rows = len(columns)
     nothing = np.full(n_rows, np.nan)
+    count = numbers(columns, paths["count"])
     stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     yaw_unfilled = _yaw_unfilled(value, _stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
@@ -212,6 +217,7 @@ def _rows(
         heading_sigma_rad=nothing,
         accel_sigma_mps2=nothing,
         yaw_rate_sigma_radps=nothing,
+        message_count=np.where((count >= 0) & (count < COUNT_MODULUS), count, np.nan),
     )
 
 

@@ -32,6 +32,7 @@ from cwcli.estimation.summary import TrackSummary, estimate_tables, source_recor
 from cwcli.estimation.track import each_in_threads, estimate_both
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.records import map_entry
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
 from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal, Signal, TimedSignal
@@ -62,6 +63,7 @@ class EstimateConfig:
         estimator: The filter; remote vehicles run the same one, without a search for latencies, because the
             quantities of one message share its time, and without one for the sensors' errors.
         rate_hz: Rate of the ego's states. Remote states come at the times of their messages.
+        stitch: Join the ids of a remote vehicle that changes its pseudonym.
         calibration: Constants of the ego's sensors from other drives, or None.
         truth_origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth channel's origin, or None.
     """
@@ -71,6 +73,7 @@ class EstimateConfig:
     rate_hz: Annotated[
         float, Option("--rate", "Rate of the ego's states.", metavar="HZ", above=0.0, at_most=10_000.0)
     ] = 20.0
+    stitch: Annotated[bool, Option("--stitch", "A remote vehicle that changes its id stays one, by its motion.")] = False
     calibration: Calibration | None = None
     truth_origin: Annotated[
         tuple[float, float, float] | None,
@@ -89,13 +92,14 @@ class Made:
     """What is compared with the truth.
 
     Attributes:
-        truths: Signals of the ego's truth, () without one.
+        truths, remotes: Signals of the ego's truth and of the remote vehicles, () without any.
         measurements: Of the ego, positions first.
         ego: Its track.
         local_map: The map's place on the earth, or None where it has none.
     """
 
     truths: tuple[Signal, ...]
+    remotes: tuple[Signal, ...]
     measurements: Sequence[Measurements]
     ego: Track
     local_map: LocalMap | None
@@ -146,7 +150,8 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
     ego, online = estimate_both(measurements, estimator, grid_ns, blind=estimator.is_blind_online)
     position = sources.by_role[Role.EGO_POSITION][0]
-    signal, note = placed_remotes(sources.by_role.get(Role.REMOTE, ()), position, local_map)
+    heard = sources.by_role.get(Role.REMOTE, ())
+    signal, notes = placed_remotes(heard, position, local_map, is_stitched=config.stitch)
     remote = None if signal is None else _remote_states(signal, local_map, estimator)
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
     hindsight = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
@@ -172,7 +177,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _summary(sources, (*stands, *apart, *filter(None, [note])), tracks, told, transforms)
+    summary = _summary(sources, (*stands, *apart, *notes), tracks, told, transforms)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -185,10 +190,10 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             summary,
             sources=source_record(tracks),
             online_parameters=parameters,
-            **_origin_record(local_map),
+            **map_entry(local_map),
             **calibration_entry(config.calibration),
         ),
-        made=Made(sources.by_role.get(Role.TRUTH, ()), measurements, ego, local_map),
+        made=Made(*(sources.by_role.get(role, ()) for role in (Role.TRUTH, Role.REMOTE)), measurements, ego, local_map),
     )
 
 
@@ -310,11 +315,3 @@ def _remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:
         for note in track.notes if station != EGO_ID else ():
             stations.setdefault(note, []).append(station)
     return [f"{own[0] if len(own) == 1 else f'{len(own)} vehicles'}: {note}" for note, own in stations.items()]
-
-
-def _origin_record(local_map: LocalMap | None) -> dict[str, str]:
-    if local_map is None:
-        return {"map_origin": "cartesian"}
-    values = (local_map.origin_lat_deg, local_map.origin_lon_deg, local_map.origin_alt_m)
-    names = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
-    return {name: repr(value) for name, value in zip(names, values, strict=True)}

@@ -97,6 +97,7 @@ def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[
         heading_sigma_rad=np.full(n, HEADING_SIGMA_RAD),
         accel_sigma_mps2=np.full(n, ACCEL_SIGMA_MPS2),
         yaw_rate_sigma_radps=np.full(n, YAW_RATE_SIGMA_RADPS),
+        message_count=nothing,
         frame_id=OSI_FRAME,
         x_m=world.x_m[at],
         y_m=world.y_m[at],

@@ -1,0 +1,158 @@
+"""The radio link from each remote vehicle: tables of `estimate`, an entry of its record, and headline metrics."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cwcli.estimation.from_signals import merged_remotes
+from cwcli.estimation.result import Track
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.pipeline.records import number
+from cwcli.pipeline.result import Section
+from cwcli.signals.canonical import RemoteSignal, Signal
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.link import Reception, StationLink, age_quantile_s, links_of
+from cwcli.signals.resample import resample
+
+AGE_SHARE = 0.95
+MAX_GAP_S = 0.5
+COLUMNS: Mapping[str, ColumnDoc] = {
+    "station": ColumnDoc(doc="id of the sender"),
+    "received": ColumnDoc(doc="messages received and in order"),
+    "sent": ColumnDoc(doc="by the sender's count; NaN where it does not count"),
+    "loss_share": ColumnDoc(doc="of those sent"),
+    "rate_hz": ColumnDoc(unit="Hz", doc="sent, or received where the sender does not count"),
+    "latency_median_s": ColumnDoc(unit="s", doc="from generation to reception; NaN where the clocks don't allow it"),
+    "latency_p95_s": ColumnDoc(unit="s", doc="95 % of them are below"),
+    "age_p95_s": ColumnDoc(unit="s", doc="of the newest message known: for 95 % of the time it was younger"),
+    "gaps": ColumnDoc(doc="pauses of more than five periods, and of 1 s at least"),
+    "longest_gap_s": ColumnDoc(unit="s", doc="the longest pause"),
+    "absences": ColumnDoc(doc="pauses in which the sender's count may have gone round: no loss"),
+    "range_m": ColumnDoc(unit="m", doc="greatest distance of reception from the ego"),
+}
+"""Of the table `link`, one row a station."""
+
+
+class Link:
+    """The link of a log.
+
+    Attributes:
+        stations: One each.
+        reception: By distance.
+    """
+
+    def __init__(self, signals: Sequence[Signal], ego: Track, local_map: LocalMap | None) -> None:
+        """Find it.
+
+        Args:
+            signals: The channels of remote vehicles; Cartesian ones came over no radio.
+            ego: The receiver's track.
+            local_map: Of the track, None where it has no place on the earth.
+        """
+        remotes = [signal for signal in signals if isinstance(signal, RemoteSignal) and signal.x_m is None]
+        self.stations: list[StationLink] = []
+        self.reception = Reception(np.zeros(1), np.zeros(0, np.int64), np.zeros(0, np.int64))
+        if remotes:
+            signal = merged_remotes(remotes)
+            self.stations, self.reception = links_of(signal, _distance_m(signal, ego, local_map))
+
+    def sections(self) -> tuple[Section, ...]:
+        """For people: stations, and the reception by distance; nothing without remote vehicles."""
+        if not self.stations:
+            return ()
+        titles = tuple(f"{name.removesuffix(f'_{doc.unit}')} [{doc.unit}]" if doc.unit else name
+                       for name, doc in COLUMNS.items())  # fmt: skip
+        sections = [Section("link", "Radio link", titles, tuple(map(_row, self.stations)))]
+        shown = self.reception.sent > 0
+        if shown.any():
+            edges_m = self.reception.edges_m
+            rows = tuple(
+                (f"{edges_m[k]:.0f} to {edges_m[k + 1]:.0f}", int(sent), int(received), float(1.0 - received / sent))
+                for k, (received, sent) in enumerate(zip(self.reception.received, self.reception.sent, strict=True))
+                if sent
+            )
+            columns = ("distance [m]", "sent", "received", "loss_share")
+            sections.append(Section("reception", "Reception by distance", columns, rows))
+        return tuple(sections)
+
+    def tables(self) -> dict[str, Table]:
+        """The table `link`."""
+        if not self.stations:
+            return {}
+        columns = dict(zip(COLUMNS, zip(*map(_row, self.stations), strict=True), strict=True))
+        made: dict[str, Any] = {
+            name: list(values) if name == "station" else np.array(values, np.float64)
+            for name, values in columns.items()
+        }
+        return {"link": Table("link", made, dict(COLUMNS))}
+
+    def entries(self) -> dict[str, str]:
+        """For the record: the sums of which the headline metrics are made."""
+        if not self.stations:
+            return {}
+        counted = [each for each in self.stations if math.isfinite(each.n_sent)]
+        sums = {
+            "stations": len(self.stations),
+            "sent": sum(each.n_sent for each in counted),
+            "lost": sum(each.n_sent - each.n_received for each in counted),
+            "age_p95_s": age_quantile_s([each.age for each in self.stations], AGE_SHARE),
+            "latency_p95_s": _greatest(each.latency_p95_s for each in self.stations),
+            "range_m": _greatest(each.range_m for each in self.stations),
+        }
+        known = {name: value for name, value in sums.items() if math.isfinite(value)}
+        return {"link": json.dumps(known)}
+
+
+def add_link(headline: Headline, entry: Mapping[str, Any]) -> None:
+    """Add the metrics of the link from the record's entry; nothing without remote vehicles."""
+    if not entry:
+        return
+    headline.count("link.stations_count", number(entry, "stations"))
+    if number(entry, "sent") > 0:
+        headline.add("link.loss_share", number(entry, "lost"), number(entry, "sent"))
+    for metric, name in (
+        ("link.age_p95_s", "age_p95_s"),
+        ("link.latency_p95_s", "latency_p95_s"),
+        ("link.range_max_m", "range_m"),
+    ):
+        if name in entry:
+            headline.add(metric, number(entry, name), 1.0)
+
+
+def _row(link: StationLink) -> tuple[str | float | int, ...]:
+    return (
+        link.station,
+        link.n_received,
+        int(link.n_sent) if math.isfinite(link.n_sent) else link.n_sent,
+        link.loss_share,
+        link.rate_hz,
+        link.latency_median_s,
+        link.latency_p95_s,
+        age_quantile_s([link.age], AGE_SHARE),
+        link.n_gaps,
+        link.longest_gap_s,
+        link.n_absences,
+        link.range_m,
+    )
+
+
+def _distance_m(signal: RemoteSignal, ego: Track, local_map: LocalMap | None) -> FloatArray:
+    """From the ego's position at each message's reception, shape (n,); NaN where either is not known."""
+    if local_map is None:
+        return np.full(len(signal.stamp_ns), np.nan)
+    altitude_m = np.nan_to_num(signal.altitude_m, nan=0.0)
+    x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, altitude_m)
+    ego_xy = resample(ego.stamp_ns, ego.state[:, :2], signal.log_time_ns, max_gap_s=MAX_GAP_S)
+    distance_m: FloatArray = np.hypot(x_m - ego_xy[:, 0], y_m - ego_xy[:, 1])
+    return distance_m
+
+
+def _greatest(values: Any) -> float:
+    return max((value for value in values if math.isfinite(value)), default=float("nan"))

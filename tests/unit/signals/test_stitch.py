@@ -1,0 +1,73 @@
+"""Pseudonyms: a vehicle that changes its id stays one, and two are never taken for one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.signals.stitch import MAX_PAUSE_S, stitch
+from tests.unit.signals.pseudonyms import HERE, RATE_HZ, Scene, scene, score
+
+N_SCENES = 40
+
+
+def alone(seed: int = 1) -> Scene:
+    return scene(np.random.default_rng(seed), n_cars=1)
+
+
+def test_changes_among_ten_neighbours_are_found_and_no_two_cars_become_one() -> None:
+    n_changes, n_right, n_wrong = score(N_SCENES, seed=7)
+    assert n_changes > 2 * N_SCENES
+    assert n_right >= 0.98 * n_changes
+    assert n_wrong == 0
+
+
+def test_the_vehicle_keeps_its_first_id_and_every_message() -> None:
+    made = alone()
+    found = stitch(made.signal, HERE)
+    assert found.joined == (tuple(made.ids[0]),)
+    assert found.signal.station.values == (made.ids[0][0],)
+    assert set(found.signal.station.codes.tolist()) == {0}
+    np.testing.assert_array_equal(found.signal.stamp_ns, made.signal.stamp_ns)
+
+
+def test_who_is_as_long_away_as_the_pause_allows_is_another() -> None:
+    made = alone()
+    is_second = made.signal.station.codes == 1
+    late_ns = np.where(is_second, round(MAX_PAUSE_S * 1e9), 0)
+    found = stitch(replace(made.signal, stamp_ns=made.signal.stamp_ns + late_ns), HERE)
+    assert found.joined == ()
+
+
+def test_another_size_is_another_vehicle() -> None:
+    made = alone()
+    is_second = made.signal.station.codes == 1
+    found = stitch(replace(made.signal, length_m=np.where(is_second, 12.0, 4.5)), HERE)
+    assert found.joined == ()
+    unknown = stitch(replace(made.signal, length_m=np.where(is_second, np.nan, 4.5)), HERE)
+    assert unknown.joined == (tuple(made.ids[0]),)
+
+
+def test_two_that_could_be_either_stay_apart_and_are_counted() -> None:
+    made = alone()
+    signal = made.signal
+    twice = {
+        name: np.concatenate([getattr(signal, name)] * 2)
+        for name in signal.__dataclass_fields__
+        if name not in ("source", "station")
+    }
+    codes = np.concatenate([signal.station.codes, signal.station.codes + 2]).astype(np.int32)
+    station = replace(signal.station, codes=codes, values=(*signal.station.values, "0000000a", "0000000b"))
+    found = stitch(replace(signal, station=station, **twice), HERE)
+    assert found.joined == ()
+    assert found.n_undecided == 2
+
+
+def test_an_id_that_goes_on_is_not_followed() -> None:
+    made = alone()
+    is_first = made.signal.station.codes == 0
+    shift_ns = np.where(is_first, 0, -round(3.0 * 1e9))
+    found = stitch(replace(made.signal, stamp_ns=made.signal.stamp_ns + shift_ns), HERE)
+    assert RATE_HZ > 1.0
+    assert found.joined == ()
