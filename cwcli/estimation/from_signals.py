@@ -126,10 +126,11 @@ def placed_remotes(
         notes = (f"the ego position {lost}: remote vehicles can't be placed beside it and are left out",)
     if not placed:
         return None, notes
-    merged, told = merged_remotes(placed), ()
-    if is_stitched:
-        merged, told = _joined(merged, local_map)
-    return merged, (*notes, *told)
+    merged = merged_remotes(placed)
+    if not is_stitched:
+        return merged, notes
+    joined, told = _joined(merged, local_map)
+    return joined, (*notes, *told)
 
 
 def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) -> list[Measurements]:
@@ -241,9 +242,9 @@ def _joined(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSig
     if found.joined:
         pairs = ", ".join(f"{one} became {other}" for one, other in found.joined[:MAX_SHOWN_PAIRS])
         more = ", ..." if len(found.joined) > MAX_SHOWN_PAIRS else ""
-        notes.append(f"{len(found.joined)} changes of a station's id were joined by motion ({pairs}{more})")
+        notes.append(f"changed ids joined by motion: {len(found.joined)} ({pairs}{more})")
     if found.n_undecided:
-        notes.append(f"{found.n_undecided} stations ended where more than one could have followed: they stay apart")
+        notes.append(f"changed ids that stay apart, because more than one could have followed: {found.n_undecided}")
     return found.signal, tuple(notes)
 
 

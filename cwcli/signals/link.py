@@ -195,6 +195,6 @@ def _places_of_lost(distance_m: FloatArray, n_lost: FloatArray) -> FloatArray:
 def _reception(received_m: FloatArray, lost_m: FloatArray) -> Reception:
     received_m, lost_m = received_m[np.isfinite(received_m)], lost_m[np.isfinite(lost_m)]
     farthest_m = max([0.0, *received_m, *lost_m]) if len(received_m) else 0.0
-    edges_m = BIN_M * np.arange(int(farthest_m // BIN_M) + 2)
+    edges_m = BIN_M * np.arange(int(farthest_m // BIN_M) + 2, dtype=np.float64)
     received = np.histogram(received_m, edges_m)[0]
     return Reception(edges_m, received, received + np.histogram(lost_m, edges_m)[0])

@@ -73,7 +73,7 @@ class EstimateConfig:
     rate_hz: Annotated[
         float, Option("--rate", "Rate of the ego's states.", metavar="HZ", above=0.0, at_most=10_000.0)
     ] = 20.0
-    stitch: Annotated[bool, Option("--stitch", "A remote vehicle that changes its id stays one, by its motion.")] = False
+    stitch: Annotated[bool, Option("--stitch", "A remote vehicle that changes its id stays one.")] = False
     calibration: Calibration | None = None
     truth_origin: Annotated[
         tuple[float, float, float] | None,
@@ -193,7 +193,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             **map_entry(local_map),
             **calibration_entry(config.calibration),
         ),
-        made=Made(*(sources.by_role.get(role, ()) for role in (Role.TRUTH, Role.REMOTE)), measurements, ego, local_map),
+        made=Made(sources.by_role.get(Role.TRUTH, ()), heard, measurements, ego, local_map),
     )
 
 

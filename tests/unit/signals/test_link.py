@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.columns import FloatArray, Strings
 from cwcli.signals.link import age_quantile_s, links_of
 
@@ -19,7 +19,7 @@ def signal_of(
     n = len(sent_s)
     stamp_ns = T0_NS + np.round(sent_s * 1e9).astype(np.int64)
     nothing = np.full(n, np.nan)
-    quantities = dict.fromkeys(RemoteSignal.__dataclass_fields__, nothing)
+    quantities = dict.fromkeys(RemoteQuantities.__dataclass_fields__, nothing)
     quantities |= {"position_covariance_m2": np.full((n, 3), np.nan), "message_count": count}
     station = Strings(np.arange(n, dtype=np.int32) % n_stations, tuple(f"{k}" for k in range(n_stations)))
     log_ns = stamp_ns + np.round(np.broadcast_to(latency_s, n) * 1e9).astype(np.int64)
