@@ -143,10 +143,10 @@ def test_converter_finds_the_paths(annotated: Path, converted: dict[str, Columns
     with Log.open(annotated) as log:
         columns = log.columns("/cwcli/ego/path")
     messages = in_time_order(converted["/cwcli/ego/path"], "cwcli.v1.PredictedPath:message")
-    assert len(messages) == len(columns) == 201
-    expected = np.asarray(columns.fields["x_m"]).reshape(201, -1)
+    assert len(messages) == len(columns) == 51
+    expected = np.asarray(columns.fields["x_m"]).reshape(51, -1)
     assert np.array_equal([message[0]["x_m"] for message in messages], expected)
-    assert len(converted["/cwcli/remote/path"][TIMELINE]) == 201
+    assert len(converted["/cwcli/remote/path"][TIMELINE]) == 51
     assert len(converted["/cwcli/paths/scene"][TIMELINE]) > 100
 
 
@@ -169,7 +169,7 @@ def test_converter_takes_the_warnings_as_a_text_log(converted: dict[str, Columns
 
 
 def test_converter_finds_poses_and_transforms(converted: dict[str, Columns]) -> None:
-    assert len(converted["/cwcli/ego/pose"]["InstancePoses3D:translations"]) == 201
+    assert len(converted["/cwcli/ego/pose"]["InstancePoses3D:translations"]) == 51
     frames = {frame[0] for frame in converted["/cwcli/tf"]["Transform3D:child_frame"]}
     assert frames == {"base_link"}
 
@@ -186,7 +186,7 @@ def recorded(annotated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_view_draws_paths_and_speeds(annotated: Path, recorded: Path) -> None:
     with Log.open(annotated) as log:
-        x_m = np.asarray(log.columns("/cwcli/ego/path").fields["x_m"]).reshape(201, -1)
+        x_m = np.asarray(log.columns("/cwcli/ego/path").fields["x_m"]).reshape(51, -1)
     found = read_recording(recorded)
     strips = in_time_order(found["/paths/ego"], "LineStrips3D:strips")
     assert np.allclose([[point[0] for point in strip[0]] for strip in strips], x_m, rtol=0, atol=1e-4)
