@@ -27,8 +27,11 @@ T0_NS = 1_700_000_000_000_000_000
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
+    return write_log(tmp_path / "my.mcap")
+
+
+def write_log(path: Path) -> Path:
     """Fixes of a car that drives north at 10 m/s, and its speed in km/h: as a field, and in CAN frames."""
-    path = tmp_path / "my.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)
         fix = writer.register_msgdef("sensor_msgs/msg/NavSatFix", FIX)
