@@ -20,11 +20,16 @@ OTHER_USES = {
     "diagnostic_msgs/DiagnosticArray": "`cwcli evaluate --topic warning=` judges what a system warned of",
 }
 """Schemas that no role takes, and who reads them."""
+UNNAMED = frozenset(
+    {"std_msgs/Float32", "std_msgs/Float64", "geometry_msgs/Twist", "geometry_msgs/TwistWithCovariance"}
+)
+"""Types that fill a role where the user says so, of which many channels hold something else."""
 UNKNOWN_TYPE = "no role takes this type"
 MAX_LEAVES = 2000
 MAX_DEPTH = 8
 MAX_TRIES = 2
-_UNITS = {"kmh": "kmh", "kph": "kmh", "kmph": "kmh", "mph": "mph", "knots": "knots", "deg": "deg", "degrees": "deg"}
+_SPEED_UNITS = {"kmh": "kmh", "kph": "kmh", "kmph": "kmh", "mph": "mph", "knots": "knots"}
+_UNITS = _SPEED_UNITS | {"deg": "deg", "degrees": "deg"}
 _SPEED = frozenset({"speed", "velocity", "vel", "vx"})
 _STEER = frozenset({"steer", "steering"})
 _COMPASS = frozenset({"heading", "azimuth", "course", "cog"})
@@ -80,6 +85,8 @@ def _reason(channel: Described, bindings: Bindings) -> Reason:
     name = normalise(channel.schema_name)
     if not inputs_of(channel.schema_name):
         return _unknown(channel, name)
+    if name in UNNAMED:
+        return _unnamed(channel.topic, name)
     texts, tries = [], []
     for entry in inputs_of(channel.schema_name):
         role, others = str(entry.role), bindings.of(entry.role)
@@ -99,6 +106,16 @@ def _reason(channel: Described, bindings: Bindings) -> Reason:
             tries.append(f"--topic {role}={channel.topic}")
     why = "; ".join(dict.fromkeys(texts)) or "its topic's name says truth, and this type holds none"
     return Reason(why, tuple(dict.fromkeys(tries))[:MAX_TRIES])
+
+
+def _unnamed(topic: str, name: str) -> Reason:
+    """Of a message that does not say what it is: what its topic's name says."""
+    words = _words(topic)
+    if not set(words) & (_SPEED | set(_SPEED_UNITS)) or set(words) & _NO_MEASUREMENT:
+        return Reason("neither the type nor the topic's name says what it measures")
+    unit = next((_SPEED_UNITS[word] for word in words if word in _SPEED_UNITS), "")
+    line = f"--map ego_speed={topic}:data*{unit}" if unit and "Float" in name else f"--topic ego_speed={topic}"
+    return Reason("ego_speed (m/s) only where it is named", (line,))
 
 
 def _unknown(channel: Described, name: str) -> Reason:
@@ -153,7 +170,7 @@ def suggestions(topic: str, paths: Sequence[str]) -> tuple[str, ...]:
         if words & _NO_MEASUREMENT or "stamp" in path:
             continue
         unit = next((f"*{_UNITS[word]}" for word in _words(path) if word in _UNITS), "")
-        if words & _SPEED and not set(_words(path)) & _NO_MEASUREMENT:
+        if words & (_SPEED | set(_SPEED_UNITS)) and not set(_words(path)) & _NO_MEASUREMENT:
             found.append((1 + 10 * ("[" in leaf), f"--map ego_speed={topic}:{path}{unit if unit != '*deg' else ''}"))
         elif words & _STEER or ("angle" in words and "steer" in path.lower()):
             found.append((2, f"--map ego_steer={topic}:{path}{unit if unit == '*deg' else ''}"))

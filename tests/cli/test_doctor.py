@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import Writer as JsonWriter
 from mcap_ros2.writer import Writer
 
-from cwcli.channels.reasons import suggestions
+from cwcli.channels.binding import bind
+from cwcli.channels.reasons import reasons, suggestions
+from cwcli.logs.read.channels import ChannelInfo
 from cwcli.pipeline.health import drift
 from tests.cli.conftest import Run
 from tests.cli.test_map import FIX, FRAME
@@ -176,6 +179,7 @@ def test_contract_that_is_none_is_refused(cwcli: Run, log: Path, tmp_path: Path,
     ("paths", "expected"),
     [
         (["speed"], ["--map ego_speed=/t:speed"]),
+        (["kmh"], ["--map ego_speed=/t:kmh*kmh"]),
         (["vehicleSpeedMph"], ["--map ego_speed=/t:vehicleSpeedMph*mph"]),
         (["speed_limit", "target.speed", "engine_speed", "speed_accuracy"], []),
         (["fix.lat", "fix.lon", "fix.alt"], ["--map ego_position=/t:fix.lat,fix.lon"]),
@@ -186,6 +190,35 @@ def test_contract_that_is_none_is_refused(cwcli: Run, log: Path, tmp_path: Path,
 )
 def test_suggestions(paths: list[str], expected: list[str]) -> None:
     assert list(suggestions("/t", paths)) == expected
+
+
+@pytest.mark.parametrize(
+    ("topic", "name", "tries"),
+    [
+        ("/vehicle/speed", "std_msgs/msg/Float32", ["--topic ego_speed=/vehicle/speed"]),
+        ("/vehicle/speed_kmh", "std_msgs/msg/Float64", ["--map ego_speed=/vehicle/speed_kmh:data*kmh"]),
+        ("/cabin/temperature", "std_msgs/msg/Float32", []),
+        ("/cmd_vel", "geometry_msgs/msg/Twist", []),
+    ],
+)
+def test_a_type_that_says_nothing_is_told_by_its_topic(topic: str, name: str, tries: list[str]) -> None:
+    info = ChannelInfo(1, topic, name, "ros2msg", "cdr", 5)
+    assert list(reasons([info], bind([info], {}, required=()))[topic].tries) == tries
+
+
+def test_a_station_that_may_be_the_ego_is_told(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    path = tmp_path / "radio.mcap"
+    with intersection.open("rb") as source, path.open("wb") as target:
+        reader, writer = make_reader(source), JsonWriter(target)
+        writer.start()
+        channel_id = writer.register_channel(
+            "/v2x/bsm", "json", writer.register_schema("BasicSafetyMessage", "jsonschema", b"{}")
+        )
+        for _, _, message in reader.iter_messages(topics=["/v2x/bsm"]):
+            writer.add_message(channel_id, message.log_time, message.data, message.publish_time)
+        writer.finish()
+    notes = json.loads(cwcli("info", path, "--json").stdout)["notes"]
+    assert notes == ["a station of /v2x/bsm can be the ego: --ego-station ID"]
 
 
 def test_drift_is_not_told_from_scatter() -> None:

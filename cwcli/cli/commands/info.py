@@ -19,6 +19,7 @@ from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
+    from cwcli.channels.binding import Bindings
     from cwcli.channels.reasons import Reason
     from cwcli.logs.read.reader import Log
     from cwcli.pipeline.recording_contract import RecordingContract
@@ -129,9 +130,22 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
         "attachments": [{"name": entry.name, "size_bytes": entry.size} for entry in log.attachments],
         "metadata": list(log.metadata_names),
         "commands": _commands(set(map(str, bindings.by_role)), set(map(str, bindings.undecided))),
-        "notes": list(bindings.notes),
+        "notes": [*bindings.notes, *_of_stations(log, bindings)],
         "faults": log.faults.counts(),
     }
+
+
+def _of_stations(log: Log, bindings: Bindings) -> list[str]:
+    """What to say of a log without the ego's position whose radios may have heard it."""
+    from cwcli.signals.inputs import input_for
+    from cwcli.signals.role import Role
+
+    role = Role.EGO_POSITION
+    if role in bindings or role in bindings.undecided:
+        return []
+    entries = {each.topic: input_for(role, each.schema_name) for each in log.channels if each.message_count != 0}
+    topics = [topic for topic, entry in entries.items() if entry is not None and entry.needs_ego_station]
+    return [f"a station of {', '.join(topics)} can be the ego: --ego-station ID"] if topics else []
 
 
 def _channel(channel: Any, duration_s: float, roles: list[str], reason: Reason | None) -> Document:
