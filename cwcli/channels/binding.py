@@ -10,6 +10,7 @@ The rules:
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
 - two that are left are an error for a required role, and leave an optional one unbound with a note;
   but every channel of detections is a sensor of its own, so all of them are bound;
+- `--topic remote=/topic:FORMAT` names octets that a radio handed over, whatever their schema, with their format;
 - `--topic ROLE=/topic` decides for itself; for `MANY_TOPICS` it may list several, separated by commas, and with
   `ROLE=/topic:field` it names the fields, too (`cwcli.signals.mapping`).
 """
@@ -32,7 +33,7 @@ from cwcli.channels.published import (
     TARGETS,
 )
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.inputs import input_for, inputs_of, normalise
+from cwcli.signals.inputs import RADIO_FORMATS, input_for, inputs_of, normalise
 from cwcli.signals.mapping import CAN_FIELDS, CAN_SCHEMAS, MAPPED, FieldMapping, is_mapping, parse_mapping
 from cwcli.signals.role import Role
 
@@ -290,6 +291,8 @@ def _mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, wher
 
 
 def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
+    if role == Role.REMOTE and ":" in topic:
+        return _radio_channel(channels, topic, where)
     usable = {channel.topic: channel for channel in channels if _can_hold(role, channel.schema_name)}
     channel = usable.get(topic) or usable.get(f"/{topic}")
     if channel is not None:
@@ -303,6 +306,19 @@ def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where
     if schema is None:
         raise UsageError(f"{option}: the log has no topic {topic}", where=where, hint=hint)
     raise UsageError(f"{option}: {schema or 'no schema'} can't hold {ROLE_TEXT[role]}", where=where, hint=hint)
+
+
+def _radio_channel(channels: Sequence[ChannelLike], named: str, where: str) -> Binding:
+    """A channel of octets, `/topic:FORMAT`."""
+    topic, _, form = named.rpartition(":")
+    if form not in RADIO_FORMATS:
+        raise UsageError(
+            f"--topic remote={named}: there is no format {form}", hint=f"formats: {', '.join(RADIO_FORMATS)}"
+        )
+    for channel in channels:
+        if channel.topic in (topic, f"/{topic}"):
+            return replace(_binding(channel, Role.REMOTE, is_override=True), schema_name=RADIO_FORMATS[form])
+    raise UsageError(f"--topic remote={named}: the log has no topic {topic}", where=where)
 
 
 def _unbound(

@@ -254,6 +254,13 @@ def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...
 # what is drawn for viewers counts only where no sensor reports for itself
 _DRAWN = _detections(_CUBES, _build_cubes, rank=3)
 
+RADIO_FORMATS: dict[str, str] = {
+    "j2735": "cwcli_radio/J2735",
+    "btp": "cwcli_radio/Btp",
+    "its": "cwcli_radio/Its",
+}
+"""What octets may be that a user names with their format (`--topic remote=/raw:btp`) -> the entry that reads them."""
+
 _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "sensor_msgs/NavSatFix": _fix(_ROS_FIX),
     "foxglove.LocationFix": _fix(_FOXGLOVE_FIX),

@@ -23,7 +23,7 @@ FORMATS: dict[str, int] = {
     "btp": radio_frames.FORMAT_BTP,
     "its": radio_frames.FORMAT_ITS,
 }
-CONTENTS = ("content", "data", "payload", "message", "msg")
+CONTENTS = ("content", "data", "payload", "message", "msg", "buffer", "bytes", "packet")
 """Fields that hold a radio's octets, the first that is there."""
 FAULTS: dict[int, str] = {
     radio_frames.FRAME_SHORT: "truncated frame",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -118,7 +118,7 @@ def read_sources(
         bindings = bound.of(role)
         signals: list[Signal] = []
         for one in bindings:
-            columns = loaded[one.topic]
+            columns = replace(loaded[one.topic], schema_name=one.schema_name)  # which the user may have said
             strays_ns = columns.log_time_ns[:0]
             if role not in TIMELESS:
                 columns, strays_ns = _without_strays(columns, *usual_ns)

@@ -10,11 +10,13 @@ from mcap_ros2.writer import Writer
 from pycrate_asn1dir import ITS_IEEE1609_2
 
 from cwcli.channels.binding import bind
+from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
+from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from tests.unit.signals.radio import packing
 from tests.unit.signals.v2x_messages import LOG_NS, packed_bsm, packed_cam, radio
 
@@ -149,3 +151,23 @@ def test_a_log_of_the_official_writer_is_read(
     assert (quality.read, quality.used) == (2, 1)  # the second repeats the first
     assert signal.station.values == (station,)
     assert signal.speed_mps.tolist() == pytest.approx([10.0])
+
+
+def test_a_topic_of_any_schema_can_be_named_with_its_format(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        registered = writer.register_msgdef("some_radio/msg/Raw", "uint8[] payload")
+        at = int(LOG_NS[0])
+        writer.write_message("/raw", registered, {"payload": [*packed_cam()]}, log_time=at, publish_time=at)
+        writer.finish()
+    with Log.open(path) as log:
+        sources = read_sources(
+            log, SourceConfig(topics={"remote": "/raw:its"}), command="estimate", required=(Role.REMOTE,)
+        )
+        (signal,) = sources.by_role[Role.REMOTE]
+        assert isinstance(signal, RemoteSignal)
+        assert signal.station.values == ("1001",)
+        for named, said in (("/raw:uper", "there is no format uper"), ("/other:its", "the log has no topic /other")):
+            with pytest.raises(UsageError, match=said):
+                bind(log.channels, {"remote": named}, required=[Role.REMOTE])
