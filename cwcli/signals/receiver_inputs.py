@@ -13,7 +13,7 @@ _GPS_FIX = ros(
 _NAV_PVT_LEAVES = (
     *("year", "month", "day", "hour", "min", "sec", "valid", "nano", "flags", "lon", "lat", "height"),
     *("fix_type", "h_acc", "vel_n", "vel_e", "s_acc", "head_acc", "head_veh"),
-    *("fixType", "hAcc", "velN", "velE", "sAcc", "headAcc", "headVeh"),
+    *("reserved1", "fixType", "hAcc", "velN", "velE", "sAcc", "headAcc", "headVeh"),
 )
 _NAV_PVT: Fields = dict.fromkeys(("cdr", "json"), _NAV_PVT_LEAVES)
 _OEM7 = ("nov_header.gps_week_number", "nov_header.gps_week_milliseconds")

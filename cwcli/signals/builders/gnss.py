@@ -5,7 +5,7 @@ A file of a family of messages says what its fields mean, as a `GnssFix`; here i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +15,15 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import NO_ORIENTATION
 from cwcli.signals.builders.position import NO_FIX, reject_bad_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, VelocitySignal
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import Timeline, settle
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import given_plane_covariance, given_variances
 from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, reject_unusable, within
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
 NO_VELOCITY = "no velocity"
+MOST_AHEAD_S, MOST_BEHIND_S = -0.5, 2.0
+"""Of the stamps against the log times: as far as latencies are looked for."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def position_builder(read: Read) -> Callable[[Columns, Reading], tuple[PositionS
         given = _column(fix.position_covariance_m2, columns, 3)
         covariance = given_plane_covariance(ledger, given[:, 0], given[:, 1], given[:, 2])
         values = [latitude_deg, longitude_deg, altitude_m]
-        timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
+        timeline = _settled(ledger, fix, reading, values)
         rows = timeline.rows
         signal = PositionSignal(
             columns.topic,
@@ -95,7 +97,7 @@ def velocity_builder(read: Read) -> Callable[[Columns, Reading], tuple[VelocityS
         reject_unusable(ledger, velocity_mps, MAX_SPEED_MPS)
         given = _column(fix.velocity_covariance_m2ps2, columns, 3)
         covariance = given_plane_covariance(ledger, given[:, 0], given[:, 1], given[:, 2])
-        timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, [velocity_mps])
+        timeline = _settled(ledger, fix, reading, [velocity_mps])
         rows = timeline.rows
         signal = VelocitySignal(
             columns.topic,
@@ -119,7 +121,7 @@ def heading_builder(read: Read) -> Callable[[Columns, Reading], tuple[HeadingSig
         heading_rad = _column(fix.heading_rad, columns)
         ledger.reject(~fix.is_fix | ~np.isfinite(heading_rad), NO_ORIENTATION)
         variance = given_variances(ledger, _column(fix.heading_variance_rad2, columns))
-        timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, [heading_rad])
+        timeline = _settled(ledger, fix, reading, [heading_rad])
         rows = timeline.rows
         signal = HeadingSignal(
             columns.topic, timeline.stamp_ns, columns.log_time_ns[rows], heading_rad[rows], variance[rows]
@@ -154,6 +156,21 @@ def velocity_of_course(speed_mps: FloatArray, course_deg: FloatArray) -> FloatAr
 def heading_of_compass(compass_deg: FloatArray) -> FloatArray:
     """Heading of a compass angle (n,); NaN where that is none."""
     return heading_from_compass_deg(np.where(np.abs(compass_deg) <= 720.0, compass_deg, np.nan))
+
+
+def _settled(ledger: RowLedger, fix: GnssFix, reading: Reading, values: Sequence[FloatArray]) -> Timeline:
+    """The rows in time order; a note where the receiver's clock and the recorder's are far apart.
+
+    A receiver keeps its own time where no driver stamps it. What lies between the latencies that the estimator looks
+    for and the steps that `settle` repairs would place it wrong beside the other sensors.
+    """
+    timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
+    delay_s = ledger.quality.delay_s
+    if not MOST_AHEAD_S <= delay_s <= MOST_BEHIND_S and np.isfinite(delay_s):
+        ledger.note(
+            f"its stamps are {delay_s:.1f} s before the log times; if its clock is not the others', --clock log"
+        )
+    return timeline
 
 
 def _column(values: FloatArray | None, columns: Columns, width: int = 1) -> FloatArray:

@@ -17,7 +17,7 @@ from cwcli.signals.builders.gnss import (
 )
 from cwcli.signals.columns import Columns
 from cwcli.signals.gnss_time import unrolled, utc_of_date
-from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.leaf_fields import matrix, numbers
 from cwcli.signals.quality import BoolArray, RowLedger
 
 NO_FIX, TIME_ONLY = 0, 5
@@ -25,6 +25,8 @@ VALID_TIME = 0b111
 """Of `valid`: the date, the time, and that it is resolved to the second."""
 GNSS_FIX_OK, HEADING_OF_VEHICLE = 1, 32
 """Of `flags`."""
+INVALID_PLACE = 1
+"""Of `reserved1`, which newer receivers call `flags3`: bit 0 takes back latitude, longitude and height."""
 DEG_PER_COUNT, COMPASS_DEG_PER_COUNT = 1e-7, 1e-5
 M_PER_MM = 1e-3
 
@@ -36,7 +38,8 @@ def read_nav_pvt(columns: Columns, ledger: RowLedger) -> GnssFix:
     stamp_ns, is_time = utc_of_date(year, month, day, 3600.0 * hour + 60.0 * minute + second, nano)
     is_time &= _has_bits(columns, "valid", VALID_TIME) & (hour < 24) & (minute < 60) & (second <= 60)
     fix_type = numbers(columns, "fix_type", "fixType")
-    is_placed = (fix_type > NO_FIX) & (fix_type < TIME_ONLY) & _has_bits(columns, "flags", GNSS_FIX_OK)
+    is_invalid = np.isin(matrix(columns, "reserved1", 6)[:, 0] % 2, INVALID_PLACE)
+    is_placed = ~is_invalid & (fix_type > NO_FIX) & (fix_type < TIME_ONLY) & _has_bits(columns, "flags", GNSS_FIX_OK)
     compass_deg = COMPASS_DEG_PER_COUNT * numbers(columns, "head_veh", "headVeh")
     heading_sigma = np.deg2rad(COMPASS_DEG_PER_COUNT * numbers(columns, "head_acc", "headAcc"))
     has_heading = _has_bits(columns, "flags", HEADING_OF_VEHICLE)

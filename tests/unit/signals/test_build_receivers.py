@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -85,6 +86,19 @@ def test_velocity_of_vtg_where_there_is_no_rmc_and_without_a_course_at_standstil
     velocity, quality = build(Role.EGO_VELOCITY, nmea(*map(sentence, texts)))
     np.testing.assert_allclose(velocity.north_mps, [0.0, -10.0])
     assert quality.rejected == {"no velocity": 1}  # its direction is not known
+
+
+def test_a_sentence_with_one_letter_changed_or_cut_gives_no_other_position() -> None:
+    rng, letters = np.random.default_rng(7), "0123456789.,NSEWAVM*$ABCDEF\n -"
+    good = sentence(GGA)
+    odd = []
+    for _ in range(3000):
+        at = int(rng.integers(len(good)))
+        change = good[:at] + letters[rng.integers(len(letters))] * int(rng.integers(2)) + good[at + 1 :]
+        odd += [change, good[:at]]
+    signal, quality = build(Role.EGO_POSITION, nmea(*odd))
+    assert quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values()) == len(odd)
+    assert set(zip(signal.latitude_deg.tolist(), signal.longitude_deg.tolist(), strict=True)) <= {(48.125, 11.5)}
 
 
 def test_positions_agree_with_pynmea2() -> None:
@@ -184,9 +198,18 @@ def nav_pvt(**more: float):
     return columns_of("ublox_msgs/msg/NavPVT", {name: np.array([value]) for name, value in fields.items()})
 
 
-@pytest.mark.parametrize("bad", [{"fix_type": 0}, {"fix_type": 5}, {"flags": 0}])
+@pytest.mark.parametrize("bad", [{"fix_type": 0}, {"fix_type": 5}, {"flags": 0}, {"reserved1": [1, 0, 0, 0, 0, 0]}])
 def test_nav_pvt_without_a_fix(bad: dict[str, float]) -> None:
     assert build(Role.EGO_POSITION, nav_pvt(**bad))[1].rejected == {"no fix": 1}
+
+
+@pytest.mark.parametrize(("behind_s", "is_told"), [(0.1, False), (5.0, True), (-3.0, True)])
+def test_nav_pvt_whose_clock_is_not_the_recorders_is_told(behind_s: float, is_told: bool) -> None:
+    columns = nav_pvt()
+    logged = replace(columns, log_time_ns=columns.log_time_ns + round(behind_s * 1e9))
+    _, quality = build(Role.EGO_POSITION, logged)
+    assert [note for note in quality.notes if "--clock log" in note] == quality.notes
+    assert bool(quality.notes) == is_told
 
 
 def test_nav_pvt_takes_the_log_time_until_its_own_is_resolved() -> None:
