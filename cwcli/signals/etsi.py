@@ -89,11 +89,38 @@ TS_PATHS: dict[str, str] = _COMMON_PATHS | {
     "lateral_accel_mps2": _VEHICLE + "lateral_acceleration.value.value",
 }
 """Leaf fields of `etsi_its_cam_ts_msgs/CAM`: the same containers, other names inside two of them."""
+_VAM_POSITION = "vam.vam_parameters.basic_container.reference_position."
+_VAM_ELLIPSE = _VAM_POSITION + "position_confidence_ellipse."
+_VRU = "vam.vam_parameters.vru_high_frequency_container."
+VAM_PATHS: dict[str, str] = {
+    "station": "header.station_id.value",
+    "generation_delta_time": "vam.generation_delta_time.value",
+    "station_type": "vam.vam_parameters.basic_container.station_type.value",
+    "latitude_deg": _VAM_POSITION + "latitude.value",
+    "longitude_deg": _VAM_POSITION + "longitude.value",
+    "altitude_m": _VAM_POSITION + "altitude.altitude_value.value",
+    "semi_major_m": _VAM_ELLIPSE + "semi_major_axis_length.value",
+    "semi_minor_m": _VAM_ELLIPSE + "semi_minor_axis_length.value",
+    "semi_major_compass_deg": _VAM_ELLIPSE + "semi_major_axis_orientation.value",
+    "heading_compass_deg": _VRU + "heading.value.value",
+    "heading_95_deg": _VRU + "heading.confidence.value",
+    "speed_mps": _VRU + "speed.speed_value.value",
+    "speed_95_mps": _VRU + "speed.speed_confidence.value",
+    "yaw_rate_degps": _VRU + "yaw_rate.yaw_rate_value.value",
+    "yaw_rate_confidence": _VRU + "yaw_rate.yaw_rate_confidence.value",
+    "has_yaw_rate": _VRU + "yaw_rate_is_present",
+    "accel_mps2": _VRU + "longitudinal_acceleration.longitudinal_acceleration_value.value",
+    "accel_95_mps2": _VRU + "longitudinal_acceleration.longitudinal_acceleration_confidence.value",
+    "lateral_accel_mps2": _VRU + "lateral_acceleration.lateral_acceleration_value.value",
+    "has_lateral_accel": _VRU + "lateral_acceleration_is_present",
+}
+"""Leaf fields of `etsi_its_vam_ts_msgs/VAM` (TS 103 300-3): no size, no driving direction, and a yaw rate only where it
+says so."""
 
 
 def identify_cam(columns: Columns) -> Senders:
     """Station ids; roadside units are known by their station type or their high-frequency container."""
-    station_type = numbers(columns, EN_PATHS["station_type"])
+    station_type = numbers(columns, EN_PATHS["station_type"], VAM_PATHS["station_type"])
     container = numbers(columns, EN_PATHS["container"])
     return Senders(
         station=texts(columns, EN_PATHS["station"], "header.station_id") or strings_from([""] * len(columns)),
@@ -103,7 +130,7 @@ def identify_cam(columns: Columns) -> Senders:
 
 
 def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode a CAM channel of either package.
+    """Decode a CAM channel of either package, or a VAM channel.
 
     The heading of a CAM is that of the velocity (TS 102 894-2, HeadingValue). Driving backward, the vehicle's own
     heading is the opposite one and its speed negative: heading and speed together are still the velocity.
@@ -113,13 +140,14 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     the position ellipse bound / 2.4477.
 
     Args:
-        columns: The channel, with the fields of `EN_PATHS` or `TS_PATHS`.
+        columns: The channel, with the fields of `EN_PATHS`, `TS_PATHS` or `VAM_PATHS`.
         ledger: The channel's ledger; messages with an untrusted position are rejected here.
 
     Returns:
         Decoded rows.
     """
-    raw = {name: numbers(columns, path, TS_PATHS[name]) for name, path in EN_PATHS.items() if name != "station"}
+    paths = {name: (path, TS_PATHS[name], VAM_PATHS.get(name, path)) for name, path in EN_PATHS.items()}
+    raw = {name: numbers(columns, *own) for name, own in paths.items() if name != "station"}
     value = {name: decode(element, raw[name], ledger) for name, element in ELEMENTS.items()}
 
     for name, confidence in (
@@ -129,6 +157,7 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     ):
         value[name] = np.where(np.isin(raw[confidence], ELEMENTS[confidence].out_of_range), np.nan, value[name])
     yaw_untrusted = raw["yaw_rate_confidence"] == YAW_RATE_OUT_OF_RANGE
+    yaw_untrusted |= numbers(columns, VAM_PATHS["has_yaw_rate"]) == 0
     value["yaw_rate_degps"] = np.where(yaw_untrusted, np.nan, value["yaw_rate_degps"])
     is_absent = raw["has_lateral_accel"] == 0
     value["lateral_accel_mps2"] = np.where(is_absent, np.nan, value["lateral_accel_mps2"])

@@ -310,6 +310,7 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     **RECEIVERS,
     "etsi_its_cam_msgs/CAM": _v2x(_cam_fields("EN_PATHS"), "etsi.CAM"),
     "etsi_its_cam_ts_msgs/CAM": _v2x(_cam_fields("TS_PATHS"), "etsi.CAM"),
+    "etsi_its_vam_ts_msgs/VAM": _v2x(_cam_fields("VAM_PATHS"), "etsi.CAM"),
     "j2735_v2x_msgs/BSM": _v2x(_ros_bsm_fields, "j2735.ROS_BSM"),
     "carma_v2x_msgs/BSM": _v2x(_carma_bsm_fields, "j2735.CARMA_BSM"),
     "carma_driver_msgs/ByteArray": _v2x(_radio_fields, "radio.codec.J2735"),

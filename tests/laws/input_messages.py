@@ -10,7 +10,7 @@ from math import cos, pi, sin
 from typing import Any
 
 from cwcli.signals.columns import Ragged
-from cwcli.signals.etsi import EN_PATHS, TS_PATHS
+from cwcli.signals.etsi import EN_PATHS, TS_PATHS, VAM_PATHS
 from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
 from cwcli.signals.role import Role
 from tests.laws.receiver_messages import RECEIVER_SAMPLES
@@ -358,6 +358,20 @@ def _v2x(paths: Mapping[str, str], values: Mapping[str, Any], prefix: str = "", 
     return sample
 
 
+VAM = {name: value for name, value in CAM.items() if name in VAM_PATHS} | {"has_yaw_rate": True}
+
+
+def _without_size(sample_of_car: Callable[[int], Sample]) -> Callable[[int], Sample]:
+    """A message that does not tell how large its sender is."""
+
+    def sample(k: int) -> Sample:
+        message, means = sample_of_car(k)
+        nothing = {"length_m": float("nan"), "width_m": float("nan")}
+        return message, {**means, Role.REMOTE: {**means[Role.REMOTE], **nothing}}
+
+    return sample
+
+
 def _radio(pack: Callable[[int], bytes], field: str) -> Callable[[int], Sample]:
     """A V2X message as a radio hands it over."""
 
@@ -431,6 +445,7 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "foxglove.CameraCalibration": _calibration,
     "etsi_its_cam_msgs/CAM": _v2x(EN_PATHS, CAM),
     "etsi_its_cam_ts_msgs/CAM": _v2x(TS_PATHS, CAM),
+    "etsi_its_vam_ts_msgs/VAM": _without_size(_v2x(VAM_PATHS, VAM)),
     "j2735_v2x_msgs/BSM": _v2x(ROS, ROS_BSM),
     "carma_v2x_msgs/BSM": _v2x(ROS, CARMA_BSM, **FLAGS),
     "BasicSafetyMessage": _v2x(JSON_RAW, RAW_BSM),

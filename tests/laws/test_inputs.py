@@ -37,7 +37,9 @@ STATIONS = ("1001", "2a3c603c")
 
 
 def station_of(schema: str) -> str:
-    is_etsi = "CAM" in schema or schema in ("udp_msgs/UdpPacket", "cwcli_radio/Btp", "cwcli_radio/Its")
+    is_etsi = (
+        "CAM" in schema or "VAM" in schema or schema in ("udp_msgs/UdpPacket", "cwcli_radio/Btp", "cwcli_radio/Its")
+    )
     return STATIONS[0] if is_etsi else STATIONS[1]
 
 

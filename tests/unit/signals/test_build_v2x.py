@@ -11,11 +11,13 @@ from cwcli.errors import MissingSignalError
 from cwcli.signals.build import build, require_rows
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
 from cwcli.signals.columns import Columns
+from cwcli.signals.etsi import VAM_PATHS
 from cwcli.signals.j2735 import JSON_RAW
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 from tests.unit.signals.v2x_messages import (
+    CAM,
     LOG_NS,
     MS,
     RAW_BSM,
@@ -78,6 +80,16 @@ def test_every_dress_of_the_same_message_gives_the_same_car(columns: Columns) ->
     }
     assert {name: getattr(signal, name)[0] for name in expected} == pytest.approx(expected, abs=1e-9)
     np.testing.assert_allclose(signal.position_covariance_m2, [[4.0, 0.0, 1.0]], atol=0.01)
+
+
+def test_a_vam_has_a_yaw_rate_only_where_it_says_so() -> None:
+    values = {name: value for name, value in CAM.items() if name in VAM_PATHS}
+    for is_there in (True, False):
+        fields = {VAM_PATHS[name]: [value] for name, value in values.items()} | {VAM_PATHS["has_yaw_rate"]: [is_there]}
+        signal, _ = remote(columns_of("etsi_its_vam_ts_msgs/msg/VAM", fields, log_time_ns=LOG_NS))
+        assert signal.station.values == ("1001",)
+        assert np.isfinite(signal.yaw_rate_radps[0]) == is_there
+        assert np.isnan(signal.length_m[0])
 
 
 def test_cam_confidences_are_95_percent_bounds() -> None:
