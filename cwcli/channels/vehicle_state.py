@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from cwcli.signals.columns import (
 )
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.leaf_fields import find, matrix, numbers, texts, unusable, whole_numbers
-from cwcli.signals.packed_covariances import Covariances, PackedCovariances
+from cwcli.signals.packed_covariances import Covariances, PackedCovariances, packed
 from cwcli.signals.precision import to_step
 from cwcli.signals.row_order import Rows, rows_by_stamp
 from cwcli.signals.units import NS_PER_S
@@ -98,6 +98,11 @@ class VehicleStates:
             self.flags[rows],
         )
 
+    def as_published(self) -> VehicleStates:
+        """The same to the precision that is published."""
+        state = np.column_stack([to_step(self.state[:, k], bits) for k, bits in enumerate(STATE_BITS)])
+        return replace(self, state=state, covariance=packed(self.covariance))
+
     def by_stamp(self) -> VehicleStates:
         """In the order of the stamps, the first of each stamp: for the states of one vehicle."""
         return self.rows(rows_by_stamp(self.stamp_ns))
@@ -129,7 +134,7 @@ def write_states(
         ArithmeticError: A covariance is not positive definite: whoever made the states has a bug.
     """
     n = len(states)
-    covariance = _packed(states.covariance)
+    covariance = packed(states.covariance)
     if has_covariance:
         _require_definite(channel.topic, states, covariance)
     state = [to_step(states.state[:, k], bits) for k, bits in enumerate(STATE_BITS)]
@@ -149,10 +154,6 @@ def write_states(
         **{name: (states.flags & flag) > 0 for name, flag in FLAGS.items()},
     }
     return output(channel, states.log_time_ns, fields)
-
-
-def _packed(covariance: Covariances) -> PackedCovariances:
-    return covariance if isinstance(covariance, PackedCovariances) else PackedCovariances.of(covariance)
 
 
 def _require_definite(topic: str, states: VehicleStates, covariance: PackedCovariances) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.predicted_path import PredictedPaths, read_paths
-from cwcli.channels.published import EGO_ONLINE, EGO_PATH, REMOTE_ONLINE, REMOTE_PATH, REMOTE_STATE
+from cwcli.channels.predicted_path import AnyPaths
+from cwcli.channels.published import EGO_ONLINE, EGO_PATH, EGO_STATE, REMOTE_ONLINE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.evaluation.happened import recorded
 from cwcli.evaluation.knowledge import TRUTH, against, estimated, read_by
@@ -18,6 +18,7 @@ from cwcli.evaluation.subject import Subject
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline, metric_of
 from cwcli.metrics.table import Table, TableColumn
+from cwcli.pipeline.paths import all_paths
 from cwcli.pipeline.records import json_entry, run_records
 from cwcli.pipeline.result import Cell, Section, StageResult
 from cwcli.prediction.calibrate import stream_beginnings
@@ -64,19 +65,17 @@ def add_metrics(subject: Subject) -> None:
     if EGO_PATH.topic not in topics or ego.states is None:
         return
     states = {"ego": ego.states}
-    paths = {"ego": read_paths(log.columns(EGO_PATH.topic))}
+    paths = {"ego": all_paths(log, EGO_PATH.topic, EGO_STATE.role)[0]}
     if REMOTE_STATE.topic in topics and REMOTE_PATH.topic in topics:
-        columns = log.load({REMOTE_STATE.topic: None, REMOTE_PATH.topic: None})
-        states["remote"], paths["remote"] = (
-            read_states(columns[REMOTE_STATE.topic]),
-            read_paths(columns[REMOTE_PATH.topic]),
-        )
+        states["remote"] = read_states(log.columns(REMOTE_STATE.topic))
+        paths["remote"], _ = all_paths(log, REMOTE_PATH.topic, REMOTE_STATE.role)
     for who, published in paths.items():
         with headline.of(against(knows, outcome)):
             _add_published(headline, who, published, states[who])
         if who == "ego" and ego.truth is not None:
             truth = ego.truth
-            errors = against_track(published.paths, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_TRUTH_GAP_S)
+            every = published.some(np.arange(len(published))).take(np.arange(len(published)))
+            errors = against_track(every, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_TRUTH_GAP_S)
             with headline.of(against(knows, TRUTH)):
                 add_horizons(headline, "prediction.ego.truth_", [errors])
     table = subject.tables.get("prediction")
@@ -89,7 +88,7 @@ def add_metrics(subject: Subject) -> None:
         _add_models(headline, table)
 
 
-def _add_published(headline: Headline, who: str, published: PredictedPaths, states: VehicleStates) -> None:
+def _add_published(headline: Headline, who: str, published: AnyPaths, states: VehicleStates) -> None:
     """The published paths against the vehicles' own later states."""
     tracks = dict(tracks_of(states.ids, states.stamp_ns))
     found = []
@@ -97,7 +96,7 @@ def _add_published(headline: Headline, who: str, published: PredictedPaths, stat
         if vehicle not in tracks:
             continue
         own = tracks[vehicle]
-        paths, stamp_ns = published.paths.take(rows), published.stamp_ns[rows]
+        paths, stamp_ns = published.some(rows).take(np.arange(len(rows))), published.stamp_ns[rows]
         found.append(against_track(paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
     if found:
         add_horizons(headline, f"prediction.{who}.", found)

@@ -110,6 +110,11 @@ Covariances = FloatArray | PackedCovariances
 """Covariances of n states as an array (n, k, k), or packed."""
 
 
+def packed(covariance: Covariances) -> PackedCovariances:
+    """The covariances, packed if they are not yet."""
+    return covariance if isinstance(covariance, PackedCovariances) else PackedCovariances.of(covariance)
+
+
 def variances(covariance: Covariances, states: Sequence[int]) -> FloatArray:
     """Those of some states, shape (n, states)."""
     chosen = list(states)

@@ -154,7 +154,8 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     signal, notes = placed_remotes(heard, position, local_map, is_stitched=config.stitch)
     remote = None if signal is None else _remote_states(signal, local_map, estimator)
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
-    hindsight = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
+    whole = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
+    hindsight = whole.as_published()
     knowable = replace(
         VehicleStates.of_ego(online.stamp_ns, online.state, online.covariance, size_m=size_m, flags=online.flags),
         log_time_ns=_known_ns(measurements, online, estimator),
@@ -167,6 +168,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     if remote is not None:
         channels.append(write_states(REMOTE_STATE, remote.hindsight, local_map))
         channels.append(write_states(REMOTE_ONLINE, remote.online, local_map))
+    judged = replace(ego, state=hindsight.state, covariance=np.asarray(hindsight.covariance))
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
     parameters = parameters_of(estimator)
     told = [Knowledge(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
@@ -193,7 +195,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             **map_entry(local_map),
             **calibration_entry(config.calibration),
         ),
-        made=Made(sources.by_role.get(Role.TRUTH, ()), heard, measurements, ego, local_map),
+        made=Made(sources.by_role.get(Role.TRUTH, ()), heard, measurements, judged, local_map),
     )
 
 

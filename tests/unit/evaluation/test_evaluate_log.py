@@ -68,21 +68,21 @@ def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "eg
 
 
 def test_errors_against_the_truth(tmp_path: Path) -> None:
-    estimated = straight(x0_m=0.3, y_m=-0.4, speed_mps=10.1)
-    estimated[:, 3] = math.radians(1.0)
-    estimated[:, 4], estimated[:, 5] = 0.2, math.radians(-2.0)
+    estimated = straight(x0_m=0.375, y_m=-0.5, speed_mps=10.125)  # numbers that are published exactly
+    estimated[:, 3] = 2.0**-6
+    estimated[:, 4], estimated[:, 5] = 0.25, -(2.0**-5)
     log = log_of(tmp_path / "a.mcap", [states(EGO_STATE.topic, estimated), states("/truth/ego", straight())])
     found = values(log)
     expected = {
-        "ego.position_rmse_m": 0.5,
-        "ego.position_max_m": 0.5,
-        "ego.along_rmse_m": 0.3,
-        "ego.cross_rmse_m": 0.4,
-        "ego.speed_rmse_mps": 0.1,
-        "ego.heading_rmse_deg": 1.0,
-        "ego.yaw_rate_rmse_degps": 2.0,
-        "ego.accel_rmse_mps2": 0.2,
-        "ego.position_nees": 1.0,  # 0.5^2 / 0.25
+        "ego.position_rmse_m": 0.625,
+        "ego.position_max_m": 0.625,
+        "ego.along_rmse_m": 0.375,
+        "ego.cross_rmse_m": 0.5,
+        "ego.speed_rmse_mps": 0.125,
+        "ego.heading_rmse_deg": math.degrees(2.0**-6),
+        "ego.yaw_rate_rmse_degps": math.degrees(2.0**-5),
+        "ego.accel_rmse_mps2": 0.25,
+        "ego.position_nees": 1.5625,  # 0.625^2 / 0.25
         "ego.position_inside_95_share": 1.0,
         "ego.sigma_median_m": 0.5,
     }
@@ -115,7 +115,7 @@ def test_predictions_that_are_a_metre_per_second_too_fast(tmp_path: Path) -> Non
         tmp_path / "a.mcap",
         [
             states(EGO_STATE.topic, own),
-            states("/truth/ego", straight(x0_m=-0.3, y_m=0.4)),
+            states("/truth/ego", straight(x0_m=-0.375, y_m=0.5)),
             paths(EGO_PATH.topic, own, speed_mps=11.0),
         ],
     )
@@ -129,7 +129,7 @@ def test_predictions_that_are_a_metre_per_second_too_fast(tmp_path: Path) -> Non
         # h^2 is within -2 ln 0.1 = 4.605 up to 2.1 s
         assert rows[f"prediction.ego.inside_90_{horizon_s:.1f}s_share"].value == (horizon_s < 2.1)
         truth = rows[f"prediction.ego.truth_fde_{horizon_s:.1f}s_m"]
-        assert truth.value == pytest.approx(math.hypot(0.3 + horizon_s, 0.4), abs=1e-6)
+        assert truth.value == pytest.approx(math.hypot(0.375 + horizon_s, 0.5), abs=1e-6)
     assert rows["prediction.ego.cv.fde_2.5s_m"].value == pytest.approx(0.0, abs=1e-6)
     assert rows["prediction.ego.cv.inside_90_2.5s_share"].value == 1.0
 

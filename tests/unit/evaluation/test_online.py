@@ -30,21 +30,21 @@ def states(topic: str, *, ahead_m: float = 0.0, delay_s: float = 0.0) -> OutputC
 
 @pytest.mark.parametrize("truth", [True, False])
 def test_two_views_of_the_ego(tmp_path: Path, truth: bool) -> None:
-    channels = [states(EGO_STATE.topic, ahead_m=0.1), states(EGO_ONLINE.topic, ahead_m=0.6, delay_s=0.2)]
+    channels = [states(EGO_STATE.topic, ahead_m=0.125), states(EGO_ONLINE.topic, ahead_m=0.625, delay_s=0.2)]
     log = log_of(tmp_path / "a.mcap", channels + [states("/truth/ego")] * truth)
     table = evaluate_log(log)
     rows = rows_of(table)
     online = rows["ego.online_position_rmse_m"]
     assert (online.value, online.states) == (
-        (pytest.approx(0.6), "online vs truth") if truth else (pytest.approx(0.5), "online vs hindsight")
+        (pytest.approx(0.625), "online vs truth") if truth else (pytest.approx(0.5), "online vs hindsight")
     )
-    assert rows["ego.online_along_rmse_m"].value == pytest.approx(0.6 if truth else 0.5)
+    assert rows["ego.online_along_rmse_m"].value == pytest.approx(0.625 if truth else 0.5)
     assert rows["ego.online_speed_rmse_mps"].value == pytest.approx(0.0)
     assert rows["ego.online_delay_mean_s"].value == pytest.approx(0.2)
     assert ("ego.position_rmse_m" in rows) is truth
     if truth:
         hindsight = rows["ego.position_rmse_m"]
-        assert (hindsight.value, hindsight.states) == (pytest.approx(0.1), "hindsight vs truth")
+        assert (hindsight.value, hindsight.states) == (pytest.approx(0.125), "hindsight vs truth")
     assert notes_of(table) == ()
 
 
