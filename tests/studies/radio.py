@@ -39,19 +39,19 @@ def main() -> None:
 
 
 def rate(program: Program, message: bytes, n: int = 200_000) -> float:
-    """Messages decoded per second."""
+    """Messages decoded per second of processor time."""
     octets = Octets(np.frombuffer(message * n, np.uint8), *(len(message) * (np.arange(n) + k) for k in (0, 1)))
-    start_s = time.perf_counter()
+    start_s = time.process_time()
     assert not decode(program, octets).status.any()
-    return n / (time.perf_counter() - start_s)
+    return n / (time.process_time() - start_s)
 
 
 def official_rate(message: bytes, n: int = 2000) -> float:
     """As `rate`, by pycrate."""
-    start_s = time.perf_counter()
+    start_s = time.process_time()
     for _ in range(n):
         ITS_CAM_2.CAM_PDU_Descriptions.CAM.from_uper(message)
-    return n / (time.perf_counter() - start_s)
+    return n / (time.process_time() - start_s)
 
 
 if __name__ == "__main__":

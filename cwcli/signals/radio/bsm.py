@@ -173,4 +173,5 @@ def fields(decoded: Decoded) -> dict[str, Field]:
     distinct, codes = np.unique(decoded.codes(STATION), return_inverse=True)
     names = tuple("" if code == MISSING else f"{code:08x}" for code in distinct)
     made[STATION] = Strings(codes.astype(np.int32), names)
+    made[EVENTS] = decoded.numbers(EVENTS)
     return made

@@ -16,7 +16,7 @@ from cwcli.signals import etsi, j2735
 from cwcli.signals.canonical import RemoteQuantities
 from cwcli.signals.columns import Columns, Field, Strings
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.radio import bsm, cam, frames, messages, vam
+from cwcli.signals.radio import bsm, cam, denm, frames, messages, vam
 from cwcli.signals.radio.program import Program
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 
@@ -93,6 +93,8 @@ def radio_codec(form: str) -> V2xCodec:
                 decoded = kind.codec.decode(part, inner)
             for entry in fields(RemoteRows):
                 getattr(made, entry.name)[rows] = getattr(decoded, entry.name)
+            _note_braking(ledger, part, rows)
+        _note_events(ledger, found, form)
         _set_aside(ledger, found, is_known, form)
         n_signed = int(np.count_nonzero(found.is_signed & ledger.keep))
         if n_signed:
@@ -113,7 +115,8 @@ def _parts(
         if kind is None or not len(rows):
             continue
         octets = found.octets.take(rows)
-        decoded = messages.decode(kind.program(), octets, _foreign(kind, octets))
+        foreign = _foreign(octets, kind.message_id, kind.versions)
+        decoded = messages.decode(kind.program(), octets, foreign)
         part = replace(
             columns,
             log_time_ns=columns.log_time_ns[rows],
@@ -126,16 +129,46 @@ def _parts(
     return parts
 
 
-def _foreign(kind: Kind, octets: messages.Octets) -> messages.UInt8Array:
+def _note_braking(ledger: RowLedger, part: Columns, rows: npt.NDArray[np.intp]) -> None:
+    """Tell of the flag that a BSM has for hard braking."""
+    events = part.fields.get(bsm.EVENTS)
+    if isinstance(events, np.ndarray):
+        flags = np.nan_to_num(events.astype(np.float64)).astype(np.int64)
+        is_braking = ((flags & bsm.HARD_BRAKING) != 0) & ledger.keep[rows]
+        station = part.fields[bsm.STATION]
+        if is_braking.any() and isinstance(station, Strings):
+            n_stations = len(np.unique(station.codes[is_braking]))
+            ledger.note(
+                f"{np.count_nonzero(is_braking)} messages of {n_stations} stations flag hard braking (over 0.4 g)"
+            )
+
+
+def _note_events(ledger: RowLedger, found: frames.Frames, form: str) -> None:
+    """Tell of what DENMs notify, and reject those that can't be decoded."""
+    numbers = [number for number, name in NAMES[form].items() if name == "DENM"]
+    rows = np.flatnonzero(np.isin(found.message, numbers) & (found.status == 0))
+    if not len(rows):
+        return
+    octets = found.octets.take(rows)
+    decoded = messages.decode(denm.program(), octets, _foreign(octets, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS))
+    status = np.zeros(len(ledger.keep), np.uint8)
+    status[rows] = decoded.status
+    _reject(ledger, status, FAULTS)
+    said = denm.told(decoded)
+    if said:
+        ledger.note(said)
+
+
+def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[int, ...]) -> messages.UInt8Array:
     """Which messages their header says to be others: their status, 0 for the rest."""
     status = np.zeros(len(octets), np.uint8)
-    if kind.message_id is not None and len(octets.data):
+    if message_id is not None and len(octets.data):
         last = len(octets.data) - 1
         has_header = octets.ends - octets.starts >= 2
         version = octets.data[np.minimum(octets.starts, last)]
-        message_id = octets.data[np.minimum(octets.starts + 1, last)]
-        status[has_header & ~np.isin(version, kind.versions)] = OTHER_VERSION
-        status[has_header & (message_id != kind.message_id)] = OTHER_MESSAGE
+        said_id = octets.data[np.minimum(octets.starts + 1, last)]
+        status[has_header & ~np.isin(version, versions)] = OTHER_VERSION
+        status[has_header & (said_id != message_id)] = OTHER_MESSAGE
     return status
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
-from pycrate_asn1dir import ITS_IEEE1609_2
+from pycrate_asn1dir import ITS_DENM_3, ITS_IEEE1609_2
 
 from cwcli.channels.binding import bind
 from cwcli.errors import UsageError
@@ -105,13 +105,53 @@ def test_etsi_messages_are_told_by_their_port_and_checked_by_their_header() -> N
         BTP_CAM[:3],
     )
     assert signal.station.values == ("1001",)
-    assert quality.set_aside == {"DENM, not of a vehicle itself": 1}
+    assert not quality.set_aside
     assert quality.rejected == {
         "protocol version that is packed otherwise": 1,
-        "another message than its port says": 1,
+        "another message than its port says": 2,
         "truncated message": 1,
         "truncated frame": 1,
     }
+
+
+def test_denms_are_events_that_the_notes_tell() -> None:
+    position = {
+        "latitude": 400_000_000,
+        "longitude": 80_000_000,
+        "positionConfidenceEllipse": dict.fromkeys(("semiMajorConfidence", "semiMinorConfidence"), 4095)
+        | {"semiMajorOrientation": 3601},
+        "altitude": {"altitudeValue": 800_001, "altitudeConfidence": "unavailable"},
+    }
+    official = ITS_DENM_3.DENM_PDU_Descriptions.DENM
+    packed = []
+    for station, cause in ((5, 94), (5, 94), (6, 99), (6, 200), (6, None)):
+        management = {
+            "actionID": {"originatingStationID": station, "sequenceNumber": 1},
+            "detectionTime": 5,
+            "referenceTime": 6,
+            "eventPosition": position,
+            "stationType": 5,
+        }
+        event = {"eventType": {"causeCode": cause, "subCauseCode": 1}, "informationQuality": 3}
+        content = {"management": management} | ({} if cause is None else {"situation": event})
+        header = {"protocolVersion": 2, "messageID": 1, "stationID": station}
+        official.set_val({"header": header, "denm": content})
+        packed.append(b"\x07\xd2\x00\x00" + official.to_uper())
+    _, quality = remote("udp_msgs/UdpPacket", *packed, packed[0][:20])
+    assert quality.set_aside == {"DENM, not of a vehicle itself": 5}
+    assert quality.rejected == {"truncated message": 1}
+    said = "5 DENMs of 2 stations: 2 stationary vehicle, 1 without a cause, 1 dangerous situation, 1 cause 200"
+    assert quality.notes == [said]
+
+
+def test_hard_braking_is_told() -> None:
+    codes = dict.fromkeys(packing.CORE, 1)
+    parts = [[(0, packing.safety_bits({"events": flags}))] for flags in (0b0000000100000, 0b1111111011111)]
+    braking, not_braking = (packing.framed(packing.bsm(codes | {"part_two": part})) for part in parts)
+    _, quality = remote("carma_driver_msgs/ByteArray", braking)
+    assert "1 messages of 1 stations flag hard braking (over 0.4 g)" in quality.notes
+    _, quality = remote("carma_driver_msgs/ByteArray", not_braking)
+    assert not any("braking" in note for note in quality.notes)
 
 
 def test_numbers_that_are_no_octets_make_no_message() -> None:
