@@ -61,15 +61,16 @@ def test_messages_that_were_findings(path: Path) -> None:
     assert accepted == told["accepted"]
 
 
-def test_a_definition_that_is_cut_costs_no_message(tmp_path: Path) -> None:
-    """The official reader takes the rest of it from the messages behind it; the records' lengths tell of these."""
-    data = (CORPUS / "channel_cut_in_chunk.mcap").read_bytes()
-    assert file_cases.reads_beyond_records(data)
+@pytest.mark.parametrize("name", ["channel_cut_in_chunk", "channel_padded_in_chunk"])
+def test_a_definition_of_another_length_costs_no_message(tmp_path: Path, name: str) -> None:
+    """The official reader loses the messages behind it; the records' lengths tell of these."""
+    data = (CORPUS / f"{name}.mcap").read_bytes()
+    assert file_cases.loses_its_place(data)
     counts: Counter[str] = Counter()
     file_cases.check_log(data, None, counts)
     assert counts["compared"] == 1
     whole = small_log(30)
-    assert not file_cases.reads_beyond_records(whole)
+    assert not file_cases.loses_its_place(whole)
     (tmp_path / "whole.mcap").write_bytes(whole)
     assert file_cases.walked_rows(whole, tmp_path / "whole.mcap") == file_cases.official_rows(whole, seeking=False)
 
