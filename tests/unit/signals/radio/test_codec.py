@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,17 @@ from cwcli.channels.binding import bind
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build
-from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
+from cwcli.signals.columns import Columns, Strings
+from cwcli.signals.j2735 import json_fields
 from cwcli.signals.quality import Quality
+from cwcli.signals.radio.frames import CONTENTS
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from tests.unit.signals.radio import packing
 from tests.unit.signals.v2x_messages import LOG_NS, packed_bsm, packed_cam, radio
 
+SAMPLES = Path(__file__).parents[4] / "sample_logs"
 BTP_CAM = b"\x07\xd1\x00\x00"
 
 
@@ -211,3 +216,39 @@ def test_a_topic_of_any_schema_can_be_named_with_its_format(tmp_path: Path) -> N
         for named, said in (("/raw:uper", "there is no format uper"), ("/other:its", "the log has no topic /other")):
             with pytest.raises(UsageError, match=said):
                 bind(log.channels, {"remote": named}, required=[Role.REMOTE])
+
+
+def test_the_same_drive_as_octets_gives_the_same_signal(tmp_path: Path) -> None:
+    """The BSMs of a simulated drive, packed bit by bit and written by the official writer."""
+    with Log.open(SAMPLES / "rear-end.mcap") as log:
+        said = log.columns("/v2x/bsm", fields=json_fields())
+    path = tmp_path / "packed.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        registered = writer.register_msgdef("carma_driver_msgs/msg/ByteArray", "string message_type\nuint8[] content")
+        for row, at in enumerate(said.log_time_ns.tolist()):
+            codes = {name: code_of(said, name, row) for name in packing.CORE if name in json_fields()}
+            packed = packing.framed(packing.bsm(dict.fromkeys(packing.CORE, 0) | codes))
+            message = {"message_type": "BSM", "content": [*packed]}
+            writer.write_message("/comms/inbound", registered, message, log_time=at, publish_time=at)
+        writer.finish()
+    with Log.open(path) as log:
+        packed_columns = log.columns("/comms/inbound", fields=CONTENTS)
+    expected, _ = build(Role.REMOTE, said)
+    found, quality = build(Role.REMOTE, packed_columns)
+    assert isinstance(expected, RemoteSignal)
+    assert isinstance(found, RemoteSignal)
+    assert quality.used == len(expected.stamp_ns) > 150
+    assert found.station.values == expected.station.values
+    for entry in fields(RemoteQuantities):
+        np.testing.assert_array_equal(getattr(found, entry.name), getattr(expected, entry.name), err_msg=entry.name)
+    np.testing.assert_array_equal(found.stamp_ns, expected.stamp_ns)
+
+
+def code_of(said: Columns, name: str, row: int) -> int:
+    """A component of a JSON message as its code."""
+    field = said.fields[name]
+    if not isinstance(field, Strings):
+        return int(np.asarray(field)[row])
+    text = field.values[field.codes[row]]
+    return int(text, 16) if name.endswith(".id") else {"forwardGears": 2, "reverseGears": 3}[text]
