@@ -7,7 +7,6 @@ Their hash, and the file that must not change or be written to, is the one that 
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import IO, cast
@@ -83,6 +82,8 @@ def converted(file: InputFile, max_bytes: int) -> InputFile:
 
 def _made(file: InputFile, fill: Callable[[IO[bytes]], None]) -> InputFile:
     """A temporary file that `fill` has written, in place of `file`."""
+    import tempfile
+
     try:
         with tempfile.TemporaryFile(prefix="cwcli-", suffix=".mcap") as target:
             fill(target)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import socket
@@ -201,4 +202,44 @@ s3.pipe_file("bucket/drives/broken.mcap", b"no log")
     )  # fmt: skip
     assert missing.returncode in (2, 3)
     assert missing.stderr.startswith("error: s3://nobucket/*.mcap: ")
+    assert "bucket does not exist" in missing.stderr
     assert not (tmp_path / "out2").exists()
+
+
+def test_s3_urls_in_every_command(bucket: dict[str, str], tmp_path: Path) -> None:
+    """A file, a folder in parts, and what is not there."""
+    sample = Path(__file__).parents[3] / "sample_logs" / "straight.mcap"
+    script = f"""
+import fsspec
+s3 = fsspec.filesystem("s3")
+s3.mkdir("cars")
+s3.put_file({str(sample)!r}, "cars/drive/drive_0.mcap")
+listing = "{{rosbag2_bagfile_information: {{relative_file_paths: [drive_0.mcap, drive_1.mcap]}}}}"
+s3.pipe_file("cars/drive/metadata.yaml", listing.encode())
+"""
+    environment = {**os.environ, **bucket, "PYTHONPATH": str(sample.parents[1])}
+    subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=120)
+
+    def cwcli(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "cwcli", *arguments],
+            check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=120,
+        )  # fmt: skip
+
+    expected = json.loads(cwcli("info", str(sample), "--json").stdout)
+    for url in ("s3://cars/drive/drive_0.mcap", "s3://cars/drive/", "s3://cars/drive"):
+        found = json.loads(cwcli("info", url, "--json").stdout)
+        assert (found["name"], found["messages"]) == (url, expected["messages"])
+        faults = {} if url.endswith(".mcap") else {"parts missing that metadata.yaml lists (drive_1.mcap)": 1}
+        assert found["faults"] == faults
+    done = cwcli("estimate", "s3://cars/drive/drive_0.mcap", "-o", "out.mcap", "--quiet")
+    assert done.returncode == 0, done.stderr
+    for url, reason in (
+        ("s3://nobody/drive.mcap", "bucket does not exist"),
+        ("s3://nobody/drive/", "bucket does not exist"),
+        ("s3://cars/nothing.mcap", "there is no such file"),
+    ):
+        missing = cwcli("estimate", url)
+        assert missing.returncode == 3
+        assert missing.stderr.startswith(f"error: {url}: ")
+        assert reason in missing.stderr
