@@ -74,7 +74,7 @@ def moved(
         stamp_ns=states.stamp_ns + stamp_shift_ns,
         log_time_ns=states.log_time_ns + log_shift_ns,
         state=state,
-        covariance=_turned(states.covariance, by_rad),
+        covariance=_turned(np.asarray(states.covariance), by_rad),
         length_m=states.length_m,
         width_m=states.width_m,
         flags=states.flags,
@@ -88,7 +88,7 @@ def beside(some: VehicleStates, more: VehicleStates) -> VehicleStates:
         np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (some, more)
     ]
     columns = {
-        name: np.concatenate([getattr(some, name), getattr(more, name)])
+        name: np.concatenate([np.asarray(getattr(some, name)), np.asarray(getattr(more, name))])
         for name in VehicleStates.__dataclass_fields__
         if name != "ids"
     }
