@@ -17,7 +17,7 @@ from cwcli.signals.units import NS_PER_S
 
 LIMIT_S = 5.0
 STEP_S = 0.1
-FINE_STEP_S, REACH_STEPS = 0.005, 2
+FINE_STEP_S, REACH_STEPS = 0.01, 2
 """About the least lag in steps both vehicles are looked at in finer ones: a whole step of either may hide a contact."""
 
 
