@@ -89,6 +89,8 @@ def links_of(signal: RemoteSignal, distance_m: FloatArray) -> tuple[list[Station
     links, received, lost = [], [np.zeros(0)], [np.zeros(0)]
     for code, station in enumerate(signal.station.values):
         rows = np.flatnonzero(signal.station.codes == code)
+        if not len(rows):
+            continue
         order = rows[np.argsort(signal.stamp_ns[rows], kind="stable")]
         sent_s = (signal.stamp_ns[order] - signal.stamp_ns[order[0]]) / NS_PER_S
         n_lost, is_absence, period_s = _losses(sent_s, signal.message_count[order])

@@ -80,9 +80,11 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
         signal: Messages of all vehicles.
         local_map: Where they drive; None where the signal is Cartesian.
     """
-    n = len(signal.station.values)
-    order = np.lexsort((signal.stamp_ns, signal.station.codes))
-    codes = signal.station.codes[order]
+    used, station_of = np.unique(signal.station.codes, return_inverse=True)
+    names = [signal.station.values[code] for code in used]
+    n = len(names)
+    order = np.lexsort((signal.stamp_ns, station_of))
+    codes = station_of[order]
     first = order[np.searchsorted(codes, np.arange(n))]
     last = order[np.searchsorted(codes, np.arange(n), side="right") - 1]
     distance = _distances(_ends(signal, last, local_map), _ends(signal, first, local_map))
@@ -91,9 +93,8 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
     ended = np.flatnonzero(follower >= 0)
     for k in ended[np.argsort(signal.stamp_ns[last[ended]], kind="stable")]:
         root[follower[k]] = root[k]
-    names = signal.station.values
     kept, codes_of = np.unique(root, return_inverse=True)
-    station = Strings(codes_of.astype(np.int32)[signal.station.codes], tuple(names[k] for k in kept))
+    station = Strings(codes_of.astype(np.int32)[station_of], tuple(names[k] for k in kept))
     joined = tuple((names[k], names[follower[k]]) for k in ended)
     return Stitched(replace(signal, station=station), joined, n_undecided)
 

@@ -71,3 +71,13 @@ def test_an_id_that_goes_on_is_not_followed() -> None:
     found = stitch(replace(made.signal, stamp_ns=made.signal.stamp_ns + shift_ns), HERE)
     assert RATE_HZ > 1.0
     assert found.joined == ()
+
+
+def test_a_name_without_messages_is_no_vehicle() -> None:
+    made = alone()
+    station = replace(
+        made.signal.station, values=("nobody", *made.signal.station.values), codes=made.signal.station.codes + 1
+    )
+    found = stitch(replace(made.signal, station=station), HERE)
+    assert found.joined == (tuple(made.ids[0]),)
+    assert found.signal.station.values == (made.ids[0][0],)
