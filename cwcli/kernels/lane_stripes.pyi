@@ -27,6 +27,9 @@ def stripes(
 ) -> None:
     """Evidence of a stripe centred at each pixel of some rows, and the greatest evidence near by.
 
+    Each pixel of a row counts as the brightest of it, the one above and the one below, if the inner window is at least
+    two pixels wide: farther away a boundary moves as much as that from row to row.
+
     The mean of a window of a marking's width, minus the greater mean of the windows on both sides, minus a share of
     their difference, is the contrast C; C^2 / (C^2 + N^2) with the noise N = floor + relative * side + rough * (mean
     depth of dark stripes in the row), above a dead zone, is the evidence. It is divided by 1 + (mean of the row /

@@ -10,6 +10,7 @@ from libc.stdlib cimport free, malloc
 
 cdef enum:
     LANES = 8  # sums are taken in so many parts
+    STEEP = 2  # pixels; in a narrower window the boundary of a lane moves too far from row to row
 
 cdef struct Stripe:
     double inner      # width of the inner window, times h
@@ -27,13 +28,15 @@ def stripes(
     const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, Stripe stripe, *, int reach,
     int broad_reach, float[:, :, ::1] evidence
 ):
-    cdef Py_ssize_t width = grey.shape[1], i
+    cdef Py_ssize_t height = grey.shape[0], width = grey.shape[1], i, above, below
     cdef double h, inner, near, far
     cdef int* sums = <int*>malloc((width + 1) * sizeof(int))
     cdef float* middle = <float*>malloc(5 * width * sizeof(float))
-    if not (sums and middle):
+    cdef unsigned char* bright = <unsigned char*>malloc(width)
+    if not (sums and middle and bright):
         free(sums)
         free(middle)
+        free(bright)
         raise MemoryError
     cdef float* left = middle + width
     cdef float* right = middle + 2 * width
@@ -44,8 +47,12 @@ def stripes(
             h = rows[i] - horizon_v
             if h < 1.0:
                 h = 1.0
-            add_up(&grey[rows[i], 0], width, sums)
             inner = stripe.inner * h
+            above = below = rows[i]
+            if inner >= STEEP:
+                above -= above > 0
+                below += below + 1 < height
+            add_up(&grey[above, 0], &grey[rows[i], 0], &grey[below, 0], width, bright, sums)
             if inner < 1.0:
                 inner = 1.0
             near = stripe.gap * h
@@ -62,14 +69,23 @@ def stripes(
             widen(&evidence[1, i, 0], width, reach, broad_reach, spare, &evidence[2, i, 0])
     free(sums)
     free(middle)
+    free(bright)
 
 
-cdef void add_up(const unsigned char* row, Py_ssize_t width, int* sums) noexcept nogil:
+cdef void add_up(
+    const unsigned char* above, const unsigned char* row, const unsigned char* below, Py_ssize_t width,
+    unsigned char* bright, int* sums
+) noexcept nogil:
+    """Sums of the greatest of three rows: a raised dot is bright in one of them, and only every second row is judged."""
     cdef Py_ssize_t u
     cdef int total = 0
+    cdef unsigned char greatest
+    for u in range(width):
+        greatest = above[u] if above[u] > row[u] else row[u]
+        bright[u] = greatest if greatest > below[u] else below[u]
     sums[0] = 0
     for u in range(width):
-        total += row[u]
+        total += bright[u]
         sums[u + 1] = total
 
 

@@ -50,7 +50,7 @@ from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, Method
 
 MAX_PIXELS = 256_000
 """Of the search image: a camera's image is halved until it has no more."""
-FOUND_PROBABILITY = 0.3
+FOUND_PROBABILITY = 0.5
 N_HYPOTHESES = 3
 RESCAN_FRAMES = 10
 """A look for other lanes every so many frames."""

@@ -28,6 +28,8 @@ MAX_LENGTH_SHARE = 0.15
 FLATTEST, STEEPEST = 0.2, 16.0
 """Segments that rise less or more (rows a column) are beams, bridges and posts."""
 ANGLE_RAD = 0.02
+SEGMENTS_PX = 400
+"""Wider images are halved before segments are looked for: they point as well, and take a quarter of the time."""
 BELOW_SHARE = 0.03
 """A segment that votes must reach so far below the point, of the image height."""
 
@@ -76,10 +78,14 @@ def _segments(grey: GreyImage) -> FloatArray:
 
     height, width = grey.shape
     top = round((HORIZON_SHARE[0] + BELOW_SHARE) * height)
-    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(np.ascontiguousarray(grey[top:]))[0]
+    road = np.ascontiguousarray(grey[top:])
+    if width > SEGMENTS_PX:
+        road = np.asarray(cv2.resize(road, (width // 2, len(road) // 2), interpolation=cv2.INTER_AREA), np.uint8)
+    scale = np.array([width / road.shape[1], (height - top) / len(road)])
+    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(road)[0]
     if found is None:
         return np.empty((0, 4))
-    segments = found.reshape(-1, 4).astype(np.float64)
+    segments = ((found.reshape(-1, 2, 2).astype(np.float64) + 0.5) * scale - 0.5).reshape(-1, 4)
     segments[:, 1::2] += top
     across, down = np.abs(segments[:, 2] - segments[:, 0]), np.abs(segments[:, 3] - segments[:, 1])
     keep = (np.hypot(across, down) > MIN_LENGTH_SHARE * width) & (down > FLATTEST * across) & (down < STEEPEST * across)

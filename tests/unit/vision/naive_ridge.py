@@ -35,7 +35,8 @@ def ridges(
         inner = max(inner_h * h, 1.0)
         near = max(near_h * h, 0.5 * inner + 0.5)
         far = max(near + wide_h * h, near + 1.5)
-        row = grey[v].astype(float)
+        reach = int(inner_h * h >= 2.0)
+        row = grey[max(v - reach, 0) : v + reach + 1].max(axis=0).astype(float)
         centres = np.arange(len(row)) + 0.5
         middle = np.array([mean_between(row, u - inner / 2, u + inner / 2) for u in centres])
         left = np.array([mean_between(row, u - far, u - near) for u in centres])
