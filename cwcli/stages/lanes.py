@@ -37,7 +37,7 @@ from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
-from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.methods import DEFAULT_METHOD, check_method, chosen_method
 from cwcli.vision.mounting import MountingChoice, check_mounting
 from cwcli.vision.rectify import Rectifier, rectified
 from cwcli.vision.video import VIDEO_FORMATS
@@ -64,6 +64,7 @@ class LanesConfig(Selection):
 
     Attributes:
         method: A key of `vision.methods.METHODS`.
+        model: Of a method that takes one (`Method.with_model`): the file, else None.
         seed: Of random searches.
         preview_m: Distance of the preview point ahead of the camera.
         mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.
@@ -75,6 +76,12 @@ class LanesConfig(Selection):
     method: Annotated[str, Option("--method", "{choices}", metavar="NAME", choices="cwcli.vision.methods:METHODS")] = (
         DEFAULT_METHOD
     )
+    model: Annotated[
+        str | None,
+        Option(
+            "--model", "Your net (ONNX) for --method onnx; the TOML file beside it tells its shapes.", metavar="FILE"
+        ),
+    ] = None
     seed: Annotated[int, Option("--seed", "Of the random numbers of a genetic search.", metavar="N")] = 0
     preview_m: Annotated[
         float, Option("--preview", "Distance of the preview point ahead of the camera.", metavar="METRES")
@@ -102,7 +109,7 @@ class LanesConfig(Selection):
         Raises:
             UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
         """
-        METHODS.require(self.method)
+        check_method(self.method, self.model)
         if not 0.0 < self.preview_m <= MAX_PREVIEW_M:
             raise UsageError(f"--preview {self.preview_m:g} must be positive, and at most {MAX_PREVIEW_M:g} m")
         check_mounting(self.mounting)
@@ -128,7 +135,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         DataError: No frame could be used.
         InputError: The frames are compressed video, and there is no decoder for it.
     """
-    method = METHODS[config.method]
+    method = chosen_method(config.method, config.model)
     bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
     check_render_topic(log, config.render, topic)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -88,6 +89,20 @@ def rows_of(top_px: float, height_px: int) -> Int32Array:
     return np.rint(top + step * COUNT[:n]).astype(np.int32)
 
 
+class Look(Protocol):
+    """What makes the evidence of a frame; see `evidence_of`."""
+
+    def __call__(
+        self, grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, room: Float32Array | None = None
+    ) -> Evidence:
+        """The evidence in some rows."""
+
+
+def reaches(width_px: int) -> tuple[int, int]:
+    """Columns to each side from which `Evidence.wide` and `broad` take the greatest value."""
+    return max(1, round(width_px / 320)), max(2, round(width_px / 128))
+
+
 def evidence_of(
     grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, room: Float32Array | None = None
 ) -> Evidence:
@@ -114,7 +129,7 @@ def evidence_of(
         "dead": DEAD,
         "crowded": CROWDED,
     }
-    reach, broad_reach = max(1, round(width / 320)), max(2, round(width / 128))
+    reach, broad_reach = reaches(width)
     grey = np.ascontiguousarray(grey)
     lane_stripes.stripes(grey, rows, horizon_px, stripe, reach=reach, broad_reach=broad_reach, evidence=evidence)
     return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height)
@@ -243,13 +258,16 @@ def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
     return replace(prior, table=table)
 
 
-def acquire(grey: GreyImage, camera: Camera, prior: LanePrior) -> tuple[FloatArray, FloatArray, Evidence]:
+def acquire(
+    grey: GreyImage, camera: Camera, prior: LanePrior, look: Look = evidence_of
+) -> tuple[FloatArray, FloatArray, Evidence]:
     """The lanes that a frame supports best, knowing nothing but the prior.
 
     Args:
         grey: Of the camera's size.
         camera: The camera.
         prior: Its horizon must be narrow (`with_vanishing_point`).
+        look: Makes the evidence.
 
     Returns:
         Shape (k, 5) and (k,): lanes and objective, best first; and the evidence at the best one's horizon.
@@ -261,14 +279,14 @@ def acquire(grey: GreyImage, camera: Camera, prior: LanePrior) -> tuple[FloatArr
     starts: list[FloatArray] = []
     values: list[FloatArray] = []
     for horizon in horizons.tolist():
-        evidence = evidence_of(grey, rows, horizon, prior.stretch)
+        evidence = look(grey, rows, horizon, prior.stretch)
         lanes, _ = scan(evidence, prior, width, height)
         lanes, value = refined(evidence, distinct(lanes[:60], 4), prior.table, (width, height), wide=True)
         starts.append(lanes)
         values.append(value)
     lanes, value = np.concatenate(starts), np.concatenate(values)
     lanes = distinct(lanes[np.argsort(-value, kind="stable")], N_KEPT)
-    evidence = evidence_of(grey, rows, float(lanes[0, HORIZON]), prior.stretch)
+    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.stretch)
     lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=False, scale=0.5)
     lanes = innermost(evidence, lanes, prior, (width, height))
     value = judged(evidence, lanes, prior.table)

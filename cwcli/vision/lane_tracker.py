@@ -21,6 +21,7 @@ from cwcli.vision.lane_belief import boundary_probabilities
 from cwcli.vision.lane_detect import (
     MAX_ROWS,
     Evidence,
+    Look,
     acquire,
     evidence_of,
     glance,
@@ -88,9 +89,11 @@ class LaneTracker:
 
     Args:
         seed: Not used: nothing is random.
+        look: Makes the evidence of a frame.
     """
 
-    def __init__(self, seed: int = 0) -> None:
+    def __init__(self, seed: int = 0, *, look: Look = evidence_of) -> None:
+        self._look = look
         self._camera: Camera | None = None
         self._prior: LanePrior | None = None
         self._hypotheses: list[Hypothesis] = []
@@ -124,7 +127,7 @@ class LaneTracker:
         rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
         if len(self._room) != 3 * MAX_ROWS * size[0]:
             self._room = np.empty(3 * MAX_ROWS * size[0], np.float32)
-        evidence = evidence_of(frame.grey, rows, float(lead[HORIZON]), self._prior.stretch, self._room)
+        evidence = self._look(frame.grey, rows, float(lead[HORIZON]), self._prior.stretch, self._room)
         self._evidence = evidence
         made: list[Hypothesis] = []
         for hypothesis in self._hypotheses:
@@ -154,7 +157,7 @@ class LaneTracker:
         """The best lanes of a frame, knowing nothing of the frames before but the horizon."""
         assert self._prior is not None
         prior = self._prior if self._prior.is_mounted else with_vanishing_point(grey, self._prior)
-        lanes, values, evidence = acquire(grey, camera, prior)
+        lanes, values, evidence = acquire(grey, camera, prior, self._look)
         lanes, values = lanes[:N_HYPOTHESES], values[:N_HYPOTHESES]
         if not self._prior.is_mounted:
             self._prior = learned(self._prior, float(lanes[0, HORIZON]), camera)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -80,6 +81,8 @@ class Method:
         uses_motion: Whether the search wants the ego's speed and yaw rate.
         is_rectified: Whether the search wants frames without the lens's distortion and the mounting's roll
             (`vision.rectify`); False: as the camera made them.
+        with_model: The file that `--model` names -> the method with it; None: it takes none. One that takes a model
+            can't be used without.
     """
 
     summary: str
@@ -88,6 +91,7 @@ class Method:
     prepare: Callable[[GreyImage], object] | None = None
     uses_motion: bool = False
     is_rectified: bool = False
+    with_model: Callable[[Path], Method] | None = None
 
 
 def check_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:

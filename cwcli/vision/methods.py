@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
+from cwcli.errors import UsageError
 from cwcli.registry import Plugin, Registry, guarded, plugin_entry
 from cwcli.vision.method import LaneSearch, Method, check_fit, check_size
 
@@ -28,7 +30,37 @@ METHODS: Registry[Method] = Registry(
     {
         "cwcli": "cwcli.vision.lane_tracker:METHOD",
         "zhang2011": "cwcli.vision.zhang2011:METHOD",
+        "onnx": "cwcli.vision.onnx_lanes:METHOD",
     },
     _accept,
 )
 DEFAULT_METHOD = "cwcli"
+
+
+def ready_methods() -> tuple[str, ...]:
+    """Names of the methods that take no model (`Method.with_model`), so that each can be used as it is."""
+    return tuple(name for name, method in METHODS.items() if method.with_model is None)
+
+
+def check_method(name: str, model: str | None) -> None:
+    """Check that a method is there, and that a model (`Method.with_model`) is named where it takes one.
+
+    Raises:
+        UsageError: It is not so.
+    """
+    METHODS.require(name)
+    takes_model = METHODS[name].with_model is not None
+    if takes_model and model is None:
+        raise UsageError(f"--method {name} needs a net", hint="--model net.onnx, and net.toml beside it")
+    if model is not None and not takes_model:
+        raise UsageError(f"--method {name} takes no --model", hint="--method onnx")
+
+
+def chosen_method(name: str, model: str | None) -> Method:
+    """A method, with the model of that name if there is one.
+
+    Raises:
+        InputError, UsageError: The model can't be used.
+    """
+    method = METHODS[name]
+    return method if method.with_model is None or model is None else method.with_model(Path(model))

@@ -95,7 +95,7 @@ def main() -> int:
     if options.decode is not None:
         print(decode(options.decode))
         return 0
-    from cwcli.vision.methods import METHODS
+    from cwcli.vision.methods import ready_methods
 
     print("| method | cwcli lanes | decoding alone | ratio of each pair | median | bound | ratio of processor times |")
     print("|---|---|---|---|---|---|---|")
@@ -105,7 +105,7 @@ def main() -> int:
         if log is None:
             log = Path(folder) / "frames.mcap"
             write_log(log, options.frames)
-        for method in METHODS:
+        for method in ready_methods():
             whole, alone = [], []
             for _ in range(options.pairs):
                 alone.append(seconds([sys.executable, __file__, "--decode", str(log)]))

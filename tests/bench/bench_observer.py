@@ -37,9 +37,9 @@ def report_stages(name: str) -> None:
     from cwcli.logs.read.reader import Log
     from cwcli.stages.lanes import LanesConfig, lanes
     from cwcli.stages.observe import ObserveConfig, observe
-    from cwcli.vision.methods import METHODS as LANE_METHODS
+    from cwcli.vision.methods import ready_methods
 
-    for method in LANE_METHODS:
+    for method in ready_methods():
         with Log.open(name) as log:
             begin = time.process_time()
             made = lanes(log, LanesConfig(method=method))

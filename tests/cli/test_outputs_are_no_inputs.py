@@ -53,7 +53,10 @@ ARGUMENTS = {
     "view": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
-READING = {"config", "file", "dbc", "expect", "vehicle", "observe__vehicle", "calibration", "labelled"}
+READING = {
+    *("config", "file", "dbc", "expect", "vehicle", "observe__vehicle", "calibration", "labelled"),
+    *("model", "lanes__model"),
+}
 """Parameters with a file that is read."""
 FOLDERS = {"metrics_dir", "directory", "plots", "report"}
 """Each has tests of its own below."""

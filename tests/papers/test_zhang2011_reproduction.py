@@ -19,7 +19,7 @@ from cwcli.simulation.road.drive import set_drives
 from cwcli.simulation.road.sets import SETS, frames
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
-from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.methods import DEFAULT_METHOD, ready_methods
 
 N_DRIVES = 4
 SIZE = (320, 240)
@@ -83,12 +83,12 @@ def test_boundaries_of_the_papers_sets_are_painted_as_its_text_says() -> None:
 def test_the_study_does_not_depend_on_the_number_of_processes() -> None:
     one, two = (lane_study(JUDGED_FRAMES, jobs=jobs).part for jobs in (1, 2))
     assert one.measured == two.measured
-    assert len(one.measured) == 3 * len(METHODS) * len(LANE_SETS)
+    assert len(one.measured) == 3 * len(ready_methods()) * len(LANE_SETS)
     assert [plot.figure for plot in one.plots] == [f"lanes {name}" for name in LANE_SETS]
 
 
 def test_times_stand_apart_from_what_is_the_same_in_every_run() -> None:
     study = lane_study(JUDGED_FRAMES)
-    assert len(study.times.measured) == 2 * len(PHASES) * len(METHODS)
+    assert len(study.times.measured) == 2 * len(PHASES) * len(ready_methods())
     assert {each.figure for each in study.times.measured} == {"table 4"}
     assert {each.figure for each in study.part.measured} == {"conclusion 1"}

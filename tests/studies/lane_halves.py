@@ -30,7 +30,7 @@ from cwcli.vision.frames import DecodedFrame, SizeOf, decode_frames
 from cwcli.vision.ground import image_roads, line_tops
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
-from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS, ready_methods
 
 LOG = Path(__file__).parents[2].parent / "shared" / "logs" / "tusimple-0313-dev.mcap"
 IMAGES, LABELS = "/camera/image", "/truth/lanes"
@@ -187,7 +187,7 @@ def picture(frame: Judged) -> GreyImage:
 def main() -> None:
     """Score, and draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--method", default=DEFAULT_METHOD, choices=list(METHODS))
+    parser.add_argument("--method", default=DEFAULT_METHOD, choices=ready_methods())
     parser.add_argument("--log", type=Path, default=LOG)
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--all", action="store_true")

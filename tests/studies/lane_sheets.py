@@ -29,7 +29,7 @@ from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.ground import image_roads, line_tops
 from cwcli.vision.method import LaneFit, LaneFrame
-from cwcli.vision.methods import DEFAULT_METHOD, METHODS
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS, ready_methods
 from tests.studies.road_sheets import DOCS, sheet, write
 
 TILES = 20
@@ -98,7 +98,7 @@ def of_log(path: Path, method_name: str, every: int) -> list[np.ndarray]:
 def main() -> None:
     """Make the sheets."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--method", default=DEFAULT_METHOD, choices=list(METHODS))
+    parser.add_argument("--method", default=DEFAULT_METHOD, choices=ready_methods())
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--log", type=Path)
     parser.add_argument("--every", type=int, default=1)

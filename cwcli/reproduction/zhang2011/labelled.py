@@ -20,7 +20,7 @@ from cwcli.reproduction.classes import Measured
 from cwcli.reproduction.findings import Part
 from cwcli.signals.leaf_fields import row_of, stamps
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.vision.methods import METHODS
+from cwcli.vision.methods import ready_methods
 
 FIGURE = "labelled frames"
 MATCH_NS = 5_000_000
@@ -41,7 +41,7 @@ def labelled_part(path: Path) -> Part:
     """
     with Log.open(path) as log:
         topic = labels_of(log)
-        return Part(tuple(each for key in METHODS for each in _shares(key, log, topic)))
+        return Part(tuple(each for key in ready_methods() for each in _shares(key, log, topic)))
 
 
 def labels_of(log: Log) -> str:

@@ -24,7 +24,7 @@ from cwcli.simulation.road.render import RoadFrame
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
-from cwcli.vision.methods import METHODS
+from cwcli.vision.methods import METHODS, ready_methods
 
 FIRST_FRAMES = 6
 """Of the first two search phases."""
@@ -61,10 +61,10 @@ def run_drives(
     Args:
         name: Of the set.
         first, last: Numbers of drives.
-        methods: Keys of `METHODS`; None: all.
+        methods: Keys of `METHODS`; None: all that need no model.
         seed: Of the set and of random searches.
     """
-    chosen = tuple(METHODS) if methods is None else methods
+    chosen = ready_methods() if methods is None else methods
     n_frames = FIRST_FRAMES + JUDGED_FRAMES
     shape = (last - first, n_frames)
     found = {

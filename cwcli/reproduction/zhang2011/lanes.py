@@ -12,7 +12,7 @@ from cwcli.reproduction.classes import Measured
 from cwcli.reproduction.findings import Curve, Part, Plot
 from cwcli.reproduction.processes import processes
 from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, BoolArray, MethodOnDrives, run_drives
-from cwcli.vision.methods import METHODS
+from cwcli.vision.methods import ready_methods
 
 CONCLUSION = "conclusion 1"
 LANE_SETS = ("good", "complex", "hard")
@@ -54,7 +54,7 @@ def lane_study(
     """
     n_drives = -(-n_frames // JUDGED_FRAMES)
     results = _results(n_drives, jobs, seed, tick)
-    measured = [each for name in LANE_SETS for key in METHODS for each in _shares(name, key, results)]
+    measured = [each for name in LANE_SETS for key in ready_methods() for each in _shares(name, key, results)]
     plots = tuple(_plot(name, results[name]) for name in LANE_SETS)
     return LaneStudy(Part(tuple(measured), plots), _times(results), n_drives * JUDGED_FRAMES)
 
@@ -80,7 +80,9 @@ def _results(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -
     else:
         for task in tasks:
             take(task, run_drives(*task, seed=seed))
-    return {name: {key: _joined([part[key] for part in parts]) for key in METHODS} for name, parts in found.items()}
+    return {
+        name: {key: _joined([part[key] for part in parts]) for key in ready_methods()} for name, parts in found.items()
+    }
 
 
 def _joined(parts: Sequence[MethodOnDrives]) -> MethodOnDrives:
@@ -129,7 +131,7 @@ def _plot(name: str, methods: Mapping[str, MethodOnDrives]) -> Plot:
 def _times(results: Results) -> Part:
     """Processor time of a frame, both boundaries: medians over all sets. Nothing is said of their spread."""
     measured = []
-    for key in METHODS:
+    for key in ready_methods():
         for phase, first, last in PHASES:
             for kind in ("search", "prepare"):
                 times = [getattr(results[name][key], f"{kind}_ms")[:, first:last].ravel() for name in results]

@@ -235,7 +235,7 @@ def test_camera_without_distortion_and_roll_gives_the_same_bytes(
     with_choice = written(tmp_path / "a.mcap")
     unrectified = replace(METHODS["cwcli"], is_rectified=False)
     monkeypatch.setattr(
-        "cwcli.stages.lanes.METHODS", Registry("", "", {"cwcli": unrectified}, plugin_entry(Method, {}))
+        "cwcli.vision.methods.METHODS", Registry("", "", {"cwcli": unrectified}, plugin_entry(Method, {}))
     )
     assert written(tmp_path / "b.mcap") == with_choice
     assert LANE_LINES.topic.encode() in with_choice

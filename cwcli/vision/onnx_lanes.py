@@ -1,0 +1,88 @@
+"""Lane boundaries from a user's own net: its map of lane markings takes the place of the default method's evidence.
+
+Everything else is the default method: one lane of five numbers, its prior, the tracking (`lane_tracker`). The
+probabilities of that method were fitted to its own evidence, so none are published.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.errors import UsageError
+from cwcli.vision.boundary import Boundary
+from cwcli.vision.ground import MIN_DEPTH
+from cwcli.vision.lane_detect import DEAD, Evidence, Float32Array, Int32Array, reaches
+from cwcli.vision.lane_tracker import LaneTracker
+from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method
+from cwcli.vision.onnx_model import LaneNet
+
+
+class OnnxSearch:
+    """The search over the frames of one camera.
+
+    Args:
+        net: What tells where markings are.
+    """
+
+    def __init__(self, net: LaneNet) -> None:
+        self._net = net
+        self._map: Float32Array = np.zeros((1, 1), np.float32)
+        self._tracker = LaneTracker(look=self._evidence)
+
+    def step(self, frame: LaneFrame) -> LaneFit:
+        """Find both boundaries in the next frame."""
+        self._map = self._net.lane_map(frame.grey)
+        fit = self._tracker.step(frame)
+        return replace(fit, left=_without_probability(fit.left), right=_without_probability(fit.right))
+
+    def _evidence(
+        self, grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, room: Float32Array | None = None
+    ) -> Evidence:
+        """The net's map in some rows; what it hardly believes is none, as little contrast is to the default method."""
+        import cv2
+
+        height, width = grey.shape
+        sharp = np.maximum(self._map[rows] - np.float32(DEAD), np.float32(0.0)) / np.float32(1.0 - DEAD)
+        wide, broad = (
+            np.asarray(cv2.dilate(sharp, np.ones((1, 2 * reach + 1), np.uint8)), np.float32) for reach in reaches(width)
+        )
+        return Evidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH * height)
+
+
+def _without_probability(boundary: Boundary) -> Boundary:
+    return replace(boundary, probability=nan)
+
+
+def with_model(path: Path) -> Method:
+    """The method with a net.
+
+    Raises:
+        InputError, UsageError: The net or its description can't be used.
+    """
+    net = LaneNet(path)
+
+    def search_size(width_px: int, height_px: int) -> tuple[int, int]:
+        return net.shape.search_size()
+
+    def make(seed: int) -> LaneSearch:
+        return OnnxSearch(net)
+
+    return replace(METHOD, search_size=search_size, make=make)
+
+
+def _needs_model(*_: int) -> LaneSearch:
+    raise UsageError("--method onnx needs a net", hint="--model net.onnx, and net.toml beside it")
+
+
+METHOD = Method(
+    summary="a net of yours (--model) in place of the default method's evidence",
+    search_size=lambda width_px, height_px: (width_px, height_px),
+    make=_needs_model,
+    uses_motion=True,
+    is_rectified=True,
+    with_model=with_model,
+)
