@@ -41,7 +41,7 @@ SEED = 7
 DISTANCES_M = np.array([5.0, 10.0, 20.0])
 LATERAL_M = 0.03
 """Root mean square at each distance; a pinhole has 0.02. Before: 0.06 (plumb_bob) and 0.12 (equidistant)."""
-HEADING_RAD = math.radians(0.3)
+HEADING_RAD = math.radians(0.31)
 CURVATURE_1PM = 2.5e-4
 PITCH_RAD = math.radians(0.05)
 ANNOTATION_PX = 5.0
