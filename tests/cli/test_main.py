@@ -149,7 +149,7 @@ def test_no_command_prints_the_help_on_stderr() -> None:
         (["inf"], "error: no such command 'inf'. Did you mean 'info'?", "cwcli --help"),
         (["info"], "error: missing argument 'LOG'", "cwcli info --help"),
         (["info", "a.mcap", "--nothing"], "error: no such option: --nothing", "cwcli info --help"),
-        (["info", "a.mcap", "b.mcap"], "error: got unexpected extra argument", "cwcli info --help"),
+        (["layout", "a.mcap", "b.mcap"], "error: got unexpected extra argument", "cwcli layout --help"),
         (["--nothing"], "error: no such option: --nothing", "cwcli --help"),
     ],
 )
@@ -194,7 +194,7 @@ def test_examples_parse(name: str) -> None:
         ("warn", ["Arguments", "Options", "Output", "Input", "General"]),
         ("estimate", ["Arguments", "Options", "Output", "Input", "General"]),
         ("compare", ["Arguments", "Options"]),
-        ("info", ["Arguments", "Options"]),
+        ("info", ["Arguments", "Input", "General"]),
     ],
 )
 def test_many_options_stand_under_headings(

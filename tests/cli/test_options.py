@@ -63,7 +63,7 @@ def config_file(tmp_path: Path) -> Callable[[str], str]:
 
 def test_defaults() -> None:
     log, reading, stage, talk, sensors = parse("estimate", "drive.mcap")
-    assert log == "drive.mcap"
+    assert log == ["drive.mcap"]
     assert reading == ReadingOptions()
     assert stage == EstimateLikeOptions()
     assert talk == TalkOptions()
