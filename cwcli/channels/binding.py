@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from cwcli.channels.published import (
     EGO_PATH,
@@ -33,9 +33,12 @@ from cwcli.channels.published import (
     TARGETS,
 )
 from cwcli.errors import MissingSignalError, UsageError
+from cwcli.signals.input_rows import CAN_FIELDS, CAN_SCHEMAS
 from cwcli.signals.inputs import RADIO_FORMATS, input_for, inputs_of, normalise
-from cwcli.signals.mapping import CAN_FIELDS, CAN_SCHEMAS, MAPPED, FieldMapping, is_mapping, parse_mapping
 from cwcli.signals.role import Role
+
+if TYPE_CHECKING:
+    from cwcli.signals.mapping import FieldMapping
 
 TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
 ROLE_TEXT: dict[str, str] = {
@@ -229,8 +232,7 @@ def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -
     for name, value in overrides.items():
         if name not in EVERY_ROLE:
             raise UsageError(f"{name_of_option} {name}={value}: there is no role {name}", hint=_role_names())
-        if name in MAPPED and is_mapping(value):
-            parse_mapping(name, value)
+        _mapping(name, value)
 
 
 def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
@@ -270,24 +272,31 @@ def _check_overrides(
     named: dict[str, tuple[Binding, ...]] = {}
     check_roles(overrides)
     for name, value in overrides.items():
-        if name in MAPPED and is_mapping(value):
-            named[name] = (_mapped_channel(channels, parse_mapping(name, value), where),)
+        mapping = _mapping(name, value)
+        if mapping is not None:
+            named[name] = (_mapped_channel(channels, mapping, where),)
             continue
         topics = value.split(",") if name in MANY_TOPICS else [value]
         named[name] = tuple(_named_channel(channels, name, topic.strip(), where) for topic in topics)
     return named
 
 
+def _mapping(role: str, value: str) -> FieldMapping | None:
+    """The mapping that stands behind a role's `=`, None where a topic does; a malformed one is a UsageError."""
+    if ":" not in value:
+        return None
+    from cwcli.signals.mapping import MAPPED, parse_mapping  # few name fields, and every start would pay
+
+    return parse_mapping(role, value) if role in MAPPED else None
+
+
 def _mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, where: str) -> Binding:
     for channel in channels:
         if channel.topic in (mapping.topic, f"/{mapping.topic}"):
             return replace(_binding(channel, mapping.role, is_override=True), mapping=mapping)
-    topics = dict.fromkeys(channel.topic for channel in channels)
-    raise UsageError(
-        f"--map {mapping.role}={mapping.text}: the log has no topic {mapping.topic}",
-        where=where,
-        found=tuple(topics) or ("no channels",),
-    )
+    topics = tuple(dict.fromkeys(channel.topic for channel in channels)) or ("no channels",)
+    what = f"--map {mapping.role}={mapping.text}: the log has no topic {mapping.topic}"
+    raise UsageError(what, where=where, found=topics)
 
 
 def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:

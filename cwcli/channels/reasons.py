@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from cwcli.channels.binding import TRUTH_ROLES, Bindings, ChannelLike, is_truth_topic
 from cwcli.channels.published import OWN_PREFIX
-from cwcli.logs.codecs.ros2msg import MessageField, SchemaError, find_definition, parse_definitions
+from cwcli.signals.input_rows import CAN_SCHEMAS
 from cwcli.signals.inputs import inputs_of, normalise
-from cwcli.signals.mapping import CAN_SCHEMAS
+
+if TYPE_CHECKING:
+    from cwcli.logs.codecs.ros2msg import MessageField
 
 OTHER_USES = {
     "tf2_msgs/TFMessage": "transforms: tell where sensors stand",
@@ -53,8 +54,7 @@ class Described(ChannelLike, Protocol):
     def schema_data(self) -> bytes: ...
 
 
-@dataclass(frozen=True)
-class Reason:
+class Reason(NamedTuple):
     """Why a channel fills no role.
 
     Attributes:
@@ -130,6 +130,8 @@ def leaves(channel: Described) -> Iterator[str]:
     """The paths of the numbers in a ROS message, () for a channel of another encoding."""
     if channel.schema_encoding != "ros2msg":
         return
+    from cwcli.logs.codecs.ros2msg import SchemaError, find_definition, parse_definitions
+
     try:
         top, definitions = parse_definitions(channel.schema_name, channel.schema_data.decode("utf-8", "replace"))
     except SchemaError:

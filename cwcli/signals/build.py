@@ -8,8 +8,9 @@ from cwcli.signals.builders.mapped import build_mapped
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns
+from cwcli.signals.input_rows import CAN_SCHEMAS
 from cwcli.signals.inputs import input_for, normalise
-from cwcli.signals.mapping import CAN_SCHEMAS, MAPPED, FieldMapping
+from cwcli.signals.mapping import MAPPED, FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 

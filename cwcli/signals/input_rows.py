@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 SUMMARY, RECEIVER, SENTENCE, FUSED, OWN_V2X, ODOMETRY = 1, 2, 3, 4, 5, 6
 """A receiver's summary for everybody, its own messages, NMEA, what it fused with an IMU; then other sources."""
 
+CAN_SCHEMAS = frozenset({"can_msgs/Frame", "ros2_socketcan_msgs/FdFrame"})
+CAN_FIELDS = (*HEADER_STAMP, *JSON_STAMPS, "id", "is_rtr", "is_error", "is_extended", "dlc", "len", "data")
+"""Frames of a CAN bus: what they mean stands in a DBC file, and which role they fill says the user."""
+
 TARGET_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
 GIVEN_WORDS = frozenset({"initialpose", "initialpose3d", "goal", "checkpoint", "checkpoints", "waypoint"})
 GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})

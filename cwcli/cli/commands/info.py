@@ -64,12 +64,10 @@ def command(
     Shows every channel with its rate and the role that cwcli would give it, why the others have none and what to try,
     and for each command whether the log has the signals that it needs.
     """
-    from cwcli.channels.binding import EVERY_ROLE
     from cwcli.logs.read.reader import Log
-    from cwcli.pipeline.recording_contract import RecordingContract
 
     console = Console(quiet=talk.quiet)
-    contract = None if expect is None else RecordingContract.read(expect, EVERY_ROLE)
+    contract = None if expect is None else _contract(expect)
     with Log.open(
         one_log(log, reading.as_one),
         recover=reading.recover,
@@ -209,6 +207,13 @@ def _inputs(log: Log, document: Document, reading: ReadingOptions, sensors: Sens
     document["notes"] += [note for note in sources.notes if note not in document["notes"]]
     names = ("topic", "role", "read", "used", "rejected", "repaired", "set_aside")
     return [{name: getattr(each, name) for name in names} for each in sources.counts()]
+
+
+def _contract(path: str) -> RecordingContract:
+    from cwcli.channels.binding import EVERY_ROLE
+    from cwcli.pipeline.recording_contract import RecordingContract
+
+    return RecordingContract.read(path, EVERY_ROLE)
 
 
 def _judged(contract: RecordingContract, document: Document) -> list[Document]:
