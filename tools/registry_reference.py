@@ -25,6 +25,16 @@ which of the two is the host. `tests/laws/test_measures.py` holds these laws, wh
 A measure is one file with a `MEASURE` and one line in `cwcli/measures/__init__.py`. A package of yours adds one by an
 entry point in the group `cwcli.measures`.
 {sections}
+## Where they peak
+
+On the bundled logs in which two vehicles touch (black line: the first contact; red: where the measure is most critical;
+orange: its threshold; values beyond 30 are cut off). `python -m tests.studies.measure_pictures` draws them, and
+`tests/scenarios/test_measure_peaks.py` holds each measure to its place.
+
+![Measures over time on the intersection log](images/measures-intersection.png)
+
+![Measures over time on the rear-end log](images/measures-rear-end.png)
+
 ## Differences from other tools
 
 CommonRoad-CriMe 0.4.5 measures along lanelets, cwcli along headings, so that no map is needed.

@@ -1,0 +1,36 @@
+"""On the bundled logs in which two vehicles touch, each measure is most critical about the contact."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from tests.studies.measure_pictures import SCENARIOS, Measured, measured
+
+BEFORE_S, AFTER_S = 1.3, 0.8
+"""What asks for a manoeuvre is most critical when the last one is lost, up to a second before."""
+ABOUT = ("gap", "ttc", "mttc", "ttc-star", "headway", "thw", "wttc", "ttb", "tts", "ttr", "drac", "mdrac", "psd", "msd",
+         "stn", "delta-v", "a-lat-req")  # fmt: skip
+FOLLOWING = ("btn", "a-long-req", "a-req", "rss-long")
+FORESEEN = ("dce", "ttce")
+"""Predictions at constant speed: of two that close up all the time they say 0 long before."""
+
+
+@cache
+def of(scenario: str) -> Measured:
+    return measured(scenario)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_measures_peak_about_the_contact(scenario: str) -> None:
+    found = of(scenario)
+    names = (*ABOUT, *(FOLLOWING if scenario == "rear-end" else ("ttk", "gap-time")))
+    peaks = {name: found.peak_s(name) - found.contact_s for name in names}
+    assert {name: peak for name, peak in peaks.items() if not -BEFORE_S <= peak <= AFTER_S} == {}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_a_prediction_may_know_it_long_before(scenario: str) -> None:
+    found = of(scenario)
+    assert all(found.peak_s(name) <= found.contact_s for name in FORESEEN)
