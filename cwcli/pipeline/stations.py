@@ -10,7 +10,7 @@ from cwcli.errors import CwcliError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.inputs import inputs_of
+from cwcli.signals.inputs import input_for
 from cwcli.signals.role import Role
 from cwcli.text import count, printable
 
@@ -39,14 +39,14 @@ def naming_stations(error: MissingSignalError, log: Log) -> MissingSignalError:
 
 def stations_heard(log: Log) -> Counter[str]:
     """Station id -> number of its usable messages, over all V2X channels of the log."""
-    topics = [
-        channel.topic
+    topics = {
+        channel.topic: entry.fields.get(channel.message_encoding, ())
         for channel in log.channels
-        if any(entry.role is Role.REMOTE for entry in inputs_of(channel.schema_name))
-    ]
+        if (entry := input_for(Role.REMOTE, channel.schema_name)) is not None
+    }
     heard: Counter[str] = Counter()
     try:
-        for columns in log.load(dict.fromkeys(topics)).values() if topics else ():
+        for columns in log.load(topics).values() if topics else ():
             signal, _ = build(Role.REMOTE, columns)
             assert isinstance(signal, RemoteSignal)
             for station, n in zip(signal.station.values, np.bincount(signal.station.codes), strict=False):

@@ -13,6 +13,7 @@ from pycrate_asn1dir import ITS_DENM_3, ITS_IEEE1609_2
 from cwcli.channels.binding import bind
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.stations import stations_heard
 from cwcli.signals.build import build
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.columns import Columns, Strings
@@ -175,6 +176,7 @@ def test_numbers_that_are_no_octets_make_no_message() -> None:
         ("carma_driver_msgs/msg/ByteArray", "string message_type\nuint8[] content", packed_bsm(), "2a3c603c"),
         ("udp_msgs/msg/UdpPacket", "string address\nuint16 src_port\nuint8[] data", BTP_CAM + packed_cam(), "1001"),
     ],
+    ids=["bsm", "cam"],
 )
 def test_a_log_of_the_official_writer_is_read(
     tmp_path: Path, schema: str, definition: str, message: bytes, station: str
@@ -191,6 +193,7 @@ def test_a_log_of_the_official_writer_is_read(
     with Log.open(path) as log:
         bound = bind(log.channels, {}, required=[Role.REMOTE])
         columns = log.load(bound.wanted())["/comms/inbound"]
+        assert stations_heard(log) == {station: 1}
     signal, quality = build(Role.REMOTE, columns)
     assert isinstance(signal, RemoteSignal)
     assert (quality.read, quality.used) == (2, 1)  # the second repeats the first
