@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
+import numpy as np
+
 from cwcli.channels.binding import Bindings, ChannelLike, bind
 from cwcli.channels.published import EGO_STATE, OF_ROLE, ONLINE
 from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
@@ -14,6 +16,7 @@ from cwcli.option import Option
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import Record, configuration_of
 from cwcli.pipeline.result import InputCount
+from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS
 from cwcli.signals.columns import Columns
 
 States = Literal["online", "hindsight"]
@@ -115,7 +118,11 @@ def chosen_states(log: Log, columns: Columns, role: str, selection: Selection) -
         MissingSignalError: It is the ego's channel, and no state is left.
     """
     everything = read_states(columns)
-    states = everything.logged_within(selection.start_ns, selection.end_ns)
+    is_time = (columns.log_time_ns >= 0) & (columns.log_time_ns <= MAX_STAMP_NS)
+    n_out = len(everything) - int(np.count_nonzero(is_time))
+    states = everything.rows(np.flatnonzero(is_time)) if n_out else everything
+    states = states.logged_within(selection.start_ns, selection.end_ns)
     if role == EGO_STATE.role:
         require_ego(states, log_name=log.name, topic=columns.topic)
-    return states, InputCount(columns.topic, role, len(everything), len(states))
+    rejected = {LOG_TIME_OUT: n_out} if n_out else {}
+    return states, InputCount(columns.topic, role, len(everything), len(states), rejected)

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.signals.clocks import CLOCK_JUMP, LOG_TIME_APART, NO_STAMP
+from cwcli.channels.published import EGO_ONLINE
+from cwcli.signals.clocks import CLOCK_JUMP, LOG_TIME_APART, LOG_TIME_OUT, NO_STAMP
 from tests.cli.conftest import ROOT, SAMPLES, Run
 from tests.cli.rewritten_logs import Logged, read, write
 
@@ -194,3 +195,20 @@ def test_detection_logged_at_one_nanosecond_is_left_out(cwcli: Run, tmp_path: Pa
     assert entries[1]["rejected"] == {LOG_TIME_APART: 1}
     assert entries[1]["read"] == entries[0]["read"] == entries[1]["used"] + 1
     np.testing.assert_allclose(errors_m[1], errors_m[0], rtol=ATOL_PART)
+
+
+@pytest.mark.parametrize("command", ["predict", "warn", "measure", "control"])
+def test_a_state_that_was_logged_at_no_time(predicted: Path, tmp_path: Path, cwcli: Run, command: str) -> None:
+    """One of the states that the stages start from says 2^64 - 1 ns."""
+    log, target = tmp_path / "in.mcap", tmp_path / "out.mcap"
+    messages = read(predicted)
+    k = [k for k, each in enumerate(messages) if each.topic == EGO_ONLINE.topic][20]
+    write(log, [*messages[:k], *messages[k + 1 :], replace(messages[k], log_time_ns=(1 << 64) - 1)])
+    done = cwcli(command, log, "-o", target, "--replace", "--json")
+    assert done.returncode in (0, 5), done.stderr.decode()
+    assert target.exists() == (done.returncode == 0)
+    if command == "predict":
+        inputs = {each["topic"]: each for each in json.loads(done.stdout)["stages"]["predict"]["inputs"]}
+        assert inputs[EGO_ONLINE.topic]["rejected"] == {LOG_TIME_OUT: 1}
+    if done.returncode:
+        assert b"would be logged before 1970" in done.stderr

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cwcli.errors import OutputError
+from cwcli.errors import DataError, OutputError
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import index_every_record
 from cwcli.logs.write.channel_ids import NewChannel, assign_ids
@@ -90,6 +90,7 @@ def annotate(
         OutputError: The target can't be written, or the source holds a topic or a record of the same name and
             `replace` is off.
         InputError: The source is damaged, or changed while it was read.
+        DataError: A new message would be logged before 1970.
         ValueError: A column does not fit its schema, or log times go back.
     """
     channels, metadata = with_memory(source, channels, metadata, replace)
@@ -167,12 +168,20 @@ def write_items(
 def with_memory(
     source: Log, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]], replace: bool
 ) -> tuple[list[OutputChannel], dict[str, Mapping[str, str]]]:
-    """What the source holds in memory and what is new, by topic and by name; the later one wins."""
+    """What the source holds in memory and what is new, by topic and by name; the later one wins.
+
+    Raises:
+        OutputError: A topic or a record is new and in memory, and `replace` is off.
+        DataError: A message would be logged before 1970: it is made from one whose log time is beyond the year 2262.
+    """
     by_topic: dict[str, OutputChannel] = {}
     for channel in (*source.added_channels, *channels):
         if channel.topic in by_topic:
             refuse_existing([channel.topic], "channel", source.name, replace)
         by_topic[channel.topic] = channel
+        if len(channel.log_time_ns) and int(channel.log_time_ns.min()) < 0:
+            what = f"a message of {channel.topic} would be logged before 1970, as one that it is made from"
+            raise DataError(what, where=source.name, hint="--start and --end leave such messages out")
     by_name = dict(source.added_metadata)
     refuse_existing(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
     return list(by_topic.values()), {**by_name, **metadata}
