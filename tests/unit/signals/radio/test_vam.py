@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import asn1tools
 import numpy as np
+import pytest
 
+from cwcli.signals.build import build
+from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.radio import vam
 from cwcli.signals.radio.messages import MISSING, decode
+from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import octets_of
+from tests.unit.signals.v2x_messages import radio
 
 TYPE = """
 Part DEFINITIONS AUTOMATIC TAGS ::= BEGIN
@@ -78,6 +83,34 @@ def test_the_smallest_message_has_269_bits() -> None:
     decoded = decode(vam.program(), octets_of([packed, packed[:-1]]))
     assert decoded.status.tolist()[0] == 0
     assert decoded.status.tolist()[1] != 0
+
+
+def test_who_walks_is_a_remote_road_user() -> None:
+    made = any_vam(np.random.default_rng(7))
+    parameters = made["vam"]["vamParameters"]
+    parameters["basicContainer"]["stationType"] = 1
+    parameters["basicContainer"]["referencePosition"] |= {
+        "latitude": 400_000_000,
+        "longitude": 80_000_000,
+        "positionConfidenceEllipse": {
+            "semiMajorAxisLength": 490,
+            "semiMinorAxisLength": 490,
+            "semiMajorAxisOrientation": 0,
+        },
+    }
+    parameters["vruHighFrequencyContainer"] |= {
+        "speed": {"speedValue": 140, "speedConfidence": 10},
+        "heading": {"value": 900, "confidence": 10},
+    }
+    made["header"]["stationId"] = 77
+    packed = asn1tools.compile_string(TYPE, "uper").encode("VAM", made)
+    signal, quality = build(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", b"\x07\xe2\x00\x00" + packed))
+    assert isinstance(signal, RemoteSignal)
+    assert quality.used == 1
+    assert signal.station.values == ("77",)
+    assert (signal.latitude_deg[0], signal.speed_mps[0]) == pytest.approx((40.0, 1.4), abs=1e-9)
+    assert abs(signal.heading_rad[0]) < 1e-12  # due east
+    assert np.isnan(signal.length_m[0])
 
 
 def any_vam(rng: np.random.Generator) -> dict:
