@@ -81,7 +81,7 @@ def all_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...
         if channel.topic == topic and isinstance(channel, PlannedChannel):
             return channel.planned, ()
     record = run_records(log).get("predict", {})
-    if whole_rate(record) is None:
+    if path_rate(record) is None:
         return read_paths(log.columns(topic)), ()
     planned = _planned_again(log, role, record)
     if planned is not None and _agrees(log, topic, planned):
@@ -91,7 +91,7 @@ def all_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...
     return published, (note,)
 
 
-def whole_rate(record: Record) -> float | None:
+def path_rate(record: Record) -> float | None:
     """How many paths of each vehicle and second the log holds at most; None: one from each state."""
     rate_hz = configuration_of(record).get("path_rate_hz")
     return float(rate_hz) if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else None

@@ -18,3 +18,14 @@ def test_states_of_an_older_version_have_no_flags() -> None:
     log_time_ns = written.log_time_ns
     columns = Columns(written.topic, written.schema_name, "protobuf", log_time_ns, log_time_ns, n, fields)
     assert read_states(columns).flags.tolist() == [0] * 5
+
+
+def test_covariances_of_an_older_version_are_read_as_they_are() -> None:
+    """They were 64 doubles in one field; the fields sigma and correlation came later."""
+    written = of_states(np.random.default_rng(0), 5).channels[0]
+    given = np.eye(8) + 0.1 * np.random.default_rng(1).uniform(size=(5, 1, 1))
+    fields = {name: field for name, field in written.fields.items() if name not in ("sigma", "correlation")}
+    fields["covariance"] = given.reshape(5, 64)
+    log_time_ns, n = written.log_time_ns, np.arange(5, dtype=np.uint32)
+    columns = Columns(written.topic, written.schema_name, "protobuf", log_time_ns, log_time_ns, n, fields)
+    assert np.array_equal(read_states(columns).covariance, given)

@@ -1,0 +1,121 @@
+"""Warnings from every state, whatever share of the paths a log holds and however many are in memory at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.channels.predicted_path import PlannedPaths, PredictedPaths, read_paths
+from cwcli.channels.published import EGO_ONLINE, EGO_PATH, EGO_STATE, REMOTE_ONLINE, REMOTE_PATH, REMOTE_STATE
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate
+from cwcli.pipeline.paths import all_paths
+from cwcli.pipeline.states import OfStates, chosen_states
+from cwcli.signals.columns import OutputChannel
+from cwcli.stages.estimate import EstimateConfig, estimate
+from cwcli.stages.inputs.vehicles import vehicle_tracks
+from cwcli.stages.predict import PredictConfig, predict
+from cwcli.warning.pair import PairEvaluation, evaluate_pairs
+from cwcli.warning.rules import RULES
+from cwcli.warning.types import WarningConfig
+
+ROOT = Path(__file__).parents[3]
+TIMES_S = np.unique(np.append(0.05 * np.arange(53), 2.5).round(9))
+
+
+@pytest.fixture(scope="module")
+def predicted() -> Iterator[Log]:
+    """A drive with another vehicle, its states and paths in memory."""
+    with Log.open(ROOT / "sample_logs" / "rear-end.mcap") as log:
+        result = estimate(log, EstimateConfig())
+        estimated = log.with_channels(result.channels, {"cwcli.run.estimate": result.metadata})
+        result = predict(estimated, PredictConfig())
+        yield estimated.with_channels(result.channels, {"cwcli.run.predict": result.metadata})
+
+
+@pytest.fixture(scope="module")
+def written(predicted: Log, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Log]:
+    path = tmp_path_factory.mktemp("paths") / "predicted.mcap"
+    annotate(predicted, (), {}, path)
+    with Log.open(path) as log:
+        yield log
+
+
+def pairs_of(log: Log, window_rows: int) -> tuple[PairEvaluation, ...]:
+    tracks = {}
+    for state, online, path in ((EGO_STATE, EGO_ONLINE, EGO_PATH), (REMOTE_STATE, REMOTE_ONLINE, REMOTE_PATH)):
+        states, _ = chosen_states(log, log.columns(online.topic), state.role, OfStates())
+        paths, notes = all_paths(log, path.topic, state.role)
+        assert notes == () and len(paths) == len(states)
+        tracks[state.role] = vehicle_tracks(states, paths, with_onset=True)
+    (host,), config = tracks[EGO_STATE.role], WarningConfig()
+    others = tracks[REMOTE_STATE.role]
+    return evaluate_pairs(host, others, RULES[config.rule], config, TIMES_S, window_rows=window_rows)
+
+
+def assert_same_bytes(one: PairEvaluation, other: PairEvaluation) -> None:
+    assert (one.spans, one.n_beyond, one.n_out_of_reach) == (other.spans, other.n_beyond, other.n_out_of_reach)
+    assert one.stamp_ns.tobytes() == other.stamp_ns.tobytes() and one.age_s.tobytes() == other.age_s.tobytes()
+    for both in ((one.measures, other.measures), (one.decision, other.decision)):
+        for each in fields(both[0]):
+            values = [getattr(whose, each.name) for whose in both]
+            assert (values[0] is None) is (values[1] is None)
+            assert values[0] is None or values[0].tobytes() == values[1].tobytes(), each.name
+
+
+def test_the_size_of_a_window_changes_no_bit(predicted: Log) -> None:
+    (whole,) = pairs_of(predicted, 10**9)
+    assert len(whole.spans) == 1 and len(whole.stamp_ns) > 100
+    for window_rows in (3, 32, 128):
+        (found,) = pairs_of(predicted, window_rows)
+        assert_same_bytes(found, whole)
+
+
+def test_a_path_is_the_same_bits_alone_and_among_others(predicted: Log) -> None:
+    paths, _ = all_paths(predicted, REMOTE_PATH.topic, REMOTE_STATE.role)
+    every = paths.some(np.arange(len(paths))).take(np.arange(len(paths)))
+    for rows in (np.array([3]), np.arange(5, 90, 7), np.array([60, 4, 17])):
+        some = paths.some(rows).take(np.arange(len(rows)))
+        for name in ("x_m", "y_m", "heading_rad", "speed_mps", "position_covariance_m2"):
+            assert getattr(some, name).tobytes() == getattr(every, name)[rows].tobytes()
+
+
+def test_a_written_log_holds_some_paths_and_gives_all_again(predicted: Log, written: Log) -> None:
+    assert not written.added_channels
+    n_written = len(read_paths(written.columns(REMOTE_PATH.topic)))
+    paths, _ = all_paths(written, REMOTE_PATH.topic, REMOTE_STATE.role)
+    assert isinstance(paths, PlannedPaths)
+    assert 0 < n_written < 0.6 * len(paths)
+    (one,), (other,) = pairs_of(predicted, 512), pairs_of(written, 512)
+    assert_same_bytes(one, other)
+
+
+def whole_channel(log: Log, more_m: float) -> OutputChannel:
+    """The paths that the log holds, as if somebody else had written them so."""
+    (channel,) = (each for each in log.added_channels if each.topic == REMOTE_PATH.topic)
+    given = dict(log.columns(REMOTE_PATH.topic).fields)
+    x_m = given["x_m"]
+    assert isinstance(x_m, np.ndarray)
+    given["x_m"] = x_m + more_m * np.arange(x_m.shape[1])
+    return OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, given)
+
+
+def test_paths_that_the_states_do_not_give_are_used_as_they_are_and_told(predicted: Log) -> None:
+    """Another version predicted them: here with 3 m/s more."""
+    channel = whole_channel(predicted, 0.75)
+    found, notes = all_paths(predicted.with_channels([channel]), REMOTE_PATH.topic, REMOTE_STATE.role)
+    assert isinstance(found, PredictedPaths) and len(found) == len(channel)
+    told = f"/cwcli/remote/path: {len(channel)} paths of the log are used, as its states do not give the same again"
+    assert notes == (told,)
+
+
+def test_a_log_whose_record_tells_no_rate_holds_all_its_paths(predicted: Log) -> None:
+    """As older versions wrote it."""
+    record = {"cwcli.run.predict": {"configuration": '{"path_rate_hz": null}'}}
+    older = predicted.with_channels([whole_channel(predicted, 0.0)], record)
+    found, notes = all_paths(older, REMOTE_PATH.topic, REMOTE_STATE.role)
+    assert isinstance(found, PredictedPaths) and notes == ()
