@@ -20,6 +20,7 @@ from cwcli.logs.format.records import (
     MetadataIndex,
     Schema,
     Statistics,
+    attachment_crc_at,
     read_footer,
     read_prefix,
 )
@@ -33,6 +34,7 @@ HEAD = MAGIC + record_bytes.header("", "test")
 END = record_bytes.data_end() + record_bytes.footer(0, 0, b"") + MAGIC
 SCHEMA = record_bytes.schema(Schema(1, "a/B", "ros2msg", b"float64 x"))
 ATTACHED_BYTES = 500_000_000
+MARK = b"first and last"
 INFO_CPU_S = 2.0
 """On a loaded machine; one of its own takes half of it."""
 
@@ -112,12 +114,16 @@ def test_large_attachment_is_copied_by_range(intersection: Path, tmp_path: Path)
     with (tmp_path / "in.mcap").open("wb") as file:
         file.write(data[: summary_at - len(record_bytes.data_end())])
         file.write(PREFIX.pack(9, len(fields) + ATTACHED_BYTES + 4) + fields)
-        file.seek(ATTACHED_BYTES, 1)
-        file.write(bytes(4) + END)
+        file.write(MARK)
+        file.seek(ATTACHED_BYTES - 2 * len(MARK), 1)
+        file.write(MARK + bytes(4) + END)
     ended = bounded(tmp_path, "estimate", "in.mcap", "-o", "out.mcap", most_mb=150, most_cpu_s=30)
     assert ended.code == 0, ended.shown
     with Log.open(tmp_path / "out.mcap") as log:
         assert [(each.name, each.size) for each in log.attachments] == [("a", ATTACHED_BYTES)]
+        end = attachment_crc_at(log.attachments[0])
+        assert log.file[end - len(MARK) : end] == MARK
+        assert log.file[end - ATTACHED_BYTES : end - ATTACHED_BYTES + len(MARK)] == MARK
 
 
 def test_index_that_leaves_a_channel_out_costs_no_message(tmp_path: Path) -> None:
