@@ -17,7 +17,8 @@ def contact_probability(
     other_length: float,
     other_width: float,
     lines: _F,
-    few_lines: _F,
+    n_lines: _Index,
+    enough_below: _F,
     ends: _Index,
     far_sigmas: float,
     least_m2: float,
@@ -29,8 +30,11 @@ def contact_probability(
         host_heading, other_heading: (m, q).
         host_covariance, other_covariance: (m, q, 3): xx, xy, yy of the positions.
         host_length, host_width, other_length, other_width: Outlines.
-        lines, few_lines: (l, 4): cosine and sine of a line's direction through the errors at the nearest step, from the
-            host's heading there, and the two errors that are independent of those; few where those hardly count.
+        lines: (l, 4): cosine and sine of a line's direction through the errors at the nearest step, from the host's
+            heading there, and the two errors that are independent of those; several sets, one after another.
+        n_lines: (t,): lines in each of them, growing.
+        enough_below: (t - 1,): up to which share of the variance the errors off the nearest step's plane may be, times
+            the density of the errors that a step needs, for each set but the last.
         ends: (e,), not decreasing, in [1, q - 1]: within how many steps.
         far_sigmas: Steps in which the outlines are farther apart than this are left out.
         least_m2: Added to each variance.

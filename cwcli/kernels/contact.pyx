@@ -11,18 +11,38 @@ from libc.stdlib cimport free, malloc
 import numpy as np
 
 cdef enum:
-    N_AXES = 5  # the edges' directions of both outlines, and across the way of a step
-    N_VALUES = 11  # of an axis: place, reach, slopes in the plane of the lines (2) and off it (2); change of place and slopes
+    N_AXES = 5  # the edges' directions of both outlines, and across the mean way of a step
 
 cdef double STANDING_M = 1e-9
 cdef double PARALLEL = 1e-12
-cdef double ALIKE = 0.01  # share of the variance by which errors differ in time: below, fewer lines are enough
+cdef double ACROSS = 0.02  # rad: an axis so nearly across the way says as much as the one that is
+cdef double OUTSIDE = 4.5  # sigmas: what a line meets out there does not matter
 
 
 cdef struct Root:
     double xx
     double xy
     double yy
+
+
+cdef struct Step:  # from one point to the next; changes are from begin to end
+    Py_ssize_t begin
+    double x, y, way_x, way_y  # middle of the centres' way, and the way
+    double cos_host, sin_host, cos_other, sin_other
+    double normals[10]
+    double reach[5]
+    int tight  # the direction along which the outlines are farthest apart, in sigmas
+    double weight  # what the step can count for: the density there
+    double tight_place, tight_reach, tight_ahead, tight_left, tight_one, tight_two  # along it, as in `along` and `aside`
+    Root host, other, host_change, other_change
+    double along[4]  # a line's direction to the place, row by row, and the two errors off the lines' plane
+    double aside[4]
+    double along_change[4]
+    double aside_change[4]
+
+
+cdef struct Line:  # in one step: place in the middle, its slope along the line, and half of the change of both
+    double x, y, slope_x, slope_y, moved_x, moved_y, turned_x, turned_y
 
 
 cdef inline Root root_of(double xx, double xy, double yy) noexcept nogil:
@@ -65,10 +85,6 @@ cdef inline Root change_of(Root a, Root b) noexcept nogil:
     return out
 
 
-cdef inline Root root_at(const double[:, :, ::1] covariance, Py_ssize_t i, Py_ssize_t k, double least) noexcept nogil:
-    return root_of(covariance[i, k, 0] + least, covariance[i, k, 1], covariance[i, k, 2] + least)
-
-
 cdef inline void product(Root a, Root b, double* out) noexcept nogil:
     """The product of two symmetric matrices, row by row."""
     out[0], out[1] = a.xx * b.xx + a.xy * b.xy, a.xx * b.xy + a.xy * b.yy
@@ -78,6 +94,87 @@ cdef inline void product(Root a, Root b, double* out) noexcept nogil:
 cdef inline double half_extent(double nx, double ny, double cosine, double sine, double length, double width) noexcept nogil:
     """Half of what an outline measures along a direction."""
     return 0.5 * (length * fabs(nx * cosine + ny * sine) + width * fabs(ny * cosine - nx * sine))
+
+
+cdef inline double reach_along(double nx, double ny, const Step* step, double host_length, double host_width,
+                               double other_length, double other_width) noexcept nogil:
+    """How near the centres are along a direction when the outlines touch there."""
+    return (half_extent(nx, ny, step.cos_host, step.sin_host, host_length, host_width)
+            + half_extent(nx, ny, step.cos_other, step.sin_other, other_length, other_width))
+
+
+cdef inline void maps_of(Root host, Root other, const double* to_host, const double* to_other, const double* left_host,
+                         const double* left_other, double* along, double* aside) noexcept nogil:
+    """Lines' directions, and the errors off their plane, to places."""
+    along[0] = host.xx * to_host[0] + host.xy * to_host[2] + other.xx * to_other[0] + other.xy * to_other[2]
+    along[1] = host.xx * to_host[1] + host.xy * to_host[3] + other.xx * to_other[1] + other.xy * to_other[3]
+    along[2] = host.xy * to_host[0] + host.yy * to_host[2] + other.xy * to_other[0] + other.yy * to_other[2]
+    along[3] = host.xy * to_host[1] + host.yy * to_host[3] + other.xy * to_other[1] + other.yy * to_other[3]
+    aside[0] = other.xx * left_other[0] + other.xy * left_other[2] - host.xx * left_host[0] - host.xy * left_host[2]
+    aside[1] = other.xx * left_other[1] + other.xy * left_other[3] - host.xx * left_host[1] - host.xy * left_host[3]
+    aside[2] = other.xy * left_other[0] + other.yy * left_other[2] - host.xy * left_host[0] - host.yy * left_host[2]
+    aside[3] = other.xy * left_other[1] + other.yy * left_other[3] - host.xy * left_host[1] - host.yy * left_host[3]
+
+
+cdef inline double share_aside(const Step* step, double nx, double ny) noexcept nogil:
+    """Share of the variance along a direction that is off the lines' plane."""
+    cdef double a = nx * step.aside[0] + ny * step.aside[2], b = nx * step.aside[1] + ny * step.aside[3]
+    cdef double c = nx * step.along[0] + ny * step.along[2], d = nx * step.along[1] + ny * step.along[3]
+    a, c = a * a + b * b, c * c + d * d
+    return a / (a + c)
+
+
+cdef void tighten(Step* step) noexcept nogil:
+    """What tells most lines that they miss."""
+    cdef double nx = step.normals[2 * step.tight], ny = step.normals[2 * step.tight + 1]
+    cdef double changed = hypot(nx * step.along_change[0] + ny * step.along_change[2],
+                                nx * step.along_change[1] + ny * step.along_change[3])
+    changed += hypot(nx * step.aside_change[0] + ny * step.aside_change[2],
+                     nx * step.aside_change[1] + ny * step.aside_change[3])
+    step.tight_place = nx * step.x + ny * step.y
+    step.tight_reach = step.reach[step.tight] + 0.5 * (fabs(nx * step.way_x + ny * step.way_y) + OUTSIDE * changed)
+    step.tight_ahead = OUTSIDE * (nx * step.along[0] + ny * step.along[2])
+    step.tight_left = OUTSIDE * (nx * step.along[1] + ny * step.along[3])
+    step.tight_one = nx * step.aside[0] + ny * step.aside[2]
+    step.tight_two = nx * step.aside[1] + ny * step.aside[3]
+
+
+cdef inline void narrow(double nx, double ny, double reach, const Line* line, double* low, double* high) noexcept nogil:
+    """Cut an interval of a line to where its place along a direction is within reach, at some time in the step."""
+    cdef double c = nx * line.x + ny * line.y, slope = nx * line.slope_x + ny * line.slope_y
+    cdef double moved = nx * line.moved_x + ny * line.moved_y, turned = nx * line.turned_x + ny * line.turned_y
+    cdef double one, two
+    if slope < 0.0:  # the slab is the same from its other side
+        c, slope, moved, turned = -c, -slope, -moved, -turned
+    if slope < PARALLEL:
+        slope, turned = PARALLEL, 0.0
+    if fabs(turned) >= slope:
+        turned = 0.0
+    one, two = -reach - c, reach - c
+    # each bound goes one way during the step: it is farthest out at the begin or at the end
+    if moved * slope > -one * turned:
+        one = (one - moved) / (slope + turned)
+    else:
+        one = (one + moved) / (slope - turned)
+    if moved * slope < -two * turned:
+        two = (two - moved) / (slope + turned)
+    else:
+        two = (two + moved) / (slope - turned)
+    low[0], high[0] = max(low[0], one), min(high[0], two)
+
+
+cdef inline void narrow_across(double bound, const Step* step, const Line* line, double host_length, double host_width,
+                               double other_length, double other_width, double* low, double* high) noexcept nogil:
+    """Cut it by the direction across the way that the place has at one of its bounds: the mean way has another."""
+    cdef double wx, wy, length
+    if low[0] > high[0] or fabs(bound) > OUTSIDE:
+        return
+    wx, wy = line.moved_x + bound * line.turned_x, line.moved_y + bound * line.turned_y
+    length = hypot(wx, wy)
+    if length < STANDING_M or fabs(step.normals[0] * wx + step.normals[1] * wy) <= ACROSS * length:
+        return
+    wx, wy = wx / length, wy / length
+    narrow(-wy, wx, reach_along(-wy, wx, step, host_length, host_width, other_length, other_width), line, low, high)
 
 
 cdef inline double share_below(double r) noexcept nogil:
@@ -112,157 +209,143 @@ def contact_probability(const double[:, ::1] x, const double[:, ::1] y,
                         const double[:, ::1] host_heading, const double[:, ::1] other_heading,
                         const double[:, :, ::1] host_covariance, const double[:, :, ::1] other_covariance, *,
                         double host_length, double host_width, double other_length, double other_width,
-                        const double[:, ::1] lines,
-                        const double[:, ::1] few_lines, const Py_ssize_t[::1] ends, double far_sigmas, double least_m2):
-    cdef Py_ssize_t n_rows = x.shape[0], n_steps = x.shape[1] - 1, n_ends = ends.shape[0]
+                        const double[:, ::1] lines, const Py_ssize_t[::1] n_lines, const double[::1] enough_below,
+                        const Py_ssize_t[::1] ends, double far_sigmas, double least_m2):
+    cdef Py_ssize_t n_rows = x.shape[0], n_points = x.shape[1], n_ends = ends.shape[0]
     out_array = np.zeros((n_rows, n_ends))
     cdef double[:, ::1] out = out_array
-    cdef double* values = <double*> malloc(n_steps * N_AXES * N_VALUES * sizeof(double))
-    cdef double* normals = <double*> malloc(n_steps * N_AXES * 2 * sizeof(double))
-    cdef Root* roots = <Root*> malloc(n_steps * 4 * sizeof(Root))
-    cdef Py_ssize_t* kept = <Py_ssize_t*> malloc(n_steps * sizeof(Py_ssize_t))
-    cdef double* low = <double*> malloc(n_steps * sizeof(double))
-    cdef double* high = <double*> malloc(n_steps * sizeof(double))
-    cdef Py_ssize_t i, s, at, n_kept, nearest, line, end
-    cdef const double[:, ::1] used
+    cdef Step* steps = <Step*> malloc(n_points * sizeof(Step))
+    cdef Root* hosts = <Root*> malloc(n_points * sizeof(Root))
+    cdef Root* others = <Root*> malloc(n_points * sizeof(Root))
+    cdef double* low = <double*> malloc(n_points * sizeof(double))
+    cdef double* high = <double*> malloc(n_points * sizeof(double))
+    cdef Py_ssize_t i, s, k, at, n_kept, nearest, index, end, tier, first, used
+    cdef Step* step
+    cdef Line line
     cdef int axis, n
-    cdef double mx, my, dx, dy, way, ch, sh, co, so, nx, ny, c, r, xx, xy, yy, apart, most, least, shifted, moved, turned, ahead_x = 1.0, ahead_y = 0.0
-    cdef double cosine, sine, w1, w2, slope, one, two, lo, hi
-    cdef double* value
-    cdef Root host, other, both, across, host_begin, other_begin, host_next, other_next
+    cdef double way, nx, ny, apart, most, least, shifted, known, ahead_x = 1.0, ahead_y = 0.0
+    cdef double one, two, cosine, sine, w1, w2, lo, hi
+    cdef Root both, host, other
     cdef double to_host[4]
     cdef double to_other[4]
     cdef double left_host[4]
     cdef double left_other[4]
     try:
-        if not (values and normals and roots and kept and low and high):
+        if not (steps and hosts and others and low and high):
             raise MemoryError
         with nogil:
             for i in range(n_rows):
+                known = 0.0
+                for k in range(n_points):
+                    hosts[k] = root_of(
+                        host_covariance[i, k, 0] + least_m2, host_covariance[i, k, 1], host_covariance[i, k, 2] + least_m2
+                    )
+                    others[k] = root_of(
+                        other_covariance[i, k, 0] + least_m2, other_covariance[i, k, 1], other_covariance[i, k, 2] + least_m2
+                    )
+                    known += x[i, k] + y[i, k] + host_heading[i, k] + other_heading[i, k]
+                    known += hosts[k].xx + hosts[k].yy + others[k].xx + others[k].yy
+                if isnan(known):
+                    for end in range(n_ends):
+                        out[i, end] = NAN
+                    continue
                 n_kept, nearest, least = 0, 0, far_sigmas
-                for s in range(n_steps):
-                    mx, my = 0.5 * (x[i, s] + x[i, s + 1]), 0.5 * (y[i, s] + y[i, s + 1])
-                    dx, dy = x[i, s + 1] - x[i, s], y[i, s + 1] - y[i, s]
-                    one = 0.5 * (host_heading[i, s] + host_heading[i, s + 1])
-                    two = 0.5 * (other_heading[i, s] + other_heading[i, s + 1])
-                    if s == 0:
-                        host_next = root_at(host_covariance, i, s, least_m2)
-                        other_next = root_at(other_covariance, i, s, least_m2)
-                    host_begin, other_begin = host_next, other_next
-                    host_next = root_at(host_covariance, i, s + 1, least_m2)
-                    other_next = root_at(other_covariance, i, s + 1, least_m2)
-                    host, other = middle_of(host_begin, host_next), middle_of(other_begin, other_next)
-                    roots[4 * n_kept], roots[4 * n_kept + 1] = host, other
-                    roots[4 * n_kept + 2] = change_of(host_begin, host_next)
-                    roots[4 * n_kept + 3] = change_of(other_begin, other_next)
-                    both = sum_of(squared(host), squared(other))
-                    xx, xy, yy = both.xx, both.xy, both.yy
-                    if isnan(mx + my + xx + xy + yy + one + two):
-                        n_kept = -1
-                        break
-                    ch, sh, co, so = cos(one), sin(one), cos(two), sin(two)
-                    way = hypot(dx, dy)
+                for s in range(n_points - 1):
+                    k = s + 1
+                    step = steps + n_kept
+                    step.begin = s
+                    step.x, step.y = 0.5 * (x[i, s] + x[i, k]), 0.5 * (y[i, s] + y[i, k])
+                    step.way_x, step.way_y = x[i, k] - x[i, s], y[i, k] - y[i, s]
+                    one = 0.5 * (host_heading[i, s] + host_heading[i, k])
+                    two = 0.5 * (other_heading[i, s] + other_heading[i, k])
+                    step.cos_host, step.sin_host, step.cos_other, step.sin_other = cos(one), sin(one), cos(two), sin(two)
+                    step.host, step.other = middle_of(hosts[s], hosts[k]), middle_of(others[s], others[k])
+                    step.host_change, step.other_change = change_of(hosts[s], hosts[k]), change_of(others[s], others[k])
+                    both = sum_of(squared(step.host), squared(step.other))
+                    way = hypot(step.way_x, step.way_y)
                     most = -1e300
                     for axis in range(N_AXES):
                         if axis == 4:
-                            nx, ny = ch, sh
+                            nx, ny = step.cos_host, step.sin_host
                         elif axis == 1:
-                            nx, ny = -sh, ch
+                            nx, ny = -step.sin_host, step.cos_host
                         elif axis == 2:
-                            nx, ny = co, so
+                            nx, ny = step.cos_other, step.sin_other
                         elif axis == 3:
-                            nx, ny = -so, co
+                            nx, ny = -step.sin_other, step.cos_other
                         elif way > STANDING_M:  # first: it tells most lines that they miss
-                            nx, ny = -dy / way, dx / way
+                            nx, ny = -step.way_y / way, step.way_x / way
                         else:
-                            nx, ny = -sh, ch
-                        c = nx * mx + ny * my
-                        moved = nx * dx + ny * dy
-                        r = half_extent(nx, ny, ch, sh, host_length, host_width)
-                        r += half_extent(nx, ny, co, so, other_length, other_width)
-                        apart = (fabs(c) - r - 0.5 * fabs(moved)) / sqrt(xx * nx * nx + 2.0 * xy * nx * ny + yy * ny * ny)
-                        most = max(most, apart)
-                        normals[(n_kept * N_AXES + axis) * 2] = nx
-                        normals[(n_kept * N_AXES + axis) * 2 + 1] = ny
-                        values[(n_kept * N_AXES + axis) * N_VALUES] = c
-                        values[(n_kept * N_AXES + axis) * N_VALUES + 1] = r
-                        values[(n_kept * N_AXES + axis) * N_VALUES + 6] = moved
+                            nx, ny = -step.sin_host, step.cos_host
+                        step.normals[2 * axis], step.normals[2 * axis + 1] = nx, ny
+                        step.reach[axis] = reach_along(nx, ny, step, host_length, host_width, other_length, other_width)
+                        apart = fabs(nx * step.x + ny * step.y) - step.reach[axis] - 0.5 * fabs(nx * step.way_x + ny * step.way_y)
+                        apart /= sqrt(both.xx * nx * nx + 2.0 * both.xy * nx * ny + both.yy * ny * ny)
+                        if apart > most:
+                            most, step.tight = apart, axis
                     if most >= far_sigmas:
                         continue
+                    step.weight = exp(-0.5 * most * most) if most > 0.0 else 1.0
                     if most < least:
-                        nearest, least, ahead_x, ahead_y = n_kept, most, ch, sh
-                    kept[n_kept] = s
+                        nearest, least, ahead_x, ahead_y = n_kept, most, step.cos_host, step.sin_host
                     n_kept += 1
-                if n_kept < 0:
-                    for end in range(n_ends):
-                        out[i, end] = NAN
-                if n_kept <= 0:
+                if not n_kept:
                     continue
-                host, other = roots[4 * nearest], roots[4 * nearest + 1]
+                host, other = steps[nearest].host, steps[nearest].other
                 both = sum_of(squared(host), squared(other))
                 both = inverse(root_of(both.xx, both.xy, both.yy))
                 product(host, both, to_host)
                 product(other, both, to_other)
                 host, other = inverse(host), inverse(other)
-                across = sum_of(squared(host), squared(other))
-                across = inverse(root_of(across.xx, across.xy, across.yy))
-                product(host, across, left_host)
-                product(other, across, left_other)
+                both = sum_of(squared(host), squared(other))
+                both = inverse(root_of(both.xx, both.xy, both.yy))
+                product(host, both, left_host)
+                product(other, both, left_other)
                 shifted = 0.0
                 for at in range(n_kept):
-                    host, other = roots[4 * at], roots[4 * at + 1]
-                    host_next, other_next = roots[4 * at + 2], roots[4 * at + 3]
+                    step = steps + at
+                    maps_of(step.host, step.other, to_host, to_other, left_host, left_other, step.along, step.aside)
+                    maps_of(step.host_change, step.other_change, to_host, to_other, left_host, left_other,
+                            step.along_change, step.aside_change)
+                    tighten(step)
                     for axis in range(N_AXES):
-                        nx, ny = normals[(at * N_AXES + axis) * 2], normals[(at * N_AXES + axis) * 2 + 1]
-                        value = values + (at * N_AXES + axis) * N_VALUES
-                        xx, xy = nx * host.xx + ny * host.xy, nx * host.xy + ny * host.yy
-                        one, two = nx * other.xx + ny * other.xy, nx * other.xy + ny * other.yy
-                        value[2] = xx * to_host[0] + xy * to_host[2] + one * to_other[0] + two * to_other[2]
-                        value[3] = xx * to_host[1] + xy * to_host[3] + one * to_other[1] + two * to_other[3]
-                        value[4] = one * left_other[0] + two * left_other[2] - xx * left_host[0] - xy * left_host[2]
-                        value[5] = one * left_other[1] + two * left_other[3] - xx * left_host[1] - xy * left_host[3]
-                        xx, xy = nx * host_next.xx + ny * host_next.xy, nx * host_next.xy + ny * host_next.yy
-                        one, two = nx * other_next.xx + ny * other_next.xy, nx * other_next.xy + ny * other_next.yy
-                        value[7] = xx * to_host[0] + xy * to_host[2] + one * to_other[0] + two * to_other[2]
-                        value[8] = xx * to_host[1] + xy * to_host[3] + one * to_other[1] + two * to_other[3]
-                        value[9] = one * left_other[0] + two * left_other[2] - xx * left_host[0] - xy * left_host[2]
-                        value[10] = one * left_other[1] + two * left_other[3] - xx * left_host[1] - xy * left_host[3]
-                        one = value[4] * value[4] + value[5] * value[5]
-                        shifted = max(shifted, one / (one + value[2] * value[2] + value[3] * value[3]))
-                used = few_lines if shifted < ALIKE else lines
-                for line in range(used.shape[0]):
-                    cosine = ahead_x * used[line, 0] - ahead_y * used[line, 1]
-                    sine = ahead_y * used[line, 0] + ahead_x * used[line, 1]
-                    w1 = ahead_x * used[line, 2] - ahead_y * used[line, 3]
-                    w2 = ahead_y * used[line, 2] + ahead_x * used[line, 3]
+                        one = share_aside(step, step.normals[2 * axis], step.normals[2 * axis + 1])
+                        shifted = max(shifted, step.weight * one)
+                first, tier = 0, 0
+                while tier < enough_below.shape[0] and shifted >= enough_below[tier]:
+                    first += n_lines[tier]
+                    tier += 1
+                used = n_lines[tier]
+                for index in range(first, first + used):
+                    cosine = ahead_x * lines[index, 0] - ahead_y * lines[index, 1]
+                    sine = ahead_y * lines[index, 0] + ahead_x * lines[index, 1]
+                    w1 = ahead_x * lines[index, 2] - ahead_y * lines[index, 3]
+                    w2 = ahead_y * lines[index, 2] + ahead_x * lines[index, 3]
                     n, end = 0, 0
                     for at in range(n_kept):
-                        while end < n_ends and kept[at] >= ends[end]:
+                        step = steps + at
+                        while end < n_ends and step.begin >= ends[end]:
                             out[i, end] += share_of(low, high, n)
                             end += 1
+                        apart = fabs(step.tight_place + step.tight_one * w1 + step.tight_two * w2) - step.tight_reach
+                        if apart > fabs(step.tight_ahead * cosine + step.tight_left * sine):
+                            continue
+                        line.x = step.x + step.aside[0] * w1 + step.aside[1] * w2
+                        line.y = step.y + step.aside[2] * w1 + step.aside[3] * w2
+                        line.slope_x = step.along[0] * cosine + step.along[1] * sine
+                        line.slope_y = step.along[2] * cosine + step.along[3] * sine
+                        line.moved_x = 0.5 * (step.way_x + step.aside_change[0] * w1 + step.aside_change[1] * w2)
+                        line.moved_y = 0.5 * (step.way_y + step.aside_change[2] * w1 + step.aside_change[3] * w2)
+                        line.turned_x = 0.5 * (step.along_change[0] * cosine + step.along_change[1] * sine)
+                        line.turned_y = 0.5 * (step.along_change[2] * cosine + step.along_change[3] * sine)
                         lo, hi = -1e300, 1e300
-                        value = values + at * N_AXES * N_VALUES
                         for axis in range(N_AXES):
-                            c = value[0] + value[4] * w1 + value[5] * w2
-                            slope = value[2] * cosine + value[3] * sine
-                            moved = 0.5 * (value[6] + value[9] * w1 + value[10] * w2)
-                            turned = 0.5 * (value[7] * cosine + value[8] * sine)
-                            if fabs(slope) < PARALLEL:
-                                slope, turned = PARALLEL, 0.0
-                            if fabs(turned) >= fabs(slope):
-                                turned = 0.0
-                            if (moved * slope - c * turned) * slope < 0.0:  # by which way it goes where the line is amid the slab
-                                moved, turned = -moved, -turned
-                            one, two = (-value[1] - c - moved) / (slope + turned), (value[1] - c + moved) / (slope - turned)
-                            if slope < 0.0:
-                                one, two = two, one
-                            if one > lo:
-                                lo = one
-                            if two < hi:
-                                hi = two
+                            narrow(step.normals[2 * axis], step.normals[2 * axis + 1], step.reach[axis], &line, &lo, &hi)
                             if lo > hi:
                                 break
-                            value += N_VALUES
+                        one, two = lo, hi
+                        narrow_across(one, step, &line, host_length, host_width, other_length, other_width, &lo, &hi)
+                        narrow_across(two, step, &line, host_length, host_width, other_length, other_width, &lo, &hi)
                         if lo > hi:
                             continue
                         if n and lo <= high[n - 1] and hi >= low[n - 1]:
@@ -274,12 +357,11 @@ def contact_probability(const double[:, ::1] x, const double[:, ::1] y,
                         out[i, end] += share_of(low, high, n)
                         end += 1
                 for end in range(n_ends):
-                    out[i, end] /= used.shape[0]
+                    out[i, end] /= used
     finally:
-        free(values)
-        free(normals)
-        free(roots)
-        free(kept)
+        free(steps)
+        free(hosts)
+        free(others)
         free(low)
         free(high)
     return out_array

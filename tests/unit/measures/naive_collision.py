@@ -11,7 +11,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 Size = tuple[float, float]
 
-ALIKE = 0.01
+OUTSIDE, ACROSS = 4.5, 0.02
 
 
 def contact_probability(
@@ -21,8 +21,8 @@ def contact_probability(
     covariances: tuple[FloatArray, FloatArray],
     sizes: tuple[Size, Size],
     *,
-    lines: FloatArray,
-    few_lines: FloatArray,
+    lines: Sequence[FloatArray],
+    enough_below: Sequence[float],
     end: int,
     far_sigmas: float,
     least_m2: float,
@@ -52,13 +52,19 @@ def contact_probability(
     host, other = np.linalg.inv(-nearest[:, :2]), np.linalg.inv(nearest[:, 2:])
     rest = np.vstack([host, other]) @ np.linalg.inv(_sqrt(host @ host + other @ other))
     shares = [
-        ((n @ step[2] @ rest) ** 2).sum() / ((n @ step[2]) ** 2).sum() for _, _, step, slabs in steps for n, _ in slabs
+        math.exp(-0.5 * max(far, 0.0) ** 2) * ((n @ step[2] @ rest) ** 2).sum() / ((n @ step[2]) ** 2).sum()
+        for far, _, step, slabs in steps
+        for n, _ in slabs
     ]
-    used = few_lines if max(shares) < ALIKE else lines
+    used = lines[sum(max(shares) >= bound for bound in enough_below)]
     total = 0.0
     for cosine, sine, one, two in used:
         along, aside = basis @ axes @ [cosine, sine], rest @ axes @ [one, two]
-        hits = [_interval(along, aside, step, slabs) for _, k, step, slabs in steps if k < end]
+        hits = [
+            _interval(along, aside, step, slabs, [0.5 * (own[k] + own[k + 1]) for own in headings], sizes)
+            for _, k, step, slabs in steps
+            if k < end and not _misses(along, aside, basis, rest, step, slabs)
+        ]
         total += _share([each for each in hits if each[0] <= each[1]])
     return total / len(used)
 
@@ -78,23 +84,68 @@ def _reach(normal: FloatArray, turn: Sequence[float], sizes: tuple[Size, Size]) 
     return total
 
 
+def _misses(
+    along: FloatArray,
+    aside: FloatArray,
+    basis: FloatArray,
+    rest: FloatArray,
+    step: tuple[FloatArray, ...],
+    slabs: Sequence[tuple[FloatArray, float]],
+) -> bool:
+    """Whether a line is out of reach wherever its errors are likely, in the direction in which the two are farthest."""
+    middle, way, places, change = step
+    n, reach = max(
+        slabs,
+        key=lambda each: (
+            (abs(each[0] @ middle) - each[1] - 0.5 * abs(each[0] @ way)) / np.linalg.norm(each[0] @ places)
+        ),
+    )
+    changed = OUTSIDE * (np.linalg.norm(n @ change @ basis) + np.linalg.norm(n @ change @ rest))
+    apart = abs(n @ (middle + places @ aside)) - reach - 0.5 * (abs(n @ way) + changed)
+    return bool(apart > OUTSIDE * abs(n @ places @ along))
+
+
 def _interval(
-    along: FloatArray, aside: FloatArray, step: tuple[FloatArray, ...], slabs: Sequence[tuple[FloatArray, float]]
+    along: FloatArray,
+    aside: FloatArray,
+    step: tuple[FloatArray, ...],
+    slabs: Sequence[tuple[FloatArray, float]],
+    turn: Sequence[float],
+    sizes: tuple[Size, Size],
 ) -> tuple[float, float]:
     """Where on the line `along r + aside` the step is touched."""
     middle, way, places, change = step
-    low, high = -math.inf, math.inf
+    centre, slope = middle + places @ aside, places @ along
+    moved, turned = 0.5 * (way + change @ aside), 0.5 * change @ along
+
+    def bounds(n: FloatArray, reach: float) -> tuple[float, float]:
+        """The least and the greatest r within reach along a direction, at the step's begin or at its end."""
+        turning = 0.0 if abs(n @ turned) >= abs(n @ slope) else n @ turned
+        found = [
+            sorted(
+                ((side * reach - n @ centre - at * (n @ moved)) / (n @ slope + at * turning)) for side in (-1.0, 1.0)
+            )
+            for at in (-1.0, 1.0)
+        ]
+        return min(low for low, _ in found), max(high for _, high in found)
+
+    def cut(interval: tuple[float, float], n: FloatArray, reach: float) -> tuple[float, float]:
+        low, high = bounds(n, reach)
+        return max(interval[0], low), min(interval[1], high)
+
+    interval = (-math.inf, math.inf)
     for n, reach in slabs:
-        centre, slope = n @ (middle + places @ aside), n @ places @ along
-        moved, turned = 0.5 * n @ (way + change @ aside), 0.5 * n @ change @ along
-        if abs(turned) >= abs(slope):
-            turned = 0.0
-        if moved - centre / slope * turned < 0.0:
-            moved, turned = -moved, -turned
-        bounds = (-reach - centre - moved) / (slope + turned), (reach - centre + moved) / (slope - turned)
-        one, two = bounds if slope > 0.0 else bounds[::-1]
-        low, high = max(low, one), min(high, two)
-    return low, high
+        interval = cut(interval, n, reach)
+    for at in interval:
+        if interval[0] > interval[1] or abs(at) > OUTSIDE:
+            continue
+        way_there = moved + at * turned
+        length = float(np.linalg.norm(way_there))
+        if length < 1e-9 or abs(slabs[0][0] @ way_there) <= ACROSS * length:
+            continue
+        across = np.array([-way_there[1], way_there[0]]) / length
+        interval = cut(interval, across, _reach(across, turn, sizes))
+    return interval
 
 
 def _share(intervals: Sequence[tuple[float, float]]) -> float:

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cwcli.measures.collision_probability import FAR_SIGMAS, LATTICE, LEAST_M2, collision_probability, error_lines
+from cwcli.measures.collision_probability import (
+    ENOUGH_BELOW,
+    FAR_SIGMAS,
+    LATTICE,
+    LEAST_M2,
+    collision_probability,
+    error_lines,
+)
 from tests.studies.collision_probability import Encounter, random_encounter, sampled
 from tests.unit.measures.naive_collision import contact_probability
 
@@ -117,8 +124,8 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
             one.headings_rad,
             one.covariances_m2,
             one.sizes,
-            lines=error_lines(144),
-            few_lines=error_lines(72),
+            lines=[error_lines(n) for n in LATTICE],
+            enough_below=ENOUGH_BELOW,
             end=int(end),
             far_sigmas=FAR_SIGMAS,
             least_m2=LEAST_M2,
