@@ -83,7 +83,7 @@ def test_fewer_paths_in_the_log_leave_warnings_and_metrics_as_they_are(
     assert set(some) <= set(every)
     others = ([each for each in messages(data) if each[0] not in topics] for data in (whole, fewer))
     assert sorted(next(others)) == sorted(next(others))
-    assert len(fewer) < 0.7 * len(whole)
+    assert len(fewer) < 0.9 * len(whole)  # a path with points a quarter of a second apart is small
     for table in sorted((tmp_path / "all").iterdir()):
         assert table.read_bytes() == (tmp_path / "some" / table.name).read_bytes(), table.name
 
