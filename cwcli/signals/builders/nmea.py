@@ -121,7 +121,8 @@ def degrees(text: str, half: str, halves: str) -> float:
 
 def number(text: str) -> float:
     """The number; NaN for what is none: digits, one point, a sign at most."""
-    return float(text) if text.lstrip("+-").replace(".", "", 1).isdecimal() else NAN
+    unsigned = text[1:] if text.startswith(("+", "-")) else text
+    return float(text) if unsigned.replace(".", "", 1).isdecimal() else NAN
 
 
 def _reader(kinds: tuple[str, ...]) -> Callable[[Columns, RowLedger], GnssFix]:

@@ -10,7 +10,7 @@ import pynmea2
 import pytest
 
 from cwcli.signals.build import build
-from cwcli.signals.builders.nmea import BAD_CHECKSUM, NO_CHECKSUM, NO_SENTENCE, OTHER, TOO_SHORT
+from cwcli.signals.builders.nmea import BAD_CHECKSUM, NO_CHECKSUM, NO_SENTENCE, OTHER, TOO_SHORT, number
 from cwcli.signals.builders.sbg import NO_AXES
 from cwcli.signals.gnss_time import GPS_EPOCH_S, LEAP_SECONDS, ROLLED_OVER, WEEK_S, utc_of_date, utc_of_gps
 from cwcli.signals.role import Role
@@ -99,6 +99,14 @@ def test_a_sentence_with_one_letter_changed_or_cut_gives_no_other_position() -> 
     signal, quality = build(Role.EGO_POSITION, nmea(*odd))
     assert quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values()) == len(odd)
     assert set(zip(signal.latitude_deg.tolist(), signal.longitude_deg.tolist(), strict=True)) <= {(48.125, 11.5)}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("-4807.5", -4807.5), ("+12", 12.0), ("+-5", np.nan), ("--5", np.nan), ("-", np.nan), ("", np.nan), (".", np.nan)],
+)
+def test_a_number_has_one_sign_at_most(text: str, expected: float) -> None:
+    assert number(text) == pytest.approx(expected, nan_ok=True)
 
 
 def test_positions_agree_with_pynmea2() -> None:
