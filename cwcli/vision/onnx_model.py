@@ -290,13 +290,13 @@ def input_shape(data: bytes) -> tuple[int | None, ...]:
         given = {bytes(_fields(tensor, 8)[0]) for tensor in _fields(graph, 5)}  # old files list their weights as inputs
         inputs = [value for value in _fields(graph, 11) if bytes(_fields(value, 1)[0]) not in given]
         dims = _fields(_fields(_fields(_fields(inputs[0], 2)[0], 1)[0], 2)[0], 1)
-        return tuple(next(iter(_fields(dim, 1)), None) or None for dim in dims)
+        return tuple(next(iter(_fields(dim, 1, wire_type=0)), None) or None for dim in dims)
     except (IndexError, ValueError):
         return ()
 
 
-def _fields(data: bytes, number: int) -> list[Any]:
-    """Whole numbers and bytes of a field of a protobuf message."""
+def _fields(data: bytes, number: int, wire_type: int = 2) -> list[Any]:
+    """Values of a field of a protobuf message: whole numbers (wire type 0) or bytes (2); others are left out."""
     made: list[Any] = []
     at = 0
     while at < len(data):
@@ -310,7 +310,7 @@ def _fields(data: bytes, number: int) -> list[Any]:
                 value, at = data[at : at + n], at + n
             case _:
                 raise ValueError("no protobuf")
-        if tag >> 3 == number:
+        if tag == number << 3 | wire_type:
             made.append(value)
     return made
 

@@ -12,7 +12,7 @@ from cwcli.errors import InputError, UsageError
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.method import LaneFrame
 from cwcli.vision.methods import METHODS, check_method, chosen_method
-from cwcli.vision.onnx_model import LaneNet, described
+from cwcli.vision.onnx_model import LaneNet, described, input_shape
 from tests.unit.vision.lane_scene import mounted, score
 from tests.unit.vision.onnx_file import convolution
 
@@ -126,6 +126,16 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
     path = ridge_net(tmp_path)
     path.with_suffix(".toml").unlink()
     with pytest.raises(InputError, match=r"ridges\.toml: can't be read: No such file"):
+        LaneNet(path)
+
+
+def test_whole_numbers_where_onnx_has_messages_say_no_shape(tmp_path: Path) -> None:
+    number_as_graph, number_as_weights, number_as_input = b"\x38\x05", b"\x3a\x02\x28\x05", b"\x3a\x02\x58\x05"
+    for content in (number_as_graph, number_as_weights, number_as_input):
+        assert input_shape(content) == ()
+    path = ridge_net(tmp_path)
+    path.write_bytes(number_as_graph)
+    with pytest.raises(InputError, match="can't load the net"):
         LaneNet(path)
 
 
