@@ -150,11 +150,14 @@ def _first_value(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     field = find(columns, path)
     if not isinstance(field, Ragged):
         return whole_numbers(columns, path)
-    counts = np.diff(field.offsets)
-    values = np.zeros(len(columns), np.float64)
-    values[counts > 0] = field.values[field.offsets[:-1][counts > 0]].astype(np.float64)
-    is_whole = np.isfinite(values) & (np.abs(values) < 9e18)
-    return np.where(is_whole, values, 0.0).astype(np.int64), (counts > 0) & is_whole
+    has_one = np.diff(field.offsets) > 0
+    first = field.values[field.offsets[:-1][has_one]]
+    values, is_whole = np.zeros(len(columns), np.int64), has_one.copy()
+    if not np.issubdtype(first.dtype, np.integer):  # whole numbers stay as exact as they are: ids have 64 bits
+        is_whole[has_one] = np.isfinite(first) & (np.abs(first) < 9e18)
+        first = np.where(is_whole[has_one], first, 0.0)
+    values[has_one] = first.astype(np.int64)
+    return values, is_whole
 
 
 def _ids(columns: Columns, elements: Elements, path: str) -> npt.NDArray[np.uint64]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_object_pb2 import MovingObject
+from osi3.osi_sensordata_pb2 import SensorData
 
 from cwcli.channels.binding import bind
 from cwcli.logs.read.reader import Log
@@ -170,6 +171,18 @@ def test_a_view_names_the_host_that_carries_its_sensor(tmp_path) -> None:
     speed, quality = read(path, Role.EGO_SPEED)
     assert isinstance(speed, SpeedSignal)
     np.testing.assert_allclose(speed.speed_mps, 10.0)
+    assert not quality.notes
+
+
+def test_a_host_is_known_by_every_digit_of_its_id(tmp_path) -> None:
+    host = 2**53 + 1  # next to it 2^53 is a float64, it is none
+    data = SensorData()
+    view = data.sensor_view.add()
+    view.host_vehicle_id.value = host
+    actors = (PARKED, CAR, Actor(host, OTHER.motion), Actor(2**53, PARKED.motion))
+    fill_world(view.global_ground_truth, actors, 0.0, stamp_ns=0, host=None, at_m=(0.0, 0.0))
+    signal, quality = read(write_messages(tmp_path / "a.mcap", [("sensor_data", 0, data)]), Role.EGO_SPEED)
+    np.testing.assert_allclose(signal.speed_mps, [10.0])
     assert not quality.notes
 
 
