@@ -174,6 +174,26 @@ def test_the_nearest_file_is_found_and_said(
     assert "defaults from cwcli.toml" in nearest.err
 
 
+def test_no_file_is_found_from_a_deleted_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert run(["config"]) == 0
+    assert "defaults from" not in capsys.readouterr().err
+
+
+def test_no_file_is_found_in_a_closed_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def closed(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Path, "is_file", closed)
+    assert run(["config"]) == 0
+
+
 def test_a_found_file_is_silent_when_quiet_and_can_be_left_out(cwcli: Run, tmp_path: Path) -> None:
     (tmp_path / "cwcli.toml").write_text("strict = 7\n")
     assert cwcli("simulate", "straight", "-o", "drive.mcap").stderr == b""  # it has no such option

@@ -78,11 +78,14 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
 
 
 def _found() -> str | None:
-    """The nearest `cwcli.toml`."""
-    folder = Path.cwd()
-    if (folder / FOUND_NAME).is_file():
-        return FOUND_NAME
-    return next((str(above / FOUND_NAME) for above in folder.parents if (above / FOUND_NAME).is_file()), None)
+    """The nearest `cwcli.toml`; None, too, where the working folder was deleted or a folder can't be searched."""
+    try:
+        folder = Path.cwd()
+        if (folder / FOUND_NAME).is_file():
+            return FOUND_NAME
+        return next((str(above / FOUND_NAME) for above in folder.parents if (above / FOUND_NAME).is_file()), None)
+    except OSError:
+        return None
 
 
 def _load(path: str) -> dict[str, Any]:
