@@ -13,6 +13,7 @@ max_delay_s = 0.5
 from __future__ import annotations
 
 import math
+import sys
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,6 +34,8 @@ OF_TOPIC = {
     "max_out_of_order": "out_of_order",
 }
 """Condition on a topic -> what of `Health` it is about. Of a drift the size counts."""
+MAX_NUMBER = sys.float_info.max
+"""TOML's whole numbers have no bound, and what is found is a float."""
 
 
 class Verdict(NamedTuple):
@@ -79,6 +82,9 @@ class RecordingContract:
             raise UsageError("topics must be tables", where=path, hint='[topics."/gps/fix"]')
         for topic, conditions in topics.items():
             _known(path, conditions, ("schema", *OF_TOPIC), f"{topic}: ")
+            if not isinstance(conditions.get("schema", ""), str):
+                what = f"{topic}: schema = {conditions['schema']!r} is no name of a type"
+                raise UsageError(what, where=path, hint='schema = "sensor_msgs/NavSatFix"')
             _check_numbers(path, {name: each for name, each in conditions.items() if name != "schema"}, f"{topic}: ")
         _check_numbers(path, document, "")
         if not (document or roles or topics):
@@ -140,5 +146,5 @@ def _known(path: str, table: Mapping[str, Any], names: Sequence[str], about: str
 
 def _check_numbers(path: str, table: Mapping[str, Any], about: str) -> None:
     for name, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
-            raise UsageError(f"{about}{name} = {value!r} is no number from 0 on", where=path)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_NUMBER:
+            raise UsageError(f"{about}{name} = {value!r} is no number from 0 to {MAX_NUMBER:g}", where=path)

@@ -164,6 +164,9 @@ def test_contract_is_judged_condition_by_condition(cwcli: Run, log: Path, tmp_pa
         ("min_duration_s = -1", "no number"),
         ('roles = ["pilot"]', "list of roles"),
         ("topics = 3", "must be tables"),
+        ('[topics."/gps/a"]\nschema = ["a", "b"]', "no name of a type"),
+        (f"min_messages = 1{'0' * 400}", "no number"),
+        (f'[topics."/gps/a"]\nmin_messages = 1{"0" * 400}', "no number"),
     ],
 )
 def test_contract_that_is_none_is_refused(cwcli: Run, log: Path, tmp_path: Path, text: str, words: str) -> None:
