@@ -15,7 +15,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from cwcli.errors import CwcliError, InputError, UsageError
+from cwcli.errors import InputError, UsageError
 from cwcli.input import InputFile
 from cwcli.logs.format.records import Channel, Schema
 
@@ -28,10 +28,12 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _MESSAGE = struct.Struct("<BQHIQQ")
 OPCODE_MESSAGE = 0x05
 HEADER_BYTES = 22
+MAX_ID = 0xFFFF
 EXTRA = "pip install 'cwcli[bags]'"
 
 Message = tuple[int, int, bytes | memoryview]
 """Connection, log time, payload."""
+Content = Schema | Channel | Message
 
 
 def convert_bag(file: InputFile, notes: dict[str, int], is_ros1: bool, target: IO[bytes]) -> None:
@@ -60,67 +62,79 @@ def convert_bag(file: InputFile, notes: dict[str, int], is_ros1: bool, target: I
     output = Output(target.fileno(), file.name)
     writer = RecordWriter(output)
     writer.header("ros2", "cwcli")
-    try:
-        with closing(_ros1(file, writer, notes) if is_ros1 else _ros2(file, writer, notes)) as messages:
-            _write(writer, messages)
-    except CwcliError:
-        raise
-    except Exception as error:  # of the library, or of what damaged bytes make it do
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"the library rosbags can't read it: {reason[:200]}", where=file.name) from error
+    with _named(file) as path, closing(_ros1(path, notes) if is_ros1 else _ros2(path, notes)) as content:
+        _write(writer, _read(content, file.name))
     writer.finish()
     output.flush()
 
 
-def _ros1(file: InputFile, writer: RecordWriter, notes: dict[str, int]) -> Generator[Message, None, None]:
+def _read(content: Iterator[Content], name: str) -> Iterator[Content]:
+    """What the library reads; its errors alone are the file's, not those of what is done with it."""
+    while True:
+        try:
+            item = next(content)
+        except StopIteration:
+            return
+        except Exception as error:  # damaged bytes make the library raise whatever its parsers do
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise InputError(f"the library rosbags can't read it: {reason[:200]}", where=name) from error
+        yield item
+
+
+def _ros1(path: str, notes: dict[str, int]) -> Generator[Content, None, None]:
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.rosbag1 import Reader
     from rosbags.serde import SerdeError
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.EMPTY)
-    with _named(file) as path, Reader(path) as reader:
+    with Reader(path) as reader:
         types: dict[str, Any] = {}
         for each in reader.connections:
             if each.msgdef.format is not MessageDefinitionFormat.NONE:
                 types.update(get_types_from_msg(each.msgdef.data, each.msgtype))
         types[HEADER] = get_typestore(Stores.LATEST).fielddefs[HEADER]  # the conversion takes `seq` out
         store.register(types)
-        _define(reader.connections, writer, store, notes)
+        yield from _definitions(reader.connections, store, notes)
         for connection, log_time_ns, data in reader.messages():
             try:
-                yield connection.id, log_time_ns, store.ros1_to_cdr(data, connection.msgtype)
+                yield _message(connection.id, log_time_ns, store.ros1_to_cdr(data, connection.msgtype))
             except (SerdeError, AssertionError, UnicodeDecodeError):
                 what = f"messages that can't be converted on {connection.topic}"
                 notes[what] = notes.get(what, 0) + 1
 
 
-def _ros2(file: InputFile, writer: RecordWriter, notes: dict[str, int]) -> Generator[Message, None, None]:
+def _ros2(path: str, notes: dict[str, int]) -> Generator[Content, None, None]:
     import zstandard
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.LATEST)
-    with _named(file) as path:
-        reader = Sqlite3Reader(Path(path))
-        reader.open()
-        with closing(reader):
-            own: dict[str, Any] = {}
-            for each in reader.connections:
-                if each.msgdef.format is MessageDefinitionFormat.MSG:
-                    own.update(get_types_from_msg(each.msgdef.data, each.msgtype))
-                elif each.msgdef.format is MessageDefinitionFormat.IDL:
-                    own.update(get_types_from_idl(each.msgdef.data))
-            if own:
-                store = get_typestore(Stores.EMPTY)
-                store.register(own)
-            _define(reader.connections, writer, store, notes)
-            unpack = zstandard.ZstdDecompressor().decompress
-            for connection, log_time_ns, data in reader.messages(reader.connections):
-                if data[:4] == ZSTD_MAGIC:  # rosbag2 has compressed each message; CDR begins with a zero
-                    data = unpack(data)  # noqa: PLW2901
-                yield connection.id, log_time_ns, data
+    reader = Sqlite3Reader(Path(path))
+    reader.open()
+    with closing(reader):
+        own: dict[str, Any] = {}
+        for each in reader.connections:
+            if each.msgdef.format is MessageDefinitionFormat.MSG:
+                own.update(get_types_from_msg(each.msgdef.data, each.msgtype))
+            elif each.msgdef.format is MessageDefinitionFormat.IDL:
+                own.update(get_types_from_idl(each.msgdef.data))
+        if own:
+            store = get_typestore(Stores.EMPTY)
+            store.register(own)
+        yield from _definitions(reader.connections, store, notes)
+        unpack = zstandard.ZstdDecompressor().decompress
+        for connection, log_time_ns, data in reader.messages(reader.connections):
+            if data[:4] == ZSTD_MAGIC:  # rosbag2 has compressed each message; CDR begins with a zero
+                data = unpack(data)  # noqa: PLW2901
+            yield _message(connection.id, log_time_ns, data)
+
+
+def _message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> Message:
+    """A message; numbers that no log can hold, and what is no bytes, raise here, as faults of the bag."""
+    _MESSAGE.pack(OPCODE_MESSAGE, HEADER_BYTES, channel_id, 0, log_time_ns, log_time_ns)
+    return channel_id, log_time_ns, memoryview(data)
 
 
 @contextmanager
@@ -141,27 +155,31 @@ def _named(file: InputFile) -> Iterator[str]:
         os.close(descriptor)
 
 
-def _define(connections: Any, writer: RecordWriter, store: Any, notes: dict[str, int]) -> None:
-    """Write the schemas and channels; a type that nobody defines has none."""
+def _definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Content]:
+    """The schemas and channels; a type that nobody defines has none."""
+    from rosbags.typesys import TypesysError
+
     schema_ids: dict[str, int] = {}
     unknown: set[str] = set()
     for each in connections:
+        if not 0 <= each.id <= MAX_ID:
+            raise ValueError(f"connection {each.id}: a log has ids up to {MAX_ID}")
         if each.msgtype not in schema_ids:
             try:
                 text = store.generate_msgdef(each.msgtype, ros_version=2)[0]
-            except Exception:  # KeyError and the library's own
+            except (KeyError, TypesysError):
                 unknown.add(each.msgtype)
                 schema_ids[each.msgtype] = 0
             else:
                 schema_ids[each.msgtype] = len(schema_ids) + 1
-                writer.schema(Schema(schema_ids[each.msgtype], each.msgtype, "ros2msg", text.encode()))
-        writer.channel(Channel(each.id, schema_ids[each.msgtype], each.topic, "cdr", {}))
+                yield Schema(schema_ids[each.msgtype], each.msgtype, "ros2msg", text.encode())
+        yield Channel(each.id, schema_ids[each.msgtype], each.topic, "cdr", {})
     for name in sorted(unknown):
         notes[f"message types that nothing defines ({name})"] = 1
 
 
-def _write(writer: RecordWriter, messages: Iterator[Message]) -> None:
-    """The messages in chunks."""
+def _write(writer: RecordWriter, content: Iterator[Content]) -> None:
+    """The schemas and channels, then the messages in chunks."""
     import numpy as np
 
     from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
@@ -178,7 +196,14 @@ def _write(writer: RecordWriter, messages: Iterator[Message]) -> None:
             data.clear()
             entries.clear()
 
-    for channel_id, log_time_ns, payload in messages:
+    for item in content:
+        if isinstance(item, Schema):
+            writer.schema(item)
+            continue
+        if isinstance(item, Channel):
+            writer.channel(item)
+            continue
+        channel_id, log_time_ns, payload = item
         entries.setdefault(channel_id, []).append((log_time_ns, len(data)))
         n = sequence[channel_id] = sequence.get(channel_id, -1) + 1
         data += _MESSAGE.pack(

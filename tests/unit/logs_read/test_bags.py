@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import sqlite3
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import zstandard
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cwcli.cli.main import run
-from cwcli.errors import EXIT_USAGE, InputError
+from cwcli.errors import EXIT_USAGE, InputError, OutputError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.record_writer import RecordWriter
 from tests.unit.logs_read.part_builders import official
 
 T0_NS = 1_700_000_000_000_000_000
@@ -198,3 +203,47 @@ def test_a_damaged_bag_is_an_error_or_read(tmp_path: Path, kind: str) -> None:
         except InputError:
             n_errors += 1
     assert n_errors > 5
+
+
+@pytest.mark.parametrize("method", ["schema", "channel", "chunk"])
+@pytest.mark.parametrize(("fault", "expected"), [(AttributeError, AttributeError), (OSError, OutputError)])
+def test_what_fails_in_writing_is_no_fault_of_the_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, fault: type[Exception], expected: type[Exception]
+) -> None:
+    def fails(*_: Any) -> None:
+        raise fault(errno.ENOSPC, "no room")
+
+    path = bag(tmp_path / "drive.bag")
+    monkeypatch.setattr(RecordWriter, method, fails)
+    with pytest.raises(expected):
+        Log.open(path)
+
+
+def test_no_room_for_the_copy_of_a_bag_without_a_name_is_told_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(**_: Any) -> None:
+        raise OSError(errno.ENOSPC, "no room")
+
+    path = tmp_path / "drive.bag.zstd"
+    path.write_bytes(zstandard.compress(bag(tmp_path / "drive.bag").read_bytes()))
+    monkeypatch.setattr(tempfile, "NamedTemporaryFile", fails)
+    with pytest.raises(OutputError, match="no room"):
+        Log.open(path)
+
+
+@pytest.mark.parametrize("change", ["timestamp = -1", "timestamp = 'soon'", "data = 'text'"])
+def test_a_database_whose_messages_no_log_can_hold_is_refused(tmp_path: Path, change: str) -> None:
+    path = RECORDINGS["database alone"](tmp_path)
+    with sqlite3.connect(path) as database:
+        database.execute(f"UPDATE messages SET {change}")
+    database.close()
+    with pytest.raises(InputError):
+        Log.open(path)
+
+
+def test_a_connection_whose_id_no_log_can_hold_is_refused(tmp_path: Path) -> None:
+    path = bag(tmp_path / "drive.bag")
+    path.write_bytes(path.read_bytes().replace(b"conn=\x01\0\0\0", b"conn=\x01\0\1\0"))
+    with pytest.raises(InputError, match="65537"):
+        Log.open(path)
