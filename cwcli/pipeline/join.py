@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +14,11 @@ from cwcli.channels.binding import bind
 from cwcli.channels.other_car import Recorder, beside, clock_text, moved, recorder_of
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
-from cwcli.errors import DataError
+from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.execute import run_stages
-from cwcli.pipeline.records import map_of, run_records
+from cwcli.pipeline.records import configuration_of, map_of, run_records
 from cwcli.signals.build import build
 from cwcli.signals.canonical import PositionSignal
 from cwcli.signals.geodesy import LocalMap
@@ -112,7 +114,18 @@ def _estimated(log: Log, estimate: Call) -> Log:
     """The log with its car's states."""
     if any(channel.topic == EGO_STATE.topic for channel in log.channels):
         return log
-    return run_stages(log, {"estimate": estimate}, Selection())[1]
+    with _estimate_first(log):
+        return run_stages(log, {"estimate": estimate}, Selection())[1]
+
+
+@contextmanager
+def _estimate_first(log: Log) -> Iterator[None]:
+    """A position that is missing, or one of several, is chosen where the estimate is made: joining has no option."""
+    try:
+        yield
+    except MissingSignalError as error:
+        hint = f"choose it in `cwcli estimate {log.name} --topic ego_position=/name`, and join what that writes"
+        raise MissingSignalError(error.what, where=error.where, found=error.found, hint=hint) from error
 
 
 def _map(log: Log) -> LocalMap:
@@ -127,7 +140,14 @@ def _map(log: Log) -> LocalMap:
 
 
 def _recorder(log: Log) -> Recorder:
-    bound = bind(log.channels, {}, required=(Role.EGO_POSITION,), where=log.name, command="join")
+    """The log's recorder, by the positions that its estimate was made of, where that is told."""
+    sources = configuration_of(run_records(log).get("estimate", {})).get("sources")
+    topics = sources.get("topics") if isinstance(sources, dict) else None
+    named = topics.get(Role.EGO_POSITION) if isinstance(topics, dict) else None
+    chosen = re.split("[,:]", str(named))[0]  # of several, or of one with its fields
+    overrides = {Role.EGO_POSITION: chosen} if any(each.topic == chosen for each in log.channels) else {}
+    with _estimate_first(log):
+        bound = bind(log.channels, overrides, required=(Role.EGO_POSITION,), where=log.name, command="join")
     topic = bound.topic(Role.EGO_POSITION)
     assert topic is not None
     signal = build(Role.EGO_POSITION, log.columns(topic))[0]

@@ -13,7 +13,7 @@ from mcap.writer import Writer
 
 from cwcli.channels.vehicle_state import read_states
 from cwcli.cli.main import run
-from cwcli.errors import EXIT_BAD_DATA, EXIT_OUTPUT
+from cwcli.errors import EXIT_BAD_DATA, EXIT_MISSING_SIGNAL, EXIT_OUTPUT
 from cwcli.logs.read.reader import Log
 
 SAMPLE = Path(__file__).parents[2] / "sample_logs" / "intersection.mcap"
@@ -21,19 +21,30 @@ AHEAD_NS = 3_200_000_000
 SENSORS = {"/gps/fix", "/gps/heading", "/vehicle/velocity", "/imu/data"}
 
 
-def copied(source: Path, target: Path, later: Callable[[int], int], topics: set[str] = SENSORS) -> Path:
-    """The topics of a log with other log times."""
+def copied(
+    source: Path, target: Path, later: Callable[[int], int], topics: set[str] = SENSORS, twin: str = "", empty: str = ""
+) -> Path:
+    """The topics of a log with other log times; the fixes a second time as `twin`, and `empty` without its messages."""
     with source.open("rb") as stream, target.open("wb") as sink:
         reader = make_reader(stream)
         writer = Writer(sink)
         writer.start("ros2", "test")
         ids: dict[int, int] = {}
+        second = 0
         for schema, channel, message in reader.iter_messages():
             if channel.topic in topics and schema is not None:
                 if channel.id not in ids:
                     schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
                     ids[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
+                    if twin and channel.topic == "/gps/fix":
+                        second = writer.register_channel(twin, channel.message_encoding, schema_id)
+                if channel.topic == empty:
+                    continue
                 writer.add_message(ids[channel.id], later(message.log_time), message.data, message.publish_time)
+                if twin and channel.topic == "/gps/fix":
+                    writer.add_message(second, later(message.log_time), message.data, message.publish_time)
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
         writer.finish()
     return target
 
@@ -119,3 +130,14 @@ def test_no_input_is_overwritten(cars: tuple[Path, Path], which: int, capsys: py
     assert run(["join", *map(str, cars), "-o", str(cars[which]), "--force"]) == EXIT_OUTPUT
     assert "the input itself" in capsys.readouterr().err
     assert cars[which].read_bytes() == before
+
+
+def test_positions_of_two_topics_are_chosen_where_the_estimate_is_made(
+    cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    two = copied(cars[0], tmp_path / "two.mcap", lambda log_time: log_time, twin="/gps/other")
+    both, estimated = tmp_path / "both.mcap", tmp_path / "estimated.mcap"
+    assert run(["join", str(two), str(cars[1]), "-o", str(both)]) == EXIT_MISSING_SIGNAL
+    assert "`cwcli estimate" in capsys.readouterr().err
+    assert run(["estimate", str(two), "--topic", "ego_position=/gps/other", "-o", str(estimated), "--quiet"]) == 0
+    assert run(["join", str(estimated), str(cars[1]), "-o", str(both), "--quiet"]) == 0
