@@ -34,6 +34,10 @@ SPELLED = {
 }
 """Units as DBC files spell them -> as a mapping does."""
 
+MOST_BITS = 64
+FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
+"""Bits of a real number -> the types of its bits and of itself."""
+
 
 @dataclass(frozen=True)
 class Decoded:
@@ -64,11 +68,17 @@ def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapp
         raise _wrong(columns, mapping, f"{' and '.join(sorted(names))} are messages of their own: one --map each")
     message = _message(columns, mapping, names.pop())
     signals = [_signal(columns, mapping, message, term) for term in mapping.terms]
+    taken = [*signals, *(_selector(message, signal) for signal in signals if signal.multiplexer_ids)]
+    for signal in taken:
+        if signal.length > MOST_BITS or (signal.is_float and signal.length not in FLOATS):
+            raise _wrong(columns, mapping, f"the signal {signal.name} has {signal.length} bits, which is not read")
     identifier, is_extended = numbers(columns, "id"), numbers(columns, "is_extended")
     is_it = (identifier == message.frame_id) & ((is_extended == 1) == message.is_extended_frame)
     is_it &= ~(numbers(columns, "is_rtr") == 1) & ~(numbers(columns, "is_error") == 1)
     octets, n_octets = _octets(columns)
-    is_whole = n_octets >= _bytes_needed(signals)
+    needed = _bytes_needed(taken)
+    octets = np.pad(octets, ((0, 0), (0, max(needed - octets.shape[1], 0))))
+    is_whole = n_octets >= needed
     rejected = {TOO_SHORT: int(np.count_nonzero(is_it & ~is_whole))}
     rows = np.flatnonzero(is_it & is_whole)
     values, is_present, faults = _values(octets[rows], message, signals)
@@ -116,7 +126,11 @@ def _database(file: str) -> Any:
     except ImportError as error:
         raise UsageError("CAN frames need cantools", hint="pip install 'cwcli[can]'") from error
     try:
-        text = read_file(file).decode("utf-8", "replace")
+        data = read_file(file)
+        try:
+            text = data.decode("utf-8")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", "replace")  # what the format's own editors write: a degree sign is one byte
         return database.load_string(text, database_format="dbc", strict=False)
     except OSError as error:
         raise UsageError(f"can't read the DBC file: {error.strerror}", where=file) from error
@@ -173,12 +187,20 @@ def _raw(octets: Octets, signal: Any) -> Any:
     for column in bits.T:
         raw = (raw << np.uint64(1)) | column
     if signal.is_float:
-        width = {16: np.uint16, 32: np.uint32, 64: np.uint64}[signal.length]
-        return raw.astype(width).view({16: np.float16, 32: np.float32, 64: np.float64}[signal.length])
+        width, real = FLOATS[signal.length]
+        return raw.astype(width).view(real)
     if not signal.is_signed:
         return raw
     shift = np.uint64(64 - signal.length)
     return (raw << shift).view(np.int64) >> np.int64(64 - signal.length)
+
+
+def _selector(message: Any, signal: Any) -> Any:
+    """The signal that says whether a multiplexed one is in a frame."""
+    selector = next(each for each in message.signals if each.name == signal.multiplexer_signal)
+    if selector.multiplexer_ids:
+        raise UsageError(f"the signal {signal.name} is multiplexed twice, which is not read")
+    return selector
 
 
 def _values(
@@ -191,10 +213,7 @@ def _values(
     for signal in signals:
         raw = _raw(octets, signal)
         if signal.multiplexer_ids:
-            selector = next(each for each in message.signals if each.name == signal.multiplexer_signal)
-            if selector.multiplexer_ids:
-                raise UsageError(f"the signal {signal.name} is multiplexed twice, which is not read")
-            is_present &= np.isin(_raw(octets, selector), signal.multiplexer_ids)
+            is_present &= np.isin(_raw(octets, _selector(message, signal)), signal.multiplexer_ids)
         choices = {code: str(name).replace("_", " ") for code, name in (signal.choices or {}).items()}
         is_none |= np.isin(raw.astype(np.float64), [code for code, name in choices.items() if NO_VALUE.search(name)])
         physical = raw.astype(np.float64) * float(signal.scale) + float(signal.offset)
@@ -219,7 +238,7 @@ def _with_units(
             continue
         if name not in UNITS[kind]:
             what = f"the unit of {term.path} is {unit!r}, which is none of {kind}"
-            raise _wrong(columns, mapping, what, f"give one: {term.path}*{next(iter(UNITS[kind]))}")
+            raise _wrong(columns, mapping, what, f"give one: {term.path}* and one of {', '.join(UNITS[kind])}")
         terms.append(replace(term, factor=term.factor * UNITS[kind][name]))
         notes.append(f"{term.path} is in {unit}, as the DBC file says")
     return tuple(terms), tuple(notes)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import lap
 import numpy as np
 
+from cwcli.errors import UsageError
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
@@ -40,6 +41,9 @@ LEAST_TURNING_MPS = 1.0
 SAME_SIZE_M = 0.2
 NEVER = 1e9
 """A finite cost, as the solver needs."""
+
+MOST_IDS = 4000
+"""Each is held against each other: 170 bytes a pair."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +83,17 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
     Args:
         signal: Messages of all vehicles.
         local_map: Where they drive; None where the signal is Cartesian.
+
+    Raises:
+        UsageError: There are more than `MOST_IDS`.
     """
     used, station_of = np.unique(signal.station.codes, return_inverse=True)
     names = [signal.station.values[code] for code in used]
     n = len(names)
+    if n > MOST_IDS:
+        raise UsageError(
+            f"{n} ids are too many to be joined, more than {MOST_IDS}", hint="take less of the log: --start, --end"
+        )
     order = np.lexsort((signal.stamp_ns, station_of))
     codes = station_of[order]
     first = order[np.searchsorted(codes, np.arange(n))]
@@ -131,7 +142,8 @@ def _distances(last: _Ends, first: _Ends) -> FloatArray:
     """
     pause_s = (first.stamp_ns[None, :] - last.stamp_ns[:, None]) / NS_PER_S
     accel, yaw_rate = np.nan_to_num(last.accel_mps2)[:, None], np.nan_to_num(last.yaw_rate_radps)[:, None]
-    speed = np.maximum(last.speed_mps[:, None] + accel * pause_s, 0.0)
+    speed = last.speed_mps[:, None] + accel * pause_s
+    speed = np.where(speed * np.sign(last.speed_mps)[:, None] >= 0.0, speed, 0.0)  # it stops, and does not turn back
     mean_speed = 0.5 * (last.speed_mps[:, None] + speed)
     turned = yaw_rate * pause_s
     heading = last.heading_rad[:, None] + 0.5 * turned

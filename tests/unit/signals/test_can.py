@@ -129,3 +129,34 @@ def test_file_that_is_no_dbc_is_refused(tmp_path: Path, content: str) -> None:
     columns = frames([(256, False, bytes(8))])
     with pytest.raises(UsageError, match="need the file"):
         build(Role.EGO_SPEED, columns, mapping=parse_mapping(Role.EGO_SPEED, "/can:Motion.Speed"))
+
+
+LONG = (
+    DBC
+    + """BO_ 768 Long: 16 ECU
+ SG_ Late : 96|16@1+ (0.125,0) [0|0] "km/h" ECU
+ SG_ Wide : 0|65@1+ (1,0) [0|0] "km/h" ECU
+ SG_ Which M : 120|8@1+ (1,0) [0|255] "" ECU
+ SG_ Chosen m1 : 0|16@1+ (0.125,0) [0|0] "km/h" ECU
+"""
+)
+
+
+def test_what_lies_behind_the_frame_s_array_is_too_short(tmp_path: Path) -> None:
+    path = tmp_path / "long.dbc"
+    path.write_text(LONG)
+    columns = frames([(768, False, bytes(8)), (256, False, bytes(8))])
+    for name in ("Late", "Chosen"):  # the value, or what says whether it is there
+        signal, quality = built(Role.EGO_SPEED, f"Long.{name}", columns, path)
+        assert len(signal.stamp_ns) == 0
+        assert quality.rejected == {TOO_SHORT: 1}
+    with pytest.raises(UsageError, match="Wide has 65 bits"):
+        built(Role.EGO_SPEED, "Long.Wide", columns, path)
+
+
+def test_a_degree_sign_of_one_byte_is_one(tmp_path: Path) -> None:
+    path = tmp_path / "car.dbc"
+    path.write_bytes(DBC.replace('"deg/s"', '"\u00b0/s"').encode("cp1252"))
+    columns = frames([(256, False, bytes(8))])
+    signal, _ = built(Role.EGO_SPEED, "Motion.Speed,Motion.Yaw", columns, path)
+    np.testing.assert_allclose(signal.yaw_rate_radps, [np.radians(-2.0)])  # raw 0: the offset

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from cwcli.errors import UsageError
 from cwcli.signals.stitch import MAX_PAUSE_S, stitch
 from tests.unit.signals.pseudonyms import HERE, RATE_HZ, Scene, scene, score
 
@@ -81,3 +83,18 @@ def test_a_name_without_messages_is_no_vehicle() -> None:
     found = stitch(replace(made.signal, station=station), HERE)
     assert found.joined == (tuple(made.ids[0]),)
     assert found.signal.station.values == (made.ids[0][0],)
+
+
+def test_who_reverses_is_joined_too() -> None:
+    """At -2 m/s it goes on backward during the pause."""
+    made = alone()
+    signal = made.signal
+    turned = replace(signal, speed_mps=-signal.speed_mps, accel_mps2=-signal.accel_mps2)
+    found = stitch(replace(turned, heading_rad=signal.heading_rad + np.pi), HERE)
+    assert found.joined == (tuple(made.ids[0]),)
+
+
+def test_too_many_ids_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cwcli.signals.stitch.MOST_IDS", 1)
+    with pytest.raises(UsageError, match="2 ids are too many"):
+        stitch(alone().signal, HERE)
