@@ -9,6 +9,7 @@ import numpy as np
 
 from cwcli.channels.predicted_path import (
     LENGTH_BITS,
+    VARIANCE_DIGITS,
     AnyPaths,
     PlannedChannel,
     PlannedPaths,
@@ -17,12 +18,13 @@ from cwcli.channels.predicted_path import (
 )
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.errors import CwcliError
+from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import Record, configuration_of, run_records, whole
 from cwcli.pipeline.states import OfStates, bind_states, chosen_states
 from cwcli.prediction.calibrate import plan_vehicles
 from cwcli.prediction.rollout import Discretisation, check_request
+from cwcli.signals.columns import FloatArray
 from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
 
@@ -30,6 +32,7 @@ MAX_MESSAGE_AGE_S = 1.0
 """How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
 CHECKED_NS = 2 * NS_PER_S
 SAME_M = 2.0**-LENGTH_BITS
+SAME_SHARE = 2.0 ** (1 - VARIANCE_DIGITS)
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def all_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...
         role: Of the states that they start from.
 
     Raises:
-        DataError: The channel was written by another version.
+        DataError: The channel, or that of its states, was written by another version.
     """
     for channel in log.added_channels:
         if channel.topic == topic and isinstance(channel, PlannedChannel):
@@ -98,7 +101,11 @@ def path_rate(record: Record) -> float | None:
 
 
 def _planned_again(log: Log, role: str, record: Record) -> PlannedPaths | None:
-    """The paths by the settings in the record; None where they don't fit the log."""
+    """The paths by the settings in the record; None where they don't fit the log.
+
+    Raises:
+        DataError: The states can't be read.
+    """
     used = configuration_of(record)
     topics = used.get("topics")
     try:
@@ -110,6 +117,9 @@ def _planned_again(log: Log, role: str, record: Record) -> PlannedPaths | None:
             end_ns=whole(used.get("end_ns")),
             states="online" if used.get("states") == "online" else "hindsight",
         )
+    except (UsageError, KeyError, TypeError, ValueError):  # another version's record
+        return None
+    try:
         bound = bind_states(
             log.channels, selection, required=(EGO_STATE.role,), optional=(REMOTE_STATE.role,), command="predict"
         )
@@ -117,9 +127,9 @@ def _planned_again(log: Log, role: str, record: Record) -> PlannedPaths | None:
         if topic is None:
             return None
         states, _ = chosen_states(log, log.columns(topic), role, selection)
-        return plan_paths(states, role, request)
-    except (CwcliError, KeyError, TypeError, ValueError):
+    except (MissingSignalError, UsageError):  # the record's topics, or all states of its span, are not in the log
         return None
+    return plan_paths(states, role, request)
 
 
 def _agrees(log: Log, topic: str, planned: PlannedPaths) -> bool:
@@ -148,4 +158,14 @@ def _holds(planned: PlannedPaths, found: PredictedPaths) -> bool:
         off_m = np.hypot(again.x_m[:, -1] - said.x_m[:, -1], again.y_m[:, -1] - said.y_m[:, -1])
         if (off_m > SAME_M).any():
             return False
+        if not _same_ellipses(again.position_covariance_m2[:, -1], said.position_covariance_m2[:, -1]):
+            return False
     return True
+
+
+def _same_ellipses(again_m2: FloatArray, said_m2: FloatArray) -> bool:
+    """Whether plane covariances (n, 3) are those that were published, but for the digits that were left out."""
+    sigma_m = np.sqrt(np.abs(said_m2[:, [0, 2]]))
+    size_m2 = sigma_m[:, [0, 0, 1]] * sigma_m[:, [0, 1, 1]]
+    both_unknown = np.isnan(again_m2) & np.isnan(said_m2)
+    return bool((both_unknown | (np.abs(again_m2 - said_m2) <= SAME_SHARE * size_m2)).all())

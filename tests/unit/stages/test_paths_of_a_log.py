@@ -11,11 +11,12 @@ import pytest
 
 from cwcli.channels.predicted_path import PlannedPaths, PredictedPaths, read_paths
 from cwcli.channels.published import EGO_ONLINE, EGO_PATH, EGO_STATE, REMOTE_ONLINE, REMOTE_PATH, REMOTE_STATE
+from cwcli.errors import DataError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.paths import all_paths
 from cwcli.pipeline.states import OfStates, chosen_states
-from cwcli.signals.columns import OutputChannel
+from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.inputs.vehicles import vehicle_tracks
 from cwcli.stages.predict import PredictConfig, predict
@@ -119,3 +120,44 @@ def test_a_log_whose_record_tells_no_rate_holds_all_its_paths(predicted: Log) ->
     older = predicted.with_channels([whole_channel(predicted, 0.0)], record)
     found, notes = all_paths(older, REMOTE_PATH.topic, REMOTE_STATE.role)
     assert isinstance(found, PredictedPaths) and notes == ()
+
+
+def only(columns: Columns, start_ns: int) -> OutputChannel:
+    """What a channel holds from a log time on."""
+    first = int(np.searchsorted(columns.log_time_ns, start_ns))
+    rows = columns.between(first, len(columns))
+    return OutputChannel(rows.topic, rows.schema_name, rows.log_time_ns, rows.fields)
+
+
+def test_a_log_without_its_first_half_keeps_its_ellipses(predicted: Log) -> None:
+    """Their scales were learned in the half that is gone; the positions of `cv` follow from each state alone."""
+    result = predict(predicted, PredictConfig(model="cv"))
+    log = predicted.with_channels(result.channels, {"cwcli.run.predict": result.metadata})
+    middle_ns = int(np.median(log.columns(EGO_ONLINE.topic).log_time_ns))
+    topics = (EGO_ONLINE.topic, REMOTE_ONLINE.topic, EGO_PATH.topic)
+    half = log.with_channels([only(log.columns(topic), middle_ns) for topic in topics])
+    found, notes = all_paths(half, EGO_PATH.topic, EGO_STATE.role)
+    assert isinstance(found, PredictedPaths)
+    assert notes[0].startswith(f"{EGO_PATH.topic}: {len(found)} paths of the log are used")
+
+
+def test_states_that_can_not_be_read_are_an_error(predicted: Log) -> None:
+    states = predicted.columns(EGO_ONLINE.topic)
+    fields = dict(states.fields)
+    sigma = fields["sigma"]
+    assert isinstance(sigma, np.ndarray)
+    fields["sigma"] = sigma[:, :7]  # of eight states
+    broken = OutputChannel(states.topic, states.schema_name, states.log_time_ns, fields)
+    path = predicted.columns(EGO_PATH.topic)
+    given = OutputChannel(path.topic, path.schema_name, path.log_time_ns, path.fields)
+    with pytest.raises(DataError, match="sigma"):
+        all_paths(predicted.with_channels([broken, given]), EGO_PATH.topic, EGO_STATE.role)
+
+
+def test_a_fault_in_the_planning_is_not_taken_for_another_log(written: Log, monkeypatch: pytest.MonkeyPatch) -> None:
+    def faulty(*_: object) -> PlannedPaths:
+        raise ValueError("operands could not be broadcast together")
+
+    monkeypatch.setattr("cwcli.pipeline.paths.plan_paths", faulty)
+    with pytest.raises(ValueError, match="broadcast"):
+        all_paths(written, EGO_PATH.topic, EGO_STATE.role)
