@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.errors import CwcliError
+from cwcli.errors import DataError, InputError
+from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.clocks import find_gaps
 from cwcli.signals.columns import Columns, Int64Array
@@ -28,7 +29,8 @@ class Health:
 
     Attributes:
         topic, messages: Its name and how many of its messages could be decoded.
-        undecodable: How many could not; -1: none was tried, the encoding is unknown.
+        undecodable: How many could not; -1: none was tried, the topic can't be read as one table, and `messages` are
+            those of the log.
         stamped: How many have a time of their own.
         rate_hz: By the median of the intervals.
         gaps: Stretches of more than five intervals, and a second, without a message.
@@ -43,9 +45,9 @@ class Health:
     undecodable: int
     stamped: int
     rate_hz: float
-    gaps: int
+    gaps: float
     longest_gap_s: float
-    out_of_order: int
+    out_of_order: float
     delay_s: float
     drift_ms_per_min: float
 
@@ -56,14 +58,20 @@ def examine(log: Log, topics: Sequence[str]) -> list[Health]:
     Args:
         log: The log.
         topics: Of it.
+
+    Raises:
+        InputError: The file is damaged, and `recover` is off.
     """
     found = []
     for topic in topics:
         try:
             columns = log.columns(topic, STAMPS)
-        except CwcliError:
+        except (InputError, DataError) as error:
+            is_of_topic = isinstance(error, DataError) or isinstance(error.__cause__, SchemaError)
+            if not (is_of_topic or log.recover):
+                raise
             n = sum(each.message_count or 0 for each in log.channels if each.topic == topic)
-            found.append(Health(topic, n, -1, 0, np.nan, 0, 0.0, 0, np.nan, np.nan))
+            found.append(Health(topic, n, -1, 0, *[np.nan] * 6))
             continue
         found.append(health(columns, log.start_ns, log.end_ns))
     return found

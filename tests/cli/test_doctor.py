@@ -13,8 +13,10 @@ from mcap_ros2.writer import Writer
 
 from cwcli.channels.binding import bind
 from cwcli.channels.reasons import reasons, suggestions
+from cwcli.errors import InputError
 from cwcli.logs.read.channels import ChannelInfo
-from cwcli.pipeline.health import drift
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.health import drift, examine
 from tests.cli.conftest import Run
 from tests.cli.test_map import FIX, FRAME
 from tests.laws.receiver_messages import HEADER, LINE, TOP
@@ -151,6 +153,35 @@ def test_contract_is_judged_condition_by_condition(cwcli: Run, log: Path, tmp_pa
     assert b"BROKEN" in cwcli("info", log, "--expect", contract).stdout
     contract.write_text('min_messages = 1\n[topics."/gps/a"]\nmin_messages = 200\n')
     assert cwcli("info", log, "--expect", contract).returncode == 0
+
+
+def test_a_topic_that_cannot_be_read_keeps_no_condition_on_its_messages(cwcli: Run, tmp_path: Path) -> None:
+    path, contract = tmp_path / "strange.mcap", tmp_path / "contract.toml"
+    with path.open("wb") as stream:
+        writer = JsonWriter(stream)
+        writer.start()
+        channel_id = writer.register_channel("/x", "flatbuffer", 0)
+        for at_s in (0, 1, 101, 102):
+            writer.add_message(channel_id, log_time=T0_NS + at_s * 10**9, publish_time=T0_NS, data=b"?")
+        writer.finish()
+    contract.write_text('[topics."/x"]\nmax_undecodable = 0\nmax_gap_s = 1\nmax_out_of_order = 0\n')
+    done = cwcli("info", path, "--expect", contract, "--json")
+    document = json.loads(done.stdout)
+    assert [(each["found"], each["holds"]) for each in document["contract"]] == [("not known", False)] * 3
+    assert done.returncode == 1
+    (health,) = document["health"]
+    assert (health["messages"], health["undecodable"], health["gaps"], health["out_of_order"]) == (4, -1, None, None)
+    assert b"flatbuffer" in cwcli("info", path, "--doctor").stdout
+
+
+def test_damage_is_no_unknown_encoding(log: Path) -> None:
+    data = bytearray(log.read_bytes())
+    data[len(data) // 4] ^= 0xFF
+    log.write_bytes(data)
+    with Log.open(str(log)) as opened, pytest.raises(InputError, match="a chunk can't be decompressed"):
+        examine(opened, ["/gps/a"])
+    with Log.open(str(log), recover=True) as opened:
+        assert [each.topic for each in examine(opened, ["/gps/a"])] == ["/gps/a"]
 
 
 @pytest.mark.parametrize(

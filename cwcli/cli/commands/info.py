@@ -223,6 +223,9 @@ def _judged(contract: RecordingContract, document: Document) -> list[Document]:
         each["topic"]: {name: math.nan if value is None else value for name, value in each.items()}
         for each in document["health"]
     }
+    for each in health.values():
+        if each["undecodable"] < 0:
+            each["undecodable"] = math.nan
     nothing = {"messages": 0, "undecodable": 0, "out_of_order": 0, "longest_gap_s": document["duration_s"]}
     absent = dict.fromkeys(("rate_hz", "delay_s", "drift_ms_per_min"), math.nan) | nothing
     schemas = {each["topic"]: each["schema"] for each in document["channels"]}
