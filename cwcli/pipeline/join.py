@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -75,10 +74,9 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
     added = {}
     counts: dict[str, int] = {}
     n_outside = 0
-    known = {channel.topic for channel in ours.channels}
     span_ns = read_states(ours.columns(EGO_STATE.topic), with_covariance=False).stamp_ns
     for source, target in TWINS:
-        if source.topic not in {channel.topic for channel in theirs.channels}:
+        if not _holds(theirs, source.topic):
             continue
         log_shift_ns = stamp_shift_ns if source is EGO_STATE else -offset_ns  # in hindsight, log times are the stamps
         states = moved(
@@ -94,7 +92,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
             raise _apart(ego, other, span_ns, states)
         counts[target.topic] = len(within)
         n_outside = max(n_outside, len(states) - len(within))
-        all_states = beside(read_states(ours.columns(target.topic)), within) if target.topic in known else within
+        all_states = beside(read_states(ours.columns(target.topic)), within) if _holds(ours, target.topic) else within
         added[target] = all_states
     record = {
         "version": __version__,
@@ -111,11 +109,19 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
 
 
 def _estimated(log: Log, estimate: Call) -> Log:
-    """The log with its car's states."""
-    if any(channel.topic == EGO_STATE.topic for channel in log.channels):
-        return log
-    with _estimate_first(log):
-        return run_stages(log, {"estimate": estimate}, Selection())[1]
+    """The log with its car's states, one at least."""
+    if all(channel.topic != EGO_STATE.topic for channel in log.channels):
+        with _estimate_first(log):
+            log = run_stages(log, {"estimate": estimate}, Selection())[1]
+    if not _holds(log, EGO_STATE.topic):
+        hint = "estimate its sensors' log again, and join what that writes"
+        raise MissingSignalError(f"{EGO_STATE.topic} holds no state", where=log.name, hint=hint)
+    return log
+
+
+def _holds(log: Log, topic: str) -> bool:
+    """Whether a topic has messages."""
+    return any(channel.topic == topic for channel in log.channels) and len(log.columns(topic)) > 0
 
 
 @contextmanager
@@ -144,8 +150,8 @@ def _recorder(log: Log) -> Recorder:
     sources = configuration_of(run_records(log).get("estimate", {})).get("sources")
     topics = sources.get("topics") if isinstance(sources, dict) else None
     named = topics.get(Role.EGO_POSITION) if isinstance(topics, dict) else None
-    chosen = re.split("[,:]", str(named))[0]  # of several, or of one with its fields
-    overrides = {Role.EGO_POSITION: chosen} if any(each.topic == chosen for each in log.channels) else {}
+    chosen = str(named).replace(":", ",").split(",")[0]  # of several, or of one with its fields
+    overrides = {str(Role.EGO_POSITION): chosen} if any(each.topic == chosen for each in log.channels) else {}
     with _estimate_first(log):
         bound = bind(log.channels, overrides, required=(Role.EGO_POSITION,), where=log.name, command="join")
     topic = bound.topic(Role.EGO_POSITION)
@@ -153,6 +159,9 @@ def _recorder(log: Log) -> Recorder:
     signal = build(Role.EGO_POSITION, log.columns(topic))[0]
     if not isinstance(signal, PositionSignal):
         raise DataError("its positions are no fixes of a GNSS receiver", where=f"{log.name}: {topic}")
+    if not len(signal.stamp_ns):
+        hint = "choose positions that hold fixes in `cwcli estimate`, and join what that writes"
+        raise MissingSignalError("none of its positions is a fix", where=f"{log.name}: {topic}", hint=hint)
     return recorder_of(signal.stamp_ns, signal.log_time_ns)
 
 

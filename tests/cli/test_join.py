@@ -22,7 +22,14 @@ SENSORS = {"/gps/fix", "/gps/heading", "/vehicle/velocity", "/imu/data"}
 
 
 def copied(
-    source: Path, target: Path, later: Callable[[int], int], topics: set[str] = SENSORS, twin: str = "", empty: str = ""
+    source: Path,
+    target: Path,
+    later: Callable[[int], int],
+    topics: set[str] = SENSORS,
+    *,
+    twin: str = "",
+    empty: str = "",
+    has_fix: bool = True,
 ) -> Path:
     """The topics of a log with other log times; the fixes a second time as `twin`, and `empty` without its messages."""
     with source.open("rb") as stream, target.open("wb") as sink:
@@ -40,7 +47,10 @@ def copied(
                         second = writer.register_channel(twin, channel.message_encoding, schema_id)
                 if channel.topic == empty:
                     continue
-                writer.add_message(ids[channel.id], later(message.log_time), message.data, message.publish_time)
+                data = bytearray(message.data)
+                if channel.topic == "/gps/fix" and not has_fix:  # the status, behind the frame's name
+                    data[16 + int.from_bytes(data[12:16], "little")] = 0xFF
+                writer.add_message(ids[channel.id], later(message.log_time), bytes(data), message.publish_time)
                 if twin and channel.topic == "/gps/fix":
                     writer.add_message(second, later(message.log_time), message.data, message.publish_time)
         for metadata in reader.iter_metadata():
@@ -57,6 +67,13 @@ def cars(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         copied(SAMPLE, folder / "ego.mcap", lambda log_time: log_time),
         copied(SAMPLE, folder / "truck.mcap", lambda log_time: log_time + AHEAD_NS),
     )
+
+
+@pytest.fixture(scope="module")
+def estimated(cars: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("estimated") / "ego.mcap"
+    assert run(["estimate", str(cars[0]), "-o", str(target), "--quiet"]) == 0
+    return target
 
 
 def test_the_second_car_is_a_remote_vehicle(
@@ -141,3 +158,25 @@ def test_positions_of_two_topics_are_chosen_where_the_estimate_is_made(
     assert "`cwcli estimate" in capsys.readouterr().err
     assert run(["estimate", str(two), "--topic", "ego_position=/gps/other", "-o", str(estimated), "--quiet"]) == 0
     assert run(["join", str(estimated), str(cars[1]), "-o", str(both), "--quiet"]) == 0
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("lack", ["/cwcli/ego/state", "fix"])
+def test_a_log_that_holds_none_of_what_its_channels_are_for_is_refused(
+    cars: tuple[Path, Path], estimated: Path, tmp_path: Path, which: int, lack: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    topics = SENSORS | {"/cwcli/ego/state", "/cwcli/ego/online"}
+    lacking = copied(estimated, tmp_path / "b.mcap", lambda at: at, topics, empty=lack, has_fix=lack != "fix")
+    logs = [cars[0], cars[1]]
+    logs[which] = lacking
+    assert run(["join", *map(str, logs), "-o", str(tmp_path / "both.mcap")]) == EXIT_MISSING_SIGNAL
+    assert str(lacking) in capsys.readouterr().err
+
+
+def test_online_states_may_be_missing(cars: tuple[Path, Path], estimated: Path, tmp_path: Path) -> None:
+    topics = SENSORS | {"/cwcli/ego/state", "/cwcli/ego/online"}
+    lacking = copied(estimated, tmp_path / "b.mcap", lambda at: at, topics, empty="/cwcli/ego/online")
+    both = tmp_path / "both.mcap"
+    assert run(["join", str(cars[0]), str(lacking), "-o", str(both), "--quiet"]) == 0
+    with Log.open(both) as log:
+        assert "/cwcli/remote/online" not in {channel.topic for channel in log.channels}
