@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
+import zstandard
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from pyarrow import parquet
@@ -164,6 +165,21 @@ def test_a_url_is_a_log_for_every_command(server: str, drive: Path, capsys: pyte
     assert json.loads(capsys.readouterr().out)["messages"] == 2 * of_file["messages"]
     assert run(["info", f"{server}/nothing.mcap"]) == EXIT_BAD_INPUT
     assert "there is no such file" in capsys.readouterr().err
+
+
+def test_a_url_and_compressed_parts_have_a_bound(
+    server: str, drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = []
+    for k in range(2):
+        parts.append(tmp_path / f"drive_{k}.mcap.zstd")
+        parts[k].write_bytes(zstandard.compress((drive / f"drive_{k}.mcap").read_bytes()))
+    largest = max((drive / f"drive_{k}.mcap").stat().st_size for k in range(2))
+    for logs in ([f"{server}/drive_0.mcap"], [str(tmp_path), "--as-one"], [*map(str, parts), "--as-one"]):
+        assert run(["info", *logs, "--max-input", f"{1.01 * largest / 1e9:.9f}"]) == 0
+        capsys.readouterr()
+        assert run(["info", *logs, "--max-input", f"{0.5 * largest / 1e9:.9f}"]) == EXIT_BAD_INPUT
+        assert "--max-input reads more" in capsys.readouterr().err
 
 
 def test_the_annotated_log_in_the_parts_of_the_input(drive: Path, tmp_path: Path) -> None:

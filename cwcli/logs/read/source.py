@@ -7,8 +7,9 @@ import stat
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.input import InputFile
@@ -16,6 +17,9 @@ from cwcli.logs.format.faults import no_mcap
 from cwcli.logs.format.records import MAGIC
 from cwcli.logs.read.converted import converted
 from cwcli.logs.read.remote import FILE_SCHEME, blocks, is_remote, names_below
+
+if TYPE_CHECKING:
+    from cwcli.logs.read.recording import Opener
 
 STDIN = "-"
 GIGABYTE = 1_000_000_000
@@ -38,27 +42,29 @@ def open_source(
             recorder's metadata.yaml, or with one log. Several names, also of folders, are parts of one log.
         name: For messages, where the file is a copy of something with another name.
         pipes: Read what is no file, too.
-        max_pipe_bytes: What comes out of a pipe at most: it may have no end.
+        max_pipe_bytes: What comes out of a pipe or of a URL at most, as it may have no end, and what a compressed file
+            unpacks to; of each part.
 
     Raises:
         InputError: It does not exist, is a folder that is no log, is empty, or can't be read.
         OutputError: The temporary copy of a pipe can't be written.
         UsageError: Standard input is a terminal.
     """
+    opener = partial(open_source, pipes=False, max_pipe_bytes=max_pipe_bytes)
     if not isinstance(source, str | Path):
-        return _parts(source, name)
+        return _parts(source, name, opener)
     if str(source) == STDIN:
         return _standard_input(max_pipe_bytes)
     name = str(source) if name is None else name
     if is_remote(str(source)):
-        return _remote(str(source), name)
+        return _remote(str(source), name, opener, max_pipe_bytes)
     path = Path(str(source).removeprefix(FILE_SCHEME))
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
             from cwcli.logs.read.recording import open_folder
 
-            return open_folder(str(path), name, _opened, as_one=False)
+            return open_folder(str(path), name, opener, as_one=False)
         if stat.S_ISREG(mode):
             return converted(InputFile.open(path, name), max_pipe_bytes)
         if not pipes:  # it may never end, and can't be read twice
@@ -69,17 +75,13 @@ def open_source(
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
 
 
-def _parts(names: Sequence[str], name: str | None) -> InputFile:
+def _parts(names: Sequence[str], name: str | None, opener: Opener) -> InputFile:
     from cwcli.logs.read.recording import joined_name, open_folder, open_parts
 
     name = joined_name(names) if name is None else name
     if len(names) == 1 and _is_folder(names[0]):
-        return open_folder(names[0].removeprefix(FILE_SCHEME), name, _opened, as_one=True)
-    return open_parts(names, name, _opened)
-
-
-def _opened(name: str) -> InputFile:
-    return open_source(name, pipes=False)
+        return open_folder(names[0].removeprefix(FILE_SCHEME), name, opener, as_one=True)
+    return open_parts(names, name, opener)
 
 
 def _is_folder(name: str) -> bool:
@@ -90,14 +92,14 @@ def _is_folder(name: str) -> bool:
     return False
 
 
-def _remote(url: str, name: str) -> InputFile:
+def _remote(url: str, name: str, opener: Opener, max_bytes: int) -> InputFile:
     """A copy of a remote log on this machine, gone when it is closed; or of the logs of a folder."""
     may_be_folder = "." not in url.rpartition("/")[2] and not url.startswith(("http:", "https:"))
     if url.endswith("/") or (may_be_folder and names_below(url)):
         from cwcli.logs.read.recording import open_folder
 
-        return open_folder(url, name, _opened, as_one=False)
-    return converted(spooled(blocks(url), name), MAX_PIPE_BYTES)
+        return open_folder(url, name, opener, as_one=False)
+    return converted(spooled(_bounded(blocks(url), name, max_bytes), name), max_bytes)
 
 
 def _standard_input(max_bytes: int) -> InputFile:
@@ -115,14 +117,21 @@ def _standard_input(max_bytes: int) -> InputFile:
 
 def _spooled(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
     """Everything that comes out of a pipe, in a temporary file: of something else than a log only its beginning."""
-    return spooled(_checked(iter(lambda: _block(pipe, name), b""), name, max_bytes), name)
+    return spooled(_bounded(_checked(iter(lambda: _block(pipe, name), b""), name), name, max_bytes), name)
 
 
-def _checked(pieces: Iterator[bytes], name: str, max_bytes: int) -> Iterator[bytes]:
+def _checked(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+    is_first = True
+    for piece in pieces:
+        if is_first and not piece.startswith(MAGIC[: len(piece)]):
+            raise no_mcap(name, piece[:16])
+        is_first = False
+        yield piece
+
+
+def _bounded(pieces: Iterator[bytes], name: str, max_bytes: int) -> Iterator[bytes]:
     n_bytes = 0
     for piece in pieces:
-        if not n_bytes and not piece.startswith(MAGIC[: len(piece)]):
-            raise no_mcap(name, piece[:16])
         n_bytes += len(piece)
         if n_bytes > max_bytes:
             what = f"more than {max_bytes / GIGABYTE:g} GB came in"
