@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from cwcli.channels.published import EGO_PATH, PATH_SCENE, REMOTE_PATH
 from cwcli.errors import CwcliError
 from cwcli.fleet.names import topic_name
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
     from cwcli.signals.columns import Columns
 
+MADE_OF_PATHS = {each.topic for each in (EGO_PATH, REMOTE_PATH, PATH_SCENE)}
+"""What is streamed, and holds no images."""
 LOG_TIME, PUBLISH_TIME = ColumnDoc("ns", doc="when it was logged"), ColumnDoc("ns", doc="when it was published")
 
 
@@ -24,7 +27,11 @@ def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Ta
         log: With the channels of the stages that ran.
         left_out: Filled with topic -> why it has no table. Byte blobs (images) are in no column anyway.
     """
-    streamed = {channel.topic for channel in log.added_channels if isinstance(channel, StreamedChannel)}
+    streamed = {
+        channel.topic
+        for channel in log.added_channels
+        if isinstance(channel, StreamedChannel) and channel.topic not in MADE_OF_PATHS
+    }
     for topic in sorted({channel.topic for channel in log.channels}):
         if topic in streamed:
             left_out[topic] = "its images are made while they are written"

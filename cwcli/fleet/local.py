@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
@@ -13,6 +14,7 @@ from dataclasses import replace
 from multiprocessing import connection
 from typing import Any
 
+from cwcli.errors import OutputError
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.worker import Done, work
 
@@ -133,6 +135,11 @@ def _start_server() -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         forkserver.ensure_running()
+    except OSError as error:
+        if "too long" not in str(error):
+            raise
+        what = "the path of the folder for temporary files is too long for the workers' socket"
+        raise OutputError(what, where=tempfile.gettempdir(), hint="set TMPDIR to a shorter one") from error
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         if safe_path is None:

@@ -165,7 +165,9 @@ def test_the_nearest_file_is_found_and_said(
     assert run(["config", "--json"]) == 0
     found = capsys.readouterr()
     assert json.loads(found.out)["estimate"]["model"] == "song2016"
-    assert f"note: defaults from {tmp_path}/cwcli.toml" in found.err.replace("\n      ", " ")
+    assert f"note: defaults from {tmp_path}/cwcli.toml" in found.err.replace("\n      ", "").replace(
+        "from", "from "
+    ).replace("  ", " ")
     (inner / "cwcli.toml").write_text("[estimate]\nrate = 10\n")
     assert run(["config", "--json"]) == 0
     nearest = capsys.readouterr()

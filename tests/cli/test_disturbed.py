@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,9 @@ LOGS = (SAMPLES / "intersection.mcap").read_bytes(), (SAMPLES / "rear-end.mcap")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_left_is_whole(tmp_path: Path, kind: str) -> None:
-    assert disturb(kind, N, SEED, tmp_path, LOGS).total() == N
+def test_what_is_left_is_whole(kind: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:  # a short path: workers talk through a socket below it
+        assert disturb(kind, N, SEED, Path(folder), LOGS).total() == N
 
 
 @pytest.mark.parametrize(

@@ -202,7 +202,7 @@ def test_a_table_that_is_not_made_any_more_goes(logs: Path, tmp_path: Path) -> N
     assert (tmp_path / "out/details/events/log=a").is_dir()
     process = start(logs.parent, "logs/a.mcap", "-d", str(tmp_path / "out"), "--quiet", "--stage", "estimate")
     assert process.wait(60) == 0
-    assert sorted(path.name for path in (tmp_path / "out/details").iterdir()) == ["estimate", "rejected"]
+    assert sorted(path.name for path in (tmp_path / "out/details").iterdir()) == ["estimate", "link", "rejected"]
 
 
 @pytest.fixture(scope="module")
@@ -324,7 +324,8 @@ def test_refusals(cwcli: Run, many: Path, tmp_path: Path, arguments: list[str], 
     names = {"LOG": str(many / "logs/d00.mcap"), "LOG2": str(many / "logs/d01.mcap")}
     (tmp_path / "there").write_text("mine")
     (tmp_path / "mine/logs").mkdir(parents=True)
-    (tmp_path / "mine/logs/drive.mcap").write_text("mine")
+    for name in ("drive", "other"):
+        (tmp_path / f"mine/logs/{name}.mcap").write_text("mine")
     done = cwcli("run", *(names.get(argument, argument) for argument in arguments))
     shown = done.stderr.decode()
     assert (done.returncode, done.stdout) == (code, b""), shown

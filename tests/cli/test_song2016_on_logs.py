@@ -14,7 +14,7 @@ from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_ACCEL, YAW_RATE
 from tests.cli.conftest import SAMPLES, Run
 
 SAMPLES_OF_SLOPE, STEP_S = 8, 0.05
-ATOL = 1e-9
+ATOL = 2e-3  # what is published is rounded: half a millimetre a second squared
 
 
 @pytest.mark.parametrize("causal", [(), ("--causal",)], ids=["smoothed", "causal"])

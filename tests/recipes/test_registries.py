@@ -78,7 +78,7 @@ def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) 
     with Log.open(house.folder / "out.mcap") as log:
         found = log.columns("/cwcli/lanes").fields
     assert np.all(found["left.found"]) and np.all(found["right.found"])
-    assert "narrow: as cwcli, on frames of at most 320 columns." in spaced(house.run("lanes", "--help"))
+    assert "narrow: as cwcli, on frames of at most 320 columns" in spaced(house.run("lanes", "--help"))
     assert 'method = "narrow"' in house.run("config", CWCLI_LANES_METHOD="narrow")
     assert "| `narrow` | as cwcli, on frames of at most 320 columns |" in house.write_docs()
     house.obeys("test_lane_methods.py", "narrow")
