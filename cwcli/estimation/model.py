@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -88,3 +88,20 @@ class ModelParameters:
             turn_noise,
             time_constant_s,
         )
+
+
+SIMULATED_JERK_MPS3 = 100.0
+SIMULATED_YAW_ACCEL_RADPS2 = 10.0
+"""A simulator's car brakes fully (10 m/s^2) and turns (1 rad/s) from one step of the simulation to the next: within a
+tenth of a second, the longest step of a trace."""
+
+
+def simulated_motion(parameters: ModelParameters) -> ModelParameters:
+    """The motion of a vehicle all of whose measurements are a simulator's: no pedal and no wheel delays it.
+
+    With a driver's jerk the states would go round the corners of such a motion, and a time to collision at a small
+    closing speed with them: they follow what the messages say instead, as well as these are known.
+    """
+    return replace(
+        parameters, jerk_sigma_mps3=SIMULATED_JERK_MPS3, yaw_accel_sigma_radps2=SIMULATED_YAW_ACCEL_RADPS2
+    )

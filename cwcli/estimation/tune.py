@@ -13,7 +13,7 @@ from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, refe
 from cwcli.estimation.latency_clock import Told, on_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.model import ModelParameters, simulated_motion
 from cwcli.estimation.noise import settle_noise
 from cwcli.estimation.passes import N_MOTION, Series
 from cwcli.estimation.prepare import PreparedSeries
@@ -68,7 +68,9 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
     mean, prior = np.zeros_like(layout.prior), layout.prior
     if config.calibration is not None:
         mean, prior = with_priors(layout.series, prior, config.calibration)
-    if config.calibration is not None and config.causal:
+    if layout.series and all(s.is_exact for s in layout.series):
+        series, parameters = layout.series, simulated_motion(layout.parameters)
+    elif config.calibration is not None and config.causal:
         series, parameters = layout.series, calibrated_motion(layout.parameters, config.calibration)
     elif config.blind:
         series, parameters = layout.series, layout.parameters

@@ -22,7 +22,7 @@ from cwcli.export.formats.base import Track
 from cwcli.export.formats.osi import _ids, encode
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.schemas import OSI_SET_NAME, _descriptor_set, schema_folder
-from tests.osi_traces import Actor, along, write_trace
+from tests.osi_traces import Actor, along, time_to_contact_s, write_trace
 
 VERSION = re.compile(r"\d+\.\d+\.\d+")
 ATOL_TTC_S = 0.05
@@ -126,6 +126,29 @@ def test_the_time_to_contact_survives_the_way_there_and_back(annotated: Path, ex
     assert len(common) > 50
     errors_s = [abs(found[0][stamp] - found[1][stamp]) for stamp in common]
     assert max(errors_s) < ATOL_TTC_S
+
+
+def braking_at_once(t_s: float) -> tuple[float, float, float, float, float]:
+    """18 m/s, 6 m/s^2 of braking between 2 and 3 s without any build-up, then 12 m/s: 40 m ahead at first."""
+    braked_s = min(max(t_s - 2.0, 0.0), 1.0)
+    way_m = 18.0 * t_s - 3.0 * braked_s**2 - 6.0 * max(t_s - 3.0, 0.0)
+    return 40.0 + way_m, 0.0, 0.0, 18.0 - 6.0 * braked_s, -6.0 if 2.0 < t_s < 3.0 else 0.0
+
+
+def test_times_to_contact_survive_where_a_simulators_car_brakes_without_delay(tmp_path: Path) -> None:
+    """With the jerk of a driver the states would go round these corners."""
+    host, lead = Actor(3, along(0.0, 0.0, 0.0, 20.0)), Actor(8, braking_at_once)
+    annotated = run_trace(write_trace(tmp_path / "trace.mcap", (host, lead), host=3), tmp_path / "out.mcap")
+    exported = tmp_path / "exported.mcap"
+    assert run(["export", str(annotated), "--format", "osi", "-o", str(exported), "--quiet"]) == 0
+    again = run_trace(exported, tmp_path / "again.mcap")
+    for path in (annotated, again):
+        with Log.open(path) as log:
+            fields = log.columns("/cwcli/measures").fields
+        exact_s = np.array([time_to_contact_s(host, lead, stamp / 1e9) for stamp in fields["stamp_ns"].tolist()])
+        judged = exact_s < 10.0
+        assert judged.sum() > 50
+        np.testing.assert_allclose(fields["ttc_s"][judged], exact_s[judged], atol=ATOL_TTC_S)
 
 
 def test_ids_are_kept_where_they_are_numbers_and_free_ones_else() -> None:
