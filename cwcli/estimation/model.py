@@ -102,6 +102,4 @@ def simulated_motion(parameters: ModelParameters) -> ModelParameters:
     With a driver's jerk the states would go round the corners of such a motion, and a time to collision at a small
     closing speed with them: they follow what the messages say instead, as well as these are known.
     """
-    return replace(
-        parameters, jerk_sigma_mps3=SIMULATED_JERK_MPS3, yaw_accel_sigma_radps2=SIMULATED_YAW_ACCEL_RADPS2
-    )
+    return replace(parameters, jerk_sigma_mps3=SIMULATED_JERK_MPS3, yaw_accel_sigma_radps2=SIMULATED_YAW_ACCEL_RADPS2)
