@@ -1,9 +1,9 @@
 """Covariances as sigmas and correlations in single precision: 144 bytes each, where a matrix of doubles takes 512.
 
 A sigma has 9 binary digits and a correlation is a multiple of 2^-9, so neighbours in time are alike and compress.
-Where one state follows from the others but for 1/8 of its variance, rounding could matter: there a correlation is a
-multiple of 2^-20. A matrix that rounding would still make indefinite has its correlations drawn towards zero until it
-is definite.
+Where one state follows from the others but for 1/8 of its variance, rounding could matter: there the step is at most
+2^-5 of the matrix's least eigenvalue, down to 2^-20. A matrix that rounding would still make indefinite has its
+correlations drawn towards zero until it is definite.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ SIGMA_DIGITS = 9
 CORRELATION_BITS = 9
 FINE_CORRELATION_BITS = 20
 LEAST_OWN_SHARE = 2.0**-3
+STEP_OF_EIGENVALUE = 2.0**-5
 SHRINKING = (2.0**-18, 2.0**-14, 2.0**-10, 2.0**-7)
 BLOCK_ROWS = 2048  # of doubles that fit the processor's cache
 
@@ -148,14 +149,21 @@ def _packed(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     close = np.flatnonzero(is_finite & ~(_own_shares(correlation, k) >= LEAST_OWN_SHARE))
     if len(close):
         is_finite[close] &= _own_shares(full[close], k) > 0.0
-        correlation[close] = to_step(full[close], FINE_CORRELATION_BITS)
-        for share in SHRINKING:
+        correlation[close] = to_step(full[close], _bits(full[close], k)[:, None])
+        for share in (0.0, *SHRINKING):
             close = close[is_finite[close] & ~(_own_shares(correlation[close], k) > 0.0)]
             if not len(close):
                 break
             correlation[close] = to_step(full[close] * (1.0 - share), FINE_CORRELATION_BITS)
     sigma[~is_finite] = correlation[~is_finite] = np.nan
     return sigma, correlation
+
+
+def _bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
+    """Of the step of each matrix, at least those of `CORRELATION_BITS`; all must be finite."""
+    least = np.linalg.eigvalsh(_dense(np.ones((len(correlation), k)), correlation))[:, 0]
+    step = np.clip(STEP_OF_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
+    return np.asarray(np.ceil(-np.log2(step)), np.intp)
 
 
 def _own_shares(correlation: FloatArray, k: int) -> FloatArray:

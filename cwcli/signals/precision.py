@@ -7,6 +7,7 @@ compressor makes smaller. A number that ends in zeros is still a double, with th
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 
@@ -14,8 +15,8 @@ MAX_ROUNDED = 2.0**38
 """Larger numbers stay as they are: a double has no digit to spare there."""
 
 
-def to_step(values: FloatArray, bits: int) -> FloatArray:
-    """The nearest multiples of 2^-bits; what is not finite stays."""
+def to_step(values: FloatArray, bits: int | npt.NDArray[np.intp]) -> FloatArray:
+    """The nearest multiples of 2^-bits, one number of bits or as many as there are values; what is not finite stays."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.where(np.abs(values) < MAX_ROUNDED, np.rint(values * 2.0**bits) * 2.0**-bits, values)
 

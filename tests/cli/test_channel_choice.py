@@ -11,7 +11,9 @@ from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_STATE, WARNINGS
 from cwcli.cli.main import run
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import run_records
+from tests.cli.conftest import ROOT
 
+PSU_FOLLOW = ROOT.parent / "shared" / "logs" / "psu-follow-2obu.mcap"
 STATES = {EGO_STATE.topic, REMOTE_STATE.topic}
 
 
@@ -99,3 +101,10 @@ def test_many_logs(intersection: Path, tmp_path: Path) -> None:
     assert run([*command]) == 0
     assert own_topics(annotated) > {EGO_STATE.topic}
     assert run([*command, "--channels", "/no"]) == 2
+
+
+@pytest.mark.skipif(not PSU_FOLLOW.exists(), reason="the development logs in ../shared/logs are not there")
+def test_annotated_log_of_six_minutes_and_two_vehicles_is_small(tmp_path: Path) -> None:
+    target = tmp_path / "out.mcap"
+    assert run(["run", str(PSU_FOLLOW), "-o", str(target), "-q"]) == 0
+    assert target.stat().st_size < 3_000_000

@@ -106,7 +106,7 @@ def annotate(
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
     )
-    merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
+    merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new], by_channel=True)
     copy = SourceCopy(source.file, index, faults, recover=source.recover)
     with open_output(target, force=force, inputs=source.file.files, durable=durable, together=together) as output:
         writer = RecordWriter(output)

@@ -61,7 +61,7 @@ def annotate_parts(
     records = {name for index in indexes for name in index.metadata.names}
     refuse_existing(sorted(set(metadata) & records), "metadata record", source.name, replace)
     new = assign_ids(_largest_ids(indexes), [each for each in channels if chosen is None or each.topic in chosen], {})
-    merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new])
+    merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new], by_channel=True)
     make_folder(folder)
     written = [Path(folder) / name for name in _names(file)]
     counted = [index.statistics for index in indexes]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -281,3 +282,16 @@ def test_column_that_does_not_fit_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no field speed_kmh"):
         annotate(SourceStub(source), [wrong], {}, tmp_path / "out.mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
+
+
+def test_channels_of_a_new_chunk_lie_one_behind_the_other(tmp_path: Path) -> None:
+    """Messages of one channel are alike; readers get the log-time order from the indexes."""
+    source = write_log(tmp_path / "in.mcap", chunk_size=1 << 20)
+    topics = ["/cwcli/ego/state", "/cwcli/remote/state"]
+    annotate(SourceStub(source), [state_channel(topic) for topic in topics], {}, tmp_path / "out.mcap")
+    with (tmp_path / "out.mcap").open("rb") as stream:
+        rows = [(m.log_time, c.topic) for _, c, m in make_reader(stream).iter_messages(topics)]
+        assert rows == sorted(rows, key=lambda row: row[0]) and len(rows) == 600
+        stream.seek(0)
+        in_file_order = [c.topic for _, c, _ in make_reader(stream).iter_messages(topics, log_time_order=False)]
+    assert sum(a != b for a, b in itertools.pairwise(in_file_order)) == 3  # in two chunks, and between them

@@ -35,6 +35,16 @@ def test_packed_covariance_keeps_sigmas_to_nine_digits_and_correlations_to_a_tho
     np.testing.assert_allclose(packed.correlation, correlation[:, above[0], above[1]], atol=2.0**-10 + 1e-7)
 
 
+@pytest.mark.parametrize("least", [0.07, 0.05, 1e-2, 1e-3])
+def test_step_of_correlations_is_small_beside_the_least_eigenvalue(least: float) -> None:
+    """Of two states with correlation r it is 1 - r, which rounding changes by half a step."""
+    correlation = 1.0 - least * np.linspace(0.8, 1.0, 50)
+    given = np.stack([np.ones(50), correlation, correlation, np.ones(50)], axis=1).reshape(-1, 2, 2)
+    rounded = PackedCovariances.of(given)[:, 0, 1]
+    np.testing.assert_allclose(1.0 - rounded, 1.0 - correlation, rtol=2.0**-6)
+    assert np.abs(rounded - correlation).max() > least * 2.0**-9  # finer steps would spend bits on noise
+
+
 def test_packed_covariances_are_read_like_an_array() -> None:
     packed = PackedCovariances.of(definite(40, 8, least=0.1))
     dense = packed.dense()
