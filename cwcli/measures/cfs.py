@@ -33,4 +33,5 @@ MEASURE = Measure(
     misleads="of a vehicle ahead that brakes",
     is_pointwise=True,
     with_warnings=False,
+    clause=lambda threshold: f"a vehicle ahead could hardly be avoided at its present speed (CFS above {threshold:g})",
 )

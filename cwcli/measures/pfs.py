@@ -33,4 +33,7 @@ MEASURE = Measure(
     misleads="in dense traffic, where everybody follows nearer",
     is_pointwise=True,
     with_warnings=False,
+    clause=lambda threshold: (
+        f"the gap would have been unsafe (PFS above {threshold:g}) if the vehicle ahead had braked"
+    ),
 )

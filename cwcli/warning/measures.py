@@ -5,7 +5,8 @@ Positions are relative, other minus host; r(tau) is linear between the path poin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,8 @@ class Measures:
         late_probability: That they touch by the end of what was looked at, which is later by the rule's persistence.
         braked_probability: That they touch though the host brakes from now on (`warning.braking`); NaN where it was
             not asked for.
+        by_name: What the rule asks for beside these: name of a measure of docs/measures.md -> (m,), NaN where it has no
+            value; of the states at the moment, so empty under the onset hypothesis (`warning.rule_inputs`).
     """
 
     distance_m: FloatArray
@@ -44,11 +47,12 @@ class Measures:
     probability: FloatArray
     late_probability: FloatArray
     braked_probability: FloatArray
+    by_name: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
+ARRAYS = tuple(entry.name for entry in fields(Measures) if entry.name != "by_name")
 ONSET_MATTERS_M = 0.25
 """An onset is of interest where its path is at the horizon so much nearer than the mean path."""
-PROBABILITIES = ("probability", "late_probability", "braked_probability")
 
 
 def measure(
@@ -84,7 +88,9 @@ def measure(
         min_time_s=nearest_s,
         entry_s=segments.entry(radius_m),
         overlap_s=_first_overlap(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
-        **{name: np.full(len(x), np.nan) for name in PROBABILITIES},
+        probability=np.full(len(x), np.nan),
+        late_probability=np.full(len(x), np.nan),
+        braked_probability=np.full(len(x), np.nan),
     )
 
 

@@ -16,7 +16,8 @@ from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.align import Pairing, Points, pair_up, read_paths
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.events import Span, find_events
-from cwcli.warning.measures import ONSET_MATTERS_M, Measures, measure, with_probabilities
+from cwcli.warning.measures import ARRAYS, ONSET_MATTERS_M, Measures, measure, with_probabilities
+from cwcli.warning.rule_inputs import asked_for
 from cwcli.warning.rules.base import BoolArray, Decision, Rule, withheld
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
@@ -167,7 +168,8 @@ def _evaluated(
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - ONSET_MATTERS_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDING_MPS
         onset = judged(onset, replace(pairs, other=begun), wanted=nearer)
-    decision = rule.decide(measures, onset, config, persistence_s)
+    asked = asked_for(rule.measures, host, other, window.first + host_row, theirs, (other_row, place, age_s))
+    decision = rule.decide(replace(measures, by_name=asked), onset, config, persistence_s)
     return _Part(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()))
 
 
@@ -224,11 +226,11 @@ Stacked = TypeVar("Stacked", Measures, Decision)
 
 
 def _stacked(parts: Sequence[Stacked]) -> Stacked:
-    """The rows of all parts, one below the other; what one part lacks, all lack."""
+    """The rows of all parts, one below the other; what is no array in one part is none in all."""
     values: dict[str, Any] = {}
     for name in (entry.name for entry in fields(parts[0])):
         each = [getattr(part, name) for part in parts]
-        values[name] = None if each[0] is None else np.concatenate(each)
+        values[name] = np.concatenate(each) if isinstance(each[0], np.ndarray) else each[0]
     return type(parts[0])(**values)
 
 
@@ -263,7 +265,7 @@ def _measures(
     at_near = (at[0][near], at[1][near], at[2][near])
     every = np.arange(len(time_s))
     fine, _ = _read_and_measure(host_points, paths, at_near, time_s, every, config, sizes)
-    for name in (entry.name for entry in fields(Measures)):
+    for name in ARRAYS:
         getattr(coarse, name)[near] = getattr(fine, name)
     return coarse, beyond
 

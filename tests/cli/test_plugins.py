@@ -174,6 +174,8 @@ def broken(folder: Path, module: str, old: str, new: str) -> dict[str, str]:
     [
         ("rule", "import numpy as np", "import nothing_like_it", "can't be imported: ModuleNotFoundError: No module"),
         ("rule", "RULE = Rule(", "RULE = dict(", "is no Rule but a dict"),
+        ("rule", "RULE = Rule(", "RULE = Rule(measures=('pet',), ", "'pet', which takes more than the two states"),
+        ("rule", "RULE = Rule(", "RULE = Rule(measures=('tttc',), ", "asks for the measure 'tttc', which there is not"),
         (
             "rule",
             "near = ",
@@ -289,23 +291,57 @@ def test_the_first_of_a_package_on_the_path_counts(tmp_path: Path) -> None:
     assert [plugin.name for plugin in _installed((str(one), str(two)))["cwcli.rules"]] == ["near"]
 
 
-def test_the_example_of_the_docs_works(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+def example(name: str, folder: Path) -> dict[str, str]:
+    """The environment of an example of docs/plugins.md."""
     page = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
-    project = tomllib.loads(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0])["project"]
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    site = install(tmp_path / "site", project["entry-points"], {"__init__": code}, package=project["name"])
+    examples = zip(*(re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("toml", "python")), strict=True)
+    found = {
+        tomllib.loads(project)["project"]["name"]: (tomllib.loads(project)["project"], code)
+        for project, code in examples
+    }
+    project, code = found.pop(name)
+    return with_path(install(folder / "site", project["entry-points"], {"__init__": code}, package=name))
+
+
+def obeys_laws(file: str, name: str, environment: Mapping[str, str]) -> None:
+    """The laws of its registry hold for an entry of a package."""
+    laws = ("-m", "pytest", "-q", f"tests/laws/{file}", "-k", name)
+    judged = subprocess.run(
+        [sys.executable, *laws],
+        check=False,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+    )
+    assert judged.returncode == 0, judged.stdout
+
+
+def test_the_measure_of_the_docs_works(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    environment = example("timegap", tmp_path)
     arguments = ("--warn-conflict", "time-gap", "--metrics-dir", "m", "--quiet")
-    done = cwcli("run", intersection, *arguments, env=with_path(site))
+    done = cwcli("run", intersection, *arguments, env=environment)
     assert done.returncode == 0, done.stderr.decode()
     (pair,) = pq.read_table(tmp_path / "m" / "pairs.parquet").to_pylist()
     assert 0.0 < pair["min_time_gap_s"] < 1.0
     assert pq.read_table(tmp_path / "m" / "conflicts.parquet").num_rows == 1
-    laws = ("-m", "pytest", "-q", "tests/laws/test_measures.py", "-k", "time-gap")
-    environment = {**os.environ, **with_path(site)}
-    judged = subprocess.run(
-        [sys.executable, *laws], check=False, cwd=ROOT, env=environment, capture_output=True, text=True
-    )
-    assert judged.returncode == 0, judged.stdout
+    obeys_laws("test_measures.py", "time-gap", environment)
+
+
+def test_the_rule_of_the_docs_warns_by_measures(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
+    environment = example("harsh", tmp_path)
+    arguments = ("-o", "out.mcap", "--warn-rule", "harsh", "--metrics-dir", "m", "--quiet")
+    done = cwcli("run", intersection, *arguments, env=environment)
+    assert done.returncode == 0, done.stderr.decode()
+    (event,) = pq.read_table(tmp_path / "m" / "events.parquet").to_pylist()
+    assert event["rule"] == "harsh"
+    done = cwcli("measure", "out.mcap", "--states", "online", "--measures", "drac", "--metrics-dir", "n", "--quiet")
+    assert done.returncode == 0, done.stderr.decode()
+    measured = pq.read_table(tmp_path / "n" / "measures.parquet")
+    stamp_ns, drac = (np.asarray(measured[name]) for name in ("stamp_ns", "drac_mps2"))
+    needed_s = 1e-9 * (event["raised_stamp_ns"] - stamp_ns[np.flatnonzero(drac > 3.35)[0]])
+    assert 0.05 <= needed_s <= 0.25  # persistence, a step more, and as much as the other's state was brought forward
+    obeys_laws("test_rules.py", "harsh", environment)
 
 
 def test_the_page_of_plugins_knows_every_group() -> None:

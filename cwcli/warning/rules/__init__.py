@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
-from cwcli.registry import Registry, plugin_entry
+from cwcli.registry import Plugin, Registry, plugin_entry
+from cwcli.warning.rule_inputs import problem_of
 from cwcli.warning.rules.base import Rule, check_decision
+
+
+def _accept(entry: object, plugin: Plugin) -> Rule:
+    """A plug-in's rule, with its function guarded, and measures that there are."""
+    rule = plugin_entry(Rule, {"decide": check_decision})(entry, plugin)
+    problem = problem_of(rule.measures)
+    if problem:
+        raise plugin.error(problem)
+    return rule
+
 
 RULES: Registry[Rule] = Registry(
     "warning rule",
@@ -14,7 +25,7 @@ RULES: Registry[Rule] = Registry(
         "ttc": "cwcli.warning.rules.ttc:RULE",
         "path-ttc": "cwcli.warning.rules.path_ttc:RULE",
     },
-    plugin_entry(Rule, {"decide": check_decision}),
+    _accept,
     taken=("lane-departure",),
 )
 DEFAULT_RULE = "cwcli"

@@ -47,6 +47,7 @@ class Rule:
         summary: One line for `--help`.
         persistence_s: How long `armed` must have held before a warning, unless the user says otherwise.
         decide: Measures, those under the onset hypothesis (or None), options, persistence -> `Decision`.
+        measures: Names of measures of docs/measures.md, each of a moment: `Measures.by_name` then has them.
         uses_onset: Whether it looks at the onset hypothesis.
         uses_braking: Whether it asks what braking would change.
         is_symmetric: Whether it judges a pair alike whichever of the two is the host.
@@ -55,6 +56,7 @@ class Rule:
     summary: str
     persistence_s: float
     decide: Callable[[Measures, Measures | None, WarningConfig, float], Decision]
+    measures: tuple[str, ...] = ()
     uses_onset: bool = False
     uses_braking: bool = False
     is_symmetric: bool = True

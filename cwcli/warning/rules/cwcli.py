@@ -21,12 +21,10 @@ A warning stays up until contact is less than half as probable as the threshold.
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.warning.measures import Measures
+from cwcli.warning.measures import ARRAYS, Measures
 from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
@@ -70,8 +68,7 @@ def _is_conflict(measures: Measures, config: WarningConfig) -> BoolArray:
 
 def _where(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
     """Row by row one or the other."""
-    names = (entry.name for entry in fields(Measures))
-    return Measures(**{name: np.where(chosen, getattr(one, name), getattr(other, name)) for name in names})
+    return Measures(**{name: np.where(chosen, getattr(one, name), getattr(other, name)) for name in ARRAYS})
 
 
 RULE = Rule(

@@ -1,0 +1,64 @@
+"""The measures that a rule asks for by name, of the two states that the host has at a moment.
+
+The other's newest state is brought forward along its predicted path by its age, as for everything that a rule is given;
+its acceleration, yaw rate and jerk are those it had. Nothing later is in what a measure sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.measures import MEASURES
+from cwcli.measures.pair import ActualTrack, Pair
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, JERK
+from cwcli.warning.align import read_paths
+from cwcli.warning.types import PathArrays, VehicleTrack
+
+Rows = npt.NDArray[np.intp]
+MOTION = slice(ACCEL, JERK + 1)
+
+
+def problem_of(names: object) -> str:
+    """What is wrong with the measures that a rule asks for; "": nothing is."""
+    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+        return f"has measures = {names!r}, which is no tuple of names"
+    for name in names:
+        if name not in MEASURES:
+            return f"asks for the measure '{name}', which there is not (docs/measures.md has them)"
+        if not MEASURES[name].is_pointwise:
+            return f"asks for the measure '{name}', which takes more than the two states of a moment"
+    return ""
+
+
+def asked_for(
+    names: Sequence[str],
+    host: VehicleTrack,
+    other: VehicleTrack,
+    host_rows: Rows,
+    paths: PathArrays,
+    at: tuple[Rows, Rows, FloatArray],
+) -> dict[str, FloatArray]:
+    """Measure -> its value at each of m moments, (m,); NaN where it has none.
+
+    Args:
+        names: Of measures.
+        host, other: The two.
+        host_rows: Shape (m,): the host's states.
+        paths: Some of the other's paths.
+        at: Shape (m,) each: the other's states, which of the paths are theirs, and how old they are.
+    """
+    if not names:
+        return {}
+    other_rows, place, age_s = at
+    stamp_ns = host.stamp_ns[host_rows]
+    now = read_paths(paths, place, age_s, np.zeros(1))
+    theirs = np.concatenate([now.x_m, now.y_m, now.speed_mps, now.heading_rad], axis=1)
+    motion = other.state[other_rows, MOTION]
+    own = ActualTrack(stamp_ns, host.state[host_rows])
+    moved = ActualTrack(stamp_ns, np.concatenate([theirs, motion], axis=1))
+    pair = Pair(own, moved, host.outline_m, other.outline_m, 0.0).given(own, theirs, motion)
+    return {name: pair.value(MEASURES[name]) for name in names}
