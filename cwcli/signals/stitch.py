@@ -8,10 +8,12 @@ apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 
 import lap
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.signals.angles import wrap_angle
@@ -41,9 +43,12 @@ LEAST_TURNING_MPS = 1.0
 SAME_SIZE_M = 0.2
 NEVER = 1e9
 """A finite cost, as the solver needs."""
-
-MOST_IDS = 4000
-"""Each is held against each other: 170 bytes a pair."""
+RIVAL = MOST_DISTANCE + LEAST_ODDS
+"""What is farther can't be followed, nor make another pairing doubtful."""
+BLOCK_PAIRS = 1 << 17
+"""Pairs of an end and a beginning that are looked at together: about 30 MB."""
+MOST_PAIRS = 1_000_000_000
+"""More would take minutes: thousands of ids that change within the same seconds."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,24 @@ class _Ends:
     length_m: FloatArray
     width_m: FloatArray
 
+    def at(self, rows: npt.NDArray[np.intp]) -> _Ends:
+        """Some of them, in this order."""
+        return _Ends(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """Pairs of an id that ended and one that began where it might be by then, one a row; sorted by the first.
+
+    Attributes:
+        ended, began: The ids.
+        distance: Squared distance between where the first would be and where the second is.
+    """
+
+    ended: Int64Array
+    began: Int64Array
+    distance: FloatArray
+
 
 def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
     """Join the ids of vehicles that changed theirs.
@@ -85,21 +108,17 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
         local_map: Where they drive; None where the signal is Cartesian.
 
     Raises:
-        UsageError: There are more than `MOST_IDS`.
+        UsageError: There are more than `MOST_PAIRS`.
     """
     used, station_of = np.unique(signal.station.codes, return_inverse=True)
     names = [signal.station.values[code] for code in used]
     n = len(names)
-    if n > MOST_IDS:
-        raise UsageError(
-            f"{n} ids are too many to be joined, more than {MOST_IDS}", hint="take less of the log: --start, --end"
-        )
     order = np.lexsort((signal.stamp_ns, station_of))
     codes = station_of[order]
     first = order[np.searchsorted(codes, np.arange(n))]
     last = order[np.searchsorted(codes, np.arange(n), side="right") - 1]
-    distance = _distances(_ends(signal, last, local_map), _ends(signal, first, local_map))
-    follower, n_undecided = _decided(distance)
+    found = _candidates(_ends(signal, last, local_map), _ends(signal, first, local_map))
+    follower, n_undecided = _decided(found, n)
     root = np.arange(n, dtype=np.int32)
     ended = np.flatnonzero(follower >= 0)
     for k in ended[np.argsort(signal.stamp_ns[last[ended]], kind="stable")]:
@@ -134,34 +153,71 @@ def _ends(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) ->
     )
 
 
+def _candidates(last: _Ends, first: _Ends) -> _Candidates:
+    """All pairs whose pause and motion fit: only ids that begin within `MAX_PAUSE_S` of an end are held against it.
+
+    Raises:
+        UsageError: There are more than `MOST_PAIRS` of those.
+    """
+    by_time = np.argsort(first.stamp_ns, kind="stable")
+    stamps = first.stamp_ns[by_time]
+    begin = np.searchsorted(stamps, last.stamp_ns, side="right")
+    n_after = np.searchsorted(stamps, last.stamp_ns + round(MAX_PAUSE_S * NS_PER_S), side="right") - begin
+    if (n_pairs := int(n_after.sum())) > MOST_PAIRS:
+        raise UsageError(
+            f"{len(stamps)} ids are too many to be joined: {n_pairs} pairs are less than {MAX_PAUSE_S:g} s apart",
+            hint="take less of the log: --start, --end",
+        )
+    parts = []
+    for some in _blocks(n_after):
+        counts = n_after[some]
+        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        ended = np.repeat(np.arange(some.start, some.stop), counts)
+        began = by_time[np.repeat(begin[some], counts) + within]
+        distance = _distances(last.at(ended), first.at(began))
+        kept = distance <= RIVAL
+        parts.append((ended[kept], began[kept], distance[kept]))
+    return _Candidates(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+
+def _blocks(counts: Int64Array) -> Iterator[slice]:
+    """Consecutive ids with about `BLOCK_PAIRS` pairs together, at least one id each."""
+    ends, start = np.cumsum(counts), 0
+    while start < len(counts):
+        before = ends[start - 1] if start else 0
+        stop = max(int(np.searchsorted(ends, before + BLOCK_PAIRS, side="right")), start + 1)
+        yield slice(start, stop)
+        start = stop
+
+
 def _distances(last: _Ends, first: _Ends) -> FloatArray:
-    """Squared distance between where each id would be and each id that begins, shape (n, n); infinite for no pair.
+    """Squared distance between where each id would be and the one that begins, (pairs,); infinite for no pair.
 
     The motion during the pause is that of the last message, with its acceleration and yaw rate. Without a speed or a
     heading at both ends nothing says where it leads.
     """
-    pause_s = (first.stamp_ns[None, :] - last.stamp_ns[:, None]) / NS_PER_S
-    accel, yaw_rate = np.nan_to_num(last.accel_mps2)[:, None], np.nan_to_num(last.yaw_rate_radps)[:, None]
-    speed = last.speed_mps[:, None] + accel * pause_s
-    speed = np.where(speed * np.sign(last.speed_mps)[:, None] >= 0.0, speed, 0.0)  # it stops, and does not turn back
-    mean_speed = 0.5 * (last.speed_mps[:, None] + speed)
+    pause_s = (first.stamp_ns - last.stamp_ns) / NS_PER_S
+    accel, yaw_rate = np.nan_to_num(last.accel_mps2), np.nan_to_num(last.yaw_rate_radps)
+    speed = last.speed_mps + accel * pause_s
+    speed = np.where(speed * np.sign(last.speed_mps) >= 0.0, speed, 0.0)  # it stops, and does not turn back
+    mean_speed = 0.5 * (last.speed_mps + speed)
     turned = yaw_rate * pause_s
-    heading = last.heading_rad[:, None] + 0.5 * turned
-    east, north = (np.subtract.outer(from_m, to_m).T for from_m, to_m in ((first.x_m, last.x_m), (first.y_m, last.y_m)))
+    heading = last.heading_rad + 0.5 * turned
+    east, north = first.x_m - last.x_m, first.y_m - last.y_m
     along = east * np.cos(heading) + north * np.sin(heading) - mean_speed * pause_s
     across = north * np.cos(heading) - east * np.sin(heading)
-    said_m2 = last.variance_m2[:, None] + first.variance_m2[None, :]
+    said_m2 = last.variance_m2 + first.variance_m2
     speed_change, along_m = _manoeuvre(last.accel_mps2, pause_s)
     turning, across_m = _manoeuvre(last.yaw_rate_radps, pause_s)
     speed_variance = 2.0 * SPEED_SIGMA_MPS**2 + speed_change**2
     heading_variance = 2.0 * HEADING_SIGMA_RAD**2 + (turning / np.maximum(np.abs(mean_speed), LEAST_TURNING_MPS)) ** 2
     across_m = np.hypot(across_m, mean_speed * pause_s * HEADING_SIGMA_RAD)
-    heading_error = wrap_angle(first.heading_rad[None, :] - last.heading_rad[:, None] - turned)
-    is_slow = np.minimum(np.abs(mean_speed), np.abs(first.speed_mps[None, :])) < LEAST_TURNING_MPS
+    heading_error = wrap_angle(first.heading_rad - last.heading_rad - turned)
+    is_slow = np.minimum(np.abs(mean_speed), np.abs(first.speed_mps)) < LEAST_TURNING_MPS
     squared = (
         along**2 / (said_m2 + along_m**2)
         + across**2 / (said_m2 + across_m**2)
-        + (first.speed_mps[None, :] - speed) ** 2 / speed_variance
+        + (first.speed_mps - speed) ** 2 / speed_variance
         + np.where(is_slow, 0.0, heading_error**2 / heading_variance)
     )
     can_follow = (pause_s > 0.0) & (pause_s <= MAX_PAUSE_S) & np.isfinite(squared)
@@ -170,13 +226,13 @@ def _distances(last: _Ends, first: _Ends) -> FloatArray:
 
 
 def _manoeuvre(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """One sigma of the speed and of the way that a manoeuvre during the pause makes, along or across, both (n, n).
+    """One sigma of the speed and of the way that a manoeuvre during the pause makes, along or across, (pairs,) each.
 
     Args:
-        known: Shape (n,), the acceleration or yaw rate of each last message, NaN where it has none.
-        pause_s: Shape (n, n).
+        known: The acceleration or yaw rate of each last message, (pairs,), NaN where it has none.
+        pause_s: Shape (pairs,).
     """
-    is_known = np.isfinite(known)[:, None]
+    is_known = np.isfinite(known)
     accel = np.where(is_known, ACCEL_SIGMA_MPS2, MANOEUVRE_MPS2)
     jerk = np.where(is_known, JERK_MPS3, 0.0)
     pause = np.maximum(pause_s, 0.0)
@@ -185,54 +241,63 @@ def _manoeuvre(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, Floa
 
 def _is_same(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
     """Whether both sizes agree, or one is not given."""
-    differs: BoolArray = np.abs(one_m[:, None] - other_m[None, :]) > SAME_SIZE_M
+    differs: BoolArray = np.abs(one_m - other_m) > SAME_SIZE_M
     return ~differs
 
 
-def _decided(distance: FloatArray) -> tuple[Int64Array, int]:
-    """The follower of each id, -1 without one, and how many have a candidate but no clear one.
+def _decided(found: _Candidates, n: int) -> tuple[Int64Array, int]:
+    """The follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
     pair counts where the likeliest pairing without it is less likely by `LEAST_ODDS`.
     """
-    n = len(distance)
     follower = np.full(n, -1, np.int64)
-    ended = np.flatnonzero((distance <= MOST_DISTANCE).any(axis=1))
-    began = np.flatnonzero((distance <= MOST_DISTANCE).any(axis=0))
-    for rows, columns in _groups(distance[np.ix_(ended, began)] <= MOST_DISTANCE + LEAST_ODDS):
-        cost = distance[np.ix_(ended[rows], began[columns])]
+    is_good = found.distance <= MOST_DISTANCE
+    has_ended, has_begun = np.zeros((2, n), np.bool_)
+    has_ended[found.ended[is_good]] = has_begun[found.began[is_good]] = True
+    counts = has_ended[found.ended] & has_begun[found.began]
+    ended, began, distance = found.ended[counts], found.began[counts], found.distance[counts]
+    is_alone = (np.bincount(ended, minlength=n)[ended] == 1) & (np.bincount(began, minlength=n)[began] == 1)
+    is_clear = is_alone & (distance <= MOST_DISTANCE)  # to be alone costs as much more as it takes
+    follower[ended[is_clear]] = began[is_clear]
+    ended, began, distance = ended[~is_alone], began[~is_alone], distance[~is_alone]
+    for pairs in _groups(ended, began, n):
+        rows, row = np.unique(ended[pairs], return_inverse=True)
+        columns, column = np.unique(began[pairs], return_inverse=True)
+        cost = np.full((len(rows), len(columns)), np.inf)
+        cost[row, column] = distance[pairs]
         best, total = _pairing(cost)
-        for row in np.flatnonzero(best >= 0):
-            if cost[row, best[row]] > MOST_DISTANCE:
+        for k in np.flatnonzero(best >= 0):
+            if cost[k, best[k]] > MOST_DISTANCE:
                 continue
             without = cost.copy()
-            without[row, best[row]] = np.inf
+            without[k, best[k]] = np.inf
             if _pairing(without)[1] - total >= LEAST_ODDS:
-                follower[ended[rows[row]]] = began[columns[best[row]]]
-    return follower, len(ended) - int(np.count_nonzero(follower >= 0))
+                follower[rows[k]] = columns[best[k]]
+    return follower, int(np.count_nonzero(has_ended)) - int(np.count_nonzero(follower >= 0))
 
 
-def _groups(is_near: BoolArray) -> list[tuple[Int64Array, Int64Array]]:
-    """Rows and columns that have to do with each other, group by group."""
-    left = set(range(len(is_near)))
-    groups = []
-    while left:
-        rows, columns = {left.pop()}, set[int]()
-        while True:
-            columns = set(np.flatnonzero(is_near[sorted(rows)].any(axis=0)).tolist())
-            more = set(np.flatnonzero(is_near[:, sorted(columns)].any(axis=1)).tolist()) | rows
-            if more == rows:
-                break
-            rows = more
-        left -= rows
-        groups.append((np.array(sorted(rows), np.int64), np.array(sorted(columns), np.int64)))
-    return groups
+def _groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
+    """The pairs that have to do with each other, group by group: those that share an end or a beginning."""
+    label = np.arange(2 * n)  # of each end, and behind them of each beginning
+    one, other = ended, began + n
+    while True:
+        least = np.minimum(label[one], label[other])
+        before = label.copy()
+        np.minimum.at(label, one, least)
+        np.minimum.at(label, other, least)
+        label = label[label]  # each on to what its own label has become
+        if np.array_equal(label, before):
+            break
+    group = label[ended]
+    order = np.argsort(group, kind="stable")
+    return [each for each in np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(each)]
 
 
 def _pairing(cost: FloatArray) -> tuple[Int64Array, float]:
     """The cheapest pairing: for each row its column or -1, and what it costs."""
     n_rows, n_columns = cost.shape
-    whole = np.full((n_rows, n_columns + n_rows), MOST_DISTANCE + LEAST_ODDS)
+    whole = np.full((n_rows, n_columns + n_rows), RIVAL)
     whole[:, :n_columns] = np.minimum(cost, NEVER)
     total, column, _ = lap.lapjv(whole, extend_cost=True)
     best = np.where(column < n_columns, column, -1)

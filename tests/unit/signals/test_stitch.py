@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
+from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.columns import Strings
 from cwcli.signals.stitch import MAX_PAUSE_S, stitch
-from tests.unit.signals.pseudonyms import HERE, RATE_HZ, Scene, scene, score
+from tests.unit.signals.pseudonyms import HERE, RATE_HZ, T0_NS, Scene, scene, score
 
 N_SCENES = 40
+N_MANY = 10_000
+MOST_BYTES = 100e6
+"""A matrix of all ids by all would take 3 GB."""
 
 
 def alone(seed: int = 1) -> Scene:
@@ -94,7 +100,57 @@ def test_who_reverses_is_joined_too() -> None:
     assert found.joined == (tuple(made.ids[0]),)
 
 
-def test_too_many_ids_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cwcli.signals.stitch.MOST_IDS", 1)
-    with pytest.raises(UsageError, match="2 ids are too many"):
+def test_too_many_pairs_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cwcli.signals.stitch.MOST_PAIRS", 0)
+    with pytest.raises(UsageError, match="2 ids are too many to be joined: 1 pairs are less than 3 s apart"):
         stitch(alone().signal, HERE)
+
+
+def test_blocks_of_pairs_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = scene(np.random.default_rng(3))
+    whole = stitch(made.signal, HERE)
+    assert whole.joined
+    monkeypatch.setattr("cwcli.signals.stitch.BLOCK_PAIRS", 1)
+    assert stitch(made.signal, HERE).joined == whole.joined
+
+
+def test_many_ids_are_joined_in_little_memory() -> None:
+    """10,000 cars on a road of their own each, 14 of which change their id each second; 2 s of messages around it."""
+    n, each_s = N_MANY, np.array([-1.0, 0.0, 0.6, 1.6])
+    change_s = np.arange(n) / 14.0
+    at_s = (change_s[:, None] + each_s).ravel()
+    car, is_new = np.repeat(np.arange(n), 4), np.tile([0, 0, 1, 1], n)
+    speed_mps = 10.0 + car % 20
+    nothing = np.full(4 * n, np.nan)
+    signal = RemoteSignal(
+        source="/v2x",
+        station=Strings((2 * car + is_new).astype(np.int32), tuple(f"{k:08x}" for k in range(2 * n))),
+        stamp_ns=T0_NS + np.round(at_s * 1e9).astype(np.int64),
+        log_time_ns=T0_NS + np.round(at_s * 1e9).astype(np.int64),
+        frame_id="map",
+        x_m=speed_mps * at_s,
+        y_m=100.0 * car,
+        latitude_deg=nothing,
+        longitude_deg=nothing,
+        altitude_m=nothing,
+        speed_mps=speed_mps,
+        heading_rad=np.zeros(4 * n),
+        accel_mps2=nothing,
+        lateral_accel_mps2=nothing,
+        yaw_rate_radps=nothing,
+        length_m=np.full(4 * n, 4.5),
+        width_m=np.full(4 * n, 1.8),
+        position_covariance_m2=np.tile([0.5, 0.0, 0.5], (4 * n, 1)),
+        speed_sigma_mps=nothing,
+        heading_sigma_rad=nothing,
+        accel_sigma_mps2=nothing,
+        yaw_rate_sigma_radps=nothing,
+        message_count=nothing,
+    )
+    tracemalloc.start()
+    found = stitch(signal, None)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (len(found.joined), found.n_undecided) == (n, 0)
+    assert len(found.signal.station.values) == n
+    assert peak < MOST_BYTES
