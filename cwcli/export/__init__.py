@@ -1,1 +1,1 @@
-"""Results in the formats of other tools: tables, and tracks for mapping and trajectory tools."""
+"""Results in the formats of other tools: tables, tracks for mapping and trajectory tools, ROS 2 logs."""

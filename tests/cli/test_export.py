@@ -141,7 +141,7 @@ def test_the_name_of_the_file_tells_the_format(cwcli: Run, annotated: Path, tmp_
 
 def test_help_names_everything() -> None:
     assert ", ".join(CONTENTS) == WHAT
-    assert set(FORMATS) == {"csv", "parquet", *TRACK_FORMATS}
+    assert set(FORMATS) == {"csv", "parquet", *TRACK_FORMATS, "ros2"}
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_
 from cwcli.cli.report import print_written
 from cwcli.errors import UsageError
 from cwcli.export.formats import TRACK_FORMATS
+from cwcli.text import join_names
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -24,13 +25,15 @@ EXAMPLES = (
     "cwcli export annotated.mcap --what remote --format gpx -o others.gpx",
     "cwcli export annotated.mcap --what warnings --format csv | head",
     "cwcli export annotated.mcap --format osi -o trace.mcap",
+    "cwcli export annotated.mcap --format ros2 -o ros.mcap",
 )
 WHAT = (
     "ego, ego-online, remote, remote-online, targets, lanes, observer, paths, remote-paths, warnings, measures, "
     "rejected"
 )
 TABLES = ("csv", "parquet")
-FORMATS = (*TABLES, *TRACK_FORMATS)
+ROS_LOG = "ros2"
+FORMATS = (*TABLES, *TRACK_FORMATS, ROS_LOG)
 MOST_NAMED = 10
 
 
@@ -42,7 +45,7 @@ def command(
         typer.Option(
             "--what",
             metavar="WHAT",
-            show_default="ego; osi: ego, remote and targets",
+            show_default="ego; osi: ego, remote and targets; ros2: the whole log",
             help=f"What is exported: {WHAT}. Several tracks with commas.",
         ),
     ] = None,
@@ -66,10 +69,11 @@ def command(
     as_one: AsOneOption = False,
     force: ForceOption = False,
 ) -> None:
-    """Write what cwcli added to a log as a file of another tool: a table, or tracks.
+    """Write what cwcli added to a log as a file of another tool: a table, tracks, or a ROS 2 log.
 
     Tables have a column for each field of the channel, with its unit in the name. Tracks are positions over time: of
-    each vehicle where the format allows it, else of the one that --id names.
+    each vehicle where the format allows it, else of the one that --id names. A ROS 2 log holds the ROS messages as they
+    were recorded, and cwcli's as standard messages and cwcli_msgs below /cwcli/ros.
     """
     from cwcli.export.content import contents_of_world, require_content
     from cwcli.export.formats import track_format
@@ -81,28 +85,42 @@ def command(
         raise UsageError("--json and -o - both want standard output", hint="write the file with -o FILE")
     names = [] if what is None else what.split(",")
     form = form or _format_of(output)
-    _check(names, form)
-    is_text = track_format(form).is_text if form in TRACK_FORMATS else form != "parquet"
+    _check(names, form, vehicle)
+    is_text = track_format(form).is_text if form in TRACK_FORMATS else form == "csv"
     check_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
+    console = Console(quiet=talk.quiet)
     with Log.open(one_log(log, as_one)) as opened:
-        if not names:
-            of_all = form in TRACK_FORMATS and track_format(form).is_of_all
-            names = contents_of_world(opened) if of_all else ["ego"]
-        for name in names:
-            require_content(opened, name)
-        content, n = _encode(opened, names, form, vehicle)
-        if output == "-" and is_text:
-            Console(quiet=talk.quiet).data(bytes(content).decode().removesuffix("\n"))
+        if form == ROS_LOG:
+            said = _write_ros(opened, output, force, console)
         else:
-            write_file(output, content, force=force)
+            if not names:
+                of_all = form in TRACK_FORMATS and track_format(form).is_of_all
+                names = contents_of_world(opened) if of_all else ["ego"]
+            for name in names:
+                require_content(opened, name)
+            content, n = _encode(opened, names, form, vehicle)
+            said = {"what": ",".join(names), "rows": n}
+            if output == "-" and is_text:
+                console.data(bytes(content).decode().removesuffix("\n"))
+            else:
+                write_file(output, content, force=force)
     if talk.json:
-        said = {"command": "export", "what": ",".join(names), "format": form, "output": output, "rows": n}
-        Console(quiet=talk.quiet).data(json.dumps(said))
+        console.data(json.dumps({"command": "export", "format": form, "output": output, **said}))
     elif output != "-":
-        print_written(Console(quiet=talk.quiet), [output])
+        print_written(console, [output])
 
 
-def _check(names: Sequence[str], form: str) -> None:
+def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[str, object]:
+    """Write a ROS 2 log; what `--json` says of it."""
+    from cwcli.export.ros.convert import write_ros_log
+
+    made = write_ros_log(opened, output, force=force)
+    if made.left_out:
+        console.note(f"no ROS message is known for {join_names(list(made.left_out))}: left out")
+    return {"what": "log", "rows": made.n_messages_made, "rows_copied": made.n_messages_kept, "left_out": made.left_out}
+
+
+def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:
     """Check that the format can hold what is asked for.
 
     Raises:
@@ -117,6 +135,9 @@ def _check(names: Sequence[str], form: str) -> None:
             )
     if form not in FORMATS:
         raise UsageError(f"--format {form!r}: there is no such format", hint=f"it is one of {', '.join(FORMATS)}")
+    if form == ROS_LOG and (names or vehicle is not None):
+        option = "--what" if names else "--id"
+        raise UsageError(f"{option}: --format ros2 writes the whole log", hint=f"leave {option} out")
     for name in names if form in TRACK_FORMATS else ():
         if not CONTENTS[name].is_tracks:
             raise UsageError(f"--format {form} holds tracks, and `{name}` are none", hint="export it as csv or parquet")

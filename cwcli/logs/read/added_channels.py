@@ -13,9 +13,9 @@ from cwcli.logs.codecs.protobuf import ProtobufDecoder
 from cwcli.logs.codecs.protobuf_tables import KINDS, is_repeated
 from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen
 from cwcli.logs.read.channels import ChannelInfo
-from cwcli.logs.write.new_messages import MESSAGE_ENCODING, SCHEMA_ENCODING
 from cwcli.logs.write.protobuf_encoder import encode_columns
 from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.written_schema import MESSAGE_ENCODING, written_schema
 from cwcli.signals.columns import (
     Columns,
     Field,
@@ -32,13 +32,13 @@ BLOCK_ROWS = 4096
 
 def memory_info(channel: OutputChannel, channel_id: int) -> ChannelInfo:
     """A channel in memory, as if it had been declared by the file."""
-    schema = message_schema(channel.schema_name)
+    schema = written_schema(channel.schema_name)
     return ChannelInfo(
         id=channel_id,
         topic=channel.topic,
         schema_name=schema.name,
-        schema_encoding=SCHEMA_ENCODING,
-        message_encoding=MESSAGE_ENCODING,
+        schema_encoding=schema.encoding,
+        message_encoding=schema.message_encoding,
         message_count=len(channel),
         schema_data=schema.data,
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from cwcli.errors import DataError, OutputError
 from cwcli.logs.format.faults import Faults
@@ -28,6 +28,18 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 MIN_NEW_CHUNK_BYTES = 1 << 16  # fewer new bytes wait for the source's next chunk: tiny chunks are slow to read
+
+
+class LeftOut(NamedTuple):
+    """What of the source a copy does without, beside what is replaced.
+
+    Attributes:
+        channel_ids: Its channels.
+        records: Names of its metadata records.
+    """
+
+    channel_ids: frozenset[int] = frozenset()
+    records: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -65,6 +77,8 @@ def annotate(
     replace: bool = False,
     force: bool = False,
     chosen: Container[str] | None = None,
+    left_out: LeftOut = LeftOut(),  # noqa: B008 - it can't change
+    profile: str | None = None,
     durable: bool = True,
     together: Together | None = None,
 ) -> AnnotateReport:
@@ -84,6 +98,8 @@ def annotate(
         force: Overwrite a file that exists. The source itself is never overwritten.
         chosen: Of the new channels these topics alone are written; None for all. What the others would replace is left
             out all the same, so that the copy holds the channels of one run.
+        left_out: What else of the source is left out.
+        profile: What the copy promises, as far as its channels are that; None: what the source does.
         durable, together: As in `cwcli.output.open_output`.
 
     Raises:
@@ -97,12 +113,14 @@ def annotate(
     topics = {channel.topic for channel in channels}
     faults = Faults()
     index = index_every_record(source.file, faults, recover=source.recover)
-    replaced = {each.id: each for each in index.channels.values() if each.topic in topics}
+    replaced = {
+        each.id: each for each in index.channels.values() if each.topic in topics or each.id in left_out.channel_ids
+    }
     refuse_existing(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
     refuse_existing(sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace)
     new = assign_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
-    profile = kept_profile(
-        index.profile,
+    kept = kept_profile(
+        index.profile if profile is None else profile,
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
     )
@@ -112,9 +130,9 @@ def annotate(
         writer = RecordWriter(output)
         copy.begin(
             writer,
-            profile,
+            kept,
             replaced_ids=frozenset(replaced),
-            replaced_metadata=frozenset(metadata),
+            replaced_metadata=left_out.records.union(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
         )
         n_added = write_items(writer, copy, new, merge, metadata)
@@ -129,7 +147,7 @@ def annotate(
         replaced_topics=tuple(sorted({each.topic for each in replaced.values()})),
         n_chunks_lost=faults.chunks_lost,
         n_bytes_lost=faults.bytes_lost,
-        left_profile=index.profile if profile != index.profile else "",
+        left_profile=index.profile if kept != index.profile else "",
     )
 
 

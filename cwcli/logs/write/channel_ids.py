@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from cwcli.errors import OutputError
 from cwcli.logs.format.index import Index
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.write.new_messages import MESSAGE_ENCODING, SCHEMA_ENCODING
-from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.written_schema import written_schema
 from cwcli.signals.columns import OutputChannel
 
 MAX_ID = 0xFFFF
@@ -40,13 +39,13 @@ def assign_ids(index: Index, channels: Sequence[OutputChannel], replaced: Mappin
     next_channel_id = max(index.channels, default=0) + 1
     new: list[NewChannel] = []
     for columns in channels:
-        message = message_schema(columns.schema_name)
-        key = (message.name, SCHEMA_ENCODING, message.data)
+        message = written_schema(columns.schema_name)
+        key = (message.name, message.encoding, message.data)
         if key not in schema_ids:
             schema_ids[key] = next_schema_id
             next_schema_id += 1
         schema = Schema(schema_ids[key], *key)
-        channel = Channel(next_channel_id, schema.id, columns.topic, MESSAGE_ENCODING, {})
+        channel = Channel(next_channel_id, schema.id, columns.topic, message.message_encoding, {})
         equal = [old for old in replaced.values() if channel._replace(id=old.id) == old]
         if equal:
             channel = equal[0]

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from cwcli.logs.write.byte_rows import ByteRows
+from cwcli.logs.write.column_tree import ColumnError
 from cwcli.logs.write.message_merge import Feed
-from cwcli.logs.write.protobuf_encoder import ColumnError, encode_columns
-from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.written_schema import written_schema
 from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, column_rows
 
-MESSAGE_ENCODING = "protobuf"
-SCHEMA_ENCODING = "protobuf"
 PROBED_STREAM_ROWS = 2
 
 
@@ -27,11 +25,11 @@ def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0
     for path, column in channel.fields.items():
         if len(column) != n:
             raise ColumnError(f"{channel.topic}: {path} has {len(column)} rows instead of {n}")
-    descriptor = message_schema(channel.schema_name).descriptor
+    schema = written_schema(channel.schema_name)
 
     def encode(start: int, stop: int) -> ByteRows:
         rows = {path: column_rows(column, start, stop) for path, column in channel.fields.items()}
-        return encode_columns(descriptor, rows, stop - start)
+        return schema.encode(rows, stop - start)
 
     times = channel.log_time_ns
     return Feed(channel_id, times, times, encode, first_sequence)
@@ -39,10 +37,10 @@ def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0
 
 def _streamed_feed(channel: StreamedChannel, channel_id: int, first_sequence: int) -> Feed:
     """The messages of a channel whose columns are made on the way."""
-    descriptor = message_schema(channel.schema_name).descriptor
+    schema = written_schema(channel.schema_name)
 
     def encode(start: int, stop: int) -> ByteRows:
-        return encode_columns(descriptor, channel.rows(start, stop), stop - start)
+        return schema.encode(channel.rows(start, stop), stop - start)
 
     times = channel.log_time_ns
     return Feed(channel_id, times, times, encode, first_sequence, probe_rows=PROBED_STREAM_ROWS)

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.logs.write.byte_rows import ByteRows, join_rows, varint, varints
+from cwcli.logs.write.column_tree import ColumnError, Tree, elements, tree_of
 from cwcli.logs.write.row_assembly import Fixed, Piece, Varying, assemble, constant, length_pieces, varint_piece
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
@@ -31,12 +32,6 @@ FIXED_DTYPES = {1: "<f8", 2: "<f4", 6: "<u8", 7: "<u4", 15: "<i4", 16: "<i8"}
 VARINT_TYPES = frozenset({3, 4, 5, 8, 13, 14})
 ZIGZAG_TYPES = frozenset({17, 18})
 TYPE_STRING, TYPE_MESSAGE, TYPE_BYTES, TYPE_ENUM = 9, 11, 12, 14
-
-_Tree = Mapping[str, "OutputField | _Tree"]
-
-
-class ColumnError(ValueError):
-    """The columns don't fit the message."""
 
 
 def encode_columns(message: Descriptor, fields: Mapping[str, OutputField], n: int) -> ByteRows:
@@ -54,27 +49,10 @@ def encode_columns(message: Descriptor, fields: Mapping[str, OutputField], n: in
     Raises:
         ColumnError: A path names no field of the message, or a column has the wrong kind or length for it.
     """
-    return assemble(_message_pieces(message, _tree(fields), n), n)
+    return assemble(_message_pieces(message, tree_of(fields), n), n)
 
 
-def _tree(fields: Mapping[str, OutputField]) -> _Tree:
-    """Dotted paths as nested mappings."""
-    tree: dict[str, OutputField | _Tree] = {}
-    below: dict[str, dict[str, OutputField]] = {}
-    for path, column in fields.items():
-        head, dot, rest = path.partition(".")
-        if dot:
-            below.setdefault(head, {})[rest] = column
-        else:
-            tree[head] = column
-    for head, inner in below.items():
-        if head in tree:
-            raise ColumnError(f"both {head} and {head}.* are given")
-        tree[head] = _tree(inner)
-    return tree
-
-
-def _message_pieces(message: Descriptor, tree: _Tree, n: int) -> list[Piece]:
+def _message_pieces(message: Descriptor, tree: Tree, n: int) -> list[Piece]:
     unknown = sorted(set(tree) - set(message.fields_by_name))
     if unknown:
         raise ColumnError(f"{message.full_name} has no field {', '.join(unknown)}")
@@ -94,7 +72,7 @@ def _in_order(message: Descriptor) -> tuple[tuple[str, FieldDescriptor], ...]:
     return tuple((each.name, each) for each in sorted(message.fields, key=lambda each: each.number))
 
 
-def _field_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[Piece]:
+def _field_pieces(descriptor: FieldDescriptor, column: OutputField | Tree, n: int) -> list[Piece]:
     if not isinstance(column, Mapping) and len(column) != n:
         raise ColumnError(f"{len(column)} rows instead of {n}")
     if descriptor.type == TYPE_MESSAGE:
@@ -117,15 +95,15 @@ def _field_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: i
     return [tag, _number_piece(descriptor, column)]
 
 
-def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree, n: int) -> list[Piece]:
+def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | Tree, n: int) -> list[Piece]:
     message = descriptor.message_type
     tag = _tag_piece(descriptor, WIRE_LENGTH)
     if descriptor.is_repeated:
-        elements = column if isinstance(column, Repeated) else _elements(column)
-        total = int(elements.offsets[-1])
-        inner = _message_pieces(message, _tree(elements.fields), total)
+        repeated = column if isinstance(column, Repeated) else elements(column)
+        total = int(repeated.offsets[-1])
+        inner = _message_pieces(message, tree_of(repeated.fields), total)
         rows = assemble([tag, *length_pieces(inner, total), *inner], total)
-        bounds = rows.offsets[elements.offsets]
+        bounds = rows.offsets[repeated.offsets]
         return [Varying(rows.data, bounds[:-1], np.diff(bounds))]
     if isinstance(column, np.ndarray) and message.full_name in (
         "google.protobuf.Timestamp",
@@ -137,30 +115,6 @@ def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | _Tree,
         raise ColumnError("it is a message: name the fields inside")
     inner = _message_pieces(message, column, n)
     return [tag, *length_pieces(inner, n), *inner]
-
-
-def _elements(column: OutputField | _Tree) -> Repeated:
-    """Ragged leaves inside a repeated message as `Repeated`; they must agree on the offsets."""
-    leaves = dict(_leaves(column)) if isinstance(column, Mapping) else {}
-    offsets: Int64Array | None = None
-    fields: dict[str, OutputField] = {}
-    for path, leaf in leaves.items():
-        if not isinstance(leaf, Ragged):
-            raise ColumnError(f"{path} must be ragged: it lies inside a repeated message")
-        if offsets is not None and not np.array_equal(offsets, leaf.offsets):
-            raise ColumnError("its fields differ in their number of elements")
-        offsets = leaf.offsets
-        fields[path] = leaf.values
-    if offsets is None:
-        raise ColumnError("it is a repeated message: name the fields inside")
-    return Repeated(offsets, fields)
-
-
-def _leaves(tree: _Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
-    leaves: list[tuple[str, OutputField]] = []
-    for name, node in tree.items():
-        leaves += _leaves(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]
-    return leaves
 
 
 def _string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:

@@ -14,9 +14,9 @@ import cwcli
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.write.byte_rows import ByteRows, join_rows
 from cwcli.logs.write.message_merge import Feed, MessageMerge
-from cwcli.logs.write.new_messages import MESSAGE_ENCODING, SCHEMA_ENCODING, column_feed, row_feed
+from cwcli.logs.write.new_messages import column_feed, row_feed
 from cwcli.logs.write.record_writer import RecordWriter
-from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.written_schema import written_schema
 from cwcli.output import open_output
 from cwcli.signals.columns import Int64Array, OutputChannel
 
@@ -88,9 +88,9 @@ class LogWriter:
             KeyError: Its schema is unknown.
             ValueError: A column does not fit the schema, or the log times go back.
         """
-        schema = message_schema(channel.schema_name)
-        schema_id = self.add_schema(schema.name, SCHEMA_ENCODING, schema.data)
-        channel_id = self.add_channel(channel.topic, MESSAGE_ENCODING, schema_id)
+        schema = written_schema(channel.schema_name)
+        schema_id = self.add_schema(schema.name, schema.encoding, schema.data)
+        channel_id = self.add_channel(channel.topic, schema.message_encoding, schema_id)
         self._add(column_feed(channel, channel_id))
         return channel_id
 

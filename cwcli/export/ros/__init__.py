@@ -1,0 +1,1 @@
+"""An annotated log as a log of ROS 2 messages alone."""

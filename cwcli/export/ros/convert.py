@@ -1,0 +1,82 @@
+"""The channels of an annotated log as those of a ROS 2 log."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from cwcli import __version__
+from cwcli.channels.published import OWN_PREFIX
+from cwcli.errors import MissingSignalError
+from cwcli.export.ros.messages import ROS_MESSAGES
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import LeftOut, annotate
+from cwcli.logs.write.profile import is_of_profile
+from cwcli.pipeline.records import ORIGIN_NAMES, PREFIX, map_of, run_records
+from cwcli.signals.columns import OutputChannel
+from cwcli.signals.geodesy import LocalMap
+
+PROFILE = "ros2"
+FOLDER = f"{OWN_PREFIX}ros/"
+"""Of the topics that are made: no command takes what lies there for a measurement, or for a result of a stage."""
+RECORD = "cwcli.export.ros2"
+NOT_IN_A_TOPIC = re.compile("[^A-Za-z0-9_/]")
+
+
+@dataclass(frozen=True)
+class RosLog:
+    """What was written.
+
+    Attributes:
+        n_messages_kept, n_messages_made: ROS messages of the source, and those made of others.
+        left_out: Topic -> schema of each channel for which there is no ROS message.
+    """
+
+    n_messages_kept: int
+    n_messages_made: int
+    left_out: dict[str, str]
+
+
+def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLog:
+    """Write the ROS messages of a log as they are, and what cwcli made as ROS messages.
+
+    A metadata record says where the map lies on the earth, in place of the records of the stages.
+
+    Raises:
+        MissingSignalError: There is no channel that could be written.
+        DataError: Another version wrote a channel.
+        InputError: The log is damaged.
+        OutputError: The target can't be written.
+    """
+    foreign = [each for each in log.channels if not is_of_profile(PROFILE, each.message_encoding, each.schema_encoding)]
+    if len(foreign) == len(log.channels) and not any(each.schema_name in ROS_MESSAGES for each in foreign):
+        raise MissingSignalError(
+            "no channel can be written as ROS messages", where=log.name, hint="run `cwcli run` on it first"
+        )
+    estimated = run_records(log).get("estimate", {})
+    local_map = map_of(estimated)
+    known = dict.fromkeys(each.topic for each in foreign if each.schema_name in ROS_MESSAGES)
+    made = [_converted(log, topic, local_map) for topic in known]
+    report = annotate(
+        log,
+        made,
+        {RECORD: {"cwcli": __version__, **{name: estimated[name] for name in ORIGIN_NAMES if name in estimated}}},
+        target,
+        replace=True,
+        force=force,
+        left_out=LeftOut(
+            frozenset(each.id for each in foreign),
+            frozenset(name for name in log.metadata_names if name.startswith(PREFIX)),
+        ),
+        profile=PROFILE,
+    )
+    left_out = {each.topic: each.schema_name for each in foreign if each.topic not in known}
+    return RosLog(report.n_messages_copied, report.n_messages_added, left_out)
+
+
+def _converted(log: Log, topic: str, local_map: LocalMap | None) -> OutputChannel:
+    columns = log.columns(topic)
+    message = ROS_MESSAGES[columns.schema_name]
+    name = FOLDER + NOT_IN_A_TOPIC.sub("_", topic.removeprefix(OWN_PREFIX).strip("/"))
+    return OutputChannel(name, message.schema, columns.log_time_ns, message.fields(columns, local_map))

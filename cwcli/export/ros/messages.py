@@ -1,0 +1,262 @@
+"""What ROS 2 message each of cwcli's becomes, one line each; and a function for each that is not taken field by field.
+
+States, targets and paths become the standard messages that RViz and evo know; what these have no room for
+(accelerations, flags, models) is in the annotated log alone. What none fits is a message of `cwcli_msgs`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.channels.published import OWN_PREFIX
+from cwcli.channels.vehicle_state import read_states
+from cwcli.signals.columns import (
+    Columns,
+    FloatArray,
+    Int64Array,
+    OutputField,
+    Ragged,
+    Repeated,
+    Strings,
+    constant_strings,
+    strings_from,
+)
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.leaf_fields import find, matrix, numbers, stamps, texts, vector, whole_numbers
+from cwcli.signals.vehicle_state import BODY_FRAME, EGO_ID, HEADING, MAP_FRAME, SPEED, YAW_RATE, X, Y
+
+Fields = Mapping[str, OutputField]
+POSE_SIZE = 36
+"""Of a covariance: x, y, z, and the turns about them."""
+ROLLED = 5
+"""Row of the turn about z."""
+CLEARED = 3  # cwcli.v1.Warning.State
+OK, WARN = 0, 1  # diagnostic_msgs/DiagnosticStatus
+LOG_LEVEL_STEP = 10
+"""rcl_interfaces/Log counts 10, 20, ... where foxglove.Log counts 1, 2, ..."""
+SERVICE_GPS = 1
+TOLD_OF_WARNING = ("time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability")
+
+
+@dataclass(frozen=True)
+class RosMessage:
+    """What a message becomes.
+
+    Attributes:
+        schema: `package/msg/Name`.
+        fields: Columns of the channel, and the map of the log if it has a place on the earth -> those of the message.
+    """
+
+    schema: str
+    fields: Callable[[Columns, LocalMap | None], Fields]
+
+
+def _same(columns: Columns, _map: LocalMap | None) -> Fields:
+    return columns.fields
+
+
+def _odometry_of_state(columns: Columns, local_map: LocalMap | None) -> Fields:
+    """A state in the map of this log, also where a truth has another origin."""
+    has_covariance = isinstance(find(columns, "sigma"), np.ndarray)
+    states = read_states(columns, with_covariance=has_covariance)
+    state = states.state.copy()
+    if local_map is not None and not columns.topic.startswith(OWN_PREFIX):
+        lat_deg, lon_deg = (numbers(columns, name) for name in ("latitude_deg", "longitude_deg"))
+        x_m, y_m, _ = local_map.map_from_wgs84(lat_deg, lon_deg, np.full(len(state), np.nan))
+        there = np.isfinite(x_m)
+        state[there, X], state[there, Y] = x_m[there], y_m[there]
+    child = Strings(states.ids.codes, tuple(BODY_FRAME if name == EGO_ID else name for name in states.ids.values))
+    pose, twist = np.zeros((2, len(state), 6, 6))
+    if has_covariance:
+        covariance = states.covariance
+        for a, row in ((X, 0), (Y, 1), (HEADING, ROLLED)):
+            for b, column in ((X, 0), (Y, 1), (HEADING, ROLLED)):
+                pose[:, row, column] = covariance[:, a, b]
+        for a, row in ((SPEED, 0), (YAW_RATE, ROLLED)):
+            for b, column in ((SPEED, 0), (YAW_RATE, ROLLED)):
+                twist[:, row, column] = covariance[:, a, b]
+    x_m, y_m, speed, heading = state[:, [X, Y, SPEED, HEADING]].T
+    motion = speed, heading, state[:, YAW_RATE]
+    frame = constant_strings(MAP_FRAME, len(state))
+    return _odometry(states.stamp_ns, frame, child, (x_m, y_m), motion, (pose, twist))
+
+
+def _odometry_of_target(columns: Columns, _map: LocalMap | None) -> Fields:
+    """A target in its own frame of reference: the map, or the car."""
+    n = len(columns)
+    x_m, y_m, vx, vy = (numbers(columns, name, required=True) for name in ("x_m", "y_m", "vx_mps", "vy_mps"))
+    heading = np.arctan2(vy, vx)
+    covariance = matrix(columns, "covariance", 16).reshape(n, 4, 4)
+    pose, twist = np.zeros((2, n, 6, 6))
+    pose[:, :2, :2] = covariance[:, :2, :2]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    body_from_frame = np.stack([np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)], axis=1)
+    twist[:, :2, :2] = body_from_frame @ covariance[:, 2:, 2:] @ body_from_frame.transpose(0, 2, 1)
+    yaw_rate = np.nan_to_num(numbers(columns, "yaw_rate_radps"))
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns", required=True)
+    frame, ids = (texts(columns, name, required=True) for name in ("frame_id", "id"))
+    return _odometry(stamp_ns, frame, ids, (x_m, y_m), (np.hypot(vx, vy), heading, yaw_rate), (pose, twist))
+
+
+def _odometry(
+    stamp_ns: Int64Array,
+    frame: Strings,
+    child: Strings,
+    place: tuple[FloatArray, FloatArray],
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    covariances: tuple[FloatArray, FloatArray],
+) -> Fields:
+    """`nav_msgs/Odometry`: the twist is that of the body. Height, roll and pitch are zero, with zero covariances."""
+    speed, heading, yaw_rate = motion
+    pose, twist = (np.nan_to_num(each.reshape(len(stamp_ns), POSE_SIZE)) for each in covariances)
+    return {
+        **_header(stamp_ns, frame),
+        "child_frame_id": child,
+        "pose.pose.position.x": place[0],
+        "pose.pose.position.y": place[1],
+        **_turn("pose.pose.orientation", heading),
+        "pose.covariance": pose,
+        "twist.twist.linear.x": speed,
+        "twist.twist.angular.z": yaw_rate,
+        "twist.covariance": twist,
+    }
+
+
+def _path(columns: Columns, _map: LocalMap | None) -> Fields:
+    """`nav_msgs/Path`: each point has the time at which the vehicle is to be there."""
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns", required=True)
+    x_m, y_m, heading = (_ragged(find(columns, name), len(columns)) for name in ("x_m", "y_m", "heading_rad"))
+    frames = texts(columns, "frame_id", required=True)
+    frame = Strings(frames.codes, tuple(name or MAP_FRAME for name in frames.values))
+    counts = np.diff(x_m.offsets)
+    row = np.repeat(np.arange(len(columns)), counts)
+    step = np.arange(len(row)) - np.repeat(x_m.offsets[:-1], counts)
+    ahead_ns = np.round(step * numbers(columns, "step_s")[row] * 1e9).astype(np.int64)
+    points: Fields = {
+        **_header(stamp_ns[row] + ahead_ns, frame.rows(row)),
+        "pose.position.x": x_m.values,
+        "pose.position.y": y_m.values,
+        **_turn("pose.orientation", np.asarray(heading.values, np.float64)),
+    }
+    return {**_header(stamp_ns, frame), "poses": Repeated(x_m.offsets, points)}
+
+
+def _ragged(field: object, n: int) -> Ragged:
+    """A repeated number of n rows."""
+    if isinstance(field, Ragged):
+        return field
+    if isinstance(field, np.ndarray) and field.ndim == 2:
+        return Ragged(field.ravel(), np.arange(n + 1, dtype=np.int64) * field.shape[1])
+    return Ragged(np.zeros(0), np.zeros(n + 1, np.int64))
+
+
+def _diagnostics(columns: Columns, _map: LocalMap | None) -> Fields:
+    """`diagnostic_msgs/DiagnosticArray` of one status: WARN until the warning is cleared."""
+    n = len(columns)
+    stamp_ns, _ = whole_numbers(columns, "known_ns", "stamp_ns", required=True)
+    state = whole_numbers(columns, "state", required=True)[0]
+    event = whole_numbers(columns, "event_id", required=True)[0]
+    told = {name: numbers(columns, name) for name in TOLD_OF_WARNING}
+    values = [
+        {"event_id": str(event[k]), **{name: f"{each[k]:.6g}" for name, each in told.items() if np.isfinite(each[k])}}
+        for k in range(n)
+    ]
+    offsets = np.cumsum([0, *map(len, values)]).astype(np.int64)
+    pairs: Fields = {
+        "key": strings_from([key for row in values for key in row]),
+        "value": strings_from([value for row in values for value in row.values()]),
+    }
+    rule = texts(columns, "rule", required=True)
+    status: Fields = {
+        "level": np.where(state == CLEARED, OK, WARN),
+        "name": Strings(rule.codes, tuple(f"cwcli warn: {name}" for name in rule.values)),
+        "message": texts(columns, "message", required=True),
+        "hardware_id": texts(columns, "other_id", required=True),
+        "values": Repeated(offsets, pairs),
+    }
+    return {"header.stamp": stamp_ns, "status": _one_each(n, status)}
+
+
+def _log(columns: Columns, _map: LocalMap | None) -> Fields:
+    return {
+        "stamp": stamps(columns)[0],
+        "level": LOG_LEVEL_STEP * whole_numbers(columns, "level", required=True)[0],
+        "name": texts(columns, "name", required=True),
+        "msg": texts(columns, "message", required=True),
+    }
+
+
+def _fix(columns: Columns, _map: LocalMap | None) -> Fields:
+    covariance = matrix(columns, "position_covariance", 9)
+    kind = np.where(np.isfinite(covariance).all(axis=1), numbers(columns, "position_covariance_type"), 0)
+    return {
+        **_header(stamps(columns)[0], texts(columns, "frame_id", required=True)),
+        "status.service": np.full(len(columns), SERVICE_GPS),
+        **{name: numbers(columns, name) for name in ("latitude", "longitude", "altitude")},
+        "position_covariance": np.nan_to_num(covariance),
+        "position_covariance_type": kind,
+    }
+
+
+def _pose(columns: Columns, _map: LocalMap | None) -> Fields:
+    return {
+        **_header(stamps(columns)[0], texts(columns, "frame_id", required=True)),
+        **_copied(columns, "pose.position", "xyz"),
+        **_orientation(columns, "pose.orientation"),
+    }
+
+
+def _transform(columns: Columns, _map: LocalMap | None) -> Fields:
+    each: Fields = {
+        **_header(stamps(columns)[0], texts(columns, "parent_frame_id", required=True)),
+        "child_frame_id": texts(columns, "child_frame_id", required=True),
+        **{f"transform.{name}": v for name, v in _copied(columns, "translation", "xyz").items()},
+        **{f"transform.{name}": v for name, v in _orientation(columns, "rotation").items()},
+    }
+    return {"transforms": _one_each(len(columns), each)}
+
+
+def _one_each(n: int, fields: Fields) -> Repeated:
+    return Repeated(np.arange(n + 1, dtype=np.int64), fields)
+
+
+def _header(stamp_ns: Int64Array, frame: Strings) -> dict[str, OutputField]:
+    return {"header.stamp": stamp_ns, "header.frame_id": frame}
+
+
+def _turn(path: str, heading_rad: FloatArray) -> dict[str, OutputField]:
+    return {f"{path}.z": np.sin(0.5 * heading_rad), f"{path}.w": np.cos(0.5 * heading_rad)}
+
+
+def _copied(columns: Columns, path: str, names: str) -> dict[str, OutputField]:
+    values = vector(columns, path, tuple(names))
+    return {f"{path}.{name}": values[:, k] for k, name in enumerate(names)}
+
+
+def _orientation(columns: Columns, path: str) -> dict[str, OutputField]:
+    """A quaternion; no turn where there is none."""
+    turn = vector(columns, path, ("x", "y", "z", "w"))
+    turn[~np.isfinite(turn).all(axis=1)] = 0.0, 0.0, 0.0, 1.0
+    return {f"{path}.{name}": turn[:, k] for k, name in enumerate("xyzw")}
+
+
+ROS_MESSAGES = {
+    "cwcli.v1.VehicleState": RosMessage("nav_msgs/msg/Odometry", _odometry_of_state),
+    "cwcli.v1.Target": RosMessage("nav_msgs/msg/Odometry", _odometry_of_target),
+    "cwcli.v1.PredictedPath": RosMessage("nav_msgs/msg/Path", _path),
+    "cwcli.v1.Warning": RosMessage("diagnostic_msgs/msg/DiagnosticArray", _diagnostics),
+    "cwcli.v1.Measures": RosMessage("cwcli_msgs/msg/Measures", _same),
+    "cwcli.v1.Lanes": RosMessage("cwcli_msgs/msg/Lanes", _same),
+    "cwcli.v1.LateralState": RosMessage("cwcli_msgs/msg/LateralState", _same),
+    "cwcli.v1.ControlStep": RosMessage("cwcli_msgs/msg/ControlStep", _same),
+    "cwcli.v1.Rejected": RosMessage("cwcli_msgs/msg/Rejected", _same),
+    "foxglove.LocationFix": RosMessage("sensor_msgs/msg/NavSatFix", _fix),
+    "foxglove.PoseInFrame": RosMessage("geometry_msgs/msg/PoseStamped", _pose),
+    "foxglove.FrameTransform": RosMessage("tf2_msgs/msg/TFMessage", _transform),
+    "foxglove.Log": RosMessage("rcl_interfaces/msg/Log", _log),
+}
+"""Schema of a channel -> what it becomes. Scenes and lines in images are left out: they are pictures of paths, targets
+and lanes, which are there themselves."""

@@ -1,0 +1,205 @@
+"""Columns to ROS 2 messages in CDR, without a Python object per message.
+
+Each number is aligned to its own size, counted from the end of the four bytes in front. What follows a text or a
+sequence therefore lies elsewhere in every row: the place that each row has reached is carried along.
+
+Source: DDS-XTYPES 1.3, 7.4.3 (plain CDR, version 1), little-endian, as `rmw` implementations write it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, Definitions, MessageField, find_definition, parse_definitions
+from cwcli.logs.write.byte_rows import ByteRows, join_rows, offsets_of
+from cwcli.logs.write.column_tree import ColumnError, Tree, elements, tree_of
+from cwcli.logs.write.ros_schemas import ros_schema
+from cwcli.logs.write.row_assembly import Fixed, Piece, Varying, assemble, constant
+from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings, column_at
+from cwcli.signals.units import NS_PER_S
+
+CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+TIMES = ("builtin_interfaces/Time", "builtin_interfaces/Duration")
+NO_BYTES = np.zeros(8, np.uint8)
+
+
+def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> ByteRows:
+    """Encode n messages.
+
+    Args:
+        schema_name: A message of `cwcli.logs.write.ros_schemas`.
+        fields: Dotted field path -> n rows; what is not named is zero, empty or false. A time may be given as int64 ns
+            under its own name, a sequence of messages as `Repeated` or as `Ragged` leaves.
+
+    Returns:
+        n rows, each a message with its encapsulation header.
+
+    Raises:
+        KeyError: There is no such message.
+        ColumnError: A path names no field, or a column has the wrong kind for it.
+    """
+    root, definitions = _definitions(schema_name)
+    body = _Rows(np.zeros(n, np.int64))
+    _add_message(body, definitions, root, tree_of(fields))
+    return assemble([constant(CDR_LITTLE_ENDIAN), *body.pieces], n)
+
+
+@lru_cache(maxsize=64)
+def _definitions(schema_name: str) -> tuple[str, Definitions]:
+    return parse_definitions(schema_name, ros_schema(schema_name))
+
+
+class _Rows:
+    """Rows that grow piece by piece.
+
+    Attributes:
+        pieces: So far.
+        place: Shape (n,): bytes from the end of the encapsulation header to the end of each row.
+    """
+
+    def __init__(self, place: Int64Array) -> None:
+        self.pieces: list[Piece] = []
+        self.place = place
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    def add(self, piece: Piece) -> None:
+        self.pieces.append(piece)
+        self.place = self.place + (piece.size if isinstance(piece, Fixed) else piece.sizes)
+
+    def align(self, size: int, where: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] | None = None) -> None:
+        """Zeros up to a multiple of the size; only in some rows."""
+        gap = -self.place % size
+        if where is not None:
+            gap[~where] = 0
+        if not gap.any():
+            return
+        if (gap == gap[0]).all():
+            self.add(constant(bytes(int(gap[0]))))
+        else:
+            self.add(Varying(NO_BYTES, np.zeros(len(gap), np.int64), gap))
+
+    def numbers(self, code: str, values: NumericArray) -> None:
+        """The same number of values in each row, aligned."""
+        dtype = np.dtype(f"<{code}")
+        self.align(dtype.itemsize)
+        self.add(Fixed(np.ascontiguousarray(values, dtype)))
+
+    def counts(self, counts: Int64Array) -> None:
+        self.numbers("u4", counts)
+
+
+def _add_message(rows: _Rows, definitions: Definitions, name: str, tree: Tree) -> None:
+    fields = find_definition(definitions, name)
+    unknown = sorted(set(tree) - {field.name for field in fields})
+    if unknown:
+        raise ColumnError(f"{name} has no field {', '.join(unknown)}")
+    for field in fields:
+        try:
+            _add_field(rows, definitions, field, tree.get(field.name))
+        except ColumnError as error:
+            raise ColumnError(f"{name}.{field.name}: {error}") from error
+
+
+def _add_field(rows: _Rows, definitions: Definitions, field: MessageField, column: OutputField | Tree | None) -> None:
+    if column is not None and not isinstance(column, Mapping) and len(column) != len(rows):
+        raise ColumnError(f"{len(column)} rows instead of {len(rows)}")
+    is_array = field.is_sequence or field.length is not None
+    if field.type in PRIMITIVES:
+        if is_array:
+            _add_array(rows, field, column)
+        else:
+            _add_number(rows, field, column)
+    elif field.type == STRING and not is_array:
+        _add_text(rows, column)
+    elif field.type == STRING or field.length is not None:
+        raise ColumnError("arrays of texts and of messages are not supported")
+    elif field.is_sequence:
+        _add_sequence(rows, definitions, field.type, column)
+    else:
+        _add_message(rows, definitions, field.type, _inner(field.type, column))
+
+
+def _inner(name: str, column: OutputField | Tree | None) -> Tree:
+    """The fields of a message inside a message."""
+    if column is None:
+        return {}
+    if isinstance(column, Mapping):
+        return column
+    if name in TIMES and isinstance(column, np.ndarray):
+        seconds, nanos = np.divmod(column, NS_PER_S)
+        return {"sec": seconds, "nanosec": nanos}
+    raise ColumnError("it is a message: name the fields inside")
+
+
+def _add_number(rows: _Rows, field: MessageField, column: OutputField | Tree | None) -> None:
+    if column is None:
+        column = np.zeros(len(rows))
+    if not isinstance(column, np.ndarray) or column.ndim != 1:
+        raise ColumnError("it holds one number")
+    rows.numbers(PRIMITIVES[field.type], column)
+
+
+def _add_array(rows: _Rows, field: MessageField, column: OutputField | Tree | None) -> None:
+    code = PRIMITIVES[field.type]
+    if column is None:
+        column = np.zeros((len(rows), field.length or 0))
+    if field.length is not None:
+        if not isinstance(column, np.ndarray) or column.shape != (len(rows), field.length):
+            raise ColumnError(f"it holds {field.length} numbers")
+        rows.numbers(code, column)
+        return
+    if isinstance(column, np.ndarray) and column.ndim == 2:
+        column = Ragged(column.ravel(), np.arange(len(column) + 1, dtype=np.int64) * column.shape[1])
+    if not isinstance(column, Ragged):
+        raise ColumnError("it needs an (n, k) array or a ragged column")
+    values = np.ascontiguousarray(column.values, f"<{code}")
+    counts = np.diff(column.offsets)
+    rows.counts(counts)
+    rows.align(values.itemsize, counts > 0)  # nothing is aligned for numbers that are not there
+    rows.add(Varying(values.view(np.uint8), column.offsets[:-1] * values.itemsize, counts * values.itemsize))
+
+
+def _add_text(rows: _Rows, column: OutputField | Tree | None) -> None:
+    """Its length with the zero behind it, and the text; an absent one is empty. It can't hold a zero itself."""
+    if column is None:
+        column = Strings(np.full(len(rows), -1, np.int32), ())
+    if not isinstance(column, Strings):
+        raise ColumnError("it needs strings")
+    texts = [value.replace("\0", "\N{REPLACEMENT CHARACTER}").encode(errors="replace") for value in column.values]
+    entries = join_rows([text + b"\0" for text in (*texts, b"")])
+    codes = np.where(column.codes < 0, len(texts), column.codes)
+    rows.counts(entries.sizes[codes])
+    rows.add(Varying(entries.data, entries.offsets[codes], entries.sizes[codes]))
+
+
+def _add_sequence(rows: _Rows, definitions: Definitions, name: str, column: OutputField | Tree | None) -> None:
+    """The first element of every row that has one, then the second, ...: each begins where the one before ended."""
+    if column is None:
+        rows.counts(np.zeros(len(rows), np.int64))
+        return
+    repeated = column if isinstance(column, Repeated) else elements(column)
+    counts = np.diff(repeated.offsets)
+    rows.counts(counts)
+    for k in range(int(counts.max(initial=0))):
+        there = np.flatnonzero(counts > k)
+        each = _Rows(rows.place[there])
+        chosen = repeated.offsets[there] + k
+        _add_message(each, definitions, name, tree_of({path: _at(v, chosen) for path, v in repeated.fields.items()}))
+        encoded = assemble(each.pieces, len(there))
+        starts, sizes = np.zeros((2, len(rows)), np.int64)
+        starts[there], sizes[there] = encoded.offsets[:-1], encoded.sizes
+        rows.add(Varying(encoded.data, starts, sizes))
+
+
+def _at(column: OutputField, rows: Int64Array) -> OutputField:
+    if not isinstance(column, Repeated):
+        return column_at(column, rows)
+    counts = np.diff(column.offsets)[rows]
+    offsets = offsets_of(counts)
+    inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts) + np.repeat(column.offsets[:-1][rows], counts)
+    return Repeated(offsets, {path: _at(inner, inside) for path, inner in column.fields.items()})

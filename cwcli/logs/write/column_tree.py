@@ -1,0 +1,64 @@
+"""Columns with dotted names as the tree of a message."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cwcli.signals.columns import Int64Array, OutputField, Ragged, Repeated
+
+Tree = Mapping[str, "OutputField | Tree"]
+
+
+class ColumnError(ValueError):
+    """The columns don't fit the message."""
+
+
+def tree_of(fields: Mapping[str, OutputField]) -> Tree:
+    """Dotted paths as nested mappings.
+
+    Raises:
+        ColumnError: A field is given whole and in parts.
+    """
+    tree: dict[str, OutputField | Tree] = {}
+    below: dict[str, dict[str, OutputField]] = {}
+    for path, column in fields.items():
+        head, dot, rest = path.partition(".")
+        if dot:
+            below.setdefault(head, {})[rest] = column
+        else:
+            tree[head] = column
+    for head, inner in below.items():
+        if head in tree:
+            raise ColumnError(f"both {head} and {head}.* are given")
+        tree[head] = tree_of(inner)
+    return tree
+
+
+def elements(column: OutputField | Tree) -> Repeated:
+    """Ragged leaves inside a repeated message as `Repeated`; they must agree on the offsets.
+
+    Raises:
+        ColumnError: They don't, or are not ragged.
+    """
+    leaves = dict(_leaves(column)) if isinstance(column, Mapping) else {}
+    offsets: Int64Array | None = None
+    fields: dict[str, OutputField] = {}
+    for path, leaf in leaves.items():
+        if not isinstance(leaf, Ragged):
+            raise ColumnError(f"{path} must be ragged: it lies inside a repeated message")
+        if offsets is not None and not np.array_equal(offsets, leaf.offsets):
+            raise ColumnError("its fields differ in their number of elements")
+        offsets = leaf.offsets
+        fields[path] = leaf.values
+    if offsets is None:
+        raise ColumnError("it is a repeated message: name the fields inside")
+    return Repeated(offsets, fields)
+
+
+def _leaves(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
+    leaves: list[tuple[str, OutputField]] = []
+    for name, node in tree.items():
+        leaves += _leaves(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]
+    return leaves

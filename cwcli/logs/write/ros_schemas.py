@@ -1,0 +1,117 @@
+"""ROS 2 message definitions that cwcli writes: standard ones, and its own messages as `cwcli_msgs`.
+
+The standard ones are those of common_interfaces, geometry2 and rcl_interfaces, the same from Humble to Rolling; without
+comments and constants. A message of `cwcli_msgs` has the fields of its `cwcli.v1` twin under the same names.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, parse_definitions, short_name
+
+if TYPE_CHECKING:
+    from google.protobuf.descriptor import Descriptor, FieldDescriptor
+
+OWN_PACKAGE = "cwcli_msgs"
+OWN_PROTOBUF_PACKAGE = "cwcli.v1"
+SEPARATOR = "=" * 80
+
+_XYZ = "float64 x\nfloat64 y\nfloat64 z\n"
+_STANDARD = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "geometry_msgs/Point": _XYZ,
+    "geometry_msgs/Vector3": _XYZ,
+    "geometry_msgs/Quaternion": _XYZ + "float64 w\n",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+    "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance\n",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+    "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance\n",
+    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+    "geometry_msgs/TransformStamped": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
+    ),
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+    "nav_msgs/Odometry": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist\n"
+    ),
+    "nav_msgs/Path": "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n",
+    "sensor_msgs/NavSatStatus": "int8 status\nuint16 service\n",
+    "sensor_msgs/NavSatFix": (
+        "std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\n"
+        "float64 altitude\nfloat64[9] position_covariance\nuint8 position_covariance_type\n"
+    ),
+    "diagnostic_msgs/KeyValue": "string key\nstring value\n",
+    "diagnostic_msgs/DiagnosticStatus": (
+        "byte level\nstring name\nstring message\nstring hardware_id\ndiagnostic_msgs/KeyValue[] values\n"
+    ),
+    "diagnostic_msgs/DiagnosticArray": "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n",
+    "rcl_interfaces/Log": (
+        "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\n"
+        "uint32 line\n"
+    ),
+}
+"""Short name -> its fields."""
+
+_SCALARS = {
+    1: "float64", 2: "float32", 3: "int64", 4: "uint64", 5: "int32", 6: "uint64", 7: "uint32", 8: "bool",
+    9: "string", 13: "uint32", 14: "int32", 15: "int32", 16: "int64", 17: "int32", 18: "int64",
+}  # fmt: skip
+"""Number of a protobuf type (FieldDescriptorProto.Type) -> the ROS type; an enum is its number."""
+_MESSAGE = 11
+
+
+def is_ros(schema_name: str) -> bool:
+    """Whether a schema's name is that of a ROS 2 message: `package/msg/Name`."""
+    return "/msg/" in schema_name
+
+
+@cache
+def ros_schema(schema_name: str) -> str:
+    """The `ros2msg` text of a message: its fields, then the definition of each message inside.
+
+    Raises:
+        KeyError: There is no such message.
+    """
+    root = short_name(schema_name)
+    bodies = {root: _body(root)}
+    waiting = [root]
+    while waiting:
+        name = waiting.pop(0)
+        _, definitions = parse_definitions(name, bodies[name])
+        for field in definitions[name]:
+            if field.type not in PRIMITIVES and field.type != STRING and field.type not in bodies:
+                bodies[field.type] = _body(field.type)
+                waiting.append(field.type)
+    parts = [bodies.pop(root), *(f"MSG: {name}\n{body}" for name, body in bodies.items())]
+    return f"{SEPARATOR}\n".join(parts)
+
+
+def _body(name: str) -> str:
+    package, _, message = name.partition("/")
+    if package != OWN_PACKAGE:
+        return _STANDARD[name]
+    from cwcli.logs.write.schemas import message_schema
+
+    descriptor = message_schema(f"{OWN_PROTOBUF_PACKAGE}.{message}").descriptor
+    return "".join(f"{line}\n" for line in _lines(descriptor))
+
+
+def _lines(descriptor: Descriptor) -> list[str]:
+    """The fields, each behind the constants of its enum."""
+    lines = []
+    for field in sorted(descriptor.fields, key=lambda each: each.number):
+        if field.enum_type is not None:
+            lines += [f"int32 {value.name}={value.number}" for value in field.enum_type.values]
+        lines.append(f"{_type(field)}{'[]' if field.is_repeated else ''} {field.name}")
+    return lines
+
+
+def _type(field: FieldDescriptor) -> str:
+    if field.type == _MESSAGE:
+        return f"{OWN_PACKAGE}/{field.message_type.name}"
+    return _SCALARS[field.type]
