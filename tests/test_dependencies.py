@@ -20,6 +20,7 @@ NOT_INSTALLED = {"stonesoup": "stonesoup"}
 RUN = {
     "build": ".ci/run: -m build",
     "cython": 'tests/fuzz/sanitized.py: "cython"',
+    "evo": "tests/cli/test_ros_tools.py: evo_ape",
     "import-linter": ".ci/run: lint-imports",
     "mkdocs-material": ".ci/run: mkdocs",
     "moto": "tests/unit/fleet/test_inputs.py: moto.server",
