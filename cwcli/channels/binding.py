@@ -87,6 +87,7 @@ class Binding:
         topic, schema_name, message_encoding: The channel.
         is_override: The user named it.
         mapping: Which of its fields are the role's, where the user has said so.
+        parts: The channels of the mapping's parts.
     """
 
     role: str
@@ -95,6 +96,7 @@ class Binding:
     message_encoding: str
     is_override: bool = False
     mapping: FieldMapping | None = None
+    parts: tuple[Binding, ...] = ()
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -136,7 +138,7 @@ class Bindings:
         """Topic -> leaf fields to load, for all roles that are read as columns (what `Log.load` takes)."""
         fields: dict[str, set[str]] = {}
         for bound in self.by_role.values():
-            for binding in bound:
+            for binding in (each for one in bound for each in (one, *one.parts)):
                 if binding.fields:
                     fields.setdefault(binding.topic, set()).update(binding.fields)
         return fields
@@ -220,19 +222,11 @@ def parse_overrides(options: Sequence[str], name_of_option: str = "--topic") -> 
 
 
 def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -> None:
-    """Check that every role exists.
-
-    Args:
-        overrides: Role name -> topic.
-        name_of_option: For the message of the error.
-
-    Raises:
-        UsageError: One does not.
-    """
+    """Check that every role (name -> topic) exists; else a UsageError that names the option."""
     for name, value in overrides.items():
         if name not in EVERY_ROLE:
             raise UsageError(f"{name_of_option} {name}={value}: there is no role {name}", hint=_role_names())
-        _mapping(name, value)
+        _mappings(name, value)
 
 
 def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
@@ -272,28 +266,32 @@ def _check_overrides(
     named: dict[str, tuple[Binding, ...]] = {}
     check_roles(overrides)
     for name, value in overrides.items():
-        mapping = _mapping(name, value)
-        if mapping is not None:
-            named[name] = (_mapped_channel(channels, mapping, where),)
+        mappings = _mappings(name, value)
+        if mappings:
+            named[name] = tuple(_mapped_channel(channels, mapping, where) for mapping in mappings)
             continue
         topics = value.split(",") if name in MANY_TOPICS else [value]
         named[name] = tuple(_named_channel(channels, name, topic.strip(), where) for topic in topics)
     return named
 
 
-def _mapping(role: str, value: str) -> FieldMapping | None:
-    """The mapping that stands behind a role's `=`, None where a topic does; a malformed one is a UsageError."""
+def _mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
+    """The mappings that stand behind a role's `=`, () where topics do; a malformed one is a UsageError."""
     if ":" not in value:
-        return None
-    from cwcli.signals.mapping import MAPPED, parse_mapping  # few name fields, and every start would pay
+        return ()
+    from cwcli.signals.mapping import MAPPED, parse_mappings  # few name fields, and every start would pay
 
-    return parse_mapping(role, value) if role in MAPPED else None
+    mappings = parse_mappings(role, value) if role in MAPPED else ()
+    if len(mappings) > 1 and role not in MANY_TOPICS:
+        raise UsageError(f"--map {role} is given twice", hint="it takes one channel")
+    return mappings
 
 
 def _mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, where: str) -> Binding:
     for channel in channels:
         if channel.topic in (mapping.topic, f"/{mapping.topic}"):
-            return replace(_binding(channel, mapping.role, is_override=True), mapping=mapping)
+            parts = tuple(_mapped_channel(channels, part, where) for part in mapping.parts)
+            return replace(_binding(channel, mapping.role, is_override=True), mapping=mapping, parts=parts)
     topics = tuple(dict.fromkeys(channel.topic for channel in channels)) or ("no channels",)
     what = f"--map {mapping.role}={mapping.text}: the log has no topic {mapping.topic}"
     raise UsageError(what, where=where, found=topics)

@@ -73,7 +73,7 @@ def reasons(channels: Sequence[Described], bindings: Bindings) -> dict[str, Reas
         channels: Of the log.
         bindings: Of every role.
     """
-    used = {binding.topic for bound in bindings.by_role.values() for binding in bound}
+    used = {each.topic for bound in bindings.by_role.values() for one in bound for each in (one, *one.parts)}
     return {each.topic: _reason(each, bindings) for each in channels if each.topic not in used}
 
 

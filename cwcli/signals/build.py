@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.mapped import build_mapped
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns
-from cwcli.signals.input_rows import CAN_SCHEMAS
-from cwcli.signals.inputs import input_for, normalise
+from cwcli.signals.inputs import input_for
 from cwcli.signals.mapping import MAPPED, FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
@@ -39,6 +40,7 @@ def build(
     ego_station: str | None = None,
     is_override: bool = False,
     mapping: FieldMapping | None = None,
+    parts: Sequence[tuple[Columns, FieldMapping]] = (),
 ) -> tuple[Signal, Quality]:
     """Make the canonical signal of a role out of a channel.
 
@@ -52,6 +54,7 @@ def build(
         ego_station: Station whose V2X messages are the ego's own. They are left out of REMOTE.
         is_override: The user named the channel for this role.
         mapping: Which of its fields are the role's quantities, where the user has said so.
+        parts: Channels that hold the quantities behind these, and which of their fields they are.
 
     Returns:
         The signal, its rows sorted by stamp, and what happened to the messages.
@@ -63,8 +66,7 @@ def build(
     entry = input_for(role, columns.schema_name if mapping is None else MAPPED[role].schema)
     reading = Reading(role, clock, ego_station, is_override)
     if mapping is not None and entry is not None and entry.build is not None:
-        is_can = normalise(columns.schema_name) in CAN_SCHEMAS
-        return build_mapped(columns, reading, mapping, build=entry.build, is_can=is_can)
+        return build_mapped(columns, reading, mapping, parts, build=entry.build)
     if entry is None or entry.build is None:
         raise ValueError(f"{columns.topic}: no builder for {columns.schema_name} as {role}")
     return entry.build(columns, reading)

@@ -12,10 +12,13 @@ from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Numeri
 from cwcli.signals.leaf_fields import find, numbers, stamps
 from cwcli.signals.mapping import MAPPED, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
+from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
 PAIRS = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"))
+MOST_STEPS = 2.5
+"""A channel's usual steps across which its values are interpolated: one message may be missing."""
 SUBSECONDS = ("header.stamp.sec", "header.stamp.nanosec")
 
 
@@ -33,9 +36,7 @@ def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
         UsageError: A field is not there, or holds no numbers.
     """
     quantities = MAPPED[mapping.role]
-    values = {
-        name: _values(columns, mapping, term) for name, term in zip(quantities.fields, mapping.terms, strict=False)
-    }
+    values = mapped_values(columns, mapping)
     fields: dict[str, Field] = dict(values)
     if mapping.role == Role.EGO_HEADING:
         half = 0.5 * values["yaw"]
@@ -48,6 +49,44 @@ def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
         whole, rest = np.divmod(np.where(has_stamp, stamp_ns, 0), NS_PER_S)
         fields |= dict(zip(SUBSECONDS, (whole, rest), strict=True))
     return replace(columns, schema_name=quantities.schema, fields=fields), is_stamped
+
+
+def mapped_values(columns: Columns, mapping: FieldMapping) -> dict[str, FloatArray]:
+    """The quantities that a mapping names of its channel, by their fields, (n,) each.
+
+    Raises:
+        UsageError: A field is not there, or holds no numbers.
+    """
+    return {name: _values(columns, mapping, term) for name, term in zip(mapping.names, mapping.terms, strict=True)}
+
+
+def with_part(made: Columns, is_stamped: bool, columns: Columns, part: FieldMapping) -> tuple[Columns, str]:
+    """The columns with the quantities of another channel at their times, and a note.
+
+    Interpolated between two messages of it that are next to each other, or have one missing between them; NaN
+    elsewhere. Times are those of the messages, or log times where one of the channels has no others.
+
+    Raises:
+        UsageError: A field is not there, or holds no numbers.
+    """
+    values = mapped_values(columns, part)
+    stamp_ns, has_stamp = _stamps(columns, part)
+    own_ns, own_has = stamps(made)
+    is_by_stamp = is_stamped and bool(has_stamp.any())
+    their_ns = np.where(has_stamp, stamp_ns, columns.log_time_ns) if is_by_stamp else columns.log_time_ns
+    at_ns = np.where(own_has, own_ns, made.log_time_ns) if is_by_stamp else made.log_time_ns
+    order = np.argsort(their_ns, kind="stable")
+    steps_s = np.diff(their_ns[order]) / NS_PER_S
+    gap_s = MOST_STEPS * float(np.median(steps_s[steps_s > 0.0])) if (steps_s > 0.0).any() else 0.0
+    fields: dict[str, Field] = dict(made.fields)
+    kinds = MAPPED[part.role].fields
+    for name, each in values.items():
+        turn = np.pi / 180.0 if kinds[name] == "place" else 1.0  # a longitude goes on from 180 to -180 degrees
+        at = resample(their_ns[order], turn * each[order], at_ns, max_gap_s=gap_s, is_angle=kinds[name] == "place")
+        fields[name] = at / turn
+    time = "the time of the messages" if is_by_stamp else "log time"
+    note = f"{', '.join(values)} of {part.topic} ({len(columns)} messages), interpolated by {time}"
+    return replace(made, fields=fields), note
 
 
 def _values(columns: Columns, mapping: FieldMapping, term: Term) -> FloatArray:

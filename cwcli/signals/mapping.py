@@ -5,9 +5,12 @@
     ego_position=/gps:lat*1e-7,lon*1e-7@time_us*us
     ego_speed=/can/frames:WHEELS.Speed*kmh;car.dbc
 
+    ego_position=/lat:data|/lon:data
+
 Behind the colon stand the quantities of the role in order: each a field, with a sign before it, factors or units behind
 it, and an offset in the unit of the role. Behind @ stands the field of the time, behind ; a file that describes CAN
-messages.
+messages. Behind | stands the next mapping of the same role: of the quantities that the one before lacks, or leaves out
+(`ego_speed=/speed:data|/gyro:,z`), else of another source.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cwcli.errors import UsageError
 from cwcli.signals.role import Role
@@ -31,6 +34,8 @@ UNITS: dict[str, dict[str, float]] = {
     "height": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
 }
 """What is measured -> its units, in that of cwcli (m/s, rad, rad/s, m/s^2, degrees, m)."""
+NEXT = "|"
+"""Between two mappings of a role."""
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 
 
@@ -110,6 +115,8 @@ class FieldMapping:
             below needs none.
         files: That describe the messages of a CAN bus.
         text: As it was given, behind the role.
+        first: Which of the role's quantities its first term is.
+        parts: The mappings of further channels that give the quantities behind its own.
     """
 
     role: str
@@ -119,6 +126,18 @@ class FieldMapping:
     stamp_unit_ns: float
     files: tuple[str, ...]
     text: str
+    first: int = 0
+    parts: tuple[FieldMapping, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The fields of the message that its terms become."""
+        return tuple(MAPPED[self.role].fields)[self.first : self.first + len(self.terms)]
+
+    @property
+    def n_given(self) -> int:
+        """As many of the role's quantities as it and its parts give."""
+        return len(self.terms) + sum(len(part.terms) for part in self.parts)
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -129,19 +148,25 @@ class FieldMapping:
 
 
 def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str = "--map") -> list[str]:
-    """The `ROLE=/topic:field` of each option, with the files that describe CAN messages behind it.
+    """The `ROLE=/topic:field` of each role, with the files that describe CAN messages behind it.
+
+    Several options of one role become one, with a | between them.
 
     Raises:
         UsageError: An option names no field, or a role whose fields can't be mapped.
     """
+    texts: dict[str, list[str]] = {}
     for option in options:
         role, separator, text = option.partition("=")
         if not separator or not is_mapping(text):
             raise UsageError(
                 f"{name_of_option} {option}: expected ROLE=/topic:field", hint=f"roles: {', '.join(MAPPED)}"
             )
-        parse_mapping(role, text)
-    return [";".join((option, *files)) for option in options]
+        texts.setdefault(role, []).extend(";".join((one.strip(), *files)) for one in text.split(NEXT))
+    joined = {role: NEXT.join(each) for role, each in texts.items()}
+    for role, text in joined.items():
+        parse_mappings(role, text)
+    return [f"{role}={text}" for role, text in joined.items()]
 
 
 def is_mapping(text: str) -> bool:
@@ -150,7 +175,13 @@ def is_mapping(text: str) -> bool:
 
 
 def parse_mapping(role: str, text: str) -> FieldMapping:
-    """Read what stands behind a role's `=`.
+    """Read what stands behind a role's `=` where that is one source; see `parse_mappings`."""
+    (mapping,) = parse_mappings(role, text)
+    return mapping
+
+
+def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
+    """Read what stands behind a role's `=`: each source, with its parts.
 
     Raises:
         UsageError: It is malformed, has too few or too many quantities, or a unit that does not measure them.
@@ -158,21 +189,51 @@ def parse_mapping(role: str, text: str) -> FieldMapping:
     quantities = MAPPED.get(role)
     if quantities is None:
         raise UsageError(f"--map {role}: its fields can't be mapped", hint=f"roles that can: {', '.join(MAPPED)}")
+    sources: list[FieldMapping] = []
+    for one in text.split(NEXT):
+        n_before = sources[-1].n_given if sources else quantities.n_needed
+        n_left_out = len(found.group(1)) if (found := re.search(r":\s*(,+)", one)) else 0
+        if n_left_out and (not sources or n_left_out != n_before):
+            raise UsageError(
+                f"--map {role}={one}: it begins with the quantity {n_left_out + 1}",
+                hint=f"the {n_left_out} before it stand in a mapping before this one",
+            )
+        if n_before < quantities.n_needed or n_left_out:
+            part = _one(role, one.strip(), quantities, n_before)
+            sources[-1] = replace(sources[-1], parts=(*sources[-1].parts, part))
+        else:
+            sources.append(_one(role, one.strip(), quantities, 0))
+    for source in sources:
+        if source.n_given < quantities.n_needed:
+            wanted = ", ".join(quantities.fields)
+            raise UsageError(
+                f"--map {role}={source.text}: {source.n_given} fields for {wanted}",
+                hint="separate them by commas, or give --map once more for those of another channel",
+            )
+    topics = [source.topic for source in sources]
+    twice = next((topic for topic in topics if topics.count(topic) > 1), None)
+    if twice is not None:
+        raise UsageError(f"--map {role}: {twice} is given twice", hint="one mapping of a role for each channel")
+    return tuple(sources)
+
+
+def _one(role: str, text: str, quantities: Quantities, first: int) -> FieldMapping:
+    """The mapping of one channel, whose terms are the role's quantities from `first` on."""
     rest, *files = text.split(";")
     topic, _, rest = rest.partition(":")
     said, at, stamp_text = rest.partition("@")
     stamp = re.fullmatch(_STAMP, stamp_text)
     if not topic or (at and not stamp):
         raise _malformed(role, text, stamp_text or topic)
-    given = said.split(",")
-    if not quantities.n_needed <= len(given) <= len(quantities.fields):
-        wanted = ", ".join(quantities.fields)
+    given, kinds = said.strip().lstrip(",").split(","), tuple(quantities.fields.values())[first:]
+    if len(given) > len(kinds):
+        wanted = ", ".join(tuple(quantities.fields)[first:])
         raise UsageError(f"--map {role}={text}: {len(given)} fields for {wanted}", hint="separate them by commas")
-    terms = tuple(
-        _term(role, text, part.strip(), kind) for part, kind in zip(given, quantities.fields.values(), strict=False)
-    )
+    terms = tuple(_term(role, text, part.strip(), kind) for part, kind in zip(given, kinds, strict=False))
     unit = TIME_UNITS[stamp["unit"]] if stamp and stamp["unit"] else TIME_UNITS["s"]
-    return FieldMapping(role, topic, terms, stamp["path"] if stamp else "", unit, tuple(filter(None, files)), text)
+    return FieldMapping(
+        role, topic, terms, stamp["path"] if stamp else "", unit, tuple(filter(None, files)), text, first
+    )
 
 
 def _term(role: str, text: str, part: str, kind: str) -> Term:

@@ -83,6 +83,84 @@ def test_a_mapping_is_kept_in_the_pipeline_file(cwcli: Run, log: Path, tmp_path:
     assert speed_source(json.loads(done.stdout))["used"] == 100
 
 
+def write_scattered(path: Path, *, skip: int = 0) -> Path:
+    """The car of `write_log`, each of whose numbers has a topic of its own: no header, 2 ms one after the other."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        number = writer.register_msgdef("std_msgs/msg/Float64", "float64 data")
+        for k in range(100):
+            for j, (name, value) in enumerate(
+                {"lat": 50.0 + k / 111_229.0, "lon": 8.0 + 2e-5 * k, "ve": 1.0, "vn": 10.0}.items()
+            ):
+                at_ns = T0_NS + 100_000_000 * k + 2_000_000 * j
+                if name != "lon" or k >= skip:
+                    writer.write_message(f"/{name}", number, {"data": value}, at_ns, at_ns)
+        writer.finish()
+    return path
+
+
+def test_quantities_of_a_role_in_several_channels_make_one_source(cwcli: Run, tmp_path: Path) -> None:
+    """The longitude at the latitude's times: 2 ms before each of its own, and none before the first."""
+    log = write_scattered(tmp_path / "my.mcap", skip=30)
+    options = [f"ego_position=/{name}:data" for name in ("lat", "lon")]
+    options += ["ego_velocity=/ve:data", "ego_velocity=/vn:data"]
+    done = cwcli("estimate", log, *(word for one in options for word in ("--map", one)), "--json")
+    assert done.returncode == 0, done.stderr
+    stage = json.loads(done.stdout)["stages"]["estimate"]
+    sources = {each["role"]: each for each in stage["inputs"]}
+    assert (sources["ego_position"]["topic"], sources["ego_position"]["used"]) == ("/lat", 69)
+    assert sum(sources["ego_position"]["rejected"].values()) == 31
+    assert (sources["ego_velocity"]["topic"], sources["ego_velocity"]["used"]) == ("/ve", 99)
+    assert "/lat: longitude of /lon (70 messages), interpolated by log time" in stage["notes"]
+
+
+def test_several_mappings_are_kept_in_the_pipeline_file_and_checked_by_info(cwcli: Run, tmp_path: Path) -> None:
+    log, pipeline = write_scattered(tmp_path / "my.mcap"), tmp_path / "pipeline.toml"
+    pipeline.write_text('map = ["ego_position=/lat:data", "ego_position=/lon:data"]\n')
+    assert b'map = ["ego_position=/lat:data", "ego_position=/lon:data"]' in cwcli("config", pipeline).stdout
+    document = json.loads(cwcli("info", log, "--config", pipeline, "--json").stdout)
+    (found,) = (each for each in document["inputs"] if each["role"] == "ego_position")
+    assert found["used"] == 99
+    roles = {each["topic"]: each["roles"] for each in document["channels"]}
+    assert (roles["/lat"], roles["/lon"], roles["/ve"]) == (["ego_position"], ["ego_position"], [])
+
+
+def test_a_quantity_that_may_be_left_out_comes_from_another_channel(cwcli: Run, tmp_path: Path) -> None:
+    log = write_scattered(tmp_path / "my.mcap")
+    options = ["ego_position=/lat:data", "ego_position=/lon:data", "ego_speed=/vn:data", "ego_speed=/ve:,data*degps"]
+    done = cwcli("estimate", log, *(word for one in options for word in ("--map", one)), "--json")
+    assert done.returncode == 0, done.stderr
+    stage = json.loads(done.stdout)["stages"]["estimate"]
+    assert "/vn: heading_rate of /ve (100 messages), interpolated by log time" in stage["notes"]
+
+
+def test_two_whole_mappings_of_a_role_are_two_sources(cwcli: Run, log: Path) -> None:
+    done = cwcli("estimate", log, "--map", "ego_speed=/status:kmh*kmh", "--map", "ego_speed=/gps:altitude", "--json")
+    assert done.returncode == 0, done.stderr
+    inputs = json.loads(done.stdout)["stages"]["estimate"]["inputs"]
+    assert {each["topic"] for each in inputs if each["role"] == "ego_speed"} == {"/status", "/gps"}
+
+
+@pytest.mark.parametrize(
+    ("mappings", "words"),
+    [
+        (("ego_position=/gps:latitude",), "1 fields for latitude, longitude, altitude"),
+        (("ego_position=/gps:latitude", "ego_position=/gps:longitude,altitude,altitude"), "3 fields for longitude"),
+        (("ego_speed=/status:kmh", "ego_speed=/status:kmh"), "/status is given twice"),
+        (("ego_speed=/status:,kmh",), "it begins with the quantity 2"),
+        (("ego_position=/gps:latitude,longitude", "ego_position=/status:,kmh"), "it begins with the quantity 2"),
+        (("ego_steer=/status:kmh", "ego_steer=/gps:latitude"), "ego_steer is given twice"),
+        (("ego_position=/gps:latitude", "ego_position=/nothing:lon"), "no topic /nothing"),
+    ],
+)
+def test_mappings_that_do_not_fit_together_are_refused(
+    cwcli: Run, log: Path, mappings: tuple[str, ...], words: str
+) -> None:
+    done = cwcli("estimate", log, *(word for one in mappings for word in ("--map", one)))
+    assert done.returncode == 2
+    assert words in done.stderr.decode()
+
+
 @pytest.mark.parametrize(
     ("mapping", "words"),
     [

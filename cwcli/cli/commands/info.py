@@ -105,7 +105,7 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
     )
     roles: dict[str, list[str]] = {}
     for role, bound in bindings.by_role.items():
-        for binding in bound:
+        for binding in (each for one in bound for each in (one, *one.parts)):
             roles.setdefault(binding.topic, []).append(str(role))
     why = reasons(log.channels, bindings)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S

@@ -103,14 +103,21 @@ def read_sources(
     wanted = bound.wanted()
     for bindings in bound.by_role.values():
         for binding in bindings:
-            wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
+            for each in (binding, *binding.parts):
+                wanted.setdefault(each.topic, set())  # of an unknown encoding: the reader says so
     own = {} if also is None else {role: bindings[0].topic for role, bindings in also.by_role.items()}
     further = {topic: (fields or {}).get(role) for role, topic in own.items()}
     loaded = {
         topic: columns.logged_within(config.start_ns, config.end_ns)
         for topic, columns in log.load({**wanted, **further}).items()
     }
-    timed = {each.topic for role, bindings in bound.by_role.items() if role not in TIMELESS for each in bindings}
+    timed = {
+        each.topic
+        for role, bindings in bound.by_role.items()
+        if role not in TIMELESS
+        for one in bindings
+        for each in (one, *one.parts)
+    }
     usual_ns = usual_log_times([loaded[topic].log_time_ns for topic in timed])
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
@@ -129,6 +136,7 @@ def read_sources(
                 ego_station=how.ego_station,
                 is_override=one.is_override,
                 mapping=one.mapping,
+                parts=[(_without_strays(loaded[p.topic], *usual_ns)[0], p.mapping) for p in one.parts if p.mapping],
             )
             quality.rejected_unbuilt(LOG_TIME_APART, strays_ns)
             qualities.append(quality)
