@@ -24,6 +24,7 @@ from cwcli.logs.codecs.slots import (
     ragged_addresses,
     take_ragged,
 )
+from cwcli.logs.codecs.unpacked import unpacked
 from cwcli.signals.columns import Field, Int64Array, NumericArray, Ragged
 
 REASONS = {
@@ -105,6 +106,7 @@ class CdrDecoder:
         """Decode a batch."""
         if not len(payloads):
             return
+        payloads = unpacked(payloads)
         is_long_enough = payloads.ends - payloads.starts >= self._row_bytes
         self._is_long_enough.append(is_long_enough)
         n_short = len(payloads) - int(is_long_enough.sum())

@@ -25,6 +25,7 @@ from cwcli.logs.codecs.ros2msg import (
     find_definition,
     parse_definitions,
 )
+from cwcli.logs.codecs.unpacked import unpacked_message
 
 FORMATS = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
 """NumPy type -> that of `struct`."""
@@ -100,6 +101,7 @@ def _cdr(channel: ChannelLike) -> Decode:
     _check(root, definitions, ())
 
     def decode(payload: bytes) -> object:
+        payload = unpacked_message(payload)
         if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
             raise BadMessage("not plain CDR")
         try:

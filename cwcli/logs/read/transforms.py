@@ -13,6 +13,7 @@ from itertools import islice
 from typing import Any
 
 from cwcli.logs.codecs.ros2msg import short_name
+from cwcli.logs.codecs.unpacked import unpacked_message
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.signals.transforms import Transform
@@ -57,6 +58,7 @@ def _name(channel: ChannelInfo) -> str:
 
 def _cdr(payload: bytes, name: str) -> list[Transform]:
     """XCDR1. TransformStamped and FrameTransform are laid out alike: time, parent, child, translation, rotation."""
+    payload = unpacked_message(payload)
     if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
         raise BadTransform("not plain CDR")
     order = "<" if payload[1] else ">"

@@ -21,6 +21,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cwcli.cli.main import run
 from cwcli.errors import EXIT_USAGE, InputError, OutputError
+from cwcli.logs.codecs.unpacked import unpacked_message
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
 from cwcli.logs.write.record_writer import RecordWriter
@@ -118,6 +119,12 @@ RECORDINGS: dict[str, Callable[[Path], Path]] = {
         folder / "drive", StoragePlugin.SQLITE3, CompressionMode.MESSAGE
     ),
     "MCAP in a folder": lambda folder: recording(folder / "drive", StoragePlugin.MCAP),
+    "MCAP, messages compressed": lambda folder: recording(
+        folder / "drive", StoragePlugin.MCAP, CompressionMode.MESSAGE
+    ),
+    "MCAP, messages compressed, alone": lambda folder: next(
+        recording(folder / "drive", StoragePlugin.MCAP, CompressionMode.MESSAGE).glob("*.mcap")
+    ),
     "MCAP, files compressed": lambda folder: recording(folder / "drive", StoragePlugin.MCAP, CompressionMode.FILE),
 }
 
@@ -144,6 +151,23 @@ def test_a_recording_of_any_kind_is_a_log(tmp_path: Path, kind: str) -> None:
         assert [(each.parent, each.child, each.translation_m[0]) for each in transforms] == [
             ("base_link", "camera", 1.5)
         ]
+
+
+def test_packed_messages_that_are_damaged_or_too_large_are_counted_as_undecodable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = recording(tmp_path / "drive", StoragePlugin.MCAP, CompressionMode.MESSAGE)
+    path = next(folder.glob("*.mcap"))
+    monkeypatch.setattr("cwcli.logs.codecs.unpacked.MAX_BYTES", 700)
+    with Log.open(path) as log:
+        fixes = log.columns("/fix")
+        assert 0 < len(fixes) < N
+        assert len(fixes) + fixes.n_undecodable == N
+    broken = b"\x28\xb5\x2f\xfd broken"
+    assert unpacked_message(broken) == broken
+    assert unpacked_message(zstandard.compress(b"\0" * 1000), 999)[:4] == broken[:4]
+    assert unpacked_message(zstandard.compress(b"\0" * 1000), 1000) == b"\0" * 1000
+    assert unpacked_message(memoryview(b"\0\1\0\0")) == b"\0\1\0\0"
 
 
 def test_the_annotated_bag_is_a_log_of_ros_2(tmp_path: Path) -> None:
