@@ -15,6 +15,19 @@ from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, drive_along
 from cwcli.simulation.road.conditions import CONDITIONS, shadow_band
+from cwcli.simulation.road.defects import KNOT_M as FINE_KNOT_M
+from cwcli.simulation.road.defects import (
+    MARKINGS,
+    LaneChangingDriver,
+    change_times,
+    in_lane,
+    mountain_curvature,
+    ramp_curvature,
+    with_bridges,
+    with_joints,
+    with_lane_beside,
+    with_markings,
+)
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
 from cwcli.simulation.road.scene import RoadScene, SceneVehicle, Shadow
@@ -31,6 +44,13 @@ PAPER_RATE_HZ = 10.0
 MAX_DURATION_S = 3600.0
 RATE_HZ = (1.0, 100.0)
 SPEED_MPS = (5.0, 60.0)
+DEFECTS = ("markings", "bends_1pm", "ramp_degps", "lane_changes_per_min", "bridges_per_km", "slab_m")
+"""Fields of the configuration that only `defects` knows."""
+BENDS_1PM = (0.0, 0.05)
+RAMP_DEGPS = (0.0, 40.0)
+CHANGES_PER_MIN = (0.0, 6.0)
+BRIDGES_PER_KM = (0.0, 20.0)
+SLAB_M = (0.0, 30.0)
 
 
 @dataclass(frozen=True)
@@ -43,6 +63,11 @@ class RoadDriveConfig:
         seed: Of everything.
         duration_s, rate_hz: Length of the drive and rate of the camera.
         speed_mps, accel_mps2: At the start; constant acceleration.
+        markings: Of the own lane, a name of `defects.MARKINGS`.
+        bends_1pm: Greatest curvature of mountain bends, instead of the road's own ones; 0: none.
+        ramp_degps: Yaw rate round ramps, at the speed of the start; 0: none.
+        lane_changes_per_min, bridges_per_km: How many lane changes, and shadows of bridges.
+        slab_m: Length of concrete slabs, with joints; 0: asphalt.
     """
 
     weather: str = "clear"
@@ -52,6 +77,12 @@ class RoadDriveConfig:
     rate_hz: float = 20.0
     speed_mps: float = 25.0
     accel_mps2: float = 0.0
+    markings: str = "painted"
+    bends_1pm: float = 0.0
+    ramp_degps: float = 0.0
+    lane_changes_per_min: float = 0.0
+    bridges_per_km: float = 0.0
+    slab_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -119,7 +150,8 @@ class RoadDrive:
             bearing_rad=float(state[BEARING]),
         )
         moved = tuple(self._moved(vehicle, number, time_s) for number, vehicle in enumerate(self.scene.vehicles))
-        return replace(self.scene, vehicles=moved), self.camera.turned(float(self.pitch_rad[index])), road
+        scene = in_lane(replace(self.scene, vehicles=moved), float(state[OFFSET]))
+        return scene, self.camera.turned(float(self.pitch_rad[index])), road
 
     def _moved(self, vehicle: SceneVehicle, number: int, time_s: float) -> SceneVehicle:
         """The same lane keeps its distance, other lanes pass or fall back, oncoming traffic comes."""
@@ -153,7 +185,15 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     )
     vertical = draw_vertical(spec, len(knots_m), rng)
     phases = rng.uniform(0.0, 2 * math.pi, 5)
-    driver = SwayingDriver(wander_rad=(float(phases[0]), float(phases[1])))
+    wander_rad = (float(phases[0]), float(phases[1]))
+    scene = place_along(draw_scene(spec, config.weather, rng), config, length_m, rng)
+    driver = SwayingDriver(wander_rad=wander_rad)
+    if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in DEFECTS):
+        own = stream(config.seed, "road-drive", "defects")
+        knots_m, curvature, vertical = _shaped(config, knots_m, curvature, vertical, own)
+        scene = _with_defects(scene, config, length_m, own)
+        change_s = change_times(config.lane_changes_per_min, config.duration_s, own)
+        driver = LaneChangingDriver(wander_rad=wander_rad, change_s=change_s, lane_width_m=scene.lane_width_m)
     fine_time_s, states = drive_along(
         lambda station: float(np.interp(station, knots_m, curvature)),
         lambda t: config.speed_mps + config.accel_mps2 * t,
@@ -161,9 +201,28 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
         config.duration_s,
         load_vehicle(),
     )
-    scene = place_along(draw_scene(spec, config.weather, rng), config, length_m, rng)
     pitch_rad = sway_rad(spec, config, time_s, phases[2:])
     return RoadDrive(config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, pitch_rad)
+
+
+def _shaped(
+    config: RoadDriveConfig, knots_m: FloatArray, curvature: FloatArray, vertical: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Knots, curvature and crests with mountain bends and ramps, where they are asked for."""
+    if not (config.bends_1pm or config.ramp_degps):
+        return knots_m, curvature, vertical
+    fine_m = np.arange(knots_m[0], knots_m[-1], FINE_KNOT_M)
+    bent = mountain_curvature(fine_m, config.bends_1pm, rng)
+    bent += ramp_curvature(fine_m, math.radians(config.ramp_degps), config.speed_mps, rng)
+    return fine_m, bent, np.interp(fine_m, knots_m, vertical)
+
+
+def _with_defects(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
+    scene = with_markings(scene, config.markings)
+    if config.lane_changes_per_min:
+        scene = with_lane_beside(scene)
+    scene = with_joints(scene, config.slab_m, length_m, rng)
+    return with_bridges(scene, config.bridges_per_km, length_m, rng)
 
 
 def draw_vertical(spec: SetSpec, n: int, rng: np.random.Generator) -> FloatArray:
@@ -227,7 +286,11 @@ def place_along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng:
 
 
 def _check(config: RoadDriveConfig) -> None:
-    for name, chosen, known in (("weather", config.weather, CONDITIONS), ("road", config.road, SETS)):
+    for name, chosen, known in (
+        ("weather", config.weather, CONDITIONS),
+        ("road", config.road, SETS),
+        ("kind of markings", config.markings, MARKINGS),
+    ):
         if chosen not in known:
             raise UsageError(f"there is no {name} {chosen!r}", hint=f"known: {', '.join(known)}")
     limits = {
@@ -235,6 +298,11 @@ def _check(config: RoadDriveConfig) -> None:
         "rate": (config.rate_hz, RATE_HZ, "Hz"),
         "speed": (config.speed_mps, SPEED_MPS, "m/s"),
         "speed at the end": (config.speed_mps + config.accel_mps2 * config.duration_s, SPEED_MPS, "m/s"),
+        "curvature of bends": (config.bends_1pm, BENDS_1PM, "1/m"),
+        "yaw rate of ramps": (config.ramp_degps, RAMP_DEGPS, "deg/s"),
+        "rate of lane changes": (config.lane_changes_per_min, CHANGES_PER_MIN, "per minute"),
+        "rate of bridges": (config.bridges_per_km, BRIDGES_PER_KM, "per km"),
+        "length of slabs": (config.slab_m, SLAB_M, "m"),
     }
     for name, (value, (low, high), unit) in limits.items():
         if not low <= value <= high:

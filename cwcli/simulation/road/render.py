@@ -84,4 +84,4 @@ def truth_of(scene: RoadScene, camera: RoadCamera, road: RoadAhead) -> LaneTruth
 
 def _truth(scene: RoadScene, camera: RoadCamera, road: RoadAhead, hidden: npt.NDArray[np.bool_]) -> LaneTruth:
     widths = (scene.left.width_m, scene.right.width_m)
-    return lane_truth(camera, road, scene.lane_width_m, widths, scene.condition, hidden)
+    return lane_truth(camera, road, scene.lane_width_m, widths, scene.condition, hidden, lane_m=scene.lane_m)

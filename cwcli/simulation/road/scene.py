@@ -119,7 +119,7 @@ class RoadScene:
     Attributes:
         condition: Name for tables, e.g. `rain`.
         lane_width_m: Of the own lane and its neighbours.
-        left, right: The boundaries of the own lane; `offset_m` is +- half the lane's width.
+        left, right: The boundaries of the own lane; `offset_m` is half the lane's width to both sides of `lane_m`.
         others: Further markings.
         left_edge_m, right_edge_m: Where the pavement ends.
         asphalt: Grey of the road.
@@ -130,6 +130,8 @@ class RoadScene:
         rail_left_m, rail_right_m: Offsets of guard rails; NaN is none.
         light: Light and weather.
         seed: Of surface, verge and skyline; a drive keeps it, so that they stay in place.
+        lane_m: Offset of the own lane's centre line from the line that the road is described by: not 0 once the car
+            has changed lanes.
     """
 
     condition: str
@@ -149,3 +151,4 @@ class RoadScene:
     rail_right_m: float = float("nan")
     light: Light = field(default_factory=Light)
     seed: int = 0
+    lane_m: float = 0.0

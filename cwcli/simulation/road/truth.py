@@ -36,6 +36,7 @@ class LaneTruth:
         left_half_width_px, right_half_width_px: Shape (height,): half the painted width.
         lane_width_m: Between the two boundaries.
         condition: What the frame shows, e.g. `rain`.
+        lane_m: Offset of the lane's centre line from that of `road`.
     """
 
     camera: RoadCamera
@@ -49,11 +50,12 @@ class LaneTruth:
     right_half_width_px: FloatArray
     lane_width_m: float
     condition: str
+    lane_m: float = 0.0
 
     @property
     def lateral_offset_m(self) -> float:
         """Camera from the lane's centre beside it, left positive."""
-        return self.road.offset_m
+        return self.road.offset_m - self.lane_m
 
     @property
     def heading_rad(self) -> float:
@@ -68,7 +70,7 @@ class LaneTruth:
     def boundary_y_m(self, side: str, x_m: FloatArray) -> FloatArray:
         """Lateral place of a boundary (`left`, `right`) in the body frame at distances ahead."""
         half = self.lane_width_m / 2
-        return self.road.lateral_at(half if side == "left" else -half, x_m)
+        return self.road.lateral_at(self.lane_m + (half if side == "left" else -half), x_m)
 
     def at_preview(self, preview_m: float) -> tuple[float, float, float]:
         """The lane's centre where the body's x axis is preview_m ahead.
@@ -77,9 +79,10 @@ class LaneTruth:
             y_m of the centre (left positive), its direction in the body frame (counter-clockwise positive) and its
             curvature (left positive).
         """
-        x, y = self.road.centre_m
+        x, y = self.road.line(self.lane_m)
         s = float(np.interp(preview_m, x, GRID_M))
-        values = (y, self.road.direction_rad, self.road.curvature_1pm)
+        curvature_1pm = self.road.curvature_1pm / (1.0 - self.lane_m * self.road.curvature_1pm)
+        values = (y, self.road.direction_rad, curvature_1pm)
         y_m, direction, curvature = (float(np.interp(s, GRID_M, each)) for each in values)
         return y_m, direction, curvature
 
@@ -114,6 +117,8 @@ def lane_truth(
     marking_width_m: tuple[float, float],
     condition: str,
     occluded: BoolArray | None = None,
+    *,
+    lane_m: float = 0.0,
 ) -> LaneTruth:
     """The truth of a frame.
 
@@ -123,12 +128,13 @@ def lane_truth(
         marking_width_m: Of the left and the right boundary's stripe.
         condition: Name.
         occluded: Shape (height, width): pixels where a vehicle hides the road.
+        lane_m: Offset of the lane's centre line.
     """
     rows = np.arange(camera.height_px, dtype=np.float64)
     x_m = road.distance_of_rows(camera, rows)
     columns, visibles, halves = [], [], []
     for sign, width_m in zip((1.0, -1.0), marking_width_m, strict=True):
-        u = road.column_of(camera, sign * lane_width_m / 2, x_m)
+        u = road.column_of(camera, lane_m + sign * lane_width_m / 2, x_m)
         with np.errstate(invalid="ignore"):
             visible = (u >= 0) & (u <= camera.width_px - 1) & (x_m <= VISIBLE_RANGE_M)
         if occluded is not None:
@@ -149,4 +155,5 @@ def lane_truth(
         right_half_width_px=halves[1],
         lane_width_m=lane_width_m,
         condition=condition,
+        lane_m=lane_m,
     )

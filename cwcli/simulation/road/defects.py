@@ -1,0 +1,159 @@
+"""What makes real roads hard for lane methods, added to a drive on demand: bends, ramps, lane changes, bridges' shadows,
+concrete's joints, raised dots.
+
+Everything is drawn from streams of its own, so that a drive without them stays as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.drivers import SwayingDriver
+from cwcli.simulation.road.scene import Light, Marking, Patch, RoadScene, Shadow
+
+MARKINGS = ("painted", "dashed", "dots")
+DASH_M = (6.0, 9.0)
+DOTS_M = (0.12, 3.6)
+"""Length and gap of raised dots."""
+DOT_WIDTH_M = 0.1
+KNOT_M = 5.0
+BEND_M = 70.0
+"""From the middle of one mountain bend to that of the next, on average."""
+RAMP_S = (6.0, 2.5, 5.0, 2.5)
+"""Straight on, into the ramp, round it, out of it."""
+CHANGE_S = 5.0
+"""Duration of a lane change."""
+BRIDGE_M = (8.0, 25.0)
+JOINT_M = 0.05
+PAVED_M = 1.0
+
+
+@dataclass(frozen=True)
+class LaneChangingDriver(SwayingDriver):
+    """Sways in the lane, and goes over to the next one at given times.
+
+    Attributes:
+        change_s: When each change begins; the first leads to the left, the second back, and so on.
+        lane_width_m: How far.
+    """
+
+    change_s: tuple[float, ...] = field(default=())
+    lane_width_m: float = 3.6
+
+    def wish_m(self, time_s: float) -> float:
+        """Offset from the middle of the first lane that the driver wants."""
+        wish = super().wish_m(time_s)
+        for number, start_s in enumerate(self.change_s):
+            share = min(max((time_s - start_s) / CHANGE_S, 0.0), 1.0)
+            wish += self.lane_width_m * (1 - 2 * (number % 2)) * 0.5 * (1.0 - math.cos(math.pi * share))
+        return wish
+
+
+def change_times(per_min: float, duration_s: float, rng: np.random.Generator) -> tuple[float, ...]:
+    """When lane changes begin: evenly, each moved by up to a quarter of their distance."""
+    if per_min <= 0.0:
+        return ()
+    apart_s = 60.0 / per_min
+    starts = np.arange(0.5 * apart_s, duration_s - CHANGE_S, apart_s)
+    return tuple((starts + rng.uniform(-0.25, 0.25, len(starts)) * (apart_s - CHANGE_S)).tolist())
+
+
+def mountain_curvature(knots_m: FloatArray, bend_1pm: float, rng: np.random.Generator) -> FloatArray:
+    """Bends to the left and to the right in turn, up to a curvature, at stations."""
+    n = math.ceil((knots_m[-1] - knots_m[0]) / (0.6 * BEND_M))
+    middles = knots_m[0] + np.cumsum(rng.uniform(0.6, 1.4, n) * BEND_M)
+    heights = bend_1pm * rng.uniform(0.4, 1.0, n) * (-1.0) ** np.arange(n)
+    return np.interp(knots_m, middles, heights)
+
+
+def ramp_curvature(
+    knots_m: FloatArray, yaw_rate_radps: float, speed_mps: float, rng: np.random.Generator
+) -> FloatArray:
+    """Ramps round which the car turns at a yaw rate, with straights between them, to either side by chance."""
+    bounds_m = np.cumsum(RAMP_S) * speed_mps
+    period_m = float(bounds_m[-1])
+    turns = np.floor(np.maximum(knots_m, 0.0) / period_m).astype(np.intp)
+    signs = rng.choice([-1.0, 1.0], int(turns.max()) + 1)
+    shape = np.interp(np.maximum(knots_m, 0.0) - turns * period_m, [*bounds_m], [0.0, 1.0, 1.0, 0.0])
+    return np.asarray(signs[turns] * shape * yaw_rate_radps / speed_mps)
+
+
+def with_markings(scene: RoadScene, kind: str) -> RoadScene:
+    """The scene with its own lane's boundaries of another kind (`MARKINGS`)."""
+    if kind == "painted":
+        return scene
+
+    def made(marking: Marking) -> Marking:
+        if kind == "dots":
+            return replace(marking, dash_m=DOTS_M, width_m=DOT_WIDTH_M, kept=1.0, is_double=False)
+        return replace(marking, dash_m=DASH_M)
+
+    return replace(scene, left=made(scene.left), right=made(scene.right))
+
+
+def with_lane_beside(scene: RoadScene) -> RoadScene:
+    """A lane to the left that is free, beyond a dashed boundary."""
+    width_m = scene.lane_width_m
+    beyond = 1.5 * width_m
+    others = scene.others
+    if not any(abs(each.offset_m - beyond) < 0.1 for each in others):
+        others = (*others, replace(scene.right, offset_m=beyond))
+    return replace(
+        scene,
+        left=replace(scene.left, dash_m=DASH_M, is_double=False),
+        others=others,
+        left_edge_m=max(scene.left_edge_m, beyond + PAVED_M),
+        rail_left_m=max(scene.rail_left_m, beyond + PAVED_M + 0.5),
+        vehicles=(),
+    )
+
+
+def with_bridges(scene: RoadScene, per_km: float, length_m: float, rng: np.random.Generator) -> RoadScene:
+    """Shadows of bridges across the road."""
+    n = round(per_km * length_m / 1000.0)
+    if not n:
+        return scene
+    starts, lengths, slants = rng.uniform(0.0, length_m, n), rng.uniform(*BRIDGE_M, n), rng.normal(0.0, 0.3, n)
+    bands = tuple(Shadow(*each) for each in zip(starts.tolist(), lengths.tolist(), slants.tolist(), strict=True))
+    light: Light = replace(scene.light, shadows=(*scene.light.shadows, *bands), shadow_depth=rng.uniform(0.3, 0.45))
+    return replace(scene, light=light)
+
+
+def with_joints(scene: RoadScene, slab_m: float, length_m: float, rng: np.random.Generator) -> RoadScene:
+    """Concrete slabs: brighter, with a sealed joint across the road after each, and sealed joints along it.
+
+    The joints along the road lie up to half a metre inside the markings, dark with a light edge where the concrete
+    broke: what a lane method takes for a marking.
+    """
+    if slab_m <= 0.0:
+        return scene
+    grey = scene.asphalt * rng.uniform(1.2, 1.35)
+    along: list[Marking] = []
+    for side in (-1.0, 1.0):
+        at = side * (0.5 * scene.lane_width_m - rng.uniform(0.25, 0.55))
+        along.append(Marking(at, rng.uniform(0.02, 0.04), grey=0.55 * grey))
+        along.append(Marking(at + 0.04, rng.uniform(0.02, 0.04), grey=1.15 * grey, dash_m=(2.0, 7.0)))
+    low, high = scene.right_edge_m, scene.left_edge_m
+    across = tuple(
+        Patch(station, JOINT_M, 0.5 * (low + high), high - low, ratio=0.65, seam=False)
+        for station in np.arange(rng.uniform(0.0, slab_m), length_m, slab_m).tolist()
+    )
+    return replace(scene, asphalt=grey, others=(*along, *scene.others), patches=(*scene.patches, *across))
+
+
+def in_lane(scene: RoadScene, offset_m: float) -> RoadScene:
+    """The scene for a car at an offset: the boundaries of the lane in which it is are the left and the right one."""
+    lane_m = scene.lane_width_m * round(offset_m / scene.lane_width_m)
+    if lane_m == 0.0:
+        return scene
+    lines = (scene.left, scene.right, *scene.others)
+    left, right = (
+        min(lines, key=lambda line: abs(line.offset_m - lane_m - side * 0.5 * scene.lane_width_m))
+        for side in (1.0, -1.0)
+    )
+    others = tuple(line for line in lines if line is not left and line is not right)
+    return replace(scene, left=left, right=right, others=others, lane_m=lane_m)
