@@ -30,9 +30,9 @@ IMAGE_ROAD = ("far_px", "near", "bend_px2")
 """The same in the image: x = far + near h + bend / h, h rows below the horizon."""
 PREVIEW = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
 PREVIEW_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
-ROAD_FIELDS = ("stamp_ns", *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)))
+ROAD_FIELDS = ("stamp_ns", "state", "steady_s", *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)))
 """All that the place of the boundaries on the road takes."""
-PREVIEW_FIELDS = ("stamp_ns", *PREVIEW, *PREVIEW_SIGMAS, "preview_distance_m", "camera_yaw_sigma_rad")
+PREVIEW_FIELDS = ("stamp_ns", "state", *PREVIEW, *PREVIEW_SIGMAS, "preview_distance_m", "camera_yaw_sigma_rad")
 """All that the preview point takes."""
 
 
@@ -106,6 +106,9 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
         "camera_yaw_sigma_rad": np.full(n, GeometrySigmas().yaw_rad),
         "horizon_px": frames.horizon_px,
         "top_px": frames.top_px,
+        "state": fits.state.astype(np.int32),
+        "steady_s": fits.steady_s,
+        "lane_change": fits.lane_change.astype(np.int32),
     }
     if frames.rectified_from is not None:
         fields |= lens_fields(frames.rectified_from, frames.image_size)
@@ -125,6 +128,9 @@ class LaneRows:
         preview_m, lane_width_m, camera_pitch_rad, camera_yaw_rad, camera_yaw_sigma_rad: Shape (n,).
         image_size, search_size: Shape (n, 2): width and height of the camera's image and of the searched one, pixels.
         lenses: For what was rectified before the search.
+        state: Shape (n,): values of `vision.method.LaneState`.
+        lane_change: Shape (n,): 1 where the camera has come into the next lane to the left, -1 to the right.
+        steady_s: Shape (n,): since the lane's last jump.
     """
 
     log_time_ns: Int64Array
@@ -142,6 +148,9 @@ class LaneRows:
     image_size: Int64Array
     search_size: Int64Array
     lenses: Lenses
+    state: Int64Array
+    steady_s: FloatArray
+    lane_change: Int64Array
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -200,6 +209,9 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         image_size=size("image"),
         search_size=size("search"),
         lenses=Lenses(columns),
+        state=whole_numbers(columns, "state")[0],
+        steady_s=numbers(columns, "steady_s"),
+        lane_change=whole_numbers(columns, "lane_change")[0],
     )
 
 

@@ -14,7 +14,8 @@ from cwcli.vision.method import LaneFit
 
 SIDES = 2
 _PER_SIDE = 6 + 9
-_PER_FIT = SIDES * _PER_SIDE + 2
+_ALONE = 5
+_PER_FIT = SIDES * _PER_SIDE + _ALONE
 _NO_COVARIANCE = (float("nan"),) * 9
 
 
@@ -28,6 +29,9 @@ class FitColumns:
         found: Shape (n, 2).
         covariance: Shape (n, 2, 3, 3); NaN where the method gives none.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
+        state: Shape (n,): values of `LaneState`.
+        steady_s: Shape (n,): since the lane's last jump; NaN where it is lost, or not told.
+        lane_change: Shape (n,): 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
     """
 
     parabolas: FloatArray
@@ -37,6 +41,9 @@ class FitColumns:
     covariance: FloatArray
     pitch_rad: FloatArray
     yaw_rad: FloatArray
+    state: npt.NDArray[np.int8]
+    steady_s: FloatArray
+    lane_change: npt.NDArray[np.int8]
 
     def __len__(self) -> int:
         return len(self.parabolas)
@@ -50,11 +57,14 @@ class FitColumns:
             self.covariance[rows],
             self.pitch_rad[rows],
             self.yaw_rad[rows],
+            self.state[rows],
+            self.steady_s[rows],
+            self.lane_change[rows],
         )
 
 
 class FitRecorder:
-    """Collects fits, 256 bytes each."""
+    """Collects fits, 280 bytes each."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
@@ -63,7 +73,7 @@ class FitRecorder:
         """Add the fit of the next frame."""
         for side in (fit.left, fit.right):
             self._numbers.extend(_numbers(side))
-        self._numbers.extend((fit.pitch_rad, fit.yaw_rad))
+        self._numbers.extend((fit.pitch_rad, fit.yaw_rad, fit.state, fit.steady_s, fit.lane_change))
 
     def columns(self) -> FitColumns:
         """All fits so far."""
@@ -75,8 +85,11 @@ class FitRecorder:
             probability=sides[..., 4],
             found=sides[..., 5] > 0.0,
             covariance=sides[..., 6:].reshape(-1, SIDES, 3, 3),
-            pitch_rad=table[:, -2],
-            yaw_rad=table[:, -1],
+            pitch_rad=table[:, -5],
+            yaw_rad=table[:, -4],
+            state=table[:, -3].astype(np.int8),
+            steady_s=table[:, -2],
+            lane_change=table[:, -1].astype(np.int8),
         )
 
 

@@ -66,12 +66,14 @@ class LanePrior:
         is_mounted: The horizon is known from the camera's mounting.
         stretch: fx / fy.
         drift: Shape (5,): what the prediction of a followed lane may miss, sigmas for a root second.
+        per_m: Of `middle` and `width`, one metre.
     """
 
     table: FloatArray
     is_mounted: bool
     stretch: float
     drift: FloatArray
+    per_m: float
 
 
 def prior_of(camera: Camera) -> LanePrior:
@@ -106,7 +108,7 @@ def prior_of(camera: Camera) -> LanePrior:
     else:
         table[HORIZON] = np.array(UNKNOWN_HORIZON) * camera.height_px
     unit = np.array([camera.fx, per_m, per_m, camera.fx * camera.fy * height_m / 2.0, camera.fy])
-    return LanePrior(table, is_mounted, stretch, DRIFT * unit)
+    return LanePrior(table, is_mounted, stretch, DRIFT * unit, per_m)
 
 
 def pitch_of(lane: FloatArray, camera: Camera) -> float:

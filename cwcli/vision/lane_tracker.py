@@ -1,9 +1,10 @@
 """The default lane method: both boundaries together, several hypotheses over time.
 
 Each hypothesis is a lane (`lane_model`). From frame to frame it is predicted from speed and yaw rate, where the log has
-them, and improved on the new frame under a prior that is the product of what is known of any lane and the prediction.
-Every few frames a look for other lanes brings in rivals; when nothing is left, the frame is searched as if it were the
-first. The published one is the hypothesis with the best objective over the last frames.
+them, and improved on the new frame as far as a car can have moved (`lane_following`): so none of them jumps. Every few
+frames a look for other lanes brings in rivals; when nothing is left, the frame is searched as if it were the first. One
+hypothesis is published until another has been clearly better for some time, or it is itself no longer seen. A frame
+that hardly shows the lane does not end it: what the frames before said is forgotten slowly, and the lane is held.
 """
 
 from __future__ import annotations
@@ -30,43 +31,58 @@ from cwcli.vision.lane_detect import (
     rows_of,
     with_vanishing_point,
 )
+from cwcli.vision.lane_following import (
+    MARGIN_M,
+    SIDEWAYS_MPS,
+    UNTOLD_SIDEWAYS_MPS,
+    bent,
+    beside,
+    change_between,
+    crossed,
+    learned,
+    narrowed,
+    opened,
+    predicted,
+    shift_m,
+)
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
     HORIZON,
     LOW,
     MEAN,
-    MIDDLE,
-    PITCH_SIGMA_RAD,
     SIGMA,
     VANISHING,
-    WIDTH,
     LanePrior,
     coincide,
     parabolas_of_lane,
     pitch_of,
     prior_of,
 )
-from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, Method
+from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
 MAX_PIXELS = 256_000
 """Of the search image: a camera's image is halved until it has no more."""
 FOUND_PROBABILITY = 0.5
 N_HYPOTHESES = 3
-RESCAN_FRAMES = 10
-"""A look for other lanes every so many frames."""
+RESCAN_FRAMES, DOUBTFUL_RESCAN_FRAMES = 10, 3
+"""A look for other lanes every so many frames; while the published one is hardly seen, more often."""
 GLANCE_SHARE = 0.3
 """Of the prior's sigmas of direction and bend, for that look."""
-LOST_FRAMES = 5
+LOST_FRAMES, LOST_S = 5, 0.5
+"""A lane that has not been found in so many frames, and for so long, is given up."""
 MAX_PAUSE_FRAMES = 16
 """While nothing is found, the search from scratch pauses 1, 2, 4, ... frames, at most so many."""
-MEMORY = 0.8
-"""Of the objective: weight of the past."""
+MEMORY_S = 0.45
+"""In this time the objective forgets all but 37 % of the past."""
+BELIEF_S = 0.3
+"""Likewise the probability, as log-odds."""
+GREATEST_ODDS = 4.0
 SWITCH_GAIN = 0.03
-"""Objective by which another hypothesis must be better to be published."""
+"""Objective by which another hypothesis must be better to be published,"""
+SWITCH_S = 0.4
+"""for so long."""
 HORIZON_GAIN = 0.05
-OVER_THE_LINE = 0.55
-"""Of the lane's width: a car whose camera is farther from the middle is in the next lane."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +93,18 @@ class Hypothesis:
         lane: Shape (5,), see `lane_model`.
         value: Objective over the last frames.
         last: Objective in the last frame.
+        start: What the prior of a lane that is looked for took off its objective in its first frame, beside that of one
+            that is followed: it stays a reason against it.
+        better_s: For how long it has been better than the published one.
+        change: Whether it came into the next lane in this frame (`lane_following.crossed`).
     """
 
     lane: FloatArray
     value: float
     last: float
+    start: float = 0.0
+    better_s: float = 0.0
+    change: int = 0
 
 
 class LaneTracker:
@@ -99,28 +122,33 @@ class LaneTracker:
         self._hypotheses: list[Hypothesis] = []
         self._evidence: Evidence | None = None
         self._room = np.empty(0, np.float32)  # for the evidence: new memory in every frame costs as much as to fill it
+        self._odds: FloatArray | None = None
+        self._steady_s = math.nan
         self._last_ns = 0
         self._n_frames = 0
         self._n_lost = 0
+        self._lost_s = 0.0
         self._pause = 0
 
     def step(self, frame: LaneFrame) -> LaneFit:
         """Find both boundaries in the next frame."""
         camera = frame.camera
         if self._camera is None or camera != self._camera:
-            self._camera, self._prior, self._hypotheses = camera, prior_of(camera), []
+            self._camera, self._prior, self._hypotheses, self._odds = camera, prior_of(camera), [], None
         assert self._prior is not None
         dt_s = min(max((frame.stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
         self._last_ns = frame.stamp_ns
         if self._hypotheses:
             self._hypotheses = self._follow(frame, camera, dt_s)
+            self._steady_s += dt_s
         elif self._pause <= 0:
-            self._hypotheses = self._found_afresh(frame.grey, camera)
+            self._hypotheses = self._found_afresh(frame, camera)
+            self._steady_s, self._odds = 0.0, None
         self._n_frames += 1
-        return self._publish(camera)
+        return self._publish(camera, dt_s)
 
     def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
-        """Every hypothesis, predicted and improved on the new frame."""
+        """Every hypothesis, predicted and improved on the new frame; the published one first."""
         assert self._prior is not None
         size = camera.width_px, camera.height_px
         lead = self._hypotheses[0].lane
@@ -129,76 +157,134 @@ class LaneTracker:
             self._room = np.empty(3 * MAX_ROWS * size[0], np.float32)
         evidence = self._look(frame.grey, rows, float(lead[HORIZON]), self._prior.stretch, self._room)
         self._evidence = evidence
+        prior = opened(self._prior, camera, frame.speed_mps)
+        is_told = self._prior.is_mounted and math.isfinite(frame.speed_mps)
+        sideways_mps = SIDEWAYS_MPS if is_told else UNTOLD_SIDEWAYS_MPS
+        memory = math.exp(-dt_s / MEMORY_S)
         made: list[Hypothesis] = []
-        for hypothesis in self._hypotheses:
-            lane = predicted(hypothesis.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
-            table = narrowed(self._prior, lane, dt_s)
+        for each in self._hypotheses:
+            lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
+            change = crossed(lane)
+            lane = beside(lane, change)
+            table = narrowed(prior, lane, dt_s, sideways_mps)
             lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
             lanes, _ = refined(evidence, lane, table, size, wide=True, scale=1.0, beside=0.0)
             lanes, _ = refined(evidence, lanes, table, size, wide=False, scale=0.5, beside=0.0)
-            last = float(judged(evidence, lanes, self._prior.table)[0])
-            value = MEMORY * hypothesis.value + (1.0 - MEMORY) * last
-            add_merged(made, Hypothesis(lanes[0], value, last), size)
-        if self._n_frames % RESCAN_FRAMES == 0:
-            made += self._rivals(evidence, camera, made)
-        return made
+            last = float(judged(evidence, lanes, prior.table)[0])
+            value = memory * each.value + (1.0 - memory) * (last + each.start)
+            add_merged(made, replace(each, lane=lanes[0], value=value, last=last, change=change), size)
+        doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
+        if doubtful or self._n_frames % RESCAN_FRAMES == 0:
+            made += self._rivals(frame, camera, made, prior)
+        lead_value = made[0].value + SWITCH_GAIN
+        return [replace(each, better_s=each.better_s + dt_s if each.value > lead_value else 0.0) for each in made]
 
-    def _rivals(self, evidence: Evidence, camera: Camera, followed: list[Hypothesis]) -> list[Hypothesis]:
+    def _rivals(
+        self, frame: LaneFrame, camera: Camera, followed: list[Hypothesis], opened_prior: LanePrior
+    ) -> list[Hypothesis]:
         """Lanes beside those that are followed, at the horizon and in the direction of the published one."""
         assert self._prior is not None
+        assert self._evidence is not None
         table = self._prior.table.copy()
-        table[[VANISHING, BEND], MEAN] = followed[0].lane[[VANISHING, BEND]]
-        table[[VANISHING, BEND], SIGMA] *= GLANCE_SHARE
+        for k in (VANISHING, BEND):
+            table[k, MEAN] = followed[0].lane[k]
+            table[k, SIGMA] *= GLANCE_SHARE
+            table[k, LOW], table[k, HIGH] = opened_prior.table[k, LOW], opened_prior.table[k, HIGH]
         size = camera.width_px, camera.height_px
-        lanes, values = glance(evidence, replace(self._prior, table=table), size, [each.lane for each in followed])
-        return [Hypothesis(lane, float(value), float(value)) for lane, value in zip(lanes, values, strict=True)]
+        lanes, values = glance(
+            self._evidence, replace(self._prior, table=table), size, [each.lane for each in followed]
+        )
+        return self._begun(lanes, values, opened_prior)
 
-    def _found_afresh(self, grey: GreyImage, camera: Camera) -> list[Hypothesis]:
+    def _found_afresh(self, frame: LaneFrame, camera: Camera) -> list[Hypothesis]:
         """The best lanes of a frame, knowing nothing of the frames before but the horizon."""
         assert self._prior is not None
-        prior = self._prior if self._prior.is_mounted else with_vanishing_point(grey, self._prior)
-        lanes, values, evidence = acquire(grey, camera, prior, self._look)
-        lanes, values = lanes[:N_HYPOTHESES], values[:N_HYPOTHESES]
+        prior = self._prior if self._prior.is_mounted else with_vanishing_point(frame.grey, self._prior)
+        prior = bent(prior, camera, frame.speed_mps, frame.yaw_rate_radps)
+        lanes, values, self._evidence = acquire(frame.grey, camera, prior, self._look)
         if not self._prior.is_mounted:
             self._prior = learned(self._prior, float(lanes[0, HORIZON]), camera)
-        self._evidence = evidence
-        return [Hypothesis(lane, float(value), float(value)) for lane, value in zip(lanes, values, strict=True)]
+        lanes, values = lanes[:N_HYPOTHESES], values[:N_HYPOTHESES]
+        return self._begun(lanes, values, opened(self._prior, camera, frame.speed_mps))
 
-    def _publish(self, camera: Camera) -> LaneFit:
+    def _begun(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[Hypothesis]:
+        """New hypotheses from lanes (k, 5) and their objective (k,) as lanes that are looked for."""
+        assert self._evidence is not None
+        starts = values - judged(self._evidence, lanes, opened_prior.table)
+        return [
+            Hypothesis(lane, value, value, min(start, 0.0))
+            for lane, value, start in zip(lanes, values.tolist(), starts.tolist(), strict=True)
+        ]
+
+    def _chosen(self, camera: Camera, dt_s: float) -> tuple[Hypothesis, FloatArray, int]:
+        """The hypothesis to be published, now the first of all; its probabilities in this frame; the lane change."""
+        assert self._prior is not None
+        assert self._evidence is not None
+        first = best = self._hypotheses[0]
+        chances = boundary_probabilities(self._evidence, first.lane, first.last)
+        change = first.change
+        if len(self._hypotheses) > 1:
+            is_seen = bool((chances >= FOUND_PROBABILITY).any())
+            patience_s = SWITCH_S if is_seen else 0.0
+            better = [each for each in self._hypotheses[1:] if each.better_s > patience_s]
+            if better:
+                best = max(better, key=lambda each: each.value)
+                chances = boundary_probabilities(self._evidence, best.lane, best.last)
+                change = change or change_between(first.lane, best.lane)
+                other = beside(first.lane, change) if not first.change else first.lane
+                self._odds = None
+                if shift_m(best.lane, other, self._prior) > SIDEWAYS_MPS * dt_s + MARGIN_M:
+                    self._steady_s = 0.0
+            others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
+            self._hypotheses = [replace(best, better_s=0.0), *others[: N_HYPOTHESES - 1]]
+        return best, chances, change
+
+    def _publish(self, camera: Camera, dt_s: float) -> LaneFit:
         """The best hypothesis as a fit."""
         assert self._prior is not None
         if not self._hypotheses:
             self._pause -= 1
-            return LaneFit(NOT_FOUND, NOT_FOUND)
-        best = first = self._hypotheses[0]
-        if len(self._hypotheses) > 1:
-            best = max(self._hypotheses, key=lambda each: each.value + (SWITCH_GAIN if each is first else 0.0))
-            others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
-            self._hypotheses = [best, *others[: N_HYPOTHESES - 1]]
+            return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
+        best, now, change = self._chosen(camera, dt_s)
+        odds = np.clip(np.log(now / (1.0 - now)), -GREATEST_ODDS, GREATEST_ODDS)
+        if self._odds is not None:
+            kept = math.exp(-dt_s / BELIEF_S)
+            odds = kept * self._odds + (1.0 - kept) * odds
+        self._odds = odds
+        chances: list[float] = (1.0 / (1.0 + np.exp(-odds))).tolist()
         parabolas = parabolas_of_lane(best.lane, camera).tolist()
-        assert self._evidence is not None
-        chances: list[float] = boundary_probabilities(self._evidence, best.lane, best.last).tolist()
         found = [
             chance >= FOUND_PROBABILITY and all(map(math.isfinite, parabola))
             for chance, parabola in zip(chances, parabolas, strict=True)
         ]
         if any(found):
-            self._n_lost, self._pause = 0, 0
+            self._n_lost, self._lost_s, self._pause = 0, 0.0, 0
             if not self._prior.is_mounted:
                 table = self._prior.table
                 row = (1.0 - HORIZON_GAIN) * table[HORIZON, MEAN] + HORIZON_GAIN * best.lane[HORIZON]
                 self._prior = learned(self._prior, float(row), camera)
         else:
             self._n_lost += 1
-            if self._n_lost >= LOST_FRAMES:
+            self._lost_s += dt_s
+            if self._n_lost >= LOST_FRAMES and self._lost_s >= LOST_S:
                 self._hypotheses = []
-                self._pause = min(2 ** (self._n_lost - LOST_FRAMES), MAX_PAUSE_FRAMES)
-                return LaneFit(NOT_FOUND, NOT_FOUND)
+                self._pause = min(2 ** min(self._n_lost - LOST_FRAMES, 8), MAX_PAUSE_FRAMES)
+                return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         sides = []
         for side in range(2):
             a, b, c = parabolas[side]
             sides.append(Boundary(a, b, c, best.value, chances[side], found[side]))
-        return LaneFit(sides[0], sides[1], pitch_rad=pitch_of(best.lane, camera) if any(found) else math.nan)
+        if not any(found):
+            return LaneFit(sides[0], sides[1], state=LaneState.LOST)
+        is_seen = bool((now >= FOUND_PROBABILITY).any())
+        return LaneFit(
+            sides[0],
+            sides[1],
+            pitch_rad=pitch_of(best.lane, camera),
+            state=LaneState.FOUND if is_seen else LaneState.HELD,
+            steady_s=self._steady_s,
+            lane_change=change,
+        )
 
 
 def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:
@@ -206,54 +292,9 @@ def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int
     for k, other in enumerate(followed):
         if coincide(new.lane, other.lane, *size):
             if new.last > other.last + SWITCH_GAIN:
-                followed[k] = new
+                followed[k] = replace(new, change=other.change, start=other.start)
             return
     followed.append(new)
-
-
-def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
-    """The prior with the horizon that the frames showed so far."""
-    table = prior.table.copy()
-    sigma = max(camera.fy * PITCH_SIGMA_RAD, 1.0)
-    table[HORIZON] = horizon_px, sigma, horizon_px - 6.0 * sigma, horizon_px + 6.0 * sigma
-    return replace(prior, table=table)
-
-
-def predicted(
-    lane: FloatArray, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
-) -> FloatArray:
-    """The lane in the next frame from the car's motion; unknown motion changes nothing.
-
-    With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, and
-    its middle moves sideways by that direction times v dt.
-    """
-    made = np.array(lane)
-    height_m = camera.mounting.height_m
-    if math.isfinite(speed_mps):
-        way_m = speed_mps * dt_s
-        curvature_1pm = 2.0 * lane[BEND] / (camera.fx * camera.fy * height_m)
-        if math.isfinite(yaw_rate_radps):
-            made[VANISHING] += camera.fx * (curvature_1pm * way_m + yaw_rate_radps * dt_s)
-        if prior.is_mounted:
-            straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
-            made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.stretch / height_m
-    if abs(made[MIDDLE]) > OVER_THE_LINE * made[WIDTH]:
-        made[MIDDLE] -= math.copysign(made[WIDTH], made[MIDDLE])
-    return made
-
-
-def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float) -> FloatArray:
-    """The prior's table times a normal distribution around the predicted lane, to which direction and bend are left."""
-    sigma = prior.drift * math.sqrt(max(dt_s, 0.02))
-    table = prior.table
-    before, now = table[:, SIGMA] ** -2, sigma**-2
-    both = before + now
-    made = table.copy()
-    made[:, SIGMA] = both**-0.5
-    made[:, MEAN] = (table[:, MEAN] * before + lane * now) / both
-    for k in (VANISHING, BEND):  # the prior of a first frame, anew in every frame, would flatten every bend
-        made[k, MEAN], made[k, SIGMA] = lane[k], sigma[k]
-    return made
 
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from math import nan
 from pathlib import Path
 from typing import Protocol
@@ -44,6 +45,15 @@ class LaneFrame:
     prepared: object = None
 
 
+class LaneState(IntEnum):
+    """What stands behind the boundaries of a frame: `cwcli.v1.Lanes.State`."""
+
+    UNTOLD = 0
+    FOUND = 1
+    HELD = 2
+    LOST = 3
+
+
 @dataclass(frozen=True)
 class LaneFit:
     """Both boundaries of one frame.
@@ -53,12 +63,18 @@ class LaneFit:
         pitch_rad: The camera's pitch as the method estimates it from the frames, nose down positive; NaN: keep the
             mounting's.
         yaw_rad: Likewise the yaw, counter-clockwise positive.
+        state: Whether this frame shows the lane, or it is carried on.
+        steady_s: For how long the lane has been followed without a jump; NaN: not told, or lost.
+        lane_change: 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
     """
 
     left: Boundary
     right: Boundary
     pitch_rad: float = nan
     yaw_rad: float = nan
+    state: LaneState = LaneState.UNTOLD
+    steady_s: float = nan
+    lane_change: int = 0
 
 
 class LaneSearch(Protocol):

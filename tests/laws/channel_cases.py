@@ -220,7 +220,9 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
     parabolas = np.where(found[..., None], rng.normal(size=(n, 2, 3)), np.nan)
     nothing = np.full((n, 2, 3, 3), np.nan)
     score, probability = (rng.uniform(size=(n, 2)) for _ in range(2))
-    fits = FitColumns(parabolas, score, probability, found, nothing, np.zeros(n), np.zeros(n))
+    state, change = rng.integers(1, 4, n).astype(np.int8), rng.integers(-1, 2, n).astype(np.int8)
+    steady_s = rng.uniform(0.0, 9.0, n)
+    fits = FitColumns(parabolas, score, probability, found, nothing, np.zeros(n), np.zeros(n), state, steady_s, change)
     road, numbers = rng.normal(size=(n, 2, 3)), rng.normal(size=(7, n))
     geometry = LaneGeometry(road[:, 0], road[:, 1], *numbers)
     frames = LaneFrames(
@@ -260,6 +262,9 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         "horizon_px": frames.horizon_px,
         "top_px": frames.top_px,
         "focal_length_px": [500.0] * n,
+        "state": state,
+        "steady_s": steady_s,
+        "lane_change": change,
     }
 
     def read(columns: Columns) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What makes real roads hard for lane methods, added to a drive on demand: bends, ramps, lane changes, bridges' shadows,
+"""What makes real roads hard for lane methods, on demand: mountain bends, ramps, lane changes, the shadows of bridges,
 concrete's joints, raised dots.
 
 Everything is drawn from streams of its own, so that a drive without them stays as it is.
@@ -67,7 +67,7 @@ def mountain_curvature(knots_m: FloatArray, bend_1pm: float, rng: np.random.Gene
     n = math.ceil((knots_m[-1] - knots_m[0]) / (0.6 * BEND_M))
     middles = knots_m[0] + np.cumsum(rng.uniform(0.6, 1.4, n) * BEND_M)
     heights = bend_1pm * rng.uniform(0.4, 1.0, n) * (-1.0) ** np.arange(n)
-    return np.interp(knots_m, middles, heights)
+    return np.asarray(np.interp(knots_m, middles, heights))
 
 
 def ramp_curvature(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cwcli.channels.lanes import LaneFrames
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section
 from cwcli.stages.summaries import median
+from cwcli.vision.method import LaneState
 
 SIDES = ("left", "right")
 
@@ -44,6 +47,9 @@ def lanes_table(frames: LaneFrames) -> Table:
         "curvature_sigma_1pm": geometry.curvature_sigma_1pm,
         "lane_width_m": geometry.lane_width_m,
         "pitch_rad": frames.fits.pitch_rad,
+        "state": [LaneState(state).name.lower() for state in frames.fits.state.tolist()],
+        "steady_s": frames.fits.steady_s,
+        "lane_change": frames.fits.lane_change.astype(np.int64),
     }
     docs |= {
         "lateral_deviation_m": ColumnDoc(doc="of the lane's centre at the preview point, right positive (y_L)"),
@@ -51,6 +57,9 @@ def lanes_table(frames: LaneFrames) -> Table:
         "curvature_1pm": ColumnDoc(doc="of the lane there, right bend positive (K_L)"),
         "lane_width_m": ColumnDoc(doc="10 m ahead of the camera"),
         "pitch_rad": ColumnDoc(doc="of the camera as the method estimates it, nose down positive"),
+        "state": ColumnDoc(doc="found, held (carried on from earlier frames), lost; untold: the method does not tell"),
+        "steady_s": ColumnDoc(doc="since the lane was found or took the place of another one"),
+        "lane_change": ColumnDoc(doc="1: the camera has come into the next lane to the left, -1: to the right"),
     }
     return Table("lanes", columns, docs)
 
@@ -67,7 +76,20 @@ def lanes_section(frames: LaneFrames, *, n_searches: int, search_s: float) -> Se
         ("lane width at 10 m, median (m)", median(frames.geometry.lane_width_m)),
         (f"lateral deviation at {frames.preview_m:g} m, median (m)", median(frames.geometry.lateral_deviation_m)),
         ("its sigma, median (m)", median(frames.geometry.lateral_deviation_sigma_m)),
+        *_tracking(frames),
         ("searches begun", n_searches),
         ("time of the search per frame (ms)", 1e3 * search_s / n),
     ]
     return Section("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows), is_timed=True)
+
+
+def _tracking(frames: LaneFrames) -> list[tuple[Cell, ...]]:
+    """In how many frames the lane was only carried on, its jumps, and the changes; nothing where it is not told."""
+    fits = frames.fits
+    if not (fits.state != LaneState.UNTOLD).any():
+        return []
+    return [
+        ("held, not seen (%)", 100.0 * float((fits.state == LaneState.HELD).mean())),
+        ("lanes found or found anew", int(np.count_nonzero(fits.steady_s == 0.0))),
+        ("lane changes", int(np.count_nonzero(fits.lane_change))),
+    ]

@@ -13,8 +13,9 @@ from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.ground import lane_geometry
+from cwcli.vision.lane_following import beside, crossed, narrowed, predicted
 from cwcli.vision.lane_model import BEND, MEAN, SIGMA, coincide, columns_of_lane, parabolas_of_lane, pitch_of, prior_of
-from cwcli.vision.lane_tracker import Hypothesis, LaneTracker, add_merged, narrowed, predicted, search_size
+from cwcli.vision.lane_tracker import Hypothesis, LaneTracker, add_merged, search_size
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import vanishing_point
@@ -134,7 +135,11 @@ def test_prediction_by_hand() -> None:
     assert made[1] == pytest.approx(0.02 / 1.65)
     # The camera beyond the left boundary is in the next lane.
     over = straight + np.array([0.0, 1.3, 0.0, 0.0, 0.0])
-    assert predicted(over, camera, math.nan, math.nan, 0.1, prior)[1] == pytest.approx(1.3 - 2.2)
+    assert np.array_equal(predicted(over, camera, math.nan, math.nan, 0.1, prior), over)
+    assert crossed(over) == 1
+    assert crossed(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0])) == -1
+    assert crossed(straight) == 0
+    assert beside(over, 1)[1] == pytest.approx(1.3 - 2.2)
 
 
 def test_vanishing_point_of_drawn_lines() -> None:

@@ -1,0 +1,200 @@
+"""What is known of a lane from one frame to the next: where the car's motion takes it, and what it can't do.
+
+A lane that is followed is judged under another prior than one that is looked for: a car that changes lanes may be
+anywhere between them, and one on a ramp turns in a bend that no motorway has. What it can't do is jump: its boundaries
+move by no more than a car can move sideways.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import Camera
+from cwcli.vision.lane_model import (
+    BEND,
+    HIGH,
+    HORIZON,
+    LOW,
+    MEAN,
+    MIDDLE,
+    PITCH_SIGMA_RAD,
+    SIGMA,
+    VANISHING,
+    WIDTH,
+    LanePrior,
+)
+
+OVER_THE_LINE = 0.55
+"""Of the lane's width: a car whose camera is farther from the middle is in the next lane."""
+BEYOND = 0.65
+"""Likewise: farther a followed lane does not go."""
+BETWEEN = 0.35
+"""Likewise: from here on the car may be taken to be in the next lane."""
+NEXT_SHARE = 0.2
+"""By so much of the width the next lane may lie beside its place."""
+FOLLOWED_OFFSET_M = 0.6
+FOLLOWED_HEADING_RAD = 0.05
+"""A car that changes lanes or slides outwards in a tight bend points so far away from its lane."""
+FOLLOWED_CURVATURE_1PM = 0.02
+SIDEWAYS_MPS = 0.8
+"""A boundary moves sideways by no more than this beside what speed and direction tell: 0.03 rad at 25 m/s."""
+UNTOLD_SIDEWAYS_MPS = 1.5
+"""Where nothing tells them: a swift lane change."""
+WIDENS_MPS = 0.6
+"""A taper of 1 : 40 at 25 m/s."""
+MARGIN_M = 0.02
+"""What a place may move beside that: the paint's grain."""
+JERK_MPS3 = 1.0
+"""What a road's bends ask of a car: clothoids are made for lateral jerks of 0.5 to 1 m/s^3."""
+LATERAL_ACCEL_MPS2 = 6.0
+"""More grip no car uses: bends at a known speed are not tighter."""
+TIGHTEST_1PM = 0.06
+UNTOLD_TIGHTEST_1PM = 0.02
+SLOWEST_MPS = 3.0
+"""Below it a yaw rate and a speed tell no curvature."""
+BEND_SHARE = 0.25
+"""By so much the bend ahead differs from that in which the car is."""
+
+
+def bend_unit(camera: Camera) -> float:
+    """The bend (px^2) of a road of curvature 1 1/m."""
+    return camera.fx * camera.fy * camera.mounting.height_m / 2.0
+
+
+def tightest_1pm(speed_mps: float) -> float:
+    """The greatest curvature in which a car drives at a speed."""
+    if not math.isfinite(speed_mps):
+        return UNTOLD_TIGHTEST_1PM
+    return min(LATERAL_ACCEL_MPS2 / max(speed_mps, SLOWEST_MPS) ** 2, TIGHTEST_1PM)
+
+
+def driven_1pm(speed_mps: float, yaw_rate_radps: float) -> float:
+    """The curvature in which the car drives, right positive; NaN where it is not told."""
+    if not (speed_mps >= SLOWEST_MPS and math.isfinite(yaw_rate_radps)):
+        return math.nan
+    return -yaw_rate_radps / speed_mps
+
+
+def opened(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
+    """The prior of a lane that is followed."""
+    table = prior.table.copy()
+    reach = BEYOND * table[WIDTH, HIGH]
+    table[MIDDLE, SIGMA] = FOLLOWED_OFFSET_M * prior.per_m
+    table[MIDDLE, LOW] = min(table[MIDDLE, LOW], -reach)
+    table[MIDDLE, HIGH] = max(table[MIDDLE, HIGH], reach)
+    heading = camera.fx * FOLLOWED_HEADING_RAD
+    table[VANISHING, SIGMA] = max(table[VANISHING, SIGMA], heading)
+    table[VANISHING, LOW] -= 3.0 * heading
+    table[VANISHING, HIGH] += 3.0 * heading
+    unit = bend_unit(camera)
+    tightest = max(table[BEND, HIGH], unit * tightest_1pm(speed_mps))
+    table[BEND, SIGMA] = unit * FOLLOWED_CURVATURE_1PM
+    table[BEND, LOW], table[BEND, HIGH] = -tightest, tightest
+    drift = prior.drift
+    if math.isfinite(speed_mps):
+        drift = drift.copy()
+        drift[BEND] = max(drift[BEND], unit * JERK_MPS3 / max(speed_mps, SLOWEST_MPS) ** 2)
+    return replace(prior, table=table, drift=drift)
+
+
+def bent(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: float) -> LanePrior:
+    """The prior of a lane that is looked for, with the bend in which the car drives, where that is told."""
+    driven = driven_1pm(speed_mps, yaw_rate_radps)
+    if math.isnan(driven):
+        return prior
+    table = prior.table.copy()
+    unit = bend_unit(camera)
+    table[BEND, MEAN] = unit * driven
+    table[BEND, SIGMA] = math.hypot(table[BEND, SIGMA], unit * BEND_SHARE * driven)
+    tightest = max(table[BEND, HIGH], unit * tightest_1pm(speed_mps))
+    table[BEND, LOW], table[BEND, HIGH] = -tightest, tightest
+    return replace(prior, table=table)
+
+
+def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
+    """The prior with the horizon that the frames showed so far."""
+    table = prior.table.copy()
+    sigma = max(camera.fy * PITCH_SIGMA_RAD, 1.0)
+    table[HORIZON] = horizon_px, sigma, horizon_px - 6.0 * sigma, horizon_px + 6.0 * sigma
+    return replace(prior, table=table)
+
+
+def predicted(
+    lane: FloatArray, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
+) -> FloatArray:
+    """The lane in the next frame from the car's motion; unknown motion changes nothing.
+
+    With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, and
+    its middle moves sideways by that direction times v dt.
+    """
+    made = np.array(lane)
+    height_m = camera.mounting.height_m
+    if math.isfinite(speed_mps):
+        way_m = speed_mps * dt_s
+        if math.isfinite(yaw_rate_radps):
+            made[VANISHING] += camera.fx * (lane[BEND] / bend_unit(camera) * way_m + yaw_rate_radps * dt_s)
+        if prior.is_mounted:
+            straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
+            made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.stretch / height_m
+    return made
+
+
+def crossed(lane: FloatArray) -> int:
+    """1 if the car has come into the next lane to the left, -1 to the right, else 0."""
+    if abs(lane[MIDDLE]) <= OVER_THE_LINE * lane[WIDTH]:
+        return 0
+    return 1 if lane[MIDDLE] > 0.0 else -1
+
+
+def beside(lane: FloatArray, change: int) -> FloatArray:
+    """The lane after a change (`crossed`): the next one to the left (1) or to the right (-1)."""
+    made = np.array(lane)
+    made[MIDDLE] -= change * made[WIDTH]
+    return made
+
+
+def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: float = UNTOLD_SIDEWAYS_MPS) -> FloatArray:
+    """The prior's table times a normal distribution around the predicted lane, to which direction and bend are left.
+
+    The lane's place and width are kept within what a car can do and a taper does.
+
+    Args:
+        prior: Of a followed lane (`opened`).
+        lane: As predicted.
+        dt_s: Since the frame before.
+        sideways_mps: What the prediction of the place may miss at most.
+    """
+    dt_s = max(dt_s, 0.02)
+    sigma = prior.drift * math.sqrt(dt_s)
+    table = prior.table
+    before, now = table[:, SIGMA] ** -2, sigma**-2
+    both = before + now
+    made = table.copy()
+    made[:, SIGMA] = both**-0.5
+    made[:, MEAN] = (table[:, MEAN] * before + lane * now) / both
+    for k in (VANISHING, BEND):  # the prior of a first frame, anew in every frame, would flatten every bend
+        made[k, MEAN], made[k, SIGMA] = lane[k], sigma[k]
+    for k, rate_mps in ((MIDDLE, sideways_mps), (WIDTH, WIDENS_MPS)):
+        reach = (rate_mps * dt_s + MARGIN_M) * prior.per_m
+        place = min(max(float(lane[k]), float(table[k, LOW])), float(table[k, HIGH]))
+        made[k, LOW], made[k, HIGH] = max(place - reach, table[k, LOW]), min(place + reach, table[k, HIGH])
+    return made
+
+
+def shift_m(lane: FloatArray, other: FloatArray, prior: LanePrior) -> float:
+    """How far the boundary that differs more lies from that of another lane, beside the camera."""
+    apart = abs(float(lane[MIDDLE] - other[MIDDLE])) + 0.5 * abs(float(lane[WIDTH] - other[WIDTH]))
+    return apart / prior.per_m
+
+
+def change_between(lane: FloatArray, other: FloatArray) -> int:
+    """Whether another lane is the next one to the left (1) or to the right (-1), and the car between them; else 0."""
+    width = 0.5 * float(lane[WIDTH] + other[WIDTH])
+    change = 1 if lane[MIDDLE] > other[MIDDLE] else -1
+    apart = abs(float(lane[MIDDLE] - other[MIDDLE]))
+    is_between = change * float(lane[MIDDLE]) > BETWEEN * width
+    return change if is_between and abs(apart - width) < NEXT_SHARE * width else 0
