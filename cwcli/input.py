@@ -296,8 +296,8 @@ def inputs_below(folder: Path) -> list[str]:
     return [name for name in names if os.path.realpath(name).startswith(prefix)]
 
 
-def read_file(path: str | Path) -> bytes:
-    """A whole file, which is remembered as an input.
+def read_file(path: str | Path, max_bytes: int = -1) -> bytes:
+    """A file, or its first bytes; it is remembered as an input.
 
     Raises:
         OSError, ValueError: It can't be read; a zero byte is in the name.
@@ -305,7 +305,7 @@ def read_file(path: str | Path) -> bytes:
     """
     with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
         _remember(os.fstat(file.fileno()), str(path))
-        return file.read()
+        return file.read(max_bytes)
 
 
 def _remember(found: os.stat_result, name: str) -> Inputs | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from cwcli.errors import OutputError, UsageError
 from cwcli.logs.read.recording import METADATA, is_recording, logs_in
 from cwcli.logs.read.remote import FILE_SCHEME, blocks, file_system, is_remote, names_below, unreadable
+from cwcli.logs.read.source import no_more_than
 
 
 def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> list[tuple[str, str]]:
@@ -110,15 +111,16 @@ def _expanded_remote(url: str) -> list[str]:
 
 
 @contextmanager
-def local_copy(url: str, folder: Path) -> Iterator[Path]:
+def local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Path]:
     """A copy of a remote log, for as long as it is needed.
 
     Args:
         url: The log.
         folder: Where the copy lies meanwhile; it is made if it is not there.
+        max_bytes: Of the copy.
 
     Raises:
-        InputError: It can't be read.
+        InputError: It can't be read, or is larger.
         OutputError: The copy can't be written.
     """
     try:
@@ -129,7 +131,7 @@ def local_copy(url: str, folder: Path) -> Iterator[Path]:
     copy = Path(name)
     try:
         with os.fdopen(descriptor, "wb") as target:
-            for block in blocks(url):
+            for block in no_more_than(max_bytes, blocks(url), url):
                 try:
                     target.write(block)
                 except OSError as error:

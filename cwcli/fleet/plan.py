@@ -11,6 +11,7 @@ from typing import Any
 
 from cwcli import __version__
 from cwcli.input import MAX_CHUNK_BYTES
+from cwcli.logs.read.source import MAX_PIPE_BYTES
 from cwcli.pipeline.call import StageCall
 
 
@@ -21,7 +22,7 @@ class Plan:
     Attributes:
         stages: In the order in which they run.
         pipeline: The resolved options, as the manifest shows them (JSON-ready).
-        topic, start, end, recover, max_chunk_bytes, strict: The reading options of the command line.
+        topic, start, end, recover, max_chunk_bytes, max_pipe_bytes, strict: The reading options of the command line.
         ego_station: V2X station of the ego, or None.
         replace: Leave channels of an earlier run out of the annotated log.
         tables: Write the channels' columns too.
@@ -35,6 +36,7 @@ class Plan:
     end: str | None = None
     recover: bool = False
     max_chunk_bytes: int = MAX_CHUNK_BYTES
+    max_pipe_bytes: int = MAX_PIPE_BYTES
     strict: bool = False
     ego_station: str | None = None
     replace: bool = False

@@ -78,7 +78,7 @@ def _work(task: Task, plan: Plan) -> str:
     if plan.tables:
         entry["without_table"] = {}
     try:
-        with _opened(task) as file:
+        with _opened(task, plan.max_pipe_bytes) as file:
             entry["sha256"] = file.begin_sha256().result()
             entry["key"] = plan.key(entry["sha256"])
             if before is not None and folder.is_done(before, entry["key"]):
@@ -174,10 +174,10 @@ def bug_entry(error: Exception) -> dict[str, Any]:
 
 
 @contextmanager
-def _opened(task: Task) -> Iterator[InputFile]:
+def _opened(task: Task, max_pipe_bytes: int) -> Iterator[InputFile]:
     """The log, or a copy of it on this machine."""
     with ExitStack() as stack:
         path = task.path
         if is_remote(path) and not path.endswith("/"):  # of a folder, each part is copied where it is opened
-            path = str(stack.enter_context(local_copy(path, Path(task.out) / SCRATCH)))
-        yield stack.enter_context(open_source(path, task.source, pipes=False))
+            path = str(stack.enter_context(local_copy(path, Path(task.out) / SCRATCH, max_pipe_bytes)))
+        yield stack.enter_context(open_source(path, task.source, pipes=False, max_pipe_bytes=max_pipe_bytes))

@@ -175,11 +175,21 @@ def test_a_url_and_compressed_parts_have_a_bound(
         parts.append(tmp_path / f"drive_{k}.mcap.zstd")
         parts[k].write_bytes(zstandard.compress((drive / f"drive_{k}.mcap").read_bytes()))
     largest = max((drive / f"drive_{k}.mcap").stat().st_size for k in range(2))
+    much, little = f"{1.01 * largest / 1e9:.9f}", f"{0.5 * largest / 1e9:.9f}"
     for logs in ([f"{server}/drive_0.mcap"], [str(tmp_path), "--as-one"], [*map(str, parts), "--as-one"]):
-        assert run(["info", *logs, "--max-input", f"{1.01 * largest / 1e9:.9f}"]) == 0
+        assert run(["info", *logs, "--max-input", much]) == 0
         capsys.readouterr()
-        assert run(["info", *logs, "--max-input", f"{0.5 * largest / 1e9:.9f}"]) == EXIT_BAD_INPUT
+        assert run(["info", *logs, "--max-input", little]) == EXIT_BAD_INPUT
         assert "--max-input reads more" in capsys.readouterr().err
+    for command in (
+        ["run", f"{server}/drive_0.mcap", "-d", str(tmp_path / "many"), "--jobs", "1"],
+        ["run", str(parts[0]), "-d", str(tmp_path / "more"), "--jobs", "1"],
+        ["join", f"{server}/drive_0.mcap", str(drive / "drive_1.mcap"), "-o", str(tmp_path / "joined.mcap")],
+        ["join", str(drive / "drive_1.mcap"), str(parts[0]), "-o", str(tmp_path / "joined.mcap")],
+        ["calibrate", str(parts[0]), "-o", str(tmp_path / "calibration.toml")],
+    ):
+        assert run([*command, "--max-input", little]) == EXIT_BAD_INPUT, command
+        assert "--max-input reads more" in capsys.readouterr().err, command
 
 
 def test_the_annotated_log_in_the_parts_of_the_input(drive: Path, tmp_path: Path) -> None:

@@ -106,7 +106,12 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
     from cwcli.pipeline.selection import select
 
     call = call_of(stage_options("estimate")(), sensors)
-    with Log.open(name, recover=reading.recover) as log:
+    with Log.open(
+        name,
+        recover=reading.recover,
+        max_chunk_bytes=reading.max_chunk_bytes,
+        max_pipe_bytes=reading.max_pipe_bytes,
+    ) as log:
         selection = select(log, reading.topics, reading.start, reading.end)
         result = call.stage.function(log, with_selection(call.config, selection))
         if reading.strict:

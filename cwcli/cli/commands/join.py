@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,7 +11,15 @@ import typer
 
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.shared import ForceOption
+from cwcli.cli.options.shared import (
+    GIGABYTE,
+    MAX_CHUNK_MB,
+    MAX_INPUT_GB,
+    MEGABYTE,
+    ForceOption,
+    MaxChunkOption,
+    MaxInputOption,
+)
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
 from cwcli.errors import UsageError
@@ -48,6 +57,8 @@ def command(
     recover: Annotated[
         bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
     ] = False,
+    max_chunk: MaxChunkOption = MAX_CHUNK_MB,
+    max_input: MaxInputOption = MAX_INPUT_GB,
     replace: Annotated[
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
     ] = False,
@@ -72,8 +83,11 @@ def command(
     check_targets([target], force=force, inputs=[log, other])
     estimate = call_of(stage_options("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
-    with Progress(quiet=talk.quiet) as progress, Log.open(log, recover=recover) as ego:
-        with Log.open(other, recover=recover) as second:
+    opened = partial(
+        Log.open, recover=recover, max_chunk_bytes=max_chunk * MEGABYTE, max_pipe_bytes=int(max_input * GIGABYTE)
+    )
+    with Progress(quiet=talk.quiet) as progress, opened(log) as ego:
+        with opened(other) as second:
             progress.step(f"estimating {log} and {other}")
             name = name or Path(other.rstrip("/")).name.split(".")[0] or "other"
             joined = join_logs(ego, second, estimate, name=name, late_s=late)

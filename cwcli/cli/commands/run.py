@@ -152,6 +152,7 @@ class AllOptions:
             end=reading.end,
             recover=reading.recover,
             max_chunk_bytes=reading.max_chunk_bytes,
+            max_pipe_bytes=reading.max_pipe_bytes,
             strict=reading.strict,
             ego_station=self.sensors.ego_station,
             replace=replace,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MEGABYTE = 1_000_000
 GIGABYTE = 1_000_000_000
+MAX_CHUNK_MB, MAX_INPUT_GB = 256, 64
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
 LogArgument = Annotated[
@@ -38,6 +39,25 @@ LogsArgument = Annotated[
 ]
 AsOneOption = Annotated[
     bool, typer.Option("--as-one", help="The logs that are named, or lie in the folder, are the parts of one log.")
+]
+
+MaxChunkOption = Annotated[
+    int,
+    typer.Option(
+        "--max-chunk",
+        metavar="MB",
+        min=1,
+        help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
+    ),
+]
+MaxInputOption = Annotated[
+    float,
+    typer.Option(
+        "--max-input",
+        metavar="GB",
+        min=0,
+        help="Most that comes out of a pipe, a URL or a compressed file: it is copied to a temporary file first.",
+    ),
 ]
 
 
@@ -110,24 +130,8 @@ class ReadingOptions:
     recover: Annotated[
         bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
     ] = False
-    max_chunk: Annotated[
-        int,
-        typer.Option(
-            "--max-chunk",
-            metavar="MB",
-            min=1,
-            help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
-        ),
-    ] = 256
-    max_input: Annotated[
-        float,
-        typer.Option(
-            "--max-input",
-            metavar="GB",
-            min=0,
-            help="Most that is taken from a pipe, which is copied to a temporary file.",
-        ),
-    ] = 64
+    max_chunk: MaxChunkOption = MAX_CHUNK_MB
+    max_input: MaxInputOption = MAX_INPUT_GB
     strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
         False
     )

@@ -5,7 +5,7 @@ Format: https://github.com/ros2/rosbag2/blob/rolling/rosbag2_storage/src/rosbag2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -20,6 +20,7 @@ METADATA = "metadata.yaml"
 SUFFIXES = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".bag")
 """What logs are called."""
 MAX_METADATA_BYTES = 16_000_000
+MAX_METADATA_DEPTH = 64
 
 Opener = Callable[[str], InputFile]
 
@@ -175,14 +176,36 @@ def read_listing(source: str) -> Listing:
     import yaml
 
     try:
-        text = b"".join(blocks(source)) if is_remote(source) else read_file(source)
-        if len(text) > MAX_METADATA_BYTES:
-            raise ValueError("it is too large")
+        pieces = blocks(source) if is_remote(source) else iter([read_file(source, MAX_METADATA_BYTES + 1)])
+        text = b""
+        for piece in pieces:
+            text += piece
+            if len(text) > MAX_METADATA_BYTES:
+                raise ValueError("it is too large")
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        _check_events(yaml.parse(text, loader))
         document = yaml.load(text, loader)
         return _listing(document["rosbag2_bagfile_information"])
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, yaml.YAMLError):
         return Listing(faults={f"{METADATA} that can't be understood": 1})
+
+
+def _check_events(events: Iterable[Any]) -> None:
+    """Check what a recorder never writes: the loader takes a C stack's room for each level, and merged mappings may
+    double at each.
+
+    Raises:
+        ValueError: It is there.
+    """
+    import yaml
+
+    depth = 0
+    for event in events:
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_METADATA_DEPTH:
+            raise ValueError("it is nested too deep")
+        if isinstance(event, yaml.ScalarEvent) and event.value == "<<":
+            raise ValueError("it merges mappings")
 
 
 def _listing(information: Mapping[str, Any]) -> Listing:

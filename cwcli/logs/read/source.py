@@ -99,7 +99,7 @@ def _remote(url: str, name: str, opener: Opener, max_bytes: int) -> InputFile:
         from cwcli.logs.read.recording import open_folder
 
         return open_folder(url, name, opener, as_one=False)
-    return converted(spooled(_bounded(blocks(url), name, max_bytes), name), max_bytes)
+    return converted(spooled(no_more_than(max_bytes, blocks(url), name), name), max_bytes)
 
 
 def _standard_input(max_bytes: int) -> InputFile:
@@ -117,7 +117,7 @@ def _standard_input(max_bytes: int) -> InputFile:
 
 def _spooled(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
     """Everything that comes out of a pipe, in a temporary file: of something else than a log only its beginning."""
-    return spooled(_bounded(_checked(iter(lambda: _block(pipe, name), b""), name), name, max_bytes), name)
+    return spooled(no_more_than(max_bytes, _checked(iter(lambda: _block(pipe, name), b""), name), name), name)
 
 
 def _checked(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
@@ -129,7 +129,12 @@ def _checked(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
         yield piece
 
 
-def _bounded(pieces: Iterator[bytes], name: str, max_bytes: int) -> Iterator[bytes]:
+def no_more_than(max_bytes: int, pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+    """The pieces.
+
+    Raises:
+        InputError: There are more bytes.
+    """
     n_bytes = 0
     for piece in pieces:
         n_bytes += len(piece)

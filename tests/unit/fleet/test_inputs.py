@@ -122,7 +122,7 @@ def test_memory_urls(tmp_path: Path) -> None:
         system.pipe_file(f"/drives/{name}.mcap", name.encode())
     assert sources("memory://drives/*.mcap") == ["memory:///drives/a.mcap", "memory:///drives/b.mcap"]
     assert sources("memory://drives/") == sources("memory://drives/*.mcap")
-    with local_copy("memory:///drives/a.mcap", tmp_path / "scratch") as path:
+    with local_copy("memory:///drives/a.mcap", tmp_path / "scratch", 1) as path:
         assert path.read_bytes() == b"a"
         assert path.parent == tmp_path / "scratch"
     assert list((tmp_path / "scratch").iterdir()) == []
@@ -130,9 +130,11 @@ def test_memory_urls(tmp_path: Path) -> None:
 
 def test_a_copy_goes_when_its_work_fails(tmp_path: Path) -> None:
     fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
-    with pytest.raises(RuntimeError), local_copy("memory:///drives/a.mcap", tmp_path):
+    with pytest.raises(RuntimeError), local_copy("memory:///drives/a.mcap", tmp_path, 1):
         raise RuntimeError
-    with pytest.raises(InputError, match="can't be read"), local_copy("memory:///drives/gone.mcap", tmp_path):
+    with pytest.raises(InputError, match="can't be read"), local_copy("memory:///drives/gone.mcap", tmp_path, 1):
+        pass
+    with pytest.raises(InputError, match="more than 0 GB"), local_copy("memory:///drives/a.mcap", tmp_path, 0):
         pass
     assert list(tmp_path.iterdir()) == []
 
@@ -140,7 +142,7 @@ def test_a_copy_goes_when_its_work_fails(tmp_path: Path) -> None:
 def test_a_copy_without_a_place(tmp_path: Path) -> None:
     fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError), local_copy("memory:///drives/a.mcap", tmp_path / "file"):
+    with pytest.raises(OutputError), local_copy("memory:///drives/a.mcap", tmp_path / "file", 1):
         pass
 
 

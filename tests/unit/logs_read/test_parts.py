@@ -157,9 +157,26 @@ def test_metadata_that_lies_is_told(tmp_path: Path) -> None:
         assert log.faults.counts() == {"parts missing that metadata.yaml lists (passwd)": 1}
 
 
+DOUBLING = "a0: &a0 {k: 1}\n" + "".join(
+    f"a{k}: &a{k} {{<<: [{', '.join([f'*a{k - 1}'] * 8)}]}}\n" for k in range(1, 20)
+)
+
+
 @pytest.mark.parametrize(
     "text",
-    ["", "\0", "- 1", "{", "rosbag2_bagfile_information: 3", "rosbag2_bagfile_information: {files: 2}", "&a [*a]"],
+    [
+        DOUBLING,
+        "[" * 100_000,
+        "- " * 100_000,
+        "a: " + "b" * 16_000_000,
+        "",
+        "\0",
+        "- 1",
+        "{",
+        "rosbag2_bagfile_information: 3",
+        "rosbag2_bagfile_information: {files: 2}",
+        "&a [*a]",
+    ],
 )
 def test_metadata_that_is_none_is_told(tmp_path: Path, text: str) -> None:
     cut(messages(N), tmp_path, 4)
