@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -19,8 +18,9 @@ from cwcli.signals.canonical import (
     SpeedSignal,
     VelocitySignal,
 )
-from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.remotes import joined_remotes
 from cwcli.signals.stitch import stitch
 from cwcli.signals.units import NS_PER_S
 
@@ -126,7 +126,7 @@ def placed_remotes(
         notes = (f"the ego position {lost}: remote vehicles can't be placed beside it and are left out",)
     if not placed:
         return None, notes
-    merged = merged_remotes(placed)
+    merged = joined_remotes(placed)
     if not is_stitched:
         return merged, notes
     joined, told = _joined(merged, local_map)
@@ -246,24 +246,3 @@ def _joined(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSig
     if found.n_undecided:
         notes.append(f"changed ids that stay apart, because more than one could have followed: {found.n_undecided}")
     return found.signal, tuple(notes)
-
-
-def merged_remotes(signals: list[RemoteSignal]) -> RemoteSignal:
-    """Several V2X channels as one signal in stamp order; a station heard on two of them is one vehicle."""
-    if len(signals) == 1:
-        return signals[0]
-    stamp_ns = np.concatenate([s.stamp_ns for s in signals])
-    order = np.argsort(stamp_ns, kind="stable")
-    names = list(dict.fromkeys(name for s in signals for name in s.station.values))
-    codes = np.concatenate(
-        [np.array([names.index(name) for name in s.station.values], np.int32)[s.station.codes] for s in signals]
-    )
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(s, name) for s in signals])[order]
-        for name in RemoteSignal.__dataclass_fields__
-        if name not in {"source", "station", "frame_id", "is_exact"} and getattr(signals[0], name) is not None
-    }
-    source = ", ".join(s.source for s in signals)
-    station = Strings(codes[order], tuple(names))
-    columns |= {"frame_id": signals[0].frame_id, "is_exact": all(s.is_exact for s in signals)}
-    return RemoteSignal(source=source, station=station, **columns)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.estimation.from_signals import merged_remotes
 from cwcli.estimation.result import Track
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.table import ColumnDoc, Table
@@ -19,6 +18,7 @@ from cwcli.signals.canonical import RemoteSignal, Signal
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.link import Reception, StationLink, age_quantile_s, links_of
+from cwcli.signals.remotes import joined_remotes, perceived_rows, taken_rows
 from cwcli.signals.resample import resample
 
 AGE_SHARE = 0.95
@@ -59,8 +59,9 @@ class Link:
         remotes = [signal for signal in signals if isinstance(signal, RemoteSignal) and signal.x_m is None]
         self.stations: list[StationLink] = []
         self.reception = Reception(np.zeros(1), np.zeros(0, np.int64), np.zeros(0, np.int64))
-        if remotes:
-            signal = merged_remotes(remotes)
+        signal = joined_remotes(remotes) if remotes else None
+        if signal is not None:
+            signal = taken_rows(signal, np.flatnonzero(~perceived_rows(signal)))
             self.stations, self.reception = links_of(signal, _distance_m(signal, ego, local_map))
 
     def sections(self) -> tuple[Section, ...]:

@@ -11,6 +11,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.inputs import input_for
+from cwcli.signals.remotes import perceived_rows
 from cwcli.signals.role import Role
 from cwcli.text import count, printable
 
@@ -49,7 +50,8 @@ def stations_heard(log: Log) -> Counter[str]:
         for columns in log.load(topics).values() if topics else ():
             signal, _ = build(Role.REMOTE, columns)
             assert isinstance(signal, RemoteSignal)
-            for station, n in zip(signal.station.values, np.bincount(signal.station.codes), strict=False):
+            sent = signal.station.codes[~perceived_rows(signal)]
+            for station, n in zip(signal.station.values, np.bincount(sent), strict=False):
                 heard[station] += int(n)
     except CwcliError:  # the channel is damaged: what was missing is still what is wrong
         return heard

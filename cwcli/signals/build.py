@@ -84,7 +84,7 @@ def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> 
         DataError: Its messages were all rejected; the reasons are named.
         MissingSignalError: It has no messages, or none that is the ego's.
     """
-    if quality.used:
+    if quality.n_rows:
         return
     prefix = f"{where}: {quality.source}" if where else quality.source
     if quality.rejected:

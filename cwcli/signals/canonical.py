@@ -12,6 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
+import numpy as np
+import numpy.typing as npt
+
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 
 
@@ -232,6 +235,7 @@ class RemoteSignal(RemoteQuantities):
         frame_id: The frame of `x_m` and `y_m`, "" where positions are WGS84.
         x_m, y_m: Shape (n,): Cartesian positions; then latitudes and longitudes are NaN. Else None.
         is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
+        is_perceived: Shape (n,): the row is of an object that a station perceived, not of a sender; None: none is.
     """
 
     source: str
@@ -242,6 +246,7 @@ class RemoteSignal(RemoteQuantities):
     x_m: FloatArray | None = None
     y_m: FloatArray | None = None
     is_exact: bool = False
+    is_perceived: npt.NDArray[np.bool_] | None = None
 
 
 DetectionKind = Literal["position", "radar", "radar_track"]

@@ -238,10 +238,25 @@ def _radio_fields() -> Fields:
     return dict.fromkeys(("cdr", "json"), CONTENTS)
 
 
+def _objects_fields(module: str) -> Callable[[], Fields]:
+    """Leaf fields of a message that tells of others."""
+
+    def find() -> Fields:
+        return dict.fromkeys(("cdr", "json"), in_signals(f"{module}.ros_fields")())
+
+    return find
+
+
 def _json_bsm_fields() -> Fields:
     from cwcli.signals import j2735
 
     return {"json": j2735.json_fields()}
+
+
+def _perceived(module: str, codec: str) -> tuple[Input, ...]:
+    """A schema whose messages tell of others only."""
+    build = v2x_builder("remote_builder", f"{module}.{codec}")
+    return (Input(Role.REMOTE, LaterFields(_objects_fields(module)), build),)
 
 
 _CAMERA = (Input(Role.CAMERA, _FRAMES, None),)
@@ -311,6 +326,9 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "etsi_its_cam_msgs/CAM": _v2x(_cam_fields("EN_PATHS"), "etsi.CAM"),
     "etsi_its_cam_ts_msgs/CAM": _v2x(_cam_fields("TS_PATHS"), "etsi.CAM"),
     "etsi_its_vam_ts_msgs/VAM": _v2x(_cam_fields("VAM_PATHS"), "etsi.CAM"),
+    "etsi_its_cpm_ts_msgs/CollectivePerceptionMessage": _perceived("cpm", "ROS_CPM"),
+    "j3224_v2x_msgs/SensorDataSharingMessage": _perceived("sdsm", "ROS_SDSM"),
+    "carma_v2x_msgs/SensorDataSharingMessage": _perceived("sdsm", "CARMA_SDSM"),
     "j2735_v2x_msgs/BSM": _v2x(_ros_bsm_fields, "j2735.ROS_BSM"),
     "carma_v2x_msgs/BSM": _v2x(_carma_bsm_fields, "j2735.CARMA_BSM"),
     "carma_driver_msgs/ByteArray": _v2x(_radio_fields, "radio.codec.J2735"),

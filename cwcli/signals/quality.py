@@ -48,6 +48,7 @@ class Quality:
         notes: One line each, for the user.
         delay_s: Median of log time minus stamp over the used rows, NaN when there are none.
         gaps: Stretches without used rows, see `signals.clocks.find_gaps`.
+        objects: What became of the objects that its messages tell of, likewise; None where they tell of none.
     """
 
     source: str
@@ -61,11 +62,34 @@ class Quality:
     notes: list[str] = field(default_factory=list)
     delay_s: float = float("nan")
     gaps: tuple[Gap, ...] = ()
+    objects: Quality | None = None
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the signal: of the messages, and of the objects in them."""
+        return self.used + (self.objects.n_rows if self.objects is not None else 0)
 
     @property
     def n_faults(self) -> int:
         """Rejections and repairs together."""
         return sum(self.rejected.values()) + sum(self.repaired.values())
+
+    def and_of(self, other: Quality) -> Quality:
+        """These counts and others of the same channel together."""
+
+        def summed(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
+            return {reason: one.get(reason, 0) + two.get(reason, 0) for reason in (*one, *two)}
+
+        return Quality(
+            source=self.source,
+            role=self.role,
+            read=self.read + other.read,
+            used=self.used + other.used,
+            rejected=summed(self.rejected, other.rejected),
+            repaired=summed(self.repaired, other.repaired),
+            set_aside=summed(self.set_aside, other.set_aside),
+            first_fault_ns={**other.first_fault_ns, **self.first_fault_ns},
+        )
 
     def rejected_unbuilt(self, reason: str, log_time_ns: Int64Array) -> None:
         """Count messages (by their log times, in order) that were left out before the signal was built."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+import numpy as np
 
 from cwcli.signals.canonical import RemoteQuantities
-from cwcli.signals.columns import Columns, Int64Array, Strings
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, RowLedger
 
 
@@ -36,6 +38,13 @@ class RemoteRows(RemoteQuantities):
     stamp_ns: Int64Array
 
 
+def nothing_told(n: int, **told: FloatArray) -> RemoteRows:
+    """Rows (n,) of messages that tell nothing but `told`; stamps of 0."""
+    nothing: dict[str, FloatArray] = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
+    nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
+    return RemoteRows(**(nothing | told), stamp_ns=np.zeros(n, np.int64))
+
+
 @dataclass(frozen=True)
 class V2xCodec:
     """How to read a V2X channel.
@@ -43,7 +52,12 @@ class V2xCodec:
     Attributes:
         identify: Who sent each message; asked first, so that faults are counted for the messages in use only.
         decode: The quantities.
+        objects: What the senders tell of others: columns with one row an object, and how to read them.
     """
 
     identify: Callable[[Columns], Senders]
     decode: Callable[[Columns, RowLedger], RemoteRows]
+    objects: Callable[[Columns], Objects] = lambda columns: ()
+
+
+Objects = tuple[tuple[Columns, V2xCodec], ...]

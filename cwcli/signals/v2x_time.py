@@ -17,6 +17,8 @@ ITS_EPOCH_UNIX_S = 1_072_915_200
 LEAP_SECONDS_SINCE_2004_UNIX_S = (1_136_073_600, 1_230_768_000, 1_341_100_800, 1_435_708_800, 1_483_228_800)
 """First instants after each: 2006-01-01, 2009-01-01, 2012-07-01, 2015-07-01, 2017-01-01 (IERS Bulletin C)."""
 ITS_MODULUS_MS = 65_536
+ITS_MS_MAX = 1 << 42
+"""Of TimestampIts."""
 MS_PER_MINUTE = 60_000
 LAST_DSECOND_MS = 60_999
 """60,000 to 60,999 is a leap second; 61,000 to 65,534 is reserved; 65,535 is unavailable."""
@@ -59,6 +61,22 @@ def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Arr
     its_ms = its_ms_from_unix_ns(log_time_ns)
     ahead_ms = np.where(has_time, delta_ms, 0).astype(np.int64) - its_ms % ITS_MODULUS_MS
     return (log_ms + _nearest_turn(ahead_ms, ITS_MODULUS_MS)) * NS_PER_MS, has_time
+
+
+def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
+    """Absolute time of a CPM: milliseconds of TAI since 2004 (TimestampIts), which need no log time but for the leap
+    seconds so far.
+
+    Args:
+        its_ms: Shape (n,), NaN where absent.
+        log_time_ns: Shape (n,).
+
+    Returns:
+        Times in ns and whether there is one, both of shape (n,).
+    """
+    has_time = (its_ms >= 0) & (its_ms < ITS_MS_MAX)
+    ahead_ms = np.where(has_time, its_ms, 0).astype(np.int64) - its_ms_from_unix_ns(log_time_ns)
+    return (log_time_ns // NS_PER_MS + ahead_ms) * NS_PER_MS, has_time
 
 
 def its_ms_from_unix_ns(unix_ns: Int64Array) -> Int64Array:

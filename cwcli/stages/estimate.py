@@ -28,6 +28,7 @@ from cwcli.estimation.from_signals import (
 from cwcli.estimation.known import MESSAGES, SLACK_NS, THIS_LOG, Knowledge, in_time, known_ns, parameters_of
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
+from cwcli.estimation.seen_ego import without_seen_ego
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
 from cwcli.estimation.track import each_in_threads, estimate_both
 from cwcli.logs.read.reader import Log
@@ -152,8 +153,11 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     position = sources.by_role[Role.EGO_POSITION][0]
     heard = sources.by_role.get(Role.REMOTE, ())
     signal, notes = placed_remotes(heard, position, local_map, is_stitched=config.stitch)
-    remote = None if signal is None else _remote_states(signal, local_map, estimator)
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
+    if signal is not None:
+        signal, seen = without_seen_ego(signal, online, size_m, local_map)
+        notes += seen
+    remote = None if signal is None else _remote_states(signal, local_map, estimator)
     whole = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
     hindsight = whole.as_published()
     knowable = replace(

@@ -13,6 +13,7 @@ from cwcli.signals.columns import Ragged
 from cwcli.signals.etsi import EN_PATHS, TS_PATHS, VAM_PATHS
 from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
 from cwcli.signals.role import Role
+from tests.laws.perceived_messages import PERCEIVED_SAMPLES
 from tests.laws.receiver_messages import RECEIVER_SAMPLES
 from tests.unit.signals.signal_columns import T0_NS
 from tests.unit.signals.v2x_messages import CAM, CARMA_BSM, ODE_BSM, RAW_BSM, ROS_BSM, packed_bsm, packed_cam
@@ -382,6 +383,11 @@ def _radio(pack: Callable[[int], bytes], field: str) -> Callable[[int], Sample]:
     return sample
 
 
+def _seen(sample_at: Callable[[int, int], Sample]) -> Callable[[int], Sample]:
+    """A message that tells of others."""
+    return lambda k: sample_at(k, stamp_of(k))
+
+
 def _trajectory(k: int) -> Sample:
     points = [
         {
@@ -422,6 +428,7 @@ for _path, _bit in CARMA_PRESENCE.values():
 IN_FRAME = "value.BasicSafetyMessage."
 SAMPLES: dict[str, Callable[[int], Sample]] = {
     **RECEIVER_SAMPLES,
+    **{schema: _seen(sample) for schema, sample in PERCEIVED_SAMPLES.items()},
     "autoware_planning_msgs/Trajectory": _trajectory,
     "nav_msgs/Path": _nav_path,
     "sensor_msgs/NavSatFix": _nav_sat_fix,

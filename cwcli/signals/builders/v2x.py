@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantit
 from cwcli.signals.clocks import Timeline, settle
 from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
+from cwcli.signals.remotes import joined_remotes
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 
 OWN_STATION = "sent by the ego station"
@@ -25,9 +26,21 @@ MAX_AHEAD_NS = 2_000_000
 
 
 def remote_builder(codec: V2xCodec) -> Build:
-    """The builder of a `RemoteSignal` from a V2X channel."""
+    """The builder of a `RemoteSignal` from a V2X channel: of the senders, and of what they perceived of others.
+
+    The objects are counted for themselves.
+    """
 
     def build(columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
+        signal, quality = build_one(codec, columns, reading)
+        for part, inner in codec.objects(columns):
+            more, its = build_one(inner, part, reading)
+            quality.objects = its if quality.objects is None else quality.objects.and_of(its)
+            quality.notes += its.notes
+            signal = joined_remotes([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
+        return signal, quality
+
+    def build_one(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
         ledger = RowLedger(columns, reading.role)
         senders = codec.identify(columns)
         ledger.set_aside(senders.is_roadside, ROADSIDE)

@@ -33,34 +33,32 @@ EVENT_FLAGS = (
 HARD_BRAKING = 1 << (len(EVENT_FLAGS) - 1 - EVENT_FLAGS.index("eventHardBraking"))
 """The sender brakes with more than 0.4 g."""
 
-_LATITUDE = Int(-900_000_000, 900_000_001)
-_LONGITUDE = Int(-1_799_999_999, 1_800_000_001)
-_ELEVATION = Int(-4096, 61_439)
-_ACCURACY = sequence(("semiMajor", Int(0, 255)), ("semiMinor", Int(0, 255)), ("orientation", Int(0, 65_535)))
+LATITUDE = Int(-900_000_000, 900_000_001)
+LONGITUDE = Int(-1_799_999_999, 1_800_000_001)
+ELEVATION = Int(-4096, 61_439)
+ACCURACY = sequence(("semiMajor", Int(0, 255)), ("semiMinor", Int(0, 255)), ("orientation", Int(0, 65_535)))
 _TRANSMISSION = Enum(8)
-_VELOCITY = Int(0, 8191)
-_HEADING = Int(0, 28_800)
+VELOCITY = Int(0, 8191)
+HEADING = Int(0, 28_800)
+ACCELERATIONS = sequence(
+    ("long", Int(-2000, 2001)),
+    ("lat", Int(-2000, 2001)),
+    ("vert", Int(-127, 127)),
+    ("yaw", Int(-32_767, 32_767)),
+)
 _CORE = sequence(
     ("msgCnt", Int(0, 127)),
     ("id", Sized(8, 4, 4)),
     ("secMark", Int(0, 65_535)),
-    ("lat", _LATITUDE),
-    ("long", _LONGITUDE),
-    ("elev", _ELEVATION),
-    ("accuracy", _ACCURACY),
+    ("lat", LATITUDE),
+    ("long", LONGITUDE),
+    ("elev", ELEVATION),
+    ("accuracy", ACCURACY),
     ("transmission", _TRANSMISSION),
-    ("speed", _VELOCITY),
-    ("heading", _HEADING),
+    ("speed", VELOCITY),
+    ("heading", HEADING),
     ("angle", Int(-126, 127)),
-    (
-        "accelSet",
-        sequence(
-            ("long", Int(-2000, 2001)),
-            ("lat", Int(-2000, 2001)),
-            ("vert", Int(-127, 127)),
-            ("yaw", Int(-32_767, 32_767)),
-        ),
-    ),
+    ("accelSet", ACCELERATIONS),
     (
         "brakes",
         sequence(
@@ -74,7 +72,7 @@ _CORE = sequence(
     ),
     ("size", sequence(("width", Int(0, 1023)), ("length", Int(0, 4095)))),
 )
-_DATE_TIME = sequence(
+DATE_TIME = sequence(
     ("year", Int(0, 4095), True),
     ("month", Int(0, 12), True),
     ("day", Int(0, 31), True),
@@ -84,13 +82,13 @@ _DATE_TIME = sequence(
     ("offset", Int(-840, 840), True),
 )
 _FULL_POSITION = sequence(
-    ("utcTime", _DATE_TIME, True),
-    ("long", _LONGITUDE),
-    ("lat", _LATITUDE),
-    ("elevation", _ELEVATION, True),
-    ("heading", _HEADING, True),
-    ("speed", sequence(("transmisson", _TRANSMISSION), ("speed", _VELOCITY)), True),
-    ("posAccuracy", _ACCURACY, True),
+    ("utcTime", DATE_TIME, True),
+    ("long", LONGITUDE),
+    ("lat", LATITUDE),
+    ("elevation", ELEVATION, True),
+    ("heading", HEADING, True),
+    ("speed", sequence(("transmisson", _TRANSMISSION), ("speed", VELOCITY)), True),
+    ("posAccuracy", ACCURACY, True),
     ("timeConfidence", Enum(40), True),
     ("posConfidence", sequence(("pos", Enum(16)), ("elevation", Enum(16))), True),
     ("speedConfidence", sequence(("heading", Enum(8)), ("speed", Enum(8)), ("throttle", Enum(4))), True),
@@ -101,8 +99,8 @@ _CRUMB = sequence(
     ("lonOffset", Int(-131_072, 131_071)),
     ("elevationOffset", Int(-2048, 2047)),
     ("timeOffset", Int(1, 65_535)),
-    ("speed", _VELOCITY, True),
-    ("posAccuracy", _ACCURACY, True),
+    ("speed", VELOCITY, True),
+    ("posAccuracy", ACCURACY, True),
     ("heading", Int(0, 240), True),
     extensible=True,
 )

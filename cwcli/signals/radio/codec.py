@@ -1,7 +1,7 @@
 """V2X channels that hold what a radio received, octet by octet: what each message is, and whose.
 
-A channel may mix messages. Those that tell of their sender (BSM, CAM, VAM) are the remote vehicles; the others are set
-aside by name.
+A channel may mix messages. Those that tell of their sender (BSM, CAM, VAM) are remote vehicles, and so are the objects
+of those that tell of what their sender perceived (CPM, SDSM); the others are set aside by name.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals import etsi, j2735
-from cwcli.signals.canonical import RemoteQuantities
+from cwcli.signals import cpm as cpm_objects
+from cwcli.signals import etsi, j2735, perceived
+from cwcli.signals import sdsm as sdsm_objects
 from cwcli.signals.columns import Columns, Field, Strings
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.radio import bsm, cam, denm, frames, messages, vam
+from cwcli.signals.radio import bsm, cam, cpm, denm, frames, messages, sdsm, vam
 from cwcli.signals.radio.program import Program
-from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, nothing_told
 
 SIGNED_NOTE = "are signed (IEEE 1609.2): they were unwrapped, and their signatures not verified"
 
@@ -35,12 +36,13 @@ NAMES: dict[str, dict[int, str]] = {"j2735": J2735_NAMES, "btp": PORT_NAMES, "it
 
 @dataclass(frozen=True)
 class Kind:
-    """A message that tells of its sender.
+    """A message that tells of road users.
 
     Attributes:
         program: Of its components.
         fields: Decoded messages -> the leaf fields that `codec` reads.
         codec: Of the same message in a form with named fields.
+        rows: The list whose elements are the road users; "": the message's sender is the one.
         message_id, versions: What ETSI's header must say, for ETSI's messages.
     """
 
@@ -49,6 +51,7 @@ class Kind:
     codec: V2xCodec
     message_id: int | None = None
     versions: tuple[int, ...] = ()
+    rows: str = ""
 
 
 OTHER_MESSAGE, OTHER_VERSION = 254, 255
@@ -62,6 +65,11 @@ KINDS: dict[str, Kind] = {
     "CAM": Kind(cam.program, cam.fields, etsi.CAM, cam.MESSAGE_ID, cam.PROTOCOL_VERSIONS),
     "VAM": Kind(vam.program, vam.fields, etsi.CAM, vam.MESSAGE_ID, vam.PROTOCOL_VERSIONS),
 }
+PERCEIVED: dict[str, Kind] = {
+    "CPM": Kind(cpm.program, cpm.objects, cpm_objects.OBJECT_CODEC, cpm.MESSAGE_ID, cpm.PROTOCOL_VERSIONS, cpm.OBJECTS),
+    "SDSM": Kind(sdsm.program, sdsm.objects, sdsm_objects.OBJECT_CODEC, rows=sdsm.OBJECTS),
+}
+"""Messages that tell of others."""
 
 
 def radio_codec(form: str) -> V2xCodec:
@@ -82,26 +90,45 @@ def radio_codec(form: str) -> V2xCodec:
     def decode(columns: Columns, ledger: RowLedger) -> RemoteRows:
         found = frames.unwrap(columns, form)
         _reject(ledger, found.status, frames.FAULTS)
-        made = _nothing(len(columns))
+        made = nothing_told(len(columns))
         is_known = np.zeros(len(columns), np.bool_)
         for kind, part, rows, status in _parts(columns, found, form):
             is_known[rows] = True
-            all_status = np.zeros(len(columns), np.uint8)
-            all_status[rows] = status
-            _reject(ledger, all_status, FAULTS)
+            _reject_some(ledger, rows, status)
             with ledger.part(rows, part) as inner:
                 decoded = kind.codec.decode(part, inner)
             for entry in fields(RemoteRows):
                 getattr(made, entry.name)[rows] = getattr(decoded, entry.name)
             _note_braking(ledger, part, rows)
         _note_events(ledger, found, form)
+        for name, kind in PERCEIVED.items():
+            rows, decoded_objects = _decoded(found, form, name, kind)
+            _reject_some(ledger, rows, decoded_objects.status)
         _set_aside(ledger, found, is_known, form)
         n_signed = int(np.count_nonzero(found.is_signed & ledger.keep))
         if n_signed:
             ledger.note(f"{n_signed} messages {SIGNED_NOTE}")
         return made
 
-    return V2xCodec(identify, decode)
+    def objects(columns: Columns) -> Objects:
+        found = frames.unwrap(columns, form)
+        made = []
+        for name, kind in PERCEIVED.items():
+            rows, decoded = _decoded(found, form, name, kind)
+            of_row = decoded.rows[kind.rows]
+            if len(of_row):
+                made.append((perceived.object_columns(columns, rows[of_row], kind.fields(decoded)), kind.codec))
+        return tuple(made)
+
+    return V2xCodec(identify, decode, objects)
+
+
+def _decoded(found: frames.Frames, form: str, name: str, kind: Kind) -> tuple[npt.NDArray[np.intp], messages.Decoded]:
+    """The rows of the messages with a name, and what is in them."""
+    wanted = [number for number, other in NAMES[form].items() if other == name]
+    rows = np.flatnonzero(np.isin(found.message, wanted) & (found.status == 0))
+    octets = found.octets.take(rows)
+    return rows, messages.decode(kind.program(), octets, _foreign(octets, kind.message_id, kind.versions))
 
 
 def _parts(
@@ -110,13 +137,10 @@ def _parts(
     """The messages of each kind: columns with named fields, their rows in the channel, and what is wrong with them."""
     parts = []
     for number, name in NAMES[form].items():
-        rows = np.flatnonzero((found.message == number) & (found.status == 0))
         kind = KINDS.get(name)
-        if kind is None or not len(rows):
+        if kind is None or not (found.message == number).any():
             continue
-        octets = found.octets.take(rows)
-        foreign = _foreign(octets, kind.message_id, kind.versions)
-        decoded = messages.decode(kind.program(), octets, foreign)
+        rows, decoded = _decoded(found, form, name, kind)
         part = replace(
             columns,
             log_time_ns=columns.log_time_ns[rows],
@@ -151,9 +175,7 @@ def _note_events(ledger: RowLedger, found: frames.Frames, form: str) -> None:
         return
     octets = found.octets.take(rows)
     decoded = messages.decode(denm.program(), octets, _foreign(octets, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS))
-    status = np.zeros(len(ledger.keep), np.uint8)
-    status[rows] = decoded.status
-    _reject(ledger, status, FAULTS)
+    _reject_some(ledger, rows, decoded.status)
     said = denm.told(decoded)
     if said:
         ledger.note(said)
@@ -172,6 +194,13 @@ def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[in
     return status
 
 
+def _reject_some(ledger: RowLedger, rows: npt.NDArray[np.intp], status: messages.UInt8Array) -> None:
+    """Reject what can't be decoded of some rows."""
+    everywhere = np.zeros(len(ledger.keep), np.uint8)
+    everywhere[rows] = status
+    _reject(ledger, everywhere, FAULTS)
+
+
 def _reject(ledger: RowLedger, status: messages.UInt8Array, reasons: dict[int, str]) -> None:
     for code, reason in reasons.items():
         ledger.reject(status == code, reason)
@@ -182,13 +211,8 @@ def _set_aside(ledger: RowLedger, found: frames.Frames, is_known: BoolArray, for
     others = ~is_known & (found.status == 0)
     for number in np.unique(found.message[others]):
         name = NAMES[form].get(int(number), f"message {number}")
-        ledger.set_aside(others & (found.message == number), f"{name}, not of a vehicle itself")
-
-
-def _nothing(n: int) -> RemoteRows:
-    nothing = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
-    nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
-    return RemoteRows(**nothing, stamp_ns=np.zeros(n, np.int64))
+        what = "whose objects count for themselves" if name in PERCEIVED else "not of a vehicle itself"
+        ledger.set_aside(others & (found.message == number), f"{name}, {what}")
 
 
 J2735 = radio_codec("j2735")

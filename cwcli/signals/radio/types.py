@@ -91,6 +91,8 @@ class Unread:
 Type = Int | Enum | Sized | Seq | Choice | ListOf | Open | Null | Unread
 
 BOOL = Int(0, 1)
+NEVER = Int(0, -1)
+"""A component that a constraint on its parent takes away: a message that has it all the same is out of range."""
 
 
 def bits(n: int, *, extensible: bool = False) -> Sized:

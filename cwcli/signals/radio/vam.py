@@ -22,7 +22,7 @@ PROTOCOL_VERSIONS = (3,)
 
 _ACCELERATION = sequence(("value", Int(-160, 161)), ("confidence", Int(0, 102)))
 _ANGLE = sequence(("value", Int(0, 3601)), ("confidence", Int(1, 127)))
-_REFERENCE_POSITION = sequence(
+REFERENCE_POSITION = sequence(
     ("latitude", Int(-900_000_000, 900_000_001)),
     ("longitude", Int(-1_800_000_000, 1_800_000_001)),
     (
@@ -68,7 +68,7 @@ VAM = sequence(
                     (
                         "basicContainer",
                         sequence(
-                            ("stationType", Int(0, 255)), ("referencePosition", _REFERENCE_POSITION), extensible=True
+                            ("stationType", Int(0, 255)), ("referencePosition", REFERENCE_POSITION), extensible=True
                         ),
                     ),
                     ("vruHighFrequencyContainer", _HIGH_FREQUENCY),

@@ -56,8 +56,10 @@ class Sources:
     def counts(self) -> tuple[InputCount, ...]:
         """The qualities as lines of the summary."""
         return tuple(
-            InputCount(q.source, q.role, q.read, q.used, q.rejected, q.repaired, q.set_aside, q.first_fault_ns)
-            for q in self.qualities
+            InputCount(q.source, role, q.read, q.used, q.rejected, q.repaired, q.set_aside, q.first_fault_ns)
+            for of_messages in self.qualities
+            for q, role in ((of_messages, of_messages.role), (of_messages.objects, "each object"))
+            if q is not None
         )
 
 
@@ -140,7 +142,7 @@ def read_sources(
             )
             quality.rejected_unbuilt(LOG_TIME_APART, strays_ns)
             qualities.append(quality)
-            if quality.used:
+            if quality.n_rows:
                 signals.append(signal)
         if signals:
             by_role[role] = tuple(signals)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.signals import etsi, j2735
+from cwcli.signals import cpm, etsi, j2735, sdsm
 from cwcli.signals.v2x_elements import Element, decode
 
 DOCS = Path(__file__).parents[3] / "docs" / "v2x.md"
@@ -16,7 +16,7 @@ DOCS = Path(__file__).parents[3] / "docs" / "v2x.md"
 
 def table_below(heading: str) -> list[list[str]]:
     """Rows of the first table below a heading of docs/v2x.md, without its header."""
-    section = DOCS.read_text(encoding="utf-8").split(f"\n## {heading}\n", 1)[1]
+    section = re.split(f"\n##+ {heading}\n", DOCS.read_text(encoding="utf-8"), maxsplit=1)[1]
     lines = section.split("\n## ", 1)[0].splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("|"))
     rows = []
@@ -38,7 +38,14 @@ def element_of(cells: list[str]) -> Element:
 
 
 @pytest.mark.parametrize(
-    ("heading", "elements"), [("SAE J2735", j2735.ELEMENTS), ("ETSI CAM", etsi.ELEMENTS)], ids=["j2735", "etsi"]
+    ("heading", "elements"),
+    [
+        ("SAE J2735", j2735.ELEMENTS),
+        ("ETSI CAM", etsi.ELEMENTS),
+        ("What others perceived", cpm.ELEMENTS),
+        ("SDSM", {name: each for name, each in sdsm.ELEMENTS.items() if name not in j2735.ELEMENTS}),
+    ],
+    ids=["j2735", "etsi", "cpm", "sdsm"],
 )
 def test_docs_table_is_the_code_s_table(heading: str, elements: dict[str, Element]) -> None:
     documented = {cells[0]: element_of(cells) for cells in table_below(heading)}
@@ -52,6 +59,14 @@ def test_docs_yaw_rate_confidence_is_the_code_s_table() -> None:
     assert bounds == etsi.YAW_RATE_CONFIDENCE_DEGPS
     assert documented["7"] == "out of range"
     assert documented["8"] == "unavailable"
+
+
+def test_docs_confidences_of_an_sdsm_are_the_code_s() -> None:
+    text = DOCS.read_text(encoding="utf-8")
+    for name, bounds in sdsm.CONFIDENCES.values():
+        found = re.search(rf"^\| {name} \| ([\d., ]+) \S+ \|$", text, flags=re.MULTILINE)
+        assert found is not None, name
+        assert tuple(map(float, found[1].split(","))) == bounds
 
 
 # Element, code, value: worked out by hand from the standards' definitions.
@@ -87,6 +102,21 @@ BY_HAND = [
     ("j2735", "length_m", 570, 5.7),
     ("j2735", "length_m", 0, None),
     ("j2735", "length_m", 4096, None),
+    ("cpm", "east_m", -13_107, -131.07),
+    ("cpm", "east_m", 131_071, None),
+    ("cpm", "north_95_m", 4094, 40.94),
+    ("cpm", "north_95_m", 4095, None),
+    ("cpm", "delta_time_ms", -50, -50.0),
+    ("cpm", "delta_time_ms", -2048, None),
+    ("cpm", "east_mps", -1520, -15.2),
+    ("cpm", "east_mps", 16_383, None),
+    ("cpm", "heading_deg", 900, 90.0),
+    ("cpm", "yaw_rate_degps", -7, -7.0),  # to the right
+    ("cpm", "yaw_rate_degps", 256, None),
+    ("cpm", "length_m", 45, 4.5),
+    ("cpm", "length_m", 255, None),
+    ("sdsm", "north_m", -32_767, -3276.7),
+    ("sdsm", "delta_time_ms", 1500, 1500.0),
     ("etsi", "latitude_deg", 468_937_604, 46.8937604),
     ("etsi", "latitude_deg", 900_000_001, None),
     ("etsi", "longitude_deg", 168_437_430, 16.843743),
@@ -126,9 +156,12 @@ BY_HAND = [
 ]
 
 
+STANDARDS = {"j2735": j2735.ELEMENTS, "etsi": etsi.ELEMENTS, "cpm": cpm.ELEMENTS, "sdsm": sdsm.ELEMENTS}
+
+
 @pytest.mark.parametrize(("standard", "quantity", "code", "expected"), BY_HAND)
 def test_decode_by_hand(standard: str, quantity: str, code: int, expected: float | None) -> None:
-    element = (j2735.ELEMENTS if standard == "j2735" else etsi.ELEMENTS)[quantity]
+    element = STANDARDS[standard][quantity]
     value = decode(element, np.array([float(code)]))[0]
     if expected is None:
         assert np.isnan(value)
@@ -138,10 +171,10 @@ def test_decode_by_hand(standard: str, quantity: str, code: int, expected: float
 
 @pytest.mark.parametrize(
     ("standard", "quantity"),
-    [("j2735", name) for name in j2735.ELEMENTS] + [("etsi", name) for name in etsi.ELEMENTS],
+    [(standard, name) for standard, elements in STANDARDS.items() for name in elements],
 )
 def test_decode_is_nan_for_every_special_code_and_outside_the_range(standard: str, quantity: str) -> None:
-    element = (j2735.ELEMENTS if standard == "j2735" else etsi.ELEMENTS)[quantity]
+    element = STANDARDS[standard][quantity]
     outside = (element.low - 1, element.high + 1, 2_147_483_647, np.nan)
     raw = np.array([*element.unavailable, *element.out_of_range, *outside], dtype=np.float64)
     assert np.isnan(decode(element, raw)).all()

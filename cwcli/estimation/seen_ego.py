@@ -1,0 +1,83 @@
+"""The ego among what others perceived: a station's sensors see the ego as they see everybody else.
+
+An object whose outline would overlap the ego's in most of the moments at which it was told so far can be nobody else.
+Without that the ego would be warned of itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.result import Track
+from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.remotes import perceived_rows, taken_rows
+from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
+
+USUAL_LENGTH_M = 4.5
+USUAL_WIDTH_M = 1.8
+"""Of a car, where a message tells no size."""
+MAX_AGE_S = 1.0
+"""A newer ego state is needed to tell."""
+
+
+def without_seen_ego(
+    signal: RemoteSignal, ego: Track, size_m: Sequence[float | None], local_map: LocalMap | None
+) -> tuple[RemoteSignal, tuple[str, ...]]:
+    """The signal without what others told of the ego, and notes on that.
+
+    What becomes of a row depends on no later one.
+
+    Args:
+        signal: Remote vehicles; only its perceived objects are looked at.
+        ego: Online states of the ego.
+        size_m: Its length and width, None where it is not known.
+        local_map: Of the track; without it nothing is perceived.
+    """
+    perceived = perceived_rows(signal)
+    if local_map is None or not perceived.any() or not len(ego.stamp_ns):
+        return signal, ()
+    overlaps = _overlaps(signal, ego, size_m, local_map)
+    is_ego = np.zeros(len(perceived), np.bool_)
+    n_objects = 0
+    for _, rows in rows_by_id(signal.station):
+        own = rows[perceived[rows]]
+        so_far = np.cumsum(overlaps[own])
+        is_ego[own] = 2 * so_far > np.arange(1, len(own) + 1)
+        n_objects += bool(is_ego[own].any())
+    if not n_objects:
+        return signal, ()
+    note = f"{n_objects} objects that others perceived are the ego itself: {int(is_ego.sum())} times, left out"
+    return taken_rows(signal, np.flatnonzero(~is_ego)), (note,)
+
+
+def _overlaps(
+    signal: RemoteSignal, ego: Track, size_m: Sequence[float | None], local_map: LocalMap
+) -> npt.NDArray[np.bool_]:
+    """Where an object, headed like the ego, would overlap it, (n,): by the ego's newest state then, carried on."""
+    x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
+    row = np.searchsorted(ego.stamp_ns, signal.stamp_ns, side="right") - 1
+    state = ego.state[np.maximum(row, 0)]
+    age_s = (signal.stamp_ns - ego.stamp_ns[np.maximum(row, 0)]) / NS_PER_S
+    cos, sin = np.cos(state[:, HEADING]), np.sin(state[:, HEADING])
+    dx = x_m - (state[:, X] + age_s * state[:, SPEED] * cos)
+    dy = y_m - (state[:, Y] + age_s * state[:, SPEED] * sin)
+    along, across = dx * cos + dy * sin, dy * cos - dx * sin
+    length_m, width_m = (
+        0.5 * ((own or usual) + _or(theirs, usual))
+        for own, theirs, usual in zip(
+            size_m, (signal.length_m, signal.width_m), (USUAL_LENGTH_M, USUAL_WIDTH_M), strict=True
+        )
+    )
+    is_told = (row >= 0) & (age_s <= MAX_AGE_S)
+    return np.asarray(is_told & (np.abs(along) < length_m) & (np.abs(across) < width_m))
+
+
+def _or(values: FloatArray, usual: float) -> FloatArray:
+    return np.where(np.isfinite(values), values, usual)

@@ -1,0 +1,264 @@
+"""ETSI collective perception (TS 103 324): `etsi_its_cpm_ts_msgs/CollectivePerceptionMessage`, and off the radio.
+
+Codes after TS 102 894-2. Offsets, velocities and accelerations are east and north of the reference position, angles
+counter-clockwise from east: the axes of cwcli. docs/v2x.md shows the table; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals import perceived
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.columns import Columns, Field, FloatArray
+from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, SIGMAS_PER_95_PERCENT_ELLIPSE, covariance_from_ellipse
+from cwcli.signals.etsi import ELEMENTS as CAM_ELEMENTS
+from cwcli.signals.etsi import POSITION_UNTRUSTED
+from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.quality import RowLedger
+from cwcli.signals.v2x_codec import Objects, RemoteRows, V2xCodec
+from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_time import or_log_time, stamp_from_timestamp_its
+
+_ANGLE = Element("CartesianAngleValue", 0.1, 1, 0, 3600, (3601,))
+_ANGLE_95 = Element("AngleConfidence", 0.1, 1, 1, 125, (127,), (126,))
+_COORDINATE = Element("CartesianCoordinateLarge", 0.01, 1, -131_071, 131_070, (), (-131_072, 131_071))
+_COORDINATE_95 = Element("CoordinateConfidence", 0.01, 1, 1, 4094, (4096,), (4095,))
+_VELOCITY = Element("VelocityComponentValue", 0.01, 1, -16_382, 16_381, (16_383,), (-16_383, 16_382))
+_ACCELERATION = Element("AccelerationValue", 0.1, 1, -160, 160, (161,))
+_DIMENSION = Element("ObjectDimensionValue", 0.1, 1, 1, 254, (256,), (255,))
+ELEMENTS: dict[str, Element] = {
+    **{name: CAM_ELEMENTS[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")},
+    **{name: CAM_ELEMENTS[name] for name in ("semi_major_m", "semi_minor_m", "semi_major_compass_deg")},
+    "delta_time_ms": Element("DeltaTimeMilliSecondSigned", 1.0, 1, -2047, 2046, (), (-2048, 2047)),
+    "east_m": _COORDINATE,
+    "north_m": _COORDINATE,
+    "east_95_m": _COORDINATE_95,
+    "north_95_m": _COORDINATE_95,
+    "speed_mps": CAM_ELEMENTS["speed_mps"],
+    "speed_95_mps": CAM_ELEMENTS["speed_95_mps"],
+    "direction_deg": _ANGLE,
+    "direction_95_deg": _ANGLE_95,
+    "east_mps": _VELOCITY,
+    "north_mps": _VELOCITY,
+    "east_95_mps": CAM_ELEMENTS["speed_95_mps"],
+    "north_95_mps": CAM_ELEMENTS["speed_95_mps"],
+    "accel_mps2": Element("AccelerationMagnitudeValue", 0.1, 1, 0, 160, (161,)),
+    "accel_95_mps2": CAM_ELEMENTS["accel_95_mps2"],
+    "accel_direction_deg": _ANGLE,
+    "east_mps2": _ACCELERATION,
+    "north_mps2": _ACCELERATION,
+    "east_95_mps2": CAM_ELEMENTS["accel_95_mps2"],
+    "north_95_mps2": CAM_ELEMENTS["accel_95_mps2"],
+    "heading_deg": _ANGLE,
+    "heading_95_deg": _ANGLE_95,
+    "yaw_rate_degps": Element("CartesianAngularVelocityComponentValue", 1.0, 1, -254, 254, (256,), (-255, 255)),
+    "length_m": _DIMENSION,
+    "width_m": _DIMENSION,
+}
+YAW_RATE_CONFIDENCE_DEGPS: dict[int, float] = {0: 1.0, 1: 2.0, 2: 5.0, 3: 10.0, 4: 20.0, 5: 50.0}
+"""AngularSpeedConfidence: code -> 95 % bound. 6 is out of range, 7 unavailable."""
+YAW_RATE_OUT_OF_RANGE = 6
+MOVING_MPS = 1.0
+"""Slower than this an object's velocity does not say where it heads."""
+FORWARD_RAD = 0.5 * np.pi
+"""A velocity within this of the heading is forward motion."""
+
+_MANAGEMENT = "payload.management_container."
+_POSITION = _MANAGEMENT + "reference_position."
+_ELLIPSE = _POSITION + "position_confidence_ellipse."
+SENDER_PATHS: dict[str, tuple[str, ...]] = {
+    "station": ("header.station_id.value",),
+    "reference_time_ms": (_MANAGEMENT + "reference_time.value",),
+    "latitude_deg": (_POSITION + "latitude.value",),
+    "longitude_deg": (_POSITION + "longitude.value",),
+    "altitude_m": (_POSITION + "altitude.altitude_value.value",),
+    "semi_major_m": (_ELLIPSE + "semi_major_confidence.value", _ELLIPSE + "semi_major_axis_length.value"),
+    "semi_minor_m": (_ELLIPSE + "semi_minor_confidence.value", _ELLIPSE + "semi_minor_axis_length.value"),
+    "semi_major_compass_deg": (
+        _ELLIPSE + "semi_major_orientation.value",
+        _ELLIPSE + "semi_major_axis_orientation.value",
+    ),
+}
+"""Leaf fields of the ROS message."""
+OBJECTS = "payload.cpm_containers.value.array.container_data_perceived_object_container.perceived_objects.array."
+_POLAR, _CARTESIAN = "velocity.polar_velocity.", "velocity.cartesian_velocity."
+_POLAR_2, _CARTESIAN_2 = "acceleration.polar_acceleration.", "acceleration.cartesian_acceleration."
+OBJECT_PATHS: dict[str, str] = {
+    "object": "object_id.value",
+    "delta_time_ms": "measurement_delta_time.value",
+    "east_m": "position.x_coordinate.value.value",
+    "east_95_m": "position.x_coordinate.confidence.value",
+    "north_m": "position.y_coordinate.value.value",
+    "north_95_m": "position.y_coordinate.confidence.value",
+    "speed_mps": _POLAR + "velocity_magnitude.speed_value.value",
+    "speed_95_mps": _POLAR + "velocity_magnitude.speed_confidence.value",
+    "direction_deg": _POLAR + "velocity_direction.value.value",
+    "direction_95_deg": _POLAR + "velocity_direction.confidence.value",
+    "east_mps": _CARTESIAN + "x_velocity.value.value",
+    "east_95_mps": _CARTESIAN + "x_velocity.confidence.value",
+    "north_mps": _CARTESIAN + "y_velocity.value.value",
+    "north_95_mps": _CARTESIAN + "y_velocity.confidence.value",
+    "accel_mps2": _POLAR_2 + "acceleration_magnitude.acceleration_magnitude_value.value",
+    "accel_95_mps2": _POLAR_2 + "acceleration_magnitude.acceleration_confidence.value",
+    "accel_direction_deg": _POLAR_2 + "acceleration_direction.value.value",
+    "east_mps2": _CARTESIAN_2 + "x_acceleration.value.value",
+    "east_95_mps2": _CARTESIAN_2 + "x_acceleration.confidence.value",
+    "north_mps2": _CARTESIAN_2 + "y_acceleration.value.value",
+    "north_95_mps2": _CARTESIAN_2 + "y_acceleration.confidence.value",
+    "heading_deg": "angles.z_angle.value.value",
+    "heading_95_deg": "angles.z_angle.confidence.value",
+    "yaw_rate_degps": "z_angular_velocity.value.value",
+    "yaw_rate_confidence": "z_angular_velocity.confidence.value",
+    "width_m": "object_dimension_y.value.value",
+    "length_m": "object_dimension_x.value.value",
+}
+"""Leaf fields of an object in the ROS message, behind `OBJECTS`."""
+PRESENCE: dict[str, str] = {
+    "object_id_is_present": "object",
+    "angles_is_present": "heading_deg",
+    "z_angular_velocity_is_present": "yaw_rate_degps",
+    "object_dimension_y_is_present": "width_m",
+    "object_dimension_x_is_present": "length_m",
+}
+"""Flag of an object -> the quantity that counts only where it is set."""
+CHOICES: dict[str, tuple[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
+    "velocity": ("velocity.choice", (("speed_mps", "direction_deg"), ("east_mps", "north_mps"))),
+    "acceleration": ("acceleration.choice", (("accel_mps2", "accel_direction_deg"), ("east_mps2", "north_mps2"))),
+}
+"""Quantity -> the field that says how it is told (0 polar, 1 Cartesian), and what is told then."""
+
+
+def ros_fields() -> tuple[str, ...]:
+    """Every leaf of the ROS message that is read."""
+    flags = (*PRESENCE, *(f"{name}_is_present" for name in CHOICES), *(path for path, _ in CHOICES.values()))
+    of_sender = tuple(path for paths in SENDER_PATHS.values() for path in paths)
+    return (*of_sender, *(OBJECTS + path for path in (*OBJECT_PATHS.values(), *flags)))
+
+
+def ros_objects(columns: Columns) -> Objects:
+    """The objects of a ROS channel. One whose leaves are there more or less often than its id is none."""
+    counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["object"])
+    made: dict[str, Field] = {name: numbers(columns, *paths)[rows] for name, paths in SENDER_PATHS.items()}
+    made |= {name: perceived.of_objects(columns, OBJECTS + path, counts) for name, path in OBJECT_PATHS.items()}
+
+    def take_away(names: tuple[str, ...], is_there: FloatArray) -> None:
+        for name in names:
+            values = made[name]
+            assert isinstance(values, np.ndarray)
+            made[name] = np.where(is_there, values, np.nan)
+
+    for flag, name in PRESENCE.items():
+        take_away((name,), perceived.of_objects(columns, OBJECTS + flag, counts) != 0)
+    for name, (path, ways) in CHOICES.items():
+        is_there, choice = (
+            perceived.of_objects(columns, OBJECTS + each, counts) for each in (f"{name}_is_present", path)
+        )
+        for k, told in enumerate(ways):
+            take_away(told, (is_there != 0) & (choice == k))
+    return ((perceived.object_columns(columns, rows, made), OBJECT_CODEC),) if len(rows) else ()
+
+
+def decode_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    """Decode objects, one a row, with the quantities of `SENDER_PATHS` and `OBJECT_PATHS` as codes.
+
+    The heading is that of the object's box where it is told, else the direction of its velocity; the speed is negative
+    where the velocity points backward. The acceleration along it is the vector's part in that direction.
+    A confidence of "out of range" takes its value away, and that of a position the object.
+    """
+    raw = {name: numbers(columns, name) for name in ELEMENTS}
+    value = {name: decode(element, raw[name], ledger) for name, element in ELEMENTS.items()}
+    untrusted = np.zeros(len(columns), np.bool_)
+    for name in ("east_95_m", "north_95_m", "semi_major_m", "semi_minor_m"):
+        untrusted |= np.isin(raw[name], ELEMENTS[name].out_of_range)
+    ledger.reject(untrusted, POSITION_UNTRUSTED)
+    for name, confidence in (
+        *(("speed_mps", "speed_95_mps"), ("direction_deg", "direction_95_deg"), ("heading_deg", "heading_95_deg")),
+        *(("east_mps", "east_95_mps"), ("north_mps", "north_95_mps"), ("accel_mps2", "accel_95_mps2")),
+        *(("east_mps2", "east_95_mps2"), ("north_mps2", "north_95_mps2")),
+    ):
+        value[name] = np.where(np.isin(raw[confidence], ELEMENTS[confidence].out_of_range), np.nan, value[name])
+    yaw_code = numbers(columns, "yaw_rate_confidence")
+    yaw_rate = np.where(yaw_code == YAW_RATE_OUT_OF_RANGE, np.nan, value["yaw_rate_degps"])
+    east, north, speed_sigma, direction_sigma = _velocity(value)
+    speed, direction = np.hypot(east, north), np.arctan2(north, east)
+    is_moving = speed > MOVING_MPS
+    own = wrap_angle(np.deg2rad(value["heading_deg"]))
+    heading = np.where(np.isfinite(own), own, np.where(is_moving, direction, np.nan))
+    is_backward = is_moving & (np.abs(wrap_angle(direction - heading)) > FORWARD_RAD)
+    polar = np.deg2rad(value["accel_direction_deg"])
+    accel = np.where(
+        np.isfinite(value["accel_mps2"]),
+        value["accel_mps2"] * np.cos(polar - heading),
+        value["east_mps2"] * np.cos(heading) + value["north_mps2"] * np.sin(heading),
+    )
+    lateral = np.where(
+        np.isfinite(value["accel_mps2"]),
+        value["accel_mps2"] * np.sin(polar - heading),
+        value["north_mps2"] * np.cos(heading) - value["east_mps2"] * np.sin(heading),
+    )
+    accel_95 = np.where(
+        np.isfinite(value["accel_95_mps2"]),
+        value["accel_95_mps2"],
+        np.hypot(value["east_95_mps2"] * np.cos(heading), value["north_95_mps2"] * np.sin(heading)),
+    )
+    latitude, longitude = perceived.shifted(
+        value["latitude_deg"], value["longitude_deg"], value["east_m"], value["north_m"]
+    )
+    stamp_ns, has_time = stamp_from_timestamp_its(numbers(columns, "reference_time_ms"), columns.log_time_ns)
+    own_m2 = (np.stack([value["east_95_m"], value["north_95_m"]]) / SIGMAS_PER_95_PERCENT) ** 2
+    heading_95 = np.deg2rad(value["heading_95_deg"])
+    return perceived.object_rows(
+        ledger,
+        or_log_time(ledger, stamp_ns, has_time),
+        value["delta_time_ms"],
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=value["altitude_m"],
+        speed_mps=np.where(is_backward, -speed, speed),
+        heading_rad=heading,
+        accel_mps2=accel,
+        lateral_accel_mps2=lateral,
+        yaw_rate_radps=np.deg2rad(yaw_rate),
+        length_m=value["length_m"],
+        width_m=value["width_m"],
+        position_covariance_m2=perceived.sum_of(
+            covariance_from_ellipse(
+                value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
+                value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
+                value["semi_major_compass_deg"],
+            ),
+            np.stack([own_m2[0], np.where(np.isnan(own_m2).any(axis=0), np.nan, 0.0), own_m2[1]], axis=1),
+        ),
+        speed_sigma_mps=speed_sigma,
+        heading_sigma_rad=np.where(np.isfinite(own), heading_95 / SIGMAS_PER_95_PERCENT, direction_sigma),
+        accel_sigma_mps2=accel_95 / SIGMAS_PER_95_PERCENT,
+        yaw_rate_sigma_radps=np.deg2rad(_bound_degps(yaw_code)) / SIGMAS_PER_95_PERCENT,
+    )
+
+
+def _velocity(value: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """East and north (m/s), sigma of the speed (m/s) and of the direction (rad), (m,), however they are told."""
+    polar = np.deg2rad(value["direction_deg"])
+    is_polar = np.isfinite(value["speed_mps"] + polar)
+    east = np.where(is_polar, value["speed_mps"] * np.cos(polar), value["east_mps"])
+    north = np.where(is_polar, value["speed_mps"] * np.sin(polar), value["north_mps"])
+    speed = np.hypot(east, north)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cos, sin = east / speed, north / speed
+        along = np.hypot(cos * value["east_95_mps"], sin * value["north_95_mps"])
+        across = np.hypot(sin * value["east_95_mps"], cos * value["north_95_mps"]) / speed
+    speed_95 = np.where(is_polar, value["speed_95_mps"], along)
+    direction_95 = np.where(is_polar, np.deg2rad(value["direction_95_deg"]), across)
+    return east, north, speed_95 / SIGMAS_PER_95_PERCENT, direction_95 / SIGMAS_PER_95_PERCENT
+
+
+def _bound_degps(code: FloatArray) -> FloatArray:
+    bound = np.full(len(code), np.nan)
+    for known, degps in YAW_RATE_CONFIDENCE_DEGPS.items():
+        bound[code == known] = degps
+    return bound
+
+
+OBJECT_CODEC = V2xCodec(perceived.identify, decode_objects)
+ROS_CPM = perceived.messages_of("CPM", ros_objects)

@@ -1,0 +1,61 @@
+"""Several signals of remote vehicles as one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.columns import Strings
+
+_OF_WHOLE = {"source", "station", "frame_id", "is_exact", "is_perceived"}
+
+
+def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
+    """Signals as one, in stamp order; a station heard on two channels is one vehicle."""
+    if len(signals) == 1:
+        return signals[0]
+    stamp_ns = np.concatenate([s.stamp_ns for s in signals])
+    order = np.argsort(stamp_ns, kind="stable")
+    names = {name: k for k, name in enumerate(dict.fromkeys(name for s in signals for name in s.station.values))}
+    codes = np.concatenate(
+        [np.array([names[name] for name in s.station.values], np.int32)[s.station.codes] for s in signals]
+    )
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(s, name) for s in signals])[order]
+        for name in RemoteSignal.__dataclass_fields__
+        if name not in _OF_WHOLE and getattr(signals[0], name) is not None
+    }
+    if any(s.is_perceived is not None for s in signals):
+        columns["is_perceived"] = np.concatenate([perceived_rows(s) for s in signals])[order]
+    return RemoteSignal(
+        source=", ".join(dict.fromkeys(s.source for s in signals)),
+        station=Strings(codes[order], tuple(names)),
+        frame_id=signals[0].frame_id,
+        is_exact=all(s.is_exact for s in signals),
+        **columns,
+    )
+
+
+def perceived_rows(signal: RemoteSignal) -> npt.NDArray[np.bool_]:
+    """Which rows others tell of, shape (n,)."""
+    return np.zeros(len(signal.stamp_ns), np.bool_) if signal.is_perceived is None else signal.is_perceived
+
+
+def taken_rows(signal: RemoteSignal, rows: npt.NDArray[np.intp]) -> RemoteSignal:
+    """Some rows of a signal, in the given order."""
+    columns: dict[str, Any] = {
+        name: None if getattr(signal, name) is None else getattr(signal, name)[rows]
+        for name in RemoteSignal.__dataclass_fields__
+        if name not in _OF_WHOLE - {"is_perceived"}
+    }
+    return RemoteSignal(
+        source=signal.source,
+        station=signal.station.rows(rows),
+        frame_id=signal.frame_id,
+        is_exact=signal.is_exact,
+        **columns,
+    )

@@ -1,0 +1,204 @@
+"""SAE J3224 sensor data sharing: `j3224_v2x_msgs` and `carma_v2x_msgs/SensorDataSharingMessage`, and off the radio.
+
+Offsets are north and east of the reference position (J3224's axes are north, east, down); the rest has the codes, units
+and signs of a BSM. Confidences are bounds for 95 %. docs/v2x.md shows the table; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals import perceived
+from cwcli.signals.angles import heading_from_compass_deg
+from cwcli.signals.columns import Columns, Field, FloatArray, strings_from
+from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, covariance_from_ellipse
+from cwcli.signals.j2735 import ELEMENTS as BSM_ELEMENTS
+from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
+from cwcli.signals.leaf_fields import numbers, texts
+from cwcli.signals.quality import RowLedger
+from cwcli.signals.v2x_codec import Objects, RemoteRows, V2xCodec
+from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
+
+_DISTANCE = Element("ObjectDistance", 0.1, 1, -32_767, 32_767)
+ELEMENTS: dict[str, Element] = BSM_ELEMENTS | {
+    "delta_time_ms": Element("MeasurementTimeOffset", 1.0, 1, -1500, 1500),
+    "north_m": _DISTANCE,
+    "east_m": _DISTANCE,
+}
+CONFIDENCES: dict[str, tuple[str, tuple[float, ...]]] = {
+    "position_confidence": (
+        "PositionConfidence",
+        (500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01),
+    ),
+    "speed_confidence": ("SpeedConfidence", (100.0, 10.0, 5.0, 1.0, 0.1, 0.05, 0.01)),
+    "heading_confidence": ("HeadingConfidence", (10.0, 5.0, 1.0, 0.1, 0.05, 0.01, 0.0125)),
+    "accel_confidence": ("AccelerationConfidence", (100.0, 10.0, 5.0, 1.0, 0.1, 0.05, 0.01)),
+    "yaw_rate_confidence": ("YawRateConfidence", (100.0, 10.0, 5.0, 1.0, 0.1, 0.05, 0.01)),
+}
+"""Name in the standard, and bounds for 95 % (m, m/s, degrees, m/s^2, degrees/s) by code from 1 on; 0 is unavailable."""
+
+SENDER_PATHS: dict[str, str] = {
+    "station": "source_id.id",
+    "dsecond_ms": "sdsm_time_stamp.second.millisecond",
+    "latitude_deg": "ref_pos.latitude",
+    "longitude_deg": "ref_pos.longitude",
+    "altitude_m": "ref_pos.elevation",
+    "semi_major_m": "ref_pos_xy_conf.semi_major",
+    "semi_minor_m": "ref_pos_xy_conf.semi_minor",
+    "semi_major_compass_deg": "ref_pos_xy_conf.orientation",
+}
+"""Leaf fields of the ROS messages."""
+OBJECTS = "objects.detected_object_data."
+_COMMON, _VEHICLE = "detected_object_common_data.", "detected_object_optional_data.det_veh."
+OBJECT_PATHS: dict[str, str] = {
+    "object": _COMMON + "detected_id.object_id",
+    "delta_time_ms": _COMMON + "measurement_time.measurement_time_offset",
+    "north_m": _COMMON + "pos.offset_x.object_distance",
+    "east_m": _COMMON + "pos.offset_y.object_distance",
+    "position_confidence": _COMMON + "pos_confidence.pos.confidence",
+    "speed_mps": _COMMON + "speed.speed",
+    "speed_confidence": _COMMON + "speed_confidence.speed_confidence",
+    "heading_compass_deg": _COMMON + "heading.heading",
+    "heading_confidence": _COMMON + "heading_conf.confidence",
+    "accel_mps2": _COMMON + "accel_4_way.longitudinal",
+    "lateral_accel_mps2": _COMMON + "accel_4_way.lateral",
+    "yaw_rate_degps": _COMMON + "accel_4_way.yaw_rate",
+    "accel_confidence": _COMMON + "acc_cfd_x.acceleration_confidence",
+    "yaw_rate_confidence": _COMMON + "acc_cfd_yaw.yaw_rate_confidence",
+    "width_m": _VEHICLE + "size.vehicle_width",
+    "length_m": _VEHICLE + "size.vehicle_length",
+}
+"""Leaf fields of an object in the ROS messages, behind `OBJECTS`."""
+_ACCELERATION = ("accel_mps2", "lateral_accel_mps2")
+PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
+    (_COMMON + "presence_vector", 4, (*_ACCELERATION, "yaw_rate_degps")),
+    (_COMMON + "presence_vector", 8, ("accel_confidence",)),
+    (_COMMON + "presence_vector", 64, ("yaw_rate_confidence",)),
+    ("presence_vector", 1, ("width_m", "length_m")),
+    (_VEHICLE + "presence_vector", 32, ("width_m", "length_m")),
+)
+"""Flags of an object, the bit that is set when a value is there, and the quantities that it is about."""
+CARMA_PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
+    (_COMMON + "accel_4_way.presence_vector", 1, _ACCELERATION),
+    (_COMMON + "accel_4_way.presence_vector", 4, ("yaw_rate_degps",)),
+    (_VEHICLE + "size.presence_vector", 1, ("width_m",)),
+    (_VEHICLE + "size.presence_vector", 2, ("length_m",)),
+)
+CARMA_UNAVAILABLE = {"speed_mps": _COMMON + "speed.unavailable", "heading_compass_deg": _COMMON + "heading.unavailable"}
+SENDER_PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
+    ("sdsm_time_stamp.presence_vector", 32, ("dsecond_ms",)),
+    ("ref_pos.elevation_exists", 1, ("altitude_m",)),
+)
+CARMA_SENDER_PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
+    ("ref_pos_xy_conf.presence_vector", 1, ("semi_major_m", "semi_minor_m")),
+    ("ref_pos_xy_conf.presence_vector", 2, ("semi_major_compass_deg",)),
+)
+_CHOICE = "detected_object_optional_data.choice"
+CARMA_MS_PER_S = 1000.0
+
+
+def ros_fields() -> tuple[str, ...]:
+    """Every leaf of the ROS messages that is read."""
+    flags = dict.fromkeys(path for path, *_ in (*PRESENCE, *CARMA_PRESENCE))
+    of_objects = (*OBJECT_PATHS.values(), *flags, *CARMA_UNAVAILABLE.values(), _CHOICE)
+    of_sender = dict.fromkeys(path for path, *_ in (*SENDER_PRESENCE, *CARMA_SENDER_PRESENCE))
+    return (*SENDER_PATHS.values(), *of_sender, *(OBJECTS + path for path in of_objects))
+
+
+def ros_objects(columns: Columns) -> Objects:
+    """The objects of a `j3224_v2x_msgs` channel: codes."""
+    return _objects(columns, is_carma=False)
+
+
+def carma_objects(columns: Columns) -> Objects:
+    """The objects of a `carma_v2x_msgs` channel: degrees, metres, m/s, m/s^2, degrees/s, seconds, J3224's signs."""
+    return _objects(columns, is_carma=True)
+
+
+def _objects(columns: Columns, *, is_carma: bool) -> Objects:
+    counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["object"])
+    if not len(rows):
+        return ()
+    value = {name: numbers(columns, path)[rows] for name, path in SENDER_PATHS.items() if name != "station"}
+    value |= {name: perceived.of_objects(columns, OBJECTS + path, counts) for name, path in OBJECT_PATHS.items()}
+    by_sender = (*SENDER_PRESENCE, *(CARMA_SENDER_PRESENCE if is_carma else ()))
+    by_object = (*PRESENCE, *(CARMA_PRESENCE if is_carma else ()))
+    flags = [(numbers(columns, path)[rows], bit, names) for path, bit, names in by_sender]
+    flags += [(perceived.of_objects(columns, OBJECTS + path, counts), bit, names) for path, bit, names in by_object]
+    for flag, bit, names in flags:
+        is_there = (np.nan_to_num(flag).astype(np.int64) & bit) != 0
+        value |= {name: np.where(is_there, value[name], np.nan) for name in names}
+    is_vehicle = perceived.of_objects(columns, OBJECTS + _CHOICE, counts) == 0
+    value |= {name: np.where(is_vehicle, value[name], np.nan) for name in ("width_m", "length_m")}
+    if is_carma:
+        for name, path in CARMA_UNAVAILABLE.items():
+            value[name] = np.where(perceived.of_objects(columns, OBJECTS + path, counts) != 0, np.nan, value[name])
+        value["delta_time_ms"] = CARMA_MS_PER_S * value["delta_time_ms"]
+    made: dict[str, Field] = dict(value)
+    station = texts(columns, SENDER_PATHS["station"]) or strings_from([""] * len(columns))
+    made["station"] = station.rows(rows)
+    return ((perceived.object_columns(columns, rows, made), CARMA_OBJECT if is_carma else OBJECT_CODEC),)
+
+
+def decode_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    """Decode objects, one a row, whose quantities are codes."""
+    value = {name: decode(element, numbers(columns, name), ledger) for name, element in ELEMENTS.items()}
+    return _rows(columns, ledger, value)
+
+
+def decode_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    """Decode objects, one a row, whose quantities are in units; J3224's signs."""
+    return _rows(columns, ledger, {name: each.sign * numbers(columns, name) for name, each in ELEMENTS.items()})
+
+
+def _rows(columns: Columns, ledger: RowLedger, value: dict[str, FloatArray]) -> RemoteRows:
+    sigma = {
+        name: _bounds(bounds, numbers(columns, name)) / SIGMAS_PER_95_PERCENT
+        for name, (_, bounds) in CONFIDENCES.items()
+    }
+    latitude, longitude = perceived.shifted(
+        value["latitude_deg"], value["longitude_deg"], value["east_m"], value["north_m"]
+    )
+    stamp_ns, has_time = stamp_from_dsecond(numbers(columns, "dsecond_ms"), columns.log_time_ns)
+    own_m2 = sigma["position_confidence"] ** 2
+    return perceived.object_rows(
+        ledger,
+        or_log_time(ledger, stamp_ns, has_time),
+        value["delta_time_ms"],
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=value["altitude_m"],
+        speed_mps=value["speed_mps"],
+        heading_rad=heading_from_compass_deg(value["heading_compass_deg"]),
+        accel_mps2=value["accel_mps2"],
+        lateral_accel_mps2=value["lateral_accel_mps2"],
+        yaw_rate_radps=np.deg2rad(value["yaw_rate_degps"]),
+        length_m=value["length_m"],
+        width_m=value["width_m"],
+        position_covariance_m2=perceived.sum_of(
+            covariance_from_ellipse(
+                np.maximum(value["semi_major_m"], MIN_SEMI_AXIS_M),
+                np.maximum(value["semi_minor_m"], MIN_SEMI_AXIS_M),
+                value["semi_major_compass_deg"],
+            ),
+            np.stack([own_m2, 0.0 * own_m2, own_m2], axis=1),
+        ),
+        speed_sigma_mps=sigma["speed_confidence"],
+        heading_sigma_rad=np.deg2rad(sigma["heading_confidence"]),
+        accel_sigma_mps2=sigma["accel_confidence"],
+        yaw_rate_sigma_radps=np.deg2rad(sigma["yaw_rate_confidence"]),
+    )
+
+
+def _bounds(bounds: tuple[float, ...], code: FloatArray) -> FloatArray:
+    """The bound of each code, NaN for 0 and for what is none."""
+    table = np.array([np.nan, *bounds])
+    is_known = (code >= 0) & (code < len(table))
+    return table[np.where(is_known, code, 0).astype(np.int64)]
+
+
+OBJECT_CODEC = V2xCodec(perceived.identify, decode_codes)
+CARMA_OBJECT = V2xCodec(perceived.identify, decode_units)
+ROS_SDSM = perceived.messages_of("SDSM", ros_objects)
+CARMA_SDSM = perceived.messages_of("SDSM", carma_objects)
