@@ -83,7 +83,7 @@ class _Candidate:
     n_warnings: int
     story: str = ""
     anchor: str = ""
-    links: tuple[tuple[str, int], ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
 
 
 def build_report(
@@ -284,7 +284,7 @@ def _section(
                 made = renderer.log(view)
                 if len(made.encode()) <= budget:
                     candidate.badges += view.story.badges
-                    candidate.links = tuple((event.mark, event.number) for event in view.events)
+                    candidate.links = view.links
                     return made
     except CwcliError as error:
         candidate.story = candidate.story or error.what

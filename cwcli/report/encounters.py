@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.channels.warning import WarningEvent, warning_events
 from cwcli.evaluation.conflicts import EventVerdict, RealConflict, judge, real_conflicts
@@ -17,7 +18,9 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
+from cwcli.warning.pair import STANDING_MPS
 
 MAX_DETAILED_OTHERS = 400
 """Other vehicles whose distance to the ego is computed: those that are warned of, then the longest heard."""
@@ -69,21 +72,27 @@ class Encounter:
 
 
 @dataclass(frozen=True)
-class Missed:
-    """A conflict without a warning."""
+class Conflict:
+    """What really happened: with whom, what, and the numbers of the warnings that are about it."""
 
     other: OtherTrack
     conflict: RealConflict
+    warned_by: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest approach of a drive: of whom, how near the centres came, when, and the pair."""
+    """The nearest approach of a drive: of whom, how near the centres came, when, and the pair.
+
+    Attributes:
+        is_parked: The two stood whenever both were known: how near they came is where they were parked.
+    """
 
     other: OtherTrack
     distance_m: float
     stamp_ns: int
     pair: Pair
+    is_parked: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,15 +101,19 @@ class Meetings:
 
     Attributes:
         encounters: The warnings, in order of time.
-        missed: Conflicts without a warning, in order of time.
-        nearest: The other that came nearest; None where nobody was near.
+        missed: Conflicts without a warning, in order of time; none where nobody warned.
+        nearest: The other that came nearest while one of the two moved; None where nobody was near.
         n_not_compared: Others whose distance was not computed, because there are so many.
+        conflicts: All of them, in order of time.
+        pairs: The others whose distance was computed, with it.
     """
 
     encounters: tuple[Encounter, ...]
-    missed: tuple[Missed, ...]
+    missed: tuple[Conflict, ...]
     nearest: Nearest | None
     n_not_compared: int
+    conflicts: tuple[Conflict, ...] = ()
+    pairs: tuple[tuple[OtherTrack, Pair], ...] = ()
 
 
 def find_meetings(drive: Drive) -> Meetings:
@@ -119,25 +132,31 @@ def find_meetings(drive: Drive) -> Meetings:
     for other in drive.others:
         by_id.setdefault(other.id, other)
     conflicts = {key: real_conflicts(pair, drive.rule) for key, pair in pairs.items()}
-    encounters, matched = [], set()
+    encounters: list[Encounter] = []
+    warned_by: dict[tuple[int, int], list[int]] = {}
     for alert in alerts:
         other_track = None if alert.rule == LANE_DEPARTURE else by_id.get(alert.other_id)
         encounter = _encounter(drive, alert, other_track, host, pairs, conflicts)
         if other_track is not None and encounter.verdict is not None and encounter.verdict.conflict >= 0:
-            matched.add((id(other_track), encounter.verdict.conflict))
+            key = id(other_track), encounter.verdict.conflict
+            warned_by.setdefault(key, []).append(encounter.event_id)
         encounters.append(encounter)
-    missed = [
-        Missed(other, conflict)
-        for other in ranked[:MAX_DETAILED_OTHERS]
+    compared = ranked[:MAX_DETAILED_OTHERS]
+    happened = [
+        Conflict(other, conflict, tuple(warned_by.get((id(other), index), ())))
+        for other in compared
         if other is by_id[other.id]
         for index, conflict in enumerate(conflicts[id(other)])
-        if (id(other), index) not in matched
     ]
+    happened.sort(key=lambda entry: entry.conflict.onset_ns)
+    missed = [each for each in happened if not each.warned_by]
     return Meetings(
         encounters=tuple(encounters),
-        missed=tuple(sorted(missed, key=lambda entry: entry.conflict.onset_ns)) if drive.warnings is not None else (),
-        nearest=_nearest(ranked[:MAX_DETAILED_OTHERS], pairs),
+        missed=tuple(missed) if drive.warnings is not None else (),
+        nearest=_nearest(compared, pairs),
         n_not_compared=max(0, len(ranked) - MAX_DETAILED_OTHERS),
+        conflicts=tuple(happened),
+        pairs=tuple((other, pairs[id(other)]) for other in compared),
     )
 
 
@@ -221,15 +240,22 @@ def _direction(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: floa
     return f"coming from the {'right' if turned > 0.0 else 'left'}"
 
 
+def met_rows(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
+    """The moments at which both are known and one of the two moves; of two that only ever stood all, and True."""
+    is_known = np.isfinite(pair.distance_m)
+    moves = np.abs(pair.host.state[:, SPEED]) > STANDING_MPS
+    moves |= np.abs(pair.others[:, SPEED]) > STANDING_MPS
+    is_parked = not (is_known & moves).any()
+    return np.flatnonzero(is_known if is_parked else is_known & moves), is_parked
+
+
 def _nearest(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> Nearest | None:
-    best: Nearest | None = None
+    """The nearest approach while one of the two moved; of two that only ever stood, where nobody else was near."""
+    found = []
     for other in others:
         pair = pairs[id(other)]
-        known = np.flatnonzero(np.isfinite(pair.distance_m))
-        if not len(known):
-            continue
-        row = int(known[pair.distance_m[known].argmin()])
-        distance = float(pair.distance_m[row])
-        if best is None or distance < best.distance_m:
-            best = Nearest(other, distance, int(pair.stamp_ns[row]), pair)
-    return best
+        rows, is_parked = met_rows(pair)
+        if len(rows):
+            row = int(rows[pair.distance_m[rows].argmin()])
+            found.append(Nearest(other, float(pair.distance_m[row]), int(pair.stamp_ns[row]), pair, is_parked))
+    return min(found, key=lambda each: (each.is_parked, each.distance_m), default=None)

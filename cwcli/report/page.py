@@ -29,14 +29,14 @@ GZIP_LEVEL = 9
 
 @dataclass(frozen=True)
 class Row:
-    """One log of the overview; `anchor` is "" where it has no details. links: (anchor, number) of warnings shown."""
+    """One log of the overview; `anchor` is "" where it has no details. links: anchor and words of each part of it."""
 
     anchor: str
     name: str
     badges: tuple[Badge, ...]
     story: str
     values: tuple[str, ...]
-    links: tuple[tuple[str, int], ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)

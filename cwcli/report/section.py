@@ -19,6 +19,7 @@ from cwcli.report.encounters import Encounter, Meetings
 from cwcli.report.frames import Thumbnail, thumbnails
 from cwcli.report.map_figure import map_figure
 from cwcli.report.marks import marks
+from cwcli.report.pairs import conflicts_table, link_texts, pairs_table
 from cwcli.report.sensors import error_figure, sensors_view
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
@@ -38,6 +39,8 @@ from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
+MAX_LINKS = 5
+"""To conflicts without a warning, in the table of all logs."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def log_view(
             first.append(shown.plots[0])
             shown = replace(shown, plots=shown.plots[1:])
         events.append(shown)
-    if not chosen and len(first) == 1 and meetings.nearest is not None:
+    if not chosen and len(first) == 1 and meetings.nearest is not None and not meetings.nearest.is_parked:
         near = nearest_figure(drive, meetings.nearest)
         if near is not None:
             title = f"How near {meetings.nearest.other.kind} {meetings.nearest.other.id} came"
@@ -111,11 +114,16 @@ def log_view(
         first=tuple(first),
         events=tuple(events),
         event_table=all_warnings(drive, meetings) if len(meetings.encounters) > len(chosen) else None,
+        others=tuple(filter(None, (pairs_table(drive, meetings), conflicts_table(drive, meetings, entry.name)))),
         signals=tuple(signals),
         system=tuple(system_tables(drive, entry.metrics)),
         frames=tuple(_evenly(drive, pictures)) if not chosen else (),
         sensors=sensors_view(drive),
         tables=tuple(log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
+        links=(
+            *((event.mark, f"warning {event.number}") for event in events),
+            *link_texts(meetings, entry.name)[:MAX_LINKS],
+        ),
         notes=tuple(dict.fromkeys(notes)),
     )
 

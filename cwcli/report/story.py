@@ -175,8 +175,12 @@ def name_of(encounter: Encounter) -> str:
     """`vehicle 17`."""
     if encounter.is_lane_departure:
         return printable(encounter.other_id)[:MAX_ID]
-    kind = encounter.other.kind if encounter.other is not None else "vehicle"
-    shown = printable(encounter.other_id)
+    return short_name(encounter.other.kind if encounter.other is not None else "vehicle", encounter.other_id)
+
+
+def short_name(kind: str, other_id: str) -> str:
+    """`vehicle 17`, cut where the id is long."""
+    shown = printable(other_id)
     return f"{kind} {shown if len(shown) <= MAX_ID else shown[: MAX_ID - 1] + '…'}"
 
 

@@ -33,13 +33,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class TableView:
-    """A table in the page: columns are (heading, is it of numbers)."""
+    """A table in the page: columns are (heading, is it of numbers); row_marks: a name for links to each row."""
 
     title: str
     columns: tuple[tuple[str, bool], ...]
     rows: tuple[tuple[str, ...], ...]
     hint: str = ""
     is_folded: bool = False
+    row_marks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class EventView:
 
 @dataclass(frozen=True)
 class LogView:
-    """A log in the page."""
+    """A log in the page; links: anchor and words of what the table of all logs points to."""
 
     anchor: str
     name: str
@@ -86,9 +87,11 @@ class LogView:
     first: tuple[Plot, ...] = ()
     events: tuple[EventView, ...] = ()
     event_table: TableView | None = None
+    others: tuple[TableView, ...] = ()
     signals: tuple[Plot, ...] = ()
     frames: tuple[Picture, ...] = ()
     tables: tuple[TableView, ...] = ()
     sensors: SensorsView | None = None
     system: tuple[TableView, ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = field(default=())

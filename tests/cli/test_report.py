@@ -31,7 +31,7 @@ EVIL = (
     '<a href="javascript:document.documentElement.dataset.pwned=1">x</a>{{7*7}}%{x}&lt;b&gt;\u202e\x1b[31m'
 )
 SHORT_EVIL = "<img src=x onerror=document.documentElement.dataset.pwned=1>"
-OWN_ADDRESS = re.compile(r"#(log-\d+[a-z-]*|warning-[0-9a-f]+)")
+OWN_ADDRESS = re.compile(r"#(log-\d+[a-z-]*|(warning|conflict)-[0-9a-f]+)")
 EVIL_ID = '<a href="javascript:x()">y</a><img>'
 """Short enough to be shown whole in a figure; Plotly would make a link of it."""
 

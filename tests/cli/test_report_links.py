@@ -55,6 +55,8 @@ def test_names_tell_others_rules_and_repetitions_apart_and_keep_when_more_follow
 def test_a_warning_has_an_address_that_another_version_s_rerun_keeps(annotated: Path, tmp_path: Path) -> None:
     page = report(annotated, tmp_path / "report.html")
     (name,) = marks("intersection.mcap", "warning", [("cwcli", "d9583520")])
+    (conflict,) = marks("intersection.mcap", "conflict", [("d9583520",)])
+    assert [each["id"] for each in Elements(page).of("tr") if "id" in each] == [conflict]
     assert [each["id"] for each in Elements(page).of("section") if each.get("class") == "event"] == [name]
     links = [each["href"] for each in Elements(page).of("a")]
     assert f"#{name}" in links
@@ -64,7 +66,37 @@ def test_a_warning_has_an_address_that_another_version_s_rerun_keeps(annotated: 
     later.parent.mkdir()
     arguments = ["--quiet", "--estimate-latency", "none"]  # the warning comes at another moment
     assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(later), *arguments]) == 0
-    assert name in report(later, tmp_path / "later.html")
+    of_later = report(later, tmp_path / "later.html")
+    assert f'id="{name}"' in of_later and f'id="{conflict}"' in of_later
+
+
+OUT_OF_SIGHT = """
+<script>
+(async () => {
+  while (document.documentElement.dataset.plots !== "drawn") { await new Promise((done) => setTimeout(done, 50)); }
+  for (const each of document.querySelectorAll("details")) { each.open = true; }
+  const cut = [...document.querySelectorAll(".scroll")].filter((each) => each.scrollWidth > each.clientWidth + 1);
+  document.body.dataset.cut = cut.map((each) => each.textContent.trim().slice(0, 20)).join("|");
+  document.body.dataset.wide = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  const box = (each) => each.getBoundingClientRect();
+  document.body.dataset.overlaps = [...document.querySelectorAll(".plot")].filter((plot) => {
+    const legend = plot.querySelector(".legend"), title = plot.querySelector(".g-xtitle, .g-x2title, .g-x3title");
+    return legend && title && box(legend).top < box(title).bottom - 1 && box(title).height;
+  }).length;
+})();
+</script>
+"""
+
+
+@pytest.mark.parametrize("size", ["500,900", "1280,900"])
+def test_no_column_is_out_of_sight_and_no_legend_on_a_title(annotated: Path, tmp_path: Path, size: str) -> None:
+    """At 1280 pixels and at the least width of the browser's windows, where the page is that of a phone."""
+    page = report(annotated, tmp_path / "report.html")
+    policy = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+    changed = policy.sub("", page).replace("</body>", f"{OUT_OF_SIGHT}</body>")
+    (tmp_path / "measured.html").write_text(changed, encoding="utf-8")
+    (body,) = Elements(visit(tmp_path / "measured.html", tmp_path, size=size).dom).of("body")
+    assert (body["data-cut"], body["data-wide"], body["data-overlaps"]) == ("", "0", "0")
 
 
 def test_pointing_at_a_moment_marks_it_on_the_map_and_in_all_curves(annotated: Path, tmp_path: Path) -> None:

@@ -38,6 +38,15 @@
     if (!window.Plotly) { throw new Error("the plotting library did not start"); }
   };
 
+  // The legend stands below the title of the axis, however little its own height leaves of the plot.
+  const seatLegend = async (place) => {
+    for (let turn = 0; turn < 3; turn += 1) {
+      const y = -56 / Math.max(60, place._fullLayout._size.h);
+      if (Math.abs(y - place._fullLayout.legend.y) < 0.01) { return; }
+      await window.Plotly.relayout(place, { "legend.y": y });
+    }
+  };
+
   const draw = async (place) => {
     if (place.dataset.state) { return; }
     place.dataset.state = "drawing";
@@ -45,6 +54,7 @@
     const note = place.querySelector(".waiting");
     if (note) { note.remove(); }
     await window.Plotly.newPlot(place, figure.data, withDefaults(figure.layout, place.clientHeight), CONFIG);
+    await seatLegend(place);
     place.dataset.state = "drawn";
     listen(place);
   };

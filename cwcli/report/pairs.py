@@ -1,0 +1,102 @@
+"""Tables of the others: how critical each came to be, and every conflict with its warnings."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cwcli.measures.distance import MEASURE as DISTANCE
+from cwcli.measures.drac import MEASURE as DRAC
+from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.pair import OfPair, Pair
+from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.report.drive import Drive
+from cwcli.report.encounters import Conflict, Meetings, met_rows
+from cwcli.report.marks import marks
+from cwcli.report.story import short_name
+from cwcli.report.views import TableView
+from cwcli.signals.row_order import Rows
+from cwcli.signals.units import NS_PER_S
+
+EXTREMES = ("nearest [m]", "least gap [m]", "least TTC [s]", "most DRAC [m/s²]")
+MAX_PAIRS = 12
+MAX_CONFLICTS = 200
+
+
+def conflict_marks(log: str, meetings: Meetings) -> list[str]:
+    """A name for each conflict that a rerun keeps: `conflict-3f2a`."""
+    return marks(log, "conflict", ((each.other.id,) for each in meetings.conflicts))
+
+
+def pairs_table(drive: Drive, meetings: Meetings) -> TableView | None:
+    """The extremes of each pair, and when they were; None where nobody was near."""
+    met = [(other, pair, met_rows(pair)[0]) for other, pair in meetings.pairs]
+    near = [(float(pair.distance_m[rows].min()), other, pair, rows) for other, pair, rows in met if len(rows)]
+    if not near:
+        return None
+    table = []
+    for _, other, pair, rows in sorted(near, key=lambda each: each[0])[:MAX_PAIRS]:
+        extremes = [
+            text
+            for measure, sign in ((DISTANCE, 1.0), (GAP, 1.0), (TTC, 1.0), (DRAC, -1.0))
+            for text in _extreme(drive, pair, rows, measure, sign)
+        ]
+        n_warnings = sum(each.other is other for each in meetings.encounters)
+        n_conflicts = sum(each.other is other for each in meetings.conflicts)
+        table.append((short_name(other.kind, other.id), *extremes, str(n_warnings), str(n_conflicts)))
+    columns = (
+        ("other", False),
+        *((name, True) for what in EXTREMES for name in (what, "at [s]")),
+        ("warnings", True),
+        ("conflicts", True),
+    )
+    hint = "by the estimated tracks, while one of the two moved; nearest: the centres, gap: the outlines"
+    if len(near) > len(table):
+        hint += f"; the {len(table)} of {len(near)} that came nearest"
+    return TableView("How critical each other came to be", columns, tuple(table), hint)
+
+
+def conflicts_table(drive: Drive, meetings: Meetings, log: str) -> TableView | None:
+    """Every conflict, warned of or not; None where there was none."""
+    found = meetings.conflicts
+    if not found:
+        return None
+    rows = [_conflict_row(drive, each) for each in found[:MAX_CONFLICTS]]
+    columns = (
+        ("with", False), ("from [s]", True), ("to [s]", True), ("nearest [m]", True), ("at [s]", True),
+        ("warned by", False),
+    )  # fmt: skip
+    hint = f"a conflict: {drive.rule.definition.words}"
+    if len(found) > len(rows):
+        hint += f"; the first {len(rows)} of {len(found)}"
+    names = tuple(conflict_marks(log, meetings)[: len(rows)])
+    return TableView("Conflicts", columns, tuple(rows), hint, row_marks=names)
+
+
+def _conflict_row(drive: Drive, each: Conflict) -> tuple[str, ...]:
+    met = each.conflict
+    times = [_at(drive, stamp) for stamp in (met.onset_ns, met.end_ns)]
+    warned = ", ".join(f"warning {number}" for number in each.warned_by)
+    name = short_name(each.other.kind, each.other.id)
+    return name, *times, f"{met.closest_m:.2f}", _at(drive, met.closest_ns), warned or "nobody"
+
+
+def _extreme(drive: Drive, pair: Pair, rows: Rows, measure: OfPair, sign: float) -> tuple[str, str]:
+    """The least (or with -1 the largest) value and when it was; nothing where the measure was never defined."""
+    values = sign * pair.value(measure)[rows]
+    if np.isnan(values).all():
+        return "-", "-"
+    row = int(np.nanargmin(values))
+    value = sign * float(values[row])
+    return f"{value:.2f}" if math.isfinite(value) else "contact", _at(drive, int(pair.stamp_ns[rows[row]]))
+
+
+def _at(drive: Drive, stamp_ns: int) -> str:
+    return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.1f}"
+
+
+def link_texts(meetings: Meetings, log: str) -> list[tuple[str, str]]:
+    """Name and words of a link to each conflict without a warning."""
+    named = zip(conflict_marks(log, meetings), meetings.conflicts, strict=True)
+    return [(mark, f"conflict with {short_name(e.other.kind, e.other.id)}") for mark, e in named if not e.warned_by]
