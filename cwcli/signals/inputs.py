@@ -91,6 +91,11 @@ _POSE_STAMPED = ros(*xyz("pose.position"), *quaternion("pose.orientation"))
 _POSE_IN_FRAME = foxglove(*xyz("pose.position"), *quaternion("pose.orientation"))
 _VELOCITY_REPORT = ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
 _STEERING_REPORT: Fields = dict.fromkeys(("cdr", "json"), ("stamp.sec", "stamp.nanosec", "steering_tire_angle"))
+_KINEMATIC_STATE = ros(
+    *("state.x", "state.y", "state.heading.real", "state.heading.imag", "state.heading_rate_rps"),
+    *(*xyz("state.pose.position"), *quaternion("state.pose.orientation")),
+    *("state.longitudinal_velocity_mps", "state.lateral_velocity_mps"),
+)
 _ACKERMANN = ros("drive.steering_angle")
 _TIMES = ("sec", "nanosec", "secs", "nsec", "nsecs")
 _TRAJECTORY_TIMES = tuple(f"points.time_from_start.{name}" for name in _TIMES)
@@ -304,6 +309,13 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "autoware_auto_vehicle_msgs/VelocityReport": (Input(Role.EGO_SPEED, _VELOCITY_REPORT, _build_velocity_report),),
     "autoware_vehicle_msgs/SteeringReport": (Input(Role.EGO_STEER, _STEERING_REPORT, _build_steering_report),),
     "autoware_auto_vehicle_msgs/SteeringReport": (Input(Role.EGO_STEER, _STEERING_REPORT, _build_steering_report),),
+    **{
+        f"{package}/VehicleKinematicState": (
+            Input(Role.EGO_POSITION, _KINEMATIC_STATE, builder("kinematic_state.build_pose"), rank=ODOMETRY),
+            Input(Role.EGO_SPEED, _KINEMATIC_STATE, builder("kinematic_state.build_speed"), rank=ODOMETRY),
+        )
+        for package in ("autoware_auto_vehicle_msgs", "autoware_auto_msgs")
+    },
     # often what was commanded, not what was measured
     "ackermann_msgs/AckermannDriveStamped": (Input(Role.EGO_STEER, _ACKERMANN, _build_steering_report, rank=None),),
     "autoware_planning_msgs/Trajectory": (Input(Role.PLANNED_PATH, _TRAJECTORY, builder("path.build_trajectory")),),

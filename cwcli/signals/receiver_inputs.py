@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.signals.builders.base import Fields, Input
-from cwcli.signals.input_rows import FUSED, RECEIVER, SENTENCE, SUMMARY, builder, ros
+from cwcli.signals.input_rows import FUSED, RECEIVER, SENTENCE, SUMMARY, builder, ros, xyz
 from cwcli.signals.role import Role
 
 _GPS_FIX = ros(
@@ -35,6 +35,13 @@ _INS_6 = ros(
     *(*_OEM6, "ins_status", *_INS, "altitude"),
     *(f"{name}_std" for name in ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")),
 )
+_INSPVA = (*_INS, "height", "status.status", "status")
+_INSPVA_7, _INSPVA_6 = ros(*_OEM7, *_INSPVA), ros(*_OEM6, *_INSPVA)
+_INS_NAV_GEOD = ros(
+    *("block_header.wnc", "block_header.tow", "error", "latitude", "longitude", "height", "ve", "vn"),
+    *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn")),
+)
+_SBG_IMU = ros(*xyz("accel"), *xyz("gyro"))
 _PVT_GEODETIC = ros(
     *("block_header.wnc", "block_header.tow", "mode", "error", "latitude", "longitude", "height", "ve", "vn"),
     "h_accuracy",
@@ -68,11 +75,11 @@ def _summary(fields: Fields) -> tuple[Input, ...]:
     )
 
 
-def _ins(fields: Fields) -> tuple[Input, ...]:
+def _ins(fields: Fields, message: str = "ins") -> tuple[Input, ...]:
     return (
-        _position(fields, "novatel.build_ins_position", FUSED),
-        _velocity(fields, "novatel.build_ins_velocity", FUSED),
-        _heading(fields, "novatel.build_ins_heading", FUSED),
+        _position(fields, f"novatel.build_{message}_position", FUSED),
+        _velocity(fields, f"novatel.build_{message}_velocity", FUSED),
+        _heading(fields, f"novatel.build_{message}_heading", FUSED),
     )
 
 
@@ -98,10 +105,18 @@ RECEIVERS: dict[str, tuple[Input, ...]] = {
     "novatel_gps_msgs/NovatelVelocity": (_velocity(_BEST_VEL_6, "novatel.build_velocity", RECEIVER),),
     "novatel_oem7_msgs/INSPVAX": _ins(_INS_7),
     "novatel_gps_msgs/Inspvax": _ins(_INS_6),
+    "novatel_oem7_msgs/INSPVA": _ins(_INSPVA_7, "inspva"),
+    "novatel_gps_msgs/Inspva": _ins(_INSPVA_6, "inspva"),
     "septentrio_gnss_driver/PVTGeodetic": (
         _position(_PVT_GEODETIC, "septentrio.build_position", RECEIVER),
         _velocity(_PVT_GEODETIC, "septentrio.build_velocity", RECEIVER),
     ),
+    "septentrio_gnss_driver/INSNavGeod": (
+        _position(_INS_NAV_GEOD, "septentrio.build_ins_position", FUSED),
+        _velocity(_INS_NAV_GEOD, "septentrio.build_ins_velocity", FUSED),
+    ),
+    # the driver sends a sensor_msgs/Imu of the same
+    "sbg_driver/SbgImuData": (Input(Role.IMU, _SBG_IMU, builder("sbg.build_imu"), rank=RECEIVER),),
     "sbg_driver/SbgGpsPos": (_position(_SBG_POS, "sbg.build_position", RECEIVER),),
     "sbg_driver/SbgGpsVel": (_velocity(_SBG_VEL, "sbg.build_velocity", RECEIVER),),
     "sbg_driver/SbgEkfNav": (

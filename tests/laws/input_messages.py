@@ -182,6 +182,22 @@ def _odometry(k: int) -> Sample:
     return ros(k, message), means
 
 
+def _kinematic_state(k: int) -> Sample:
+    """The heading's parts are w and z of a quaternion."""
+    half_rad = 0.5 * (1.0 + 0.1 * k)
+    message = {
+        "state": {
+            **{"x": 3.5 + k, "y": -2.25, "heading": {"real": cos(half_rad), "imag": sin(half_rad)}},
+            **{"longitudinal_velocity_mps": 12.5 + k, "lateral_velocity_mps": 0.0, "heading_rate_rps": -0.125},
+        }
+    }
+    place = {"x_m": 3.5 + k, "y_m": -2.25, "yaw_rad": 1.0 + 0.1 * k}
+    return ros(k, message), {
+        Role.EGO_POSITION: place,
+        Role.EGO_SPEED: {"speed_mps": 12.5 + k, "yaw_rate_radps": -0.125},
+    }
+
+
 def _velocity_report(k: int) -> Sample:
     message = {"longitudinal_velocity": 12.5 + k, "lateral_velocity": 0.25, "heading_rate": -0.125}
     return ros(k, message), {Role.EGO_SPEED: {"speed_mps": 12.5 + k, "yaw_rate_radps": -0.125}}
@@ -447,6 +463,8 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "foxglove.PoseInFrame": _pose_in_frame,
     "autoware_vehicle_msgs/VelocityReport": _velocity_report,
     "autoware_vehicle_msgs/SteeringReport": _steering_report,
+    "autoware_vehicle_msgs/VehicleKinematicState": _kinematic_state,
+    "autoware_auto_msgs/VehicleKinematicState": _kinematic_state,
     "ackermann_msgs/AckermannDriveStamped": _ackermann,
     "sensor_msgs/CameraInfo": _camera_info,
     "foxglove.CameraCalibration": _calibration,

@@ -103,7 +103,23 @@ _DEFINED: dict[str, tuple[str, list[str]]] = {
         ),
         OEM7,
     ),
+    "novatel_oem7_msgs/INSPVA": (
+        OEM7_TOP
+        + _one_line(
+            "float64 latitude longitude height north_velocity east_velocity up_velocity roll pitch azimuth;"
+            "novatel_oem7_msgs/InertialSolutionStatus status"
+        ),
+        OEM7,
+    ),
     # BSD-3-Clause, swri-robotics/novatel_gps_driver
+    "novatel_gps_msgs/Inspva": (
+        OEM6_TOP
+        + _one_line(
+            "uint32 week; float64 seconds latitude longitude height north_velocity east_velocity up_velocity "
+            "roll pitch azimuth; string status"
+        ),
+        OEM6,
+    ),
     "novatel_gps_msgs/NovatelPosition": (
         OEM6_TOP
         + _one_line(
@@ -144,7 +160,30 @@ _DEFINED: dict[str, tuple[str, list[str]]] = {
             + _one_line("uint8 sync_1 sync_2; uint16 crc id length; uint32 tow; uint16 wnc")
         ],
     ),
+    "septentrio_gnss_driver/INSNavGeod": (
+        TOP
+        + _one_line(
+            "septentrio_gnss_driver/BlockHeader block_header; uint8 gnss_mode error; uint16 info gnss_age;"
+            "float64 latitude longitude height; float32 undulation; uint16 accuracy latency; uint8 datum;"
+            "uint16 sb_list; float32 latitude_std_dev longitude_std_dev height_std_dev latitude_longitude_cov "
+            "latitude_height_cov longitude_height_cov heading pitch roll heading_std_dev pitch_std_dev roll_std_dev "
+            "heading_pitch_cov heading_roll_cov pitch_roll_cov ve vn vu ve_std_dev vn_std_dev vu_std_dev "
+            "ve_vn_cov ve_vu_cov vn_vu_cov"
+        ),
+        [
+            "MSG: septentrio_gnss_driver/BlockHeader\n"
+            + _one_line("uint8 sync_1 sync_2; uint16 crc id length; uint32 tow; uint16 wnc")
+        ],
+    ),
     # MIT, SBG-Systems/sbg_ros2_driver
+    "sbg_driver/SbgImuData": (
+        TOP
+        + _one_line(
+            "uint32 time_stamp; sbg_driver/SbgImuStatus imu_status; geometry_msgs/Vector3 accel gyro; float32 temp;"
+            "geometry_msgs/Vector3 delta_vel delta_angle"
+        ),
+        [VECTOR, "MSG: sbg_driver/SbgImuStatus\nbool imu_com\nbool imu_status"],
+    ),
     "sbg_driver/SbgGpsPos": (
         TOP
         + _one_line(
@@ -322,6 +361,37 @@ def _ins_6(k: int) -> Any:
     return _ins(k, {**top, "ins_status": "INS_SOLUTION_GOOD"}, "altitude", "std")
 
 
+def _inspva(k: int, message: dict[str, Any], status: Any) -> Any:
+    named = {name: value for name, value in message.items() if not name.endswith("status") and "std" not in name}
+    _, means = _ins(k, {}, "height", "stdev")
+    bare = {role: {name: value for name, value in each.items() if "cov" not in name} for role, each in means.items()}
+    bare[Role.EGO_POSITION]["altitude_m"] = 460.0  # above the ellipsoid
+    del named["undulation"], bare[Role.EGO_HEADING]["variance_rad2"]
+    return {**named, "height": 460.0, "status": status}, bare
+
+
+def _inspva_7(k: int) -> Any:
+    return _inspva(k, _ins_7(k)[0], {"status": 3})
+
+
+def _inspva_6(k: int) -> Any:
+    message = {name: value for name, value in _ins_6(k)[0].items() if name != "altitude"}
+    return _inspva(k, message, "INS_SOLUTION_GOOD")
+
+
+def _ins_nav_geod(k: int) -> Any:
+    message = {
+        "block_header": {"tow": WEEK_MS, "wnc": WEEK},
+        **{"error": 0, "latitude": radians(LATITUDE_DEG + 1e-5 * k), "longitude": radians(LONGITUDE_DEG)},
+        **{"height": 500.25, "vn": -3.0, "ve": 4.0 + k, "latitude_std_dev": 0.5, "longitude_std_dev": 0.25},
+        **{"ve_std_dev": 0.25, "vn_std_dev": 0.5},
+    }
+    return message, {
+        Role.EGO_POSITION: _place(k, altitude_m=500.25, covariance_m2=[0.0625, 0.0, 0.25]),
+        Role.EGO_VELOCITY: _velocity(4.0 + k, -3.0, covariance_m2ps2=[0.0625, 0.0, 0.25]),
+    }
+
+
 def _pvt_geodetic(k: int) -> Any:
     message = {
         "block_header": {"tow": WEEK_MS, "wnc": WEEK},
@@ -371,6 +441,12 @@ def _sbg_euler(k: int) -> Any:
     return message, {Role.EGO_HEADING: heading}
 
 
+def _sbg_imu(k: int) -> Any:
+    """Forward, right, down: gravity pulls the sensor up."""
+    message = {"accel": _vector(0.5 + k, 0.25, -9.75), "gyro": _vector(0.125, 0.5, 0.25 + k)}
+    return message, {Role.IMU: {"accel_mps2": [0.5 + k, -0.25, 9.75], "gyro_radps": [0.125, -0.5, -0.25 - k]}}
+
+
 RECEIVER_SAMPLES: dict[str, Callable[[int], Any]] = {
     "gps_msgs/GPSFix": made(_gps_fix),
     "gps_common/GPSFix": made(_gps_fix),
@@ -383,6 +459,10 @@ RECEIVER_SAMPLES: dict[str, Callable[[int], Any]] = {
     "novatel_gps_msgs/NovatelVelocity": made(_novatel_velocity),
     "novatel_oem7_msgs/INSPVAX": made(_ins_7),
     "novatel_gps_msgs/Inspvax": made(_ins_6),
+    "novatel_oem7_msgs/INSPVA": made(_inspva_7),
+    "novatel_gps_msgs/Inspva": made(_inspva_6),
+    "septentrio_gnss_driver/INSNavGeod": made(_ins_nav_geod),
+    "sbg_driver/SbgImuData": made(_sbg_imu, "imu_link_ned"),
     "septentrio_gnss_driver/PVTGeodetic": made(_pvt_geodetic),
     "sbg_driver/SbgGpsPos": made(_sbg_pos, "imu_link_ned"),
     "sbg_driver/SbgGpsVel": made(_sbg_vel, "imu_link_ned"),

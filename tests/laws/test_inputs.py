@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
 from cwcli.signals.columns import Columns, Field, Ragged
 from cwcli.signals.contract import KINDS, check_built
+from cwcli.signals.inputs import _BUILTIN as BUILTIN
 from cwcli.signals.inputs import INPUTS, normalise
 from cwcli.signals.leaf_fields import strings_from
 from cwcli.signals.role import Role
@@ -34,6 +36,16 @@ BUILT = [
     if (schema.partition("/")[0].partition(".")[0], encoding) not in NO_SUCH_THING
 ]
 every_input = pytest.mark.parametrize(("schema", "entry", "encoding"), BUILT)
+DOCS = Path(__file__).parents[2] / "docs"
+CAMERAS = {
+    *("sensor_msgs/CompressedImage", "sensor_msgs/Image"),
+    *(
+        f"{p}{name}"
+        for p in ("foxglove.", "foxglove_msgs/")
+        for name in ("CompressedImage", "RawImage", "CompressedVideo")
+    ),
+}
+"""Streamed frame by frame; tests/unit/logs_read/test_frames.py has logs of them."""
 STATIONS = ("1001", "2a3c603c")
 
 PACKED = {
@@ -117,6 +129,32 @@ def test_a_field_that_is_missing_or_of_another_kind_is_counted(schema, entry, en
 def test_every_role_but_the_camera_has_its_signals() -> None:
     built = {entry.role for entries in INPUTS.values() for entry in entries if entry.build is not None}
     assert built == set(KINDS)
+
+
+def told() -> set[str]:
+    """The types in the docs' tables, with what they hold and what to beware of: `package/Type`, or `Type` behind it."""
+    found: set[str] = set()
+    for name in ("signals", "v2x", "detections"):
+        for line in (DOCS / f"{name}.md").read_text(encoding="utf-8").splitlines():
+            first, *others = line.strip("| ").split(" | ")
+            if not line.startswith("| `") or len(others) < 2 or not all(other.strip() for other in others[:2]):
+                continue
+            package = ""
+            for one in re.findall(r"`([^`]+)`", first):
+                package = one.rpartition("/")[0] if "/" in one else package
+                found |= {one, f"{package}/{one}"}
+    return found
+
+
+def test_every_type_has_a_row_with_its_fields_and_traps_and_a_message_in_the_tests() -> None:
+    rows = told()
+    assert len(rows) > 60
+    types = set(BUILTIN)
+    assert sorted(types - rows) == []
+    streamed = {schema for schema, entries in INPUTS.items() if all(entry.build is None for entry in entries)}
+    assert streamed == {*CAMERAS, "cwcli.v1.LateralState"}
+    for schema in types - streamed:
+        assert schema in OSI_SAMPLES or callable(sample_of(schema, INPUTS[schema][0].role))
 
 
 def channel(schema: str, encoding: str, n: int, fields: dict[str, Field]) -> Columns:

@@ -1,10 +1,12 @@
-"""NovAtel's BESTPOS, BESTVEL and INSPVAX, as `novatel_oem7_msgs` and `novatel_gps_msgs` have them.
+"""NovAtel's BESTPOS, BESTVEL, INSPVA and INSPVAX, as `novatel_oem7_msgs` and `novatel_gps_msgs` have them.
 
 The time is that of the header; where there is none, GPS week and time of week. Heights are above the geoid, and the
 undulation is that of the geoid above the ellipsoid. An azimuth is the vehicle's, not that of its way over ground.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -81,11 +83,23 @@ def read_ins(columns: Columns, ledger: RowLedger) -> GnssFix:
         )
 
 
+def read_inspva(columns: Columns, ledger: RowLedger) -> GnssFix:
+    """What INSPVA says: as INSPVAX, without sigmas, and with the height above the ellipsoid."""
+    return replace(
+        read_ins(columns, ledger),
+        is_fix=_has_status(columns, "status", INS_GOOD),
+        altitude_m=numbers(columns, "height"),
+    )
+
+
 build_position = position_builder(read_best_pos)
 build_velocity = velocity_builder(read_best_vel)
 build_ins_position = position_builder(read_ins)
 build_ins_velocity = velocity_builder(read_ins)
 build_ins_heading = heading_builder(read_ins)
+build_inspva_position = position_builder(read_inspva)
+build_inspva_velocity = velocity_builder(read_inspva)
+build_inspva_heading = heading_builder(read_inspva)
 
 
 def _stamps(columns: Columns, ledger: RowLedger) -> tuple[Int64Array, BoolArray]:

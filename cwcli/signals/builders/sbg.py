@@ -1,8 +1,9 @@
-"""SBG Systems' `SbgGpsPos`, `SbgGpsVel`, `SbgEkfNav` and `SbgEkfEuler` (package `sbg_driver`).
+"""SBG Systems' `SbgGpsPos`, `SbgGpsVel`, `SbgEkfNav`, `SbgEkfEuler` and `SbgImuData` (package `sbg_driver`).
 
 Their axes are north-east-down or east-north-up, as the driver was set; only the name of the frame tells: the driver
 calls it `imu_link_ned` or `imu_link`. Messages of a frame whose name says neither are not used, but positions are:
-latitude and longitude have names of their own.
+latitude and longitude have names of their own. What the driver calls east-north-up in `SbgImuData` are other axes of
+the device from one of its versions to the next, so that it counts in north-east-down alone: forward, right, down.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import re
 import numpy as np
 
 from cwcli.signals.angles import wrap_angle
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.gnss import (
     GnssFix,
     axes_covariance,
@@ -20,11 +22,15 @@ from cwcli.signals.builders.gnss import (
     position_builder,
     velocity_builder,
 )
+from cwcli.signals.canonical import ImuSignal
+from cwcli.signals.clocks import settle
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.leaf_fields import frame_id, numbers, stamps
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.leaf_fields import frame_id, numbers, stamps, vector
+from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_unusable
+from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
 NO_AXES = "the frame's name tells neither north-east-down (ned) nor east-north-up (enu)"
+NO_IMU_AXES = "the frame's name does not tell north-east-down (ned)"
 DRIVERS_ENU = "imu_link"
 
 
@@ -77,6 +83,30 @@ def read_ekf_euler(columns: Columns, ledger: RowLedger) -> GnssFix:
         variance = numbers(columns, "accuracy.z") ** 2
     is_valid = numbers(columns, "status.heading_valid") == 1
     return GnssFix(*stamps(columns), is_valid, heading_rad=heading_rad, heading_variance_rad2=variance)
+
+
+def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
+    """What `SbgImuData` says, in the axes of the car: forward, left, up."""
+    ledger = RowLedger(columns, reading.role)
+    if _axes(columns) != "ned":
+        ledger.reject(np.ones(len(columns), np.bool_), NO_IMU_AXES)
+    flipped = np.array([1.0, -1.0, -1.0])
+    accel_mps2, gyro_radps = flipped * vector(columns, "accel"), flipped * vector(columns, "gyro")
+    reject_unusable(ledger, accel_mps2, MAX_ACCEL_MPS2)
+    reject_unusable(ledger, gyro_radps, MAX_TURN_RATE_RADPS)
+    timeline = settle(ledger, *stamps(columns), reading.clock, [accel_mps2, gyro_radps])
+    rows = timeline.rows
+    nothing = np.full((len(rows), 3), np.nan)
+    signal = ImuSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        accel_mps2=accel_mps2[rows],
+        gyro_radps=gyro_radps[rows],
+        accel_variance=nothing,
+        gyro_variance=nothing,
+    )
+    return signal, ledger.quality
 
 
 build_position = position_builder(read_gps_pos)

@@ -1,17 +1,18 @@
-"""`septentrio_gnss_driver/PVTGeodetic`: the SBF block of the same name.
+"""`septentrio_gnss_driver/PVTGeodetic` and `INSNavGeod`: the SBF blocks of the same names.
 
-Latitude and longitude are radians. -2e10 and the largest unsigned number say "do not use".
+Latitude and longitude are radians. -2e10 and the largest unsigned number say "do not use". The heading of `INSNavGeod`
+is not read: an option of the driver turns its axes, and the message does not tell.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.builders.gnss import GnssFix, position_builder, round_covariance, velocity_builder
-from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.builders.gnss import GnssFix, axes_covariance, position_builder, round_covariance, velocity_builder
+from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.gnss_time import utc_of_weeks
 from cwcli.signals.leaf_fields import numbers, stamps
-from cwcli.signals.quality import RowLedger
+from cwcli.signals.quality import BoolArray, RowLedger
 
 MODE_BITS = 15
 MAX_VALUE = 1e10
@@ -21,20 +22,31 @@ DRMS2_PER_SIGMA = 2.0 * 2.0**0.5
 """`h_accuracy` is 2DRMS, twice the root mean square of the horizontal distance: sqrt(2) sigmas along an axis each."""
 
 
+def read_ins_nav_geod(columns: Columns, ledger: RowLedger) -> GnssFix:
+    """What `INSNavGeod` says: position and velocity fused with an IMU."""
+    east, north = _usable(columns, "longitude_std_dev"), _usable(columns, "latitude_std_dev")
+    velocity_east, velocity_north = _usable(columns, "ve_std_dev"), _usable(columns, "vn_std_dev")
+    return GnssFix(
+        *_times(columns, ledger),
+        is_fix=numbers(columns, "error") == 0,
+        latitude_deg=np.rad2deg(_usable(columns, "latitude")),
+        longitude_deg=np.rad2deg(_usable(columns, "longitude")),
+        altitude_m=_usable(columns, "height"),
+        position_covariance_m2=axes_covariance(east, north),
+        velocity_mps=np.stack([_usable(columns, "ve"), _usable(columns, "vn")], axis=1),
+        velocity_covariance_m2ps2=axes_covariance(velocity_east, velocity_north),
+    )
+
+
 def read_pvt_geodetic(columns: Columns, ledger: RowLedger) -> GnssFix:
     """What the messages say."""
-    stamp_ns, has_stamp = stamps(columns)
-    week, time_of_week_ms = numbers(columns, "block_header.wnc"), numbers(columns, "block_header.tow")
-    is_told = (week != NO_UINT16) & (time_of_week_ms != NO_UINT32)
-    gps_ns, is_time = utc_of_weeks(ledger, week, time_of_week_ms, ~has_stamp & is_told)
     mode = numbers(columns, "mode")
     is_octet = (mode >= 0) & (mode <= 255)
     is_placed = (np.where(is_octet, mode, 0.0).astype(np.int64) & MODE_BITS) > 0
     accuracy = numbers(columns, "h_accuracy")
     sigma_m = M_PER_CM * np.where((accuracy > 0) & (accuracy < NO_UINT16), accuracy, np.nan) / DRMS2_PER_SIGMA
     return GnssFix(
-        np.where(has_stamp, stamp_ns, gps_ns),
-        has_stamp | is_time,
+        *_times(columns, ledger),
         is_fix=is_placed & (numbers(columns, "error") == 0),
         latitude_deg=np.rad2deg(_usable(columns, "latitude")),
         longitude_deg=np.rad2deg(_usable(columns, "longitude")),
@@ -46,6 +58,17 @@ def read_pvt_geodetic(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 build_position = position_builder(read_pvt_geodetic)
 build_velocity = velocity_builder(read_pvt_geodetic)
+build_ins_position = position_builder(read_ins_nav_geod)
+build_ins_velocity = velocity_builder(read_ins_nav_geod)
+
+
+def _times(columns: Columns, ledger: RowLedger) -> tuple[Int64Array, BoolArray]:
+    """The header's stamp, else GPS week and time of week."""
+    stamp_ns, has_stamp = stamps(columns)
+    week, time_of_week_ms = numbers(columns, "block_header.wnc"), numbers(columns, "block_header.tow")
+    is_told = (week != NO_UINT16) & (time_of_week_ms != NO_UINT32)
+    gps_ns, is_time = utc_of_weeks(ledger, week, time_of_week_ms, ~has_stamp & is_told)
+    return np.where(has_stamp, stamp_ns, gps_ns), has_stamp | is_time
 
 
 def _usable(columns: Columns, name: str) -> FloatArray:
