@@ -12,7 +12,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from cwcli.registry import Plugin, Registry, plugin_entry
-from cwcli.signals.builders.base import Build, Fields, Input, Reading
+from cwcli.signals.builders.base import Fields, Input, Reading
+from cwcli.signals.detection_inputs import DETECTIONS
 from cwcli.signals.input_rows import (
     ODOMETRY,
     OWN_V2X,
@@ -32,7 +33,6 @@ from cwcli.signals.input_rows import (
 )
 from cwcli.signals.receiver_inputs import RECEIVERS
 from cwcli.signals.role import Role
-from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP, JSON_STAMPS, PROTOBUF_STAMP
 
 if TYPE_CHECKING:
     from cwcli.signals.columns import Columns
@@ -45,11 +45,6 @@ def normalise(schema_name: str) -> str:
     return re.sub(r"/msg/", "/", name)
 
 
-_build_boxes = builder("detections.build_boxes")
-_build_cubes = builder("detections.build_cubes")
-_build_json_detections = builder("detections.build_json")
-_build_radar_scan = builder("detections.build_radar_scan")
-_build_radar_tracks = builder("detections.build_radar_tracks")
 _build_pose_truth = builder("targets.build_pose_truth")
 _build_state_truth = builder("targets.build_state_truth")
 _build_target_truth = builder("targets.build_target_truth")
@@ -119,45 +114,6 @@ _STATE: Fields = {
 }
 _TARGET: Fields = {
     "protobuf": ("stamp_ns", "id", "frame_id", "x_m", "y_m", "vx_mps", "vy_mps"),
-}
-_AUTOWARE_OBJECTS = ros(
-    *(
-        f"objects.kinematics.{pose}.{leaf}"
-        for pose in ("pose_with_covariance", "initial_pose_with_covariance")
-        for leaf in ("pose.position.x", "pose.position.y", "covariance")
-    ),
-    "objects.kinematics.has_position_covariance",
-)
-_RADAR_SCAN = ros("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity")
-_RADAR_TRACKS = ros(
-    *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
-    "tracks.position_covariance",
-    "tracks.velocity_covariance",
-)
-_BOXES = ros(
-    *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
-    *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
-    "detections.results.pose.covariance",
-)
-_CUBE_CENTRES = ("entities.cubes.pose.position.x", "entities.cubes.pose.position.y")
-_CUBES: Fields = {
-    "protobuf": (*(f"entities.{leaf}" for leaf in PROTOBUF_STAMP), *_CUBE_CENTRES),
-    "json": ("entities.timestamp.sec", "entities.timestamp.nsec", "entities.timestamp.nanosec", *_CUBE_CENTRES),
-    "cdr": (*(f"entities.{leaf}" for leaf in CDR_FOXGLOVE_STAMP), *_CUBE_CENTRES),
-}
-_JSON_DETECTIONS: Fields = {
-    "json": (
-        *JSON_STAMPS,
-        "frame_id",
-        *(
-            f"detections.{name}"
-            for name in (
-                *("x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2"),
-                *("range_m", "azimuth_rad", "range_rate_mps"),
-                *("range_sigma_m", "azimuth_sigma_rad", "range_rate_sigma_mps"),
-            )
-        ),
-    ),
 }
 _FRAMES: Fields = {}
 """Cameras are streamed frame by frame: no columns."""
@@ -267,13 +223,6 @@ def _perceived(module: str, codec: str) -> tuple[Input, ...]:
 _CAMERA = (Input(Role.CAMERA, _FRAMES, None),)
 
 
-def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...]:
-    return (Input(Role.DETECTIONS, fields, build, rank=rank),)
-
-
-# what is drawn for viewers counts only where no sensor reports for itself
-_DRAWN = _detections(_CUBES, _build_cubes, rank=3)
-
 RADIO_FORMATS: dict[str, str] = {
     "j2735": "cwcli_radio/J2735",
     "btp": "cwcli_radio/Btp",
@@ -353,18 +302,7 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "OdeBsmData": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
     "OdeBsmJson": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
     "OdeMessageFrameData": _v2x(_json_bsm_fields, "j2735.JSON_BSM", says_who_is_ego=True),
-    "radar_msgs/RadarScan": _detections(_RADAR_SCAN, _build_radar_scan),
-    "radar_msgs/RadarTracks": _detections(_RADAR_TRACKS, _build_radar_tracks),
-    "vision_msgs/Detection3DArray": _detections(_BOXES, _build_boxes),
-    **{
-        f"{package}/{name}": _detections(_AUTOWARE_OBJECTS, builder("autoware.build_objects"), rank=rank)
-        for package in ("autoware_perception_msgs", "autoware_auto_perception_msgs")
-        # the later ones are made from the first
-        for rank, name in enumerate(("DetectedObjects", "TrackedObjects", "PredictedObjects"))
-    },
-    "foxglove.SceneUpdate": _DRAWN,
-    "foxglove_msgs/SceneUpdate": _DRAWN,
-    "cwcli.Detections": _detections(_JSON_DETECTIONS, _build_json_detections),
+    **DETECTIONS,
     "cwcli.v1.Target": (Input(Role.TARGET_TRUTH, _TARGET, _build_target_truth),),
     "cwcli.v1.VehicleState": (
         Input(Role.TRUTH, _STATE, _build_vehicle_state, fits=is_ego_topic),

@@ -1,0 +1,77 @@
+"""The messages of sensors that see others, and of what draws them: a part of the table in `inputs`."""
+
+from __future__ import annotations
+
+from cwcli.signals.builders.base import Build, Fields, Input
+from cwcli.signals.input_rows import builder, ros
+from cwcli.signals.role import Role
+from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+
+_build_boxes = builder("detections.build_boxes")
+_build_cubes = builder("detections.build_cubes")
+_build_json_detections = builder("detections.build_json")
+_build_radar_scan = builder("detections.build_radar_scan")
+_build_radar_tracks = builder("detections.build_radar_tracks")
+
+_AUTOWARE_OBJECTS = ros(
+    *(
+        f"objects.kinematics.{pose}.{leaf}"
+        for pose in ("pose_with_covariance", "initial_pose_with_covariance")
+        for leaf in ("pose.position.x", "pose.position.y", "covariance")
+    ),
+    "objects.kinematics.has_position_covariance",
+)
+_RADAR_SCAN = ros("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity")
+_RADAR_TRACKS = ros(
+    *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
+    "tracks.position_covariance",
+    "tracks.velocity_covariance",
+)
+_BOXES = ros(
+    *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
+    *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
+    "detections.results.pose.covariance",
+)
+_CUBE_CENTRES = ("entities.cubes.pose.position.x", "entities.cubes.pose.position.y")
+_CUBES: Fields = {
+    "protobuf": (*(f"entities.{leaf}" for leaf in PROTOBUF_STAMP), *_CUBE_CENTRES),
+    "json": ("entities.timestamp.sec", "entities.timestamp.nsec", "entities.timestamp.nanosec", *_CUBE_CENTRES),
+    "cdr": (*(f"entities.{leaf}" for leaf in CDR_FOXGLOVE_STAMP), *_CUBE_CENTRES),
+}
+_JSON_DETECTIONS: Fields = {
+    "json": (
+        *JSON_STAMPS,
+        "frame_id",
+        *(
+            f"detections.{name}"
+            for name in (
+                *("x_m", "y_m", "covariance_xx_m2", "covariance_xy_m2", "covariance_yy_m2"),
+                *("range_m", "azimuth_rad", "range_rate_mps"),
+                *("range_sigma_m", "azimuth_sigma_rad", "range_rate_sigma_mps"),
+            )
+        ),
+    ),
+}
+
+
+def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...]:
+    return (Input(Role.DETECTIONS, fields, build, rank=rank),)
+
+
+# what is drawn for viewers counts only where no sensor reports for itself
+_DRAWN = _detections(_CUBES, _build_cubes, rank=3)
+
+DETECTIONS: dict[str, tuple[Input, ...]] = {
+    "radar_msgs/RadarScan": _detections(_RADAR_SCAN, _build_radar_scan),
+    "radar_msgs/RadarTracks": _detections(_RADAR_TRACKS, _build_radar_tracks),
+    "vision_msgs/Detection3DArray": _detections(_BOXES, _build_boxes),
+    **{
+        f"{package}/{name}": _detections(_AUTOWARE_OBJECTS, builder("autoware.build_objects"), rank=rank)
+        for package in ("autoware_perception_msgs", "autoware_auto_perception_msgs")
+        # the later ones are made from the first
+        for rank, name in enumerate(("DetectedObjects", "TrackedObjects", "PredictedObjects"))
+    },
+    "foxglove.SceneUpdate": _DRAWN,
+    "foxglove_msgs/SceneUpdate": _DRAWN,
+    "cwcli.Detections": _detections(_JSON_DETECTIONS, _build_json_detections),
+}
