@@ -35,6 +35,19 @@ orange: its threshold; values beyond 30 are cut off). `python -m tests.studies.m
 
 ![Measures over time on the rear-end log](images/measures-rear-end.png)
 
+## Probabilities against samples
+
+The probability of contact by both covariances (`cwcli/measures/collision_probability.py`), along random paths of the
+default model: 200 encounters, 10^6 samples each (`python -m tests.studies.collision_probability`, `--every 2` for
+points each 0.1 s). CPI and P_MC likewise (`python -m tests.studies.sampled_measures`).
+
+| what | largest difference | root mean square |
+|---|---|---|
+| probability of contact, points each 0.05 s | 0.0031 | 0.0007 |
+| probability of contact, points each 0.1 s, as `warn` has them | 0.0032 | 0.0008 |
+| P_MC | 0.0034 | |
+| CPI | 0.0003 | |
+
 ## Differences from other tools
 
 CommonRoad-CriMe 0.4.5 measures along lanelets, cwcli along headings, so that no map is needed.

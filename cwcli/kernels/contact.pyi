@@ -22,6 +22,7 @@ def contact_probability(
     ends: _Index,
     far_sigmas: float,
     least_m2: float,
+    straight_sigmas: float,
 ) -> _F:
     """The probability that two outlines touch within the first steps of m pairs of paths of q points.
 
@@ -38,6 +39,7 @@ def contact_probability(
         ends: (e,), not decreasing, in [1, q - 1]: within how many steps.
         far_sigmas: Steps in which the outlines are farther apart than this are left out.
         least_m2: Added to each variance.
+        straight_sigmas: Steps in which nothing is farther from straight on than this, in the least sigma, are one.
 
     Returns:
         (m, e); NaN where a point of the row is.

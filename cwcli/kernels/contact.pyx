@@ -10,6 +10,18 @@ from libc.stdlib cimport free, malloc
 
 import numpy as np
 
+from cwcli.kernels.contact_steps cimport (
+    Outlines,
+    Root,
+    change_of,
+    inverse,
+    is_straight,
+    middle_of,
+    root_of,
+    squared,
+    sum_of,
+)
+
 cdef enum:
     N_AXES = 5  # the edges' directions of both outlines, and across the mean way of a step
 
@@ -17,12 +29,6 @@ cdef double STANDING_M = 1e-9
 cdef double PARALLEL = 1e-12
 cdef double ACROSS = 0.02  # rad: an axis so nearly across the way says as much as the one that is
 cdef double OUTSIDE = 4.5  # sigmas: what a line meets out there does not matter
-
-
-cdef struct Root:
-    double xx
-    double xy
-    double yy
 
 
 cdef struct Step:  # from one point to the next; changes are from begin to end
@@ -43,46 +49,6 @@ cdef struct Step:  # from one point to the next; changes are from begin to end
 
 cdef struct Line:  # in one step: place in the middle, its slope along the line, and half of the change of both
     double x, y, slope_x, slope_y, moved_x, moved_y, turned_x, turned_y
-
-
-cdef inline Root root_of(double xx, double xy, double yy) noexcept nogil:
-    """The symmetric square root of a covariance."""
-    cdef double s = sqrt(max(xx * yy - xy * xy, 0.0)), t
-    cdef Root out
-    t = sqrt(xx + yy + 2.0 * s)
-    out.xx, out.xy, out.yy = (xx + s) / t, xy / t, (yy + s) / t
-    return out
-
-
-cdef inline Root squared(Root a) noexcept nogil:
-    cdef Root out
-    out.xx, out.xy, out.yy = a.xx * a.xx + a.xy * a.xy, a.xy * (a.xx + a.yy), a.xy * a.xy + a.yy * a.yy
-    return out
-
-
-cdef inline Root inverse(Root a) noexcept nogil:
-    cdef double d = a.xx * a.yy - a.xy * a.xy
-    cdef Root out
-    out.xx, out.xy, out.yy = a.yy / d, -a.xy / d, a.xx / d
-    return out
-
-
-cdef inline Root sum_of(Root a, Root b) noexcept nogil:
-    cdef Root out
-    out.xx, out.xy, out.yy = a.xx + b.xx, a.xy + b.xy, a.yy + b.yy
-    return out
-
-
-cdef inline Root middle_of(Root a, Root b) noexcept nogil:
-    cdef Root out
-    out.xx, out.xy, out.yy = 0.5 * (a.xx + b.xx), 0.5 * (a.xy + b.xy), 0.5 * (a.yy + b.yy)
-    return out
-
-
-cdef inline Root change_of(Root a, Root b) noexcept nogil:
-    cdef Root out
-    out.xx, out.xy, out.yy = b.xx - a.xx, b.xy - a.xy, b.yy - a.yy
-    return out
 
 
 cdef inline void product(Root a, Root b, double* out) noexcept nogil:
@@ -170,7 +136,7 @@ cdef inline void narrow_across(double bound, const Step* step, const Line* line,
     if low[0] > high[0] or fabs(bound) > OUTSIDE:
         return
     wx, wy = line.moved_x + bound * line.turned_x, line.moved_y + bound * line.turned_y
-    length = hypot(wx, wy)
+    length = sqrt(wx * wx + wy * wy)
     if length < STANDING_M or fabs(step.normals[0] * wx + step.normals[1] * wy) <= ACROSS * length:
         return
     wx, wy = wx / length, wy / length
@@ -210,7 +176,7 @@ def contact_probability(const double[:, ::1] x, const double[:, ::1] y,
                         const double[:, :, ::1] host_covariance, const double[:, :, ::1] other_covariance, *,
                         double host_length, double host_width, double other_length, double other_width,
                         const double[:, ::1] lines, const Py_ssize_t[::1] n_lines, const double[::1] enough_below,
-                        const Py_ssize_t[::1] ends, double far_sigmas, double least_m2):
+                        const Py_ssize_t[::1] ends, double far_sigmas, double least_m2, double straight_sigmas):
     cdef Py_ssize_t n_rows = x.shape[0], n_points = x.shape[1], n_ends = ends.shape[0]
     out_array = np.zeros((n_rows, n_ends))
     cdef double[:, ::1] out = out_array
@@ -219,6 +185,9 @@ def contact_probability(const double[:, ::1] x, const double[:, ::1] y,
     cdef Root* others = <Root*> malloc(n_points * sizeof(Root))
     cdef double* low = <double*> malloc(n_points * sizeof(double))
     cdef double* high = <double*> malloc(n_points * sizeof(double))
+    cdef Py_ssize_t* points = <Py_ssize_t*> malloc((n_points + 1) * sizeof(Py_ssize_t))
+    cdef Py_ssize_t n_taken, p, last, length, quarter
+    cdef Outlines outlines
     cdef Py_ssize_t i, s, k, at, n_kept, nearest, index, end, tier, first, used
     cdef Step* step
     cdef Line line
@@ -231,8 +200,10 @@ def contact_probability(const double[:, ::1] x, const double[:, ::1] y,
     cdef double left_host[4]
     cdef double left_other[4]
     try:
-        if not (steps and hosts and others and low and high):
+        if not (steps and points and hosts and others and low and high):
             raise MemoryError
+        outlines.host_length, outlines.host_width = host_length, host_width
+        outlines.other_length, outlines.other_width = other_length, other_width
         with nogil:
             for i in range(n_rows):
                 known = 0.0
@@ -249,9 +220,27 @@ def contact_probability(const double[:, ::1] x, const double[:, ::1] y,
                     for end in range(n_ends):
                         out[i, end] = NAN
                     continue
+                n_taken, s, length = 1, 0, n_points
+                points[0] = 0
+                for end in range(n_ends + 1):
+                    last = ends[end] if end < n_ends else n_points - 1
+                    while s < last:
+                        k = min(s + length, last)
+                        while k > s + 1:
+                            quarter = max((k - s) // 4, 1)
+                            if (is_straight(s, k, s + quarter, &x[i, 0], &y[i, 0], &host_heading[i, 0],
+                                            &other_heading[i, 0], hosts, others, &outlines, straight_sigmas)
+                                    and is_straight(s, k, k - quarter, &x[i, 0], &y[i, 0], &host_heading[i, 0],
+                                                    &other_heading[i, 0], hosts, others, &outlines, straight_sigmas)):
+                                break
+                            k = s + (k - s + 1) // 2
+                        length = 2 * (k - s)
+                        s = k
+                        points[n_taken] = k
+                        n_taken += 1
                 n_kept, nearest, least = 0, 0, far_sigmas
-                for s in range(n_points - 1):
-                    k = s + 1
+                for p in range(n_taken - 1):
+                    s, k = points[p], points[p + 1]
                     step = steps + n_kept
                     step.begin = s
                     step.x, step.y = 0.5 * (x[i, s] + x[i, k]), 0.5 * (y[i, s] + y[i, k])
@@ -360,6 +349,7 @@ def contact_probability(const double[:, ::1] x, const double[:, ::1] y,
                     out[i, end] /= used
     finally:
         free(steps)
+        free(points)
         free(hosts)
         free(others)
         free(low)

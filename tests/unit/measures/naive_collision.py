@@ -69,6 +69,60 @@ def contact_probability(
     return total / len(used)
 
 
+def straight_points(
+    x: FloatArray,
+    y: FloatArray,
+    headings: tuple[FloatArray, FloatArray],
+    covariances: tuple[FloatArray, FloatArray],
+    sizes: tuple[Size, Size],
+    *,
+    ends: Sequence[int],
+    least_m2: float,
+    sigmas: float,
+) -> list[int]:
+    """The points between which all is straight: as far as it goes, halved until it is, then twice as far again."""
+    roots = [np.array([_root(np.add(each, [least_m2, 0.0, least_m2])) for each in own]) for own in covariances]
+    places = np.stack([x, y], axis=1)
+
+    def off(values: FloatArray, a: int, b: int, at: int) -> float:
+        share = (at - a) / (b - a)
+        return float(np.linalg.norm(values[at] - (1.0 - share) * values[a] - share * values[b]))
+
+    def gap(a: int, b: int, at: int, turned: float) -> float:
+        angle = headings[0][at] + turned
+        normal = np.array([math.cos(angle), math.sin(angle)])
+        one, two = places[a] @ normal, places[b] @ normal
+        least = 0.0 if one * two <= 0.0 else min(abs(one), abs(two))
+        reach = _reach(normal, [own[at] for own in headings], sizes)
+        return max(least - reach, 0.0) / float(np.linalg.norm(np.hstack([root[at] for root in roots]).T @ normal))
+
+    def is_straight(a: int, b: int, at: int) -> bool:
+        both = sum(root[at] @ root[at] for root in roots)
+        bound = sigmas * math.sqrt(np.linalg.det(both) / np.trace(both))
+        corners = sum(
+            0.5 * math.hypot(*size) * abs(own[at] - 0.5 * (own[a] + own[b]))
+            for own, size in zip(headings, sizes, strict=True)
+        )
+        bent = math.hypot(*(off(root, a, b, at) for root in roots))
+        grown = math.hypot(*(float(np.linalg.norm(root[b] - root[a])) for root in roots))
+        far = min(max(gap(a, b, at, 0.0), gap(a, b, at, 0.5 * math.pi)), 3.0)
+        most = max(off(places, a, b, at), corners / 2.0, bent / 0.5, grown / 20.0)
+        return most <= bound * math.exp(0.5 * far * far)
+
+    points, length = [0], len(x)
+    for last in (*ends, len(x) - 1):
+        while points[-1] < last:
+            a = points[-1]
+            b = min(a + length, last)
+            while b > a + 1 and not all(
+                is_straight(a, b, at) for at in (a + max((b - a) // 4, 1), b - max((b - a) // 4, 1))
+            ):
+                b = a + (b - a + 1) // 2
+            length = 2 * (b - a)
+            points.append(b)
+    return points
+
+
 def _normals(turn: Sequence[float], way: FloatArray) -> list[FloatArray]:
     normals = [np.array([-way[1], way[0]]) / np.linalg.norm(way)] if np.linalg.norm(way) > 1e-9 else []
     for angle in turn:

@@ -11,11 +11,12 @@ from cwcli.measures.collision_probability import (
     FAR_SIGMAS,
     LATTICE,
     LEAST_M2,
+    STRAIGHT_SIGMAS,
     collision_probability,
     error_lines,
 )
 from tests.studies.collision_probability import Encounter, random_encounter, sampled
-from tests.unit.measures.naive_collision import contact_probability
+from tests.unit.measures.naive_collision import contact_probability, straight_points
 
 CAR, TRUCK = (4.5, 1.8), (12.0, 2.5)
 ATOL = 0.005  # a probability
@@ -117,16 +118,28 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
     ends = np.array([17, 50])
     arrays = (one.x_m, one.y_m, *one.headings_rad, *one.covariances_m2)
     found = collision_probability(*(each[None] for each in arrays), *one.sizes, ends=ends)[0]
+    points = straight_points(
+        one.x_m,
+        one.y_m,
+        one.headings_rad,
+        one.covariances_m2,
+        one.sizes,
+        ends=list(ends),
+        least_m2=LEAST_M2,
+        sigmas=STRAIGHT_SIGMAS,
+    )
+    assert {17, 50} <= set(points)
+    assert len(points) < 50
     expected = [
         contact_probability(
-            one.x_m,
-            one.y_m,
-            one.headings_rad,
-            one.covariances_m2,
+            one.x_m[points],
+            one.y_m[points],
+            tuple(each[points] for each in one.headings_rad),
+            tuple(each[points] for each in one.covariances_m2),
             one.sizes,
             lines=[error_lines(n) for n in LATTICE],
             enough_below=ENOUGH_BELOW,
-            end=int(end),
+            end=points.index(end),
             far_sigmas=FAR_SIGMAS,
             least_m2=LEAST_M2,
         )
@@ -144,14 +157,16 @@ def test_laws_of_random_encounters() -> None:
         by_time = collision_probability(*arrays, *one.sizes, ends=np.array([1, 10, 30, 50]))[0]
         assert (np.diff(by_time) >= 0.0).all()
         assert 0.0 <= by_time[0] <= by_time[-1] <= 1.0
+        whole = collision_probability(*arrays, *one.sizes)[0, 0]
+        assert whole == pytest.approx(by_time[-1], abs=0.001)  # the times asked for end steps
         swapped = collision_probability(-x, -y, theirs, own, their_m2, own_m2, *one.sizes[::-1])[0, 0]
-        assert swapped == pytest.approx(by_time[-1], abs=2.0 * ATOL)  # each of the two within it
+        assert swapped == pytest.approx(whole, abs=2.0 * ATOL)  # each of the two within it
         flipped = [np.array([1.0, -1.0, 1.0]) * each for each in (own_m2, their_m2)]
         mirrored = collision_probability(x, -y, -own, -theirs, *flipped, *one.sizes)[0, 0]
-        assert mirrored == pytest.approx(by_time[-1], abs=1e-6)
+        assert mirrored == pytest.approx(whole, abs=1e-6)
         turned = [each[..., ::-1] * np.array([1.0, -1.0, 1.0]) for each in (own_m2, their_m2)]
         quarter = collision_probability(-y, x, own + np.pi / 2, theirs + np.pi / 2, *turned, *one.sizes)[0, 0]
-        assert quarter == pytest.approx(by_time[-1], abs=1e-6)
+        assert quarter == pytest.approx(whole, abs=1e-6)
 
 
 def test_a_path_that_is_no_number_has_no_probability_and_spoils_no_other() -> None:
