@@ -21,6 +21,7 @@ from cwcli.pipeline.records import configuration_of, map_of, run_records
 from cwcli.signals.build import build
 from cwcli.signals.canonical import PositionSignal
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.mapping import is_mapping
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
@@ -150,13 +151,15 @@ def _recorder(log: Log) -> Recorder:
     sources = configuration_of(run_records(log).get("estimate", {})).get("sources")
     topics = sources.get("topics") if isinstance(sources, dict) else None
     named = topics.get(Role.EGO_POSITION) if isinstance(topics, dict) else None
-    chosen = str(named).replace(":", ",").split(",")[0]  # of several, or of one with its fields
-    overrides = {str(Role.EGO_POSITION): chosen} if any(each.topic == chosen for each in log.channels) else {}
+    chosen = str(named) if is_mapping(str(named)) else str(named).split(",")[0]  # of several the first
+    is_there = any(each.topic == chosen.partition(":")[0] for each in log.channels)
+    overrides = {str(Role.EGO_POSITION): chosen} if is_there else {}
     with _estimate_first(log):
         bound = bind(log.channels, overrides, required=(Role.EGO_POSITION,), where=log.name, command="join")
-    topic = bound.topic(Role.EGO_POSITION)
-    assert topic is not None
-    signal = build(Role.EGO_POSITION, log.columns(topic))[0]
+    one = bound.of(Role.EGO_POSITION)[0]
+    topic = one.topic
+    parts = [(log.columns(part.topic), part.mapping) for part in one.parts if part.mapping is not None]
+    signal = build(Role.EGO_POSITION, log.columns(topic), mapping=one.mapping, parts=parts)[0]
     if not isinstance(signal, PositionSignal):
         raise DataError("its positions are no fixes of a GNSS receiver", where=f"{log.name}: {topic}")
     if not len(signal.stamp_ns):

@@ -98,6 +98,35 @@ def test_the_second_car_is_a_remote_vehicle(
     assert np.abs(truck_online.log_time_ns - online.log_time_ns).max() < 1_000_000
 
 
+def test_clocks_three_tenths_apart_do_not_move_the_second_car(
+    cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Delays of 0 to 20 ms of each message beside: at 12 m/s, 0.3 s would be 3.6 m."""
+    rng = np.random.default_rng(5)
+    other = copied(SAMPLE, tmp_path / "truck.mcap", lambda at: at + 300_000_000 + int(rng.integers(20_000_000)))
+    both = tmp_path / "both.mcap"
+    assert run(["join", str(cars[0]), str(other), "-o", str(both), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["clock_offset_s"] == pytest.approx(0.31, abs=0.003)
+    assert any("recorder is 0.3" in note and "(scatter 0.0" in note for note in said["notes"])
+    with Log.open(both) as log:
+        ego, truck = (read_states(log.columns(f"/cwcli/{who}/state")) for who in ("ego", "remote"))
+        online = read_states(log.columns("/cwcli/remote/online"))
+    at_ego = np.searchsorted(ego.stamp_ns, truck.stamp_ns)
+    apart_m = np.hypot(*(truck.state[:, :2] - ego.state[at_ego, :2]).T)
+    assert apart_m.max() < 0.1
+    known_late_s = (online.log_time_ns - online.stamp_ns) / 1e9
+    assert -0.05 < np.median(known_late_s) < 0.1
+
+
+def test_a_log_whose_positions_are_mapped_is_joined_too(cars: tuple[Path, Path], tmp_path: Path) -> None:
+    mapped, both = tmp_path / "mapped.mcap", tmp_path / "both.mcap"
+    fields = ["ego_position=/gps/fix:latitude", "ego_position=/gps/fix:longitude,altitude"]
+    maps = [word for each in fields for word in ("--map", each)]
+    assert run(["estimate", str(cars[0]), *maps, "-o", str(mapped), "--quiet"]) == 0
+    assert run(["join", str(mapped), str(cars[1]), "-o", str(both), "--quiet"]) == 0
+
+
 def test_stages_go_on_from_the_joined_log(
     cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
