@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from cwcli import __version__
 from cwcli.errors import InputError, OutputError
 from cwcli.input import note_input
-from cwcli.output import make_folder, open_output, write_file
+from cwcli.output import make_folder, open_output
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
@@ -232,10 +232,10 @@ def _is_count(count: Document) -> bool:
 
 def put_table(table: Table, path: Path) -> Path:
     """Write one table, with its folders."""
-    from cwcli.metrics.table import table_bytes
+    from cwcli.metrics.table import write_table
 
     make_folder(path.parent, parents=True)
-    write_file(path, table_bytes(table, ".parquet"), force=True, durable=False)
+    write_table(table, path, force=True, durable=False)
     return path
 
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.output import Together, write_file
+from cwcli.output import Together, open_output
+from cwcli.output_stream import Bytes, Output
 from cwcli.signals.columns import NumericArray, Ragged, Strings
 
 if TYPE_CHECKING:
@@ -163,7 +164,14 @@ def check_table_name(target: str | Path) -> None:
         )
 
 
-def write_table(table: Table, target: str | Path, *, force: bool = False, together: Together | None = None) -> None:
+def write_table(
+    table: Table,
+    target: str | Path,
+    *,
+    force: bool = False,
+    durable: bool = True,
+    together: Together | None = None,
+) -> None:
     """Write a table; the file appears whole or not at all.
 
     In CSV an (n, k) column becomes k columns `name_0` and so on, NaN or an absent string is an empty cell, and a ragged
@@ -173,14 +181,39 @@ def write_table(table: Table, target: str | Path, *, force: bool = False, togeth
         table: What to write.
         target: File name ending in `.parquet` or `.csv`.
         force: Overwrite a file that exists.
-        together: As in `cwcli.output.open_output`.
+        durable, together: As in `cwcli.output.open_output`.
 
     Raises:
         UsageError: The suffix is neither `.parquet` nor `.csv`.
         OutputError: The file can't be written.
     """
+    import pyarrow as pa
+
     check_table_name(target)
-    write_file(target, table_bytes(table, Path(target).suffix.lower()), force=force, together=together)
+    opened = open_output(target, force=force, durable=durable, together=together)
+    with opened as output, pa.PythonFile(_Sink(output), "w") as sink:
+        encode_table(table, sink, Path(target).suffix.lower())
+
+
+class _Sink:
+    """An output as Arrow wants a file. It gets a column of a row group at a time; no long table is held as bytes."""
+
+    closed = False
+
+    def __init__(self, output: Output) -> None:
+        self._output, self._start = output, output.position
+
+    def write(self, data: Bytes) -> int:
+        return self._output.write(data)
+
+    def tell(self) -> int:
+        return self._output.position - self._start
+
+    def flush(self) -> None:
+        """The output does it."""
+
+    def close(self) -> None:
+        self.closed = True
 
 
 def table_bytes(table: Table, suffix: str) -> memoryview:
@@ -188,6 +221,12 @@ def table_bytes(table: Table, suffix: str) -> memoryview:
     import pyarrow as pa
 
     sink = pa.BufferOutputStream()
+    encode_table(table, sink, suffix)
+    return memoryview(sink.getvalue())
+
+
+def encode_table(table: Table, sink: pa.NativeFile, suffix: str) -> None:
+    """Write the content of the table's file, for `.parquet` or `.csv`."""
     if suffix == ".csv":
         from pyarrow import csv
 
@@ -198,7 +237,6 @@ def table_bytes(table: Table, suffix: str) -> memoryview:
         # zstd begins with a look at its tables for each column: for few rows that takes four times the writing itself
         compression = "snappy" if len(table) < SMALL_ROWS else "zstd"
         parquet.write_table(arrow_table(table), sink, compression=compression)
-    return memoryview(sink.getvalue())
 
 
 def arrow_table(table: Table) -> pa.Table:

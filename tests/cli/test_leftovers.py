@@ -21,10 +21,10 @@ FIRST_BYTES = 20_000
 def test_tables_that_cannot_be_written_leave_no_annotated_log(
     intersection: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def no_space(*arguments: object) -> memoryview:
+    def no_space(*arguments: object) -> None:
         raise OutputError("no space is left on the disk", where="metrics")
 
-    monkeypatch.setattr(cwcli.metrics.table, "table_bytes", no_space)
+    monkeypatch.setattr(cwcli.metrics.table, "encode_table", no_space)
     target = tmp_path / "annotated.mcap"
     arguments = ["estimate", str(intersection), "-o", str(target), "--metrics", str(tmp_path / "estimate.parquet")]
     assert run(arguments) == EXIT_OUTPUT
