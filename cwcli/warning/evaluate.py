@@ -90,7 +90,7 @@ def find_warnings(
     heard = [other for other in others if len(other.stamp_ns) and len(host.stamp_ns)]
     pairs = evaluate_pairs(host, heard, rule, config, time_s)
     ids = number_events(pairs)
-    return FoundWarnings(host, config, pairs, ids, rows_of(pairs, ids, rule=config.rule, clock=host))
+    return FoundWarnings(host, config, pairs, ids, rows_of(pairs, ids, rule=config.rule, clock=host, words=rule.words))
 
 
 def check_config(config: WarningConfig) -> None:

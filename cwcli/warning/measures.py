@@ -18,6 +18,22 @@ from cwcli.warning.collision import PathPairs
 
 
 @dataclass(frozen=True)
+class MomentStates:
+    """The states of a pair at m moments.
+
+    Attributes:
+        host, other: Shape (m, 8), as in `cwcli.v1.VehicleState`; the other's is brought forward by its age.
+        says_hard_braking: Shape (m,): the other has said that it brakes hard (`VehicleTrack.says_hard_braking`).
+        sizes: Length and width of each, m.
+    """
+
+    host: FloatArray
+    other: FloatArray
+    says_hard_braking: npt.NDArray[np.bool_]
+    sizes: tuple[Size, Size]
+
+
+@dataclass(frozen=True)
 class Measures:
     """Measures of m evaluations of one pair, each of shape (m,). Times count from the evaluation.
 
@@ -34,6 +50,7 @@ class Measures:
             not asked for.
         by_name: What the rule asks for beside these: name of a measure of docs/measures.md -> (m,), NaN where it has no
             value; of the states at the moment, so empty under the onset hypothesis (`warning.rule_inputs`).
+        states: The states at the moment, for a rule that uses them; likewise.
     """
 
     distance_m: FloatArray
@@ -48,9 +65,10 @@ class Measures:
     late_probability: FloatArray
     braked_probability: FloatArray
     by_name: Mapping[str, FloatArray] = field(default_factory=dict)
+    states: MomentStates | None = None
 
 
-ARRAYS = tuple(entry.name for entry in fields(Measures) if entry.name != "by_name")
+ARRAYS = tuple(entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states"))
 ONSET_MATTERS_M = 0.25
 """An onset is of interest where its path is at the horizon so much nearer than the mean path."""
 

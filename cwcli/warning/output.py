@@ -33,14 +33,15 @@ def rows_of(
     *,
     rule: str,
     clock: VehicleTrack,
+    words: str,
 ) -> WarningRows:
-    """The life of the warnings: raised, held evaluations, cleared."""
+    """The life of the warnings: raised, held evaluations, cleared; `words` as of a `Rule`."""
     rows: list[WarningRow] = []
     for at, own in enumerate(pairs):
         for which, span in enumerate(own.spans):
             number = ids[at, which]
             for index in range(span.raised, span.last + 1):
-                rows.append(_row(own, index, number, RAISED if index == span.raised else HELD))
+                rows.append(_row(own, index, number, RAISED if index == span.raised else HELD, words))
             if span.cleared is not None:
                 stamp, log = int(clock.stamp_ns[span.cleared]), int(clock.log_time_ns[span.cleared])
                 known = int(clock.known_ns[span.cleared])
@@ -49,7 +50,7 @@ def rows_of(
     return warning_rows(rows, rule=rule, host_id=clock.id)
 
 
-def _row(own: PairEvaluation, index: int, number: int, state: int) -> WarningRow:
+def _row(own: PairEvaluation, index: int, number: int, state: int, words: str) -> WarningRow:
     time = float(own.decision.time_to_event_s[index])
     distance = float(own.decision.predicted_distance_m[index])
     ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
@@ -60,7 +61,7 @@ def _row(own: PairEvaluation, index: int, number: int, state: int) -> WarningRow
         number,
         state,
         own.other.id,
-        f"collision with {own.other.id} {ahead}, predicted distance {distance:.1f} m",
+        f"{words.format(other=own.other.id)} {ahead}, predicted distance {distance:.1f} m",
         time,
         distance,
         float(own.measures.ttc_s[index]),

@@ -17,7 +17,7 @@ from cwcli.warning.align import Pairing, Points, pair_up, read_paths
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.measures import ARRAYS, ONSET_MATTERS_M, Measures, measure, with_probabilities
-from cwcli.warning.rule_inputs import asked_for
+from cwcli.warning.rule_inputs import asked_for, states_then
 from cwcli.warning.rules.base import BoolArray, Decision, Rule, withheld
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
@@ -168,8 +168,10 @@ def _evaluated(
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - ONSET_MATTERS_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDING_MPS
         onset = judged(onset, replace(pairs, other=begun), wanted=nearer)
-    asked = asked_for(rule.measures, host, other, window.first + host_row, theirs, (other_row, place, age_s))
-    decision = rule.decide(replace(measures, by_name=asked), onset, config, persistence_s)
+    of_moment = host, other, window.first + host_row, theirs, (other_row, place, age_s)
+    states = states_then(*of_moment) if rule.uses_states else None
+    asked = replace(measures, by_name=asked_for(rule.measures, *of_moment), states=states)
+    decision = rule.decide(asked, onset, config, persistence_s)
     return _Part(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()))
 
 

@@ -16,6 +16,7 @@ from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, JERK
 from cwcli.warning.align import read_paths
+from cwcli.warning.measures import MomentStates
 from cwcli.warning.types import PathArrays, VehicleTrack
 
 Rows = npt.NDArray[np.intp]
@@ -53,12 +54,31 @@ def asked_for(
     """
     if not names:
         return {}
-    other_rows, place, age_s = at
     stamp_ns = host.stamp_ns[host_rows]
-    now = read_paths(paths, place, age_s, np.zeros(1))
-    theirs = np.concatenate([now.x_m, now.y_m, now.speed_mps, now.heading_rad], axis=1)
-    motion = other.state[other_rows, MOTION]
+    theirs, motion = _moved(other, paths, at)
     own = ActualTrack(stamp_ns, host.state[host_rows])
     moved = ActualTrack(stamp_ns, np.concatenate([theirs, motion], axis=1))
     pair = Pair(own, moved, host.outline_m, other.outline_m, 0.0).given(own, theirs, motion)
     return {name: pair.value(MEASURES[name]) for name in names}
+
+
+def states_then(
+    host: VehicleTrack,
+    other: VehicleTrack,
+    host_rows: Rows,
+    paths: PathArrays,
+    at: tuple[Rows, Rows, FloatArray],
+) -> MomentStates:
+    """The states at each of m moments; the arguments are those of `asked_for`."""
+    theirs = np.concatenate(_moved(other, paths, at), axis=1)
+    said = other.says_hard_braking
+    says = np.zeros(len(host_rows), np.bool_) if said is None else said[at[0]]
+    return MomentStates(host.state[host_rows], theirs, says, (host.outline_m, other.outline_m))
+
+
+def _moved(other: VehicleTrack, paths: PathArrays, at: tuple[Rows, Rows, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """The other's place, speed and heading (m, 4) then, and the derivatives (m, 4) that it had."""
+    other_rows, place, age_s = at
+    now = read_paths(paths, place, age_s, np.zeros(1))
+    theirs = np.concatenate([now.x_m, now.y_m, now.speed_mps, now.heading_rad], axis=1)
+    return theirs, other.state[other_rows, MOTION]

@@ -60,6 +60,7 @@ class VehicleTrack:
         paths: n predicted paths.
         length_m, width_m: Outline; NaN or None: 4.5 m and 1.8 m.
         flags: Shape (n,): `StateFlag`s; None: no state has one. A state that has one raises no warning.
+        says_hard_braking: Shape (n,): it has said that it brakes hard (a BSM's flag, a DENM); None: it says nothing.
         onset_paths: n more paths: a manoeuvre that has begun goes on to the car's limits (`prediction`'s hypothesis
             "onset"), for the default rule; None: it does without.
     """
@@ -73,6 +74,7 @@ class VehicleTrack:
     width_m: float | None = None
     onset_paths: PathSource | None = None
     flags: npt.NDArray[np.uint8] | None = None
+    says_hard_braking: npt.NDArray[np.bool_] | None = None
 
     @cached_property
     def known_ns(self) -> Int64Array:

@@ -24,6 +24,7 @@ RULES: Registry[Rule] = Registry(
         "song2016": "cwcli.warning.rules.song2016:RULE",
         "ttc": "cwcli.warning.rules.ttc:RULE",
         "path-ttc": "cwcli.warning.rules.path_ttc:RULE",
+        "eebl": "cwcli.warning.rules.eebl:RULE",
     },
     _accept,
     taken=("lane-departure",),

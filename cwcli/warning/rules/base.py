@@ -47,19 +47,25 @@ class Rule:
         summary: One line for `--help`.
         persistence_s: How long `armed` must have held before a warning, unless the user says otherwise.
         decide: Measures, those under the onset hypothesis (or None), options, persistence -> `Decision`.
+        words: What a warning says is coming, with the other's id in it.
         measures: Names of measures of docs/measures.md, each of a moment: `Measures.by_name` then has them.
+        uses_states: Whether it looks at the two states themselves: `Measures.states` then has them.
         uses_onset: Whether it looks at the onset hypothesis.
         uses_braking: Whether it asks what braking would change.
         is_symmetric: Whether it judges a pair alike whichever of the two is the host.
+        is_of_collisions: Whether it warns of every collision that comes, and not of some other danger.
     """
 
     summary: str
     persistence_s: float
     decide: Callable[[Measures, Measures | None, WarningConfig, float], Decision]
+    words: str = "collision with {other}"
     measures: tuple[str, ...] = ()
+    uses_states: bool = False
     uses_onset: bool = False
     uses_braking: bool = False
     is_symmetric: bool = True
+    is_of_collisions: bool = True
 
 
 def withheld(decision: Decision, rows: BoolArray) -> Decision:

@@ -380,7 +380,7 @@ def test_coarse_reading_of_far_pairs_changes_no_measure_of_a_straight_approach(r
     left = np.maximum(100.0 - 20.0 * (time + 2.5), 0.0)
     before = time < 2.4
     found = np.asarray(series["min_predicted_distance_m"])[before]
-    end = 0.1 if rule == "cwcli" else 0.0  # its paths are looked at for the persistence longer
+    end = RULES[rule].persistence_s  # the paths are looked at for that much longer
     expected = np.hypot(np.maximum(left - 20.0 * end, 0.0), 1.0)[before]
     np.testing.assert_allclose(found, expected, atol=1e-6)
 

@@ -1,0 +1,106 @@
+"""Emergency electronic brake light: who drives ahead, the same way, brakes hard, seen or not (SAE J2945/1, EEBL).
+
+It needs no collision course: the car may be hidden behind a lorry, and the host not yet closing in. It warns where
+
+1. the other drives ahead of the host and the same way, in its lane or in one beside it: along the arc that the host is
+   driving on (its yaw rate over its speed), not along a straight line;
+2. it brakes with `HARD_MPS2` at least by its estimated state, for as long as the persistence says, or has said so
+   itself (`eventHardBraking` of a BSM, above 0.4 g; a DENM of an emergency brake): then at once;
+3. it matters to the host: were the other to brake on until it stands, and the host to go on for the horizon before it
+   does anything, the host would then have to brake with `--min-deceleration` at least.
+
+The warning ends when the other no longer brakes with half of that, or the host no longer follows it.
+Limits: the acceleration of a BSM is filtered by its sender and so late (docs/v2x.md); the flag is not. Lanes are taken
+3.6 m wide.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE, X, Y
+from cwcli.warning.measures import Measures, MomentStates
+from cwcli.warning.rules.base import BoolArray, Decision, Rule
+from cwcli.warning.types import WarningConfig
+
+HARD_MPS2 = 4.0
+RELEASE = 0.5
+"""Share of it below which a warning is over."""
+LANE_M = 3.6
+BESIDE_M = 1.5 * LANE_M
+"""Whose centre is within this of the host's way is in its lane or in one beside it."""
+SAME_WAY_RAD = np.deg2rad(45.0)
+MOVING_MPS = 2.0
+"""A host that is slower has no way to speak of."""
+
+
+def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
+    """Ahead, the same way, braking hard, and it matters."""
+    states = measures.states
+    assert states is not None  # RULE asks for them
+    gap_m, follows = _ahead(states)
+    braking_mps2 = -states.other[:, ACCEL] * np.where(states.other[:, SPEED] < 0.0, -1.0, 1.0)
+    needed_mps2, left_m = _needed(states, gap_m, np.maximum(braking_mps2, HARD_MPS2), config.horizon_s)
+    matters = follows & ~(needed_mps2 < config.min_deceleration_mps2)
+    hard = matters & (braking_mps2 >= HARD_MPS2)
+    said = matters & states.says_hard_braking
+    closing = states.host[:, SPEED] - states.other[:, SPEED]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        time_s = np.where(closing > 0.0, np.maximum(gap_m, 0.0) / closing, np.inf)
+    return Decision(
+        armed=hard | said,
+        raised=hard | said,
+        held=follows & ((braking_mps2 >= RELEASE * HARD_MPS2) | states.says_hard_braking),
+        time_to_event_s=time_s,
+        predicted_distance_m=np.where(np.isfinite(left_m), np.maximum(left_m, 0.0), measures.min_distance_m),
+        at_once=said,
+    )
+
+
+def _ahead(states: MomentStates) -> tuple[FloatArray, BoolArray]:
+    """The gap between the outlines along the host's way (m,), and whether the other is ahead on it, the same way."""
+    host, other = states.host, states.other
+    dx, dy = other[:, X] - host[:, X], other[:, Y] - host[:, Y]
+    cos, sin = np.cos(host[:, HEADING]), np.sin(host[:, HEADING])
+    forward, left = dx * cos + dy * sin, dy * cos - dx * sin
+    speed = np.maximum(np.abs(host[:, SPEED]), MOVING_MPS)
+    curvature = np.nan_to_num(host[:, YAW_RATE] / speed)
+    # the arc about (0, 1/k): where on it the other is nearest, and how far off it
+    turned = np.arctan2(curvature * forward, 1.0 - curvature * left)
+    is_straight = np.abs(curvature) * np.hypot(forward, left) < 1e-6
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.where(is_straight, forward, turned / curvature)
+        to_centre = np.hypot(curvature * forward, 1.0 - curvature * left)
+        across = np.where(is_straight, left, (1.0 - to_centre) / curvature)
+    way = wrap_angle(other[:, HEADING] - host[:, HEADING] - np.where(is_straight, 0.0, turned))
+    gap = along - 0.5 * (states.sizes[0][0] + states.sizes[1][0])
+    follows = (gap > 0.0) & (np.abs(across) <= BESIDE_M) & (np.abs(way) <= SAME_WAY_RAD)
+    follows &= (host[:, SPEED] >= MOVING_MPS) & (other[:, SPEED] >= 0.0)
+    return gap, np.asarray(follows)
+
+
+def _needed(
+    states: MomentStates, gap_m: FloatArray, braking_mps2: FloatArray, wait_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """The deceleration that the host needs after a wait to stop behind the other, infinity where none would do.
+
+    Returns:
+        That, m/s^2, and the way that is left for it, m, both (m,).
+    """
+    speed = states.host[:, SPEED]
+    left_m = gap_m + states.other[:, SPEED] ** 2 / (2.0 * braking_mps2) - speed * wait_s
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(left_m > 0.0, speed**2 / (2.0 * left_m), np.inf), left_m
+
+
+RULE = Rule(
+    summary="who drives ahead, the same way, in the host's lane or beside it, brakes hard or says so (EEBL)",
+    persistence_s=0.2,
+    decide=decide,
+    words="hard braking ahead by {other}",
+    uses_states=True,
+    is_symmetric=False,
+    is_of_collisions=False,
+)
