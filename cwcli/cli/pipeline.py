@@ -77,7 +77,10 @@ def execute(job: Job) -> Outcome:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
     """
     _check_targets(job)
+    from cwcli.array_memory import bound_array_memory
     from cwcli.logs.read.reader import Log
+
+    bound_array_memory()
 
     with Progress(quiet=job.talk.quiet) as progress:
         progress.step(f"reading {', '.join(names_of(job.source))}")

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from cwcli.array_memory import bound_array_memory
 from cwcli.errors import DataError
 from cwcli.estimation.calibrated import bias_note, check_fits, known_alone, known_mountings
 from cwcli.estimation.config import EstimatorConfig
@@ -341,5 +342,6 @@ def each_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group]
     """`estimate` of each vehicle, in threads; a worker process uses one, as the other processors are other workers'."""
     if len(groups) < 2 or multiprocessing.parent_process() is not None:
         return [estimate(group) for group in groups]
-    with ThreadPoolExecutor(max_workers=min(len(groups), os.cpu_count() or 1)) as pool:
+    n_threads = min(len(groups), os.cpu_count() or 1)
+    with ThreadPoolExecutor(n_threads, initializer=bound_array_memory) as pool:
         return list(pool.map(estimate, groups))

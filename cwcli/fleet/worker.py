@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli import __version__
+from cwcli.array_memory import bound_array_memory
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, new_entry, put_table
@@ -56,6 +57,7 @@ def work(task: Task, plan: Plan) -> Done:
     Raises:
         OutputError: The output folder can't be written: no other log would fare better.
     """
+    bound_array_memory()
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     with remembering_inputs():
         status = _work(task, plan)

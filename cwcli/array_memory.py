@@ -1,0 +1,43 @@
+"""How much memory arrays take: what a long log needs beyond a bound lies in a file.
+
+The states of twenty vehicles over two hours, what is predicted from them and how they met are gigabytes. They are
+written once and read in order, so that the system's cache serves them as well from a disk. The file lies in the folder
+for temporary files (TMPDIR), has no name, and is gone with the process, however that ends.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from contextlib import suppress
+from functools import cache
+from typing import Any
+
+from cwcli.kernels import spill
+
+MOST_ARRAY_BYTES = 192 << 20
+MOST_MAPPED_BYTES = 96 << 20
+MOST_FILE_BYTES = 1 << 40
+FOLDER_ON_DISK = "/var/tmp"
+"""Where /tmp is in memory."""
+
+
+def bound_array_memory() -> None:
+    """Large arrays that this thread makes from now on lie in the file, once others fill the memory that they may have.
+
+    Nothing happens where that can't be: but on Linux, and without a folder on a disk that has files without a name.
+    """
+    handler = _handler()
+    if handler is not None:
+        spill.use(handler)
+
+
+@cache
+def _handler() -> Any:
+    for folder in (tempfile.gettempdir(), FOLDER_ON_DISK):
+        with suppress(OSError, AttributeError):
+            descriptor = os.open(folder, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
+            if spill.is_on_disk(descriptor):
+                return spill.spill_beyond(descriptor, MOST_ARRAY_BYTES, MOST_MAPPED_BYTES, MOST_FILE_BYTES)
+            os.close(descriptor)
+    return None
