@@ -61,6 +61,7 @@ MEASURES: Registry[Measure] = Registry(
         "rss-lat": "cwcli.measures.rss_lat:MEASURE",
         "rss-response": "cwcli.measures.rss_response:MEASURE",
         "p-mc": "cwcli.measures.p_mc:MEASURE",
+        "p-contact": "cwcli.measures.p_contact:MEASURE",
         "pfs": "cwcli.measures.pfs:MEASURE",
         "cfs": "cwcli.measures.cfs:MEASURE",
     },

@@ -38,6 +38,7 @@ class Measure:
         is_stepped: Its value comes in steps, by which no sigma can be told.
         is_of_host: It is about the host alone, whatever the other does.
         is_sampled: It takes thousands of samples a moment: `cwcli measure` computes it when it is asked for by name.
+        needs_covariance: It takes the covariances of the states: likewise.
         with_warnings: `cwcli warn` writes its extreme to the table of pairs, too.
         clause: Threshold -> what held at a conflict, in words: `the two were 1 s from contact`.
     """
@@ -60,8 +61,14 @@ class Measure:
     is_stepped: bool = False
     is_of_host: bool = False
     is_sampled: bool = False
+    needs_covariance: bool = False
     with_warnings: bool = True
     clause: Callable[[float], str] | None = None
+
+    @property
+    def is_dear(self) -> bool:
+        """Whether `cwcli measure` computes it only where it is asked for by name."""
+        return self.is_sampled or self.needs_covariance
 
     @property
     def unit(self) -> str:

@@ -12,8 +12,10 @@ import numpy.typing as npt
 
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import N_STATES
 
 Direction = tuple[FloatArray, FloatArray]
 """Cosine and sine of headings."""
@@ -34,10 +36,12 @@ class ActualTrack:
     Attributes:
         stamp_ns: Shape (n,), strictly increasing.
         state: Shape (n, >= 4): x_m, y_m, speed_mps, heading_rad, and of `STATE_NAMES` as many more as are known.
+        covariance: Shape (n, 8, 8), for the measures that need it; None: not known.
     """
 
     stamp_ns: Int64Array
     state: FloatArray
+    covariance: Covariances | None = None
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,8 @@ class Pair:
     def rows(self, rows: npt.NDArray[np.intp]) -> Pair:
         """The pair at some of the stamps; what is interpolated there is not interpolated anew."""
         state = np.concatenate([self.host.state[rows, :4], self.host_motion[rows]], axis=1)
-        track = ActualTrack(self.stamp_ns[rows], state)
+        covariance = None if self.host.covariance is None else self.host.covariance[rows]
+        track = ActualTrack(self.stamp_ns[rows], state, covariance)
         return self.given(track, self.others[rows], self.other_motion[rows])
 
     def between(self, first: int, last: int) -> Pair:
@@ -121,6 +126,17 @@ class Pair:
     def other_motion(self) -> FloatArray:
         """The other's accel_mps2, yaw_rate_radps and jerk_mps3 at the host's stamps, (n, 3); NaN without data."""
         return interpolate(self.other, self.stamp_ns, self.max_gap_s, motion_of(self.other))
+
+    def covariances(self, rows: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        """Of the host's states in some rows, and of the other's newest then, (m, 8, 8) each; NaN where not known."""
+        known = np.flatnonzero(np.isfinite(self.other.state[:, :4]).all(axis=1))
+        newest = np.searchsorted(self.other.stamp_ns[known], self.stamp_ns[rows], side="right") - 1
+        unknown = np.full((len(rows), N_STATES, N_STATES), np.nan)
+        own, theirs = self.host.covariance, self.other.covariance
+        return (
+            unknown if own is None else np.asarray(own[rows]),
+            unknown if theirs is None or not len(known) else np.asarray(theirs[known[np.maximum(newest, 0)]]),
+        )
 
     @cached_property
     def distance_m(self) -> FloatArray:

@@ -55,7 +55,7 @@ class MeasureConfig(OfStates):
 
     Attributes:
         states: Of the ego and the others; what really happened is in those of hindsight.
-        measures: Names of measures; empty: all that are not sampled.
+        measures: Names of measures; empty: all that are not dear.
         with_sigma: Give the most critical values a sigma, by the states' covariances.
     """
 
@@ -66,7 +66,7 @@ class MeasureConfig(OfStates):
             "--measures",
             "Which measures: {names} (docs/measures.md).",
             metavar="NAME[,NAME]",
-            default="all that are not sampled",
+            default="all but p-mc and p-contact",
             kind=str | None,
             parse=_names,
             choices="cwcli.measures:MEASURES",
@@ -104,8 +104,9 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
             where=log.name,
             hint="run `cwcli estimate` or `cwcli track` first",
         )
-    tracks, counts = read_tracks(log, bound, config)
     chosen = {name: entry for name, entry in MEASURES.items() if name in (config.measures or usual())}
+    with_covariance = any(entry.needs_covariance for entry in chosen.values())
+    tracks, counts = read_tracks(log, bound, config, with_covariance=with_covariance)
     pairs, notes = _measured(tracks, chosen)
     if config.with_sigma:
         pairs = add_sigmas(log, tracks, pairs, chosen)
@@ -127,8 +128,8 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
 
 
 def usual() -> tuple[str, ...]:
-    """The measures that are not sampled."""
-    return tuple(name for name, entry in MEASURES.items() if not entry.is_sampled)
+    """The measures that are not dear."""
+    return tuple(name for name, entry in MEASURES.items() if not entry.is_dear)
 
 
 def _measured(tracks: Tracks, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:

@@ -55,6 +55,8 @@ def conflict_definition(text: str, *, distance_m: float) -> ConflictDefinition:
     measure = MEASURES.require(name)
     if not measure.is_series:
         raise UsageError(f"{name} is one number for two vehicles: no conflict begins or ends by it")
+    if measure.needs_covariance:
+        raise UsageError(f"{name} takes covariances: what happened has none", hint=f"for example {example('ttc')}")
     threshold = distance_m if name == "distance" else measure.threshold
     if number is not None:
         threshold = _number(number)

@@ -32,6 +32,8 @@ def problem_of(names: object) -> str:
             return f"asks for the measure '{name}', which there is not (docs/measures.md has them)"
         if not MEASURES[name].is_pointwise:
             return f"asks for the measure '{name}', which takes more than the two states of a moment"
+        if MEASURES[name].needs_covariance:
+            return f"asks for the measure '{name}', which takes covariances; along the paths there is `probability`"
     return ""
 
 

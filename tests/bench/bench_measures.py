@@ -127,11 +127,11 @@ def main() -> None:
         write_states_log(options.write)
         return
     slow = (*STEERED, "ttr")  # which is the greatest of them
-    quick = [name for name, measure in MEASURES.items() if not measure.is_sampled and name not in slow]
+    quick = [name for name, measure in MEASURES.items() if not measure.is_dear and name not in slow]
     seconds, megabytes = process()
     rows = (
         (
-            f"all {len(quick)} but TTB, TTK, TTS, TTR and P_MC, us a pair and step",
+            f"all {len(quick)} but TTB, TTK, TTS, TTR, P_MC and P_c, us a pair and step",
             microseconds(quick, 2000),
             MAX_ALL_US,
         ),

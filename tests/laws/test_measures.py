@@ -43,7 +43,17 @@ def track(
     steps = 0.1 * 0.5 * (speed[:-1] + speed[1:]) * np.stack([np.cos(middle), np.sin(middle)])
     place = np.array([[x_m], [y_m]]) + np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
     rates = [accel_mps2 + jerk_mps3 * time_s, *(np.full(N, each) for each in (yaw_rate_radps, jerk_mps3, 0.0))]
-    return ActualTrack(T0_NS + STEP_NS * np.arange(N), np.column_stack([place.T, speed, heading, *rates]))
+    state = np.column_stack([place.T, speed, heading, *rates])
+    return ActualTrack(T0_NS + STEP_NS * np.arange(N), state, np.tile(covariance_along(heading_rad), (N, 1, 1)))
+
+
+def covariance_along(heading_rad: float) -> FloatArray:
+    """Of a state: more along the heading than across, and a place that is off with the heading."""
+    root = np.diag([0.8, 0.3, 0.4, 0.03, 0.5, 0.02, 0.3, 0.1])
+    root[1, 3] = 0.02
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    root[:2] = np.array([[cosine, -sine], [sine, cosine]]) @ root[:2]
+    return np.asarray(root @ root.T)
 
 
 def pair(host: ActualTrack, other: ActualTrack) -> Pair:
@@ -51,14 +61,20 @@ def pair(host: ActualTrack, other: ActualTrack) -> Pair:
 
 
 def judged(measure: Measure, n: int = 40, seed: int = 5) -> list[Pair]:
-    """Scenes for a measure: a few moments of a few where each moment takes thousands of samples."""
-    if not measure.is_sampled:
+    """Scenes for a measure: a few moments of a few where it is dear."""
+    if not measure.is_dear:
         return scenes(n, seed)
 
     def few(track: ActualTrack) -> ActualTrack:
-        return ActualTrack(track.stamp_ns[:3], track.state[:3])
+        return rows_of(track, slice(3))
 
     return [replace(scene, host=few(scene.host), other=few(scene.other)) for scene in scenes(min(n, 12), seed)]
+
+
+def rows_of(track: ActualTrack, rows: slice | npt.NDArray[np.intp]) -> ActualTrack:
+    """Some of its states."""
+    covariance = None if track.covariance is None else track.covariance[rows]
+    return ActualTrack(track.stamp_ns[rows], track.state[rows], covariance)
 
 
 def scenes(n: int = 40, seed: int = 5) -> list[Pair]:
@@ -90,8 +106,12 @@ def never() -> Pair:
 
 
 def with_state(scene: Pair, change: Callable[[FloatArray], FloatArray], shift_ns: int = 0) -> Pair:
-    """The scene with both tracks changed alike."""
-    tracks = [ActualTrack(each.stamp_ns + shift_ns, change(each.state)) for each in (scene.host, scene.other)]
+    """The scene with both tracks changed alike; the change is linear but for a shift."""
+    slope = change(np.eye(8)) - change(np.zeros((8, 8)))
+    tracks = []
+    for each in (scene.host, scene.other):
+        covariance = None if each.covariance is None else slope.T @ each.covariance[:] @ slope
+        tracks.append(ActualTrack(each.stamp_ns + shift_ns, change(each.state), covariance))
     return replace(scene, host=tracks[0], other=tracks[1])
 
 
@@ -192,7 +212,7 @@ def test_a_collision_is_more_critical_than_two_that_never_meet(name: str) -> Non
 def test_a_series_has_a_value_for_each_stamp_and_none_without_data(name: str) -> None:
     measure = MEASURES[name]
     whole = head_on()
-    late = replace(whole, other=ActualTrack(whole.other.stamp_ns[20:40], whole.other.state[20:40]))
+    late = replace(whole, other=rows_of(whole.other, slice(20, 40)))
     values = late.value(measure)
     assert values.dtype == np.float64
     if not measure.is_series:
@@ -234,7 +254,7 @@ def test_a_state_that_is_no_number_spoils_no_other(name: str) -> None:
     def holed(each: ActualTrack) -> ActualTrack:
         state = each.state.copy()
         state[7] = np.nan
-        return ActualTrack(each.stamp_ns, state)
+        return ActualTrack(each.stamp_ns, state, each.covariance)
 
     for scene in (replace(whole, host=holed(whole.host)), replace(whole, other=holed(whole.other))):
         values = np.atleast_1d(scene.value(measure))

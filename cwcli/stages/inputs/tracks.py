@@ -38,11 +38,13 @@ class Tracks:
         ego: Its states by stamp.
         others: Vehicle -> its states by stamp.
         topics: Vehicle -> topic and role of its channel; the ego's own under its id.
+        has_covariance: Whether the pairs have the states' covariances.
     """
 
     ego: VehicleStates
     others: Mapping[str, VehicleStates]
     topics: Mapping[str, tuple[str, str]]
+    has_covariance: bool = False
 
     @property
     def ego_id(self) -> str:
@@ -53,15 +55,20 @@ class Tracks:
         """The ego and another vehicle."""
         own, theirs = self.ego, self.others[other_id]
         return Pair(
-            ActualTrack(own.stamp_ns, own.state),
-            ActualTrack(theirs.stamp_ns, theirs.state),
+            self._track(own),
+            self._track(theirs),
             outline_of(own.length_m, own.width_m),
             outline_of(theirs.length_m, theirs.width_m),
             MAX_GAP_S,
         )
 
+    def _track(self, states: VehicleStates) -> ActualTrack:
+        return ActualTrack(states.stamp_ns, states.state, states.covariance if self.has_covariance else None)
 
-def read_tracks(log: Log, bound: Bindings, selection: Selection) -> tuple[Tracks, tuple[InputCount, ...]]:
+
+def read_tracks(
+    log: Log, bound: Bindings, selection: Selection, *, with_covariance: bool = False
+) -> tuple[Tracks, tuple[InputCount, ...]]:
     """The tracks in the chosen span, and what became of the messages.
 
     Raises:
@@ -73,7 +80,7 @@ def read_tracks(log: Log, bound: Bindings, selection: Selection) -> tuple[Tracks
     ego: VehicleStates | None = None
     for role, bindings in bound.by_role.items():
         topic = bindings[0].topic
-        everything = _states(log, topic, role)
+        everything = _states(log, topic, role, with_covariance)
         states = everything.logged_within(selection.start_ns, selection.end_ns)
         counts.append(InputCount(topic, role, len(everything), len(states)))
         if role == EGO_STATE.role:
@@ -84,13 +91,14 @@ def read_tracks(log: Log, bound: Bindings, selection: Selection) -> tuple[Tracks
         for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
             others[vehicle], topics[vehicle] = states.rows(rows), (topic, role)
     assert ego is not None  # binding requires it
-    return Tracks(ego, others, topics), tuple(counts)
+    return Tracks(ego, others, topics, with_covariance), tuple(counts)
 
 
-def _states(log: Log, topic: str, role: str) -> VehicleStates:
+def _states(log: Log, topic: str, role: str, with_covariance: bool) -> VehicleStates:
     if role == TARGETS.role:
         return read_targets(log.columns(topic))
-    return read_states(log.columns(topic, KINEMATICS), with_covariance=False)
+    fields = WITH_COVARIANCE if with_covariance else KINEMATICS
+    return read_states(log.columns(topic, fields), with_covariance=with_covariance)
 
 
 def add_sigmas(

@@ -70,6 +70,19 @@ def test_chosen_measures_alone_are_computed(tmp_path: Path) -> None:
         MeasureConfig(measures=("nearness",))
 
 
+def test_the_probability_of_contact_takes_the_covariances_where_it_is_asked_for(tmp_path: Path) -> None:
+    result = follower(tmp_path, measures=("ttc", "p-contact"))
+    values = np.asarray(result.tables["measures"].columns["p_contact"])
+    ttc_s = np.asarray(result.tables["measures"].columns["ttc_s"])
+    assert not np.isnan(values).any()
+    assert (values[ttc_s < 2.0] > 0.9).all()
+    assert (values[ttc_s > 4.0] < 0.1).all()
+    assert (ttc_s < 2.0).any()
+    assert (ttc_s > 4.0).any()
+    assert np.isnan(extremes(result)["p-contact"]["sigma"])
+    assert "p_contact" not in follower(tmp_path).tables["measures"].columns
+
+
 def test_one_that_comes_near_twice_has_two_encounters(tmp_path: Path) -> None:
     time_s = np.arange(0.0, 40.0, 0.1)
     away = np.where(np.abs(time_s - 20.0) < 8.0, 150.0, 20.0)  # within 50 m but for 16 s
@@ -198,4 +211,4 @@ def test_the_message_has_the_fields_that_are_written() -> None:
     text = (schema_folder() / "cwcli" / "v1" / "measures.proto").read_text(encoding="utf-8")
     fields = [line.split()[1] for line in text.splitlines() if line.strip().startswith("double ")]
     assert tuple(fields) == measured()
-    assert set(fields) == {each.column for each in MEASURES.values() if each.is_series and not each.is_sampled}
+    assert set(fields) == {each.column for each in MEASURES.values() if each.is_series and not each.is_dear}

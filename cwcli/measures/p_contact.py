@@ -1,0 +1,114 @@
+"""Probability of contact within the horizon, by the covariances of both states.
+
+Each goes on at its acceleration, until it stands, and its yaw rate. Its position's covariance is that of the state,
+carried along the path to first order. What is summed is the probability of `collision_probability`, whose errors are
+told there; neither of the two counts as the host, as the mean of both ways to see it is taken.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.measures.base import Measure
+from cwcli.measures.collision_probability import collision_probability, is_far
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+
+HORIZON_S = 2.5
+STEP_S = 0.05
+TIME_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S
+N_USED = 6
+"""x, y, speed, heading, acceleration, yaw rate: of a state, what moves a path."""
+AT_ONCE = 256
+
+
+def contact_within_horizon(pair: Pair) -> FloatArray:
+    """At each stamp, (n,); NaN where a covariance is not known."""
+    near = pair.near
+    found = np.full(len(near), np.nan)
+    own = np.concatenate([pair.host.state[near, :4], pair.host_motion[near, :2]], axis=1)
+    theirs = np.concatenate([pair.others[near], pair.other_motion[near, :2]], axis=1)
+    own[:, :2], theirs[:, :2] = 0.0, theirs[:, :2] - own[:, :2]
+    for first in range(0, len(near), AT_ONCE):
+        rows = slice(first, first + AT_ONCE)
+        covariances = (each[:, :N_USED, :N_USED] for each in pair.covariances(near[rows]))
+        (x, y, heading, spread), (to_x, to_y, to_heading, to_spread) = (
+            carried(state[rows], covariance) for state, covariance in zip((own, theirs), covariances, strict=True)
+        )
+        dx, dy = to_x - x, to_y - y
+        variance = (spread + to_spread)[..., [0, 2]].sum(axis=2).max(axis=1)
+        values = np.where(np.isnan(variance), np.nan, 0.0)
+        with np.errstate(invalid="ignore"):
+            far = is_far(_least_m(dx, dy), variance, pair.host_size, pair.other_size)
+        at = np.flatnonzero(~far & ~np.isnan(variance))
+        one, other = (dx[at], dy[at], heading[at], to_heading[at]), (-dx[at], -dy[at], to_heading[at], heading[at])
+        values[at] = (
+            0.5
+            * (
+                collision_probability(*one, spread[at], to_spread[at], pair.host_size, pair.other_size)
+                + collision_probability(*other, to_spread[at], spread[at], pair.other_size, pair.host_size)
+            )[:, 0]
+        )
+        found[rows] = values
+    return pair.spread(found)
+
+
+def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Paths from states (m, 6) with covariances (m, 6, 6): x, y, heading, (m, q), and xx, xy, yy, (m, q, 3)."""
+    x, y, speed, heading, accel, yaw_rate = (column[:, None] for column in state.T)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stops_s = np.where(speed * accel < 0.0, -speed / accel, np.inf)
+    middle_s = TIME_S[:-1] + 0.5 * STEP_S
+    moves = np.clip((stops_s - TIME_S[:-1]) / STEP_S, 0.0, 1.0)  # share of each step until it stands
+    turn = heading + yaw_rate * middle_s
+    rate = np.where(moves > 0.0, speed + accel * (TIME_S[:-1] + 0.5 * moves * STEP_S), 0.0)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    along = {  # per second of a step: the way, and its slopes by speed, acceleration and yaw rate
+        "way": (rate * cosine, rate * sine),
+        "speed": (cosine, sine),
+        "accel": (middle_s * cosine, middle_s * sine),
+        "yaw_rate": (-rate * middle_s * sine, rate * middle_s * cosine),
+    }
+    gone = {name: [_summed(part * moves * STEP_S) for part in parts] for name, parts in along.items()}
+    way_x, way_y = gone["way"]
+    one, zero = np.ones_like(way_x), np.zeros_like(way_x)
+    slopes = np.stack(
+        [
+            np.stack([one, zero, gone["speed"][0], -way_y, gone["accel"][0], gone["yaw_rate"][0]]),
+            np.stack([zero, one, gone["speed"][1], way_x, gone["accel"][1], gone["yaw_rate"][1]]),
+        ]
+    )  # (2, 6, m, q)
+    spread = np.einsum("aimq,mij,bjmq->mqab", slopes, covariance, slopes, optimize=True)
+    packed = np.stack([spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]], axis=-1)
+    return x + way_x, y + way_y, heading + yaw_rate * TIME_S, packed
+
+
+def _summed(steps: FloatArray) -> FloatArray:
+    """From none on, (m, q)."""
+    return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def _least_m(dx: FloatArray, dy: FloatArray) -> FloatArray:
+    """Least distance of the centres at the path's points, less what they may come nearer between them, (m,)."""
+    between = np.hypot(np.diff(dx, axis=1), np.diff(dy, axis=1)).max(axis=1)
+    return np.asarray(np.hypot(dx, dy).min(axis=1) - 0.5 * between)
+
+
+MEASURE = Measure(
+    summary="probability of contact within 2.5 s by the covariances of both states",
+    symbol="P_c",
+    column="p_contact",
+    critical="high",
+    formula=(
+        "P(the rectangles overlap at any t in [0, 2.5 s]), along paths of constant acceleration and yaw rate, "
+        "normal errors of both states, each carried along its path to first order"
+    ),
+    source="cwcli; of circles at one time: Alfano 2005",
+    of=contact_within_horizon,
+    undefined="the covariance of a state is not known, or the centres are more than 200 m apart",
+    misleads="where drivers react, as nobody does on these paths; where states are surer than they should be",
+    is_pointwise=True,
+    is_stepped=True,
+    needs_covariance=True,
+    with_warnings=False,
+)

@@ -1,0 +1,136 @@
+"""The probability of contact by the covariances of both states: closed forms, finite differences, samples of states."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy import stats
+
+from cwcli.errors import UsageError
+from cwcli.measures import MEASURES
+from cwcli.measures.outlines import overlap_margin
+from cwcli.measures.p_contact import HORIZON_S, TIME_S, carried
+from cwcli.measures.pair import ActualTrack, Pair
+from cwcli.signals.packed_covariances import PackedCovariances
+from cwcli.warning.conflict_definition import conflict_definition
+
+FloatArray = npt.NDArray[np.float64]
+CAR = (4.5, 1.8)
+MEASURE = MEASURES["p-contact"]
+
+
+def track(state: FloatArray, sigmas: FloatArray) -> ActualTrack:
+    """One moment, packed as it is in a channel."""
+    covariance = PackedCovariances.of(np.diag(np.maximum(sigmas, 1e-6) ** 2)[None])
+    return ActualTrack(np.zeros(1, np.int64), state[None], covariance)
+
+
+def of(
+    x_m: float, y_m: float, speed_mps: float, heading_rad: float, accel: float = 0.0, turn: float = 0.0
+) -> FloatArray:
+    return np.array([x_m, y_m, speed_mps, heading_rad, accel, turn, 0.0, 0.0])
+
+
+def pair(host: FloatArray, other: FloatArray, own: FloatArray, theirs: FloatArray) -> Pair:
+    """Two at one moment: the state of a track of one stamp is known there alone."""
+    tracks = track(host, own), track(other, theirs)
+    return Pair(*tracks, CAR, CAR, 0.5).given(tracks[0], other[None, :4], other[None, 4:7])
+
+
+def sigmas(**named: float) -> FloatArray:
+    return np.array([named.get(name, 0.0) for name in ("x", "y", "v", "h", "a", "w", "j", "q")])
+
+
+@pytest.mark.parametrize("left_m", [-2.0, 0.0, 1.5])
+def test_who_closes_up_touches_if_its_speed_and_place_are_far_enough_off(left_m: float) -> None:
+    """After 2.5 s at 4 m/s more the two are `left_m` apart; the sigma then is that of place and speed together."""
+    other = of(4.5 + left_m + 4.0 * HORIZON_S, 0.0, 8.0, 0.0)
+    found = pair(of(0.0, 0.0, 12.0, 0.0), other, sigmas(x=0.5, v=0.4), sigmas(x=0.3)).value(MEASURE)
+    sigma = math.sqrt(0.5**2 + (0.4 * HORIZON_S) ** 2 + 0.3**2)
+    assert found[0] == pytest.approx(float(stats.norm.cdf(-left_m / sigma)), abs=0.005)
+
+
+def test_braking_ends_where_the_car_stands() -> None:
+    """At 10 m/s and -5 m/s^2 it stands after 10 m; 12 m less half of each length away it does not get there."""
+    still = sigmas(x=0.1)
+    for gap_m, expected in ((10.5, 0.0), (9.5, 1.0)):
+        found = pair(of(0.0, 0.0, 10.0, 0.0, -5.0), of(4.5 + gap_m, 0.0, 0.0, 0.0), still, still).value(MEASURE)
+        assert found[0] == pytest.approx(expected, abs=0.003)  # half a metre is 3.5 sigmas
+
+
+def test_a_path_carries_its_covariance_as_finite_differences_do() -> None:
+    rng = np.random.default_rng(4)
+    state = np.array([[3.0, -2.0, 9.0, 0.7, 1.2, 0.25], [0.0, 0.0, 4.0, -2.0, -3.0, -0.3]])
+    root = rng.normal(size=(2, 6, 6)) * 0.2
+    covariance = root @ np.swapaxes(root, 1, 2)
+    x, y, heading, spread = carried(state, covariance)
+    slopes = np.empty((2, len(TIME_S), 2, 6))
+    for k in range(6):
+        high, low = (carried(state + sign * 1e-5 * np.eye(6)[k], covariance) for sign in (1.0, -1.0))
+        slopes[..., 0, k], slopes[..., 1, k] = ((high[i] - low[i]) / 2e-5 for i in (0, 1))
+    expected = np.einsum("mqai,mij,mqbj->mqab", slopes, covariance, slopes)
+    for at, (a, b) in enumerate(((0, 0), (0, 1), (1, 1))):
+        np.testing.assert_allclose(spread[..., at], expected[..., a, b], rtol=0.02, atol=0.02)
+    fine = [finely(each) for each in state]
+    for row, (x_m, y_m) in enumerate(fine):
+        np.testing.assert_allclose(x[row], x_m, atol=0.002)
+        np.testing.assert_allclose(y[row], y_m, atol=0.002)
+    np.testing.assert_allclose(heading, state[:, 3:4] + state[:, 5:6] * TIME_S)
+
+
+def finely(state: FloatArray, n: int = 200) -> tuple[FloatArray, FloatArray]:
+    """Where a car is at the times, in small steps."""
+    step = TIME_S[1] / n
+    at = (np.arange((len(TIME_S) - 1) * n) + 0.5) * step
+    x, y, speed, heading, accel, turn = state
+    way = np.maximum(speed + accel * at, 0.0) * step
+    moved = [np.concatenate([[0.0], np.cumsum(way * f(heading + turn * at))])[::n] for f in (np.cos, np.sin)]
+    return x + moved[0], y + moved[1]
+
+
+def test_against_samples_of_states() -> None:
+    """Errors of states, not of paths: to first order, and as one error all along, it is what is summed."""
+    rng = np.random.default_rng(9)
+    own, theirs = sigmas(x=0.5, y=0.4, v=0.4, h=0.02, a=0.4, w=0.01), sigmas(x=0.4, y=0.6, v=0.3, h=0.03, a=0.3, w=0.02)
+    differences = []
+    for _ in range(8):
+        host, other = (
+            of(0.0, 0.0, rng.uniform(5.0, 15.0), rng.uniform(-3.0, 3.0), rng.normal(), rng.normal(0.0, 0.1))
+            for _ in range(2)
+        )
+        meet = rng.integers(20, len(TIME_S))
+        ends = [np.array(finely(each[:6], 5))[:, meet] for each in (host, other)]
+        other[:2] = ends[0] - ends[1] + rng.normal(0.0, 1.5, 2)
+        found = pair(host, other, own, theirs).value(MEASURE)[0]
+        differences.append(found - sampled(host, other, own, theirs, rng))
+    assert np.abs(differences).max() < 0.02
+    assert np.sqrt(np.mean(np.square(differences))) < 0.01
+
+
+def sampled(
+    host: FloatArray, other: FloatArray, own: FloatArray, theirs: FloatArray, rng: np.random.Generator
+) -> float:
+    """The share of 20,000 that touch at one of the times."""
+    moved = []
+    for state, sigma in ((host, own), (other, theirs)):
+        states = state[:6] + sigma[:6] * rng.standard_normal((20_000, 6))
+        moved.append(carried(states, np.zeros((len(states), 6, 6)))[:3])
+    (x, y, heading), (to_x, to_y, to_heading) = moved
+    touching = np.zeros(len(x), bool)
+    for share in (0.0, 0.25, 0.5, 0.75):
+        at = [each[:, :-1] + share * np.diff(each, axis=1) for each in (to_x - x, to_y - y, heading, to_heading)]
+        touching |= (overlap_margin(*at, CAR, CAR) <= 0.0).any(axis=1)
+    return float(touching.mean())
+
+
+def test_without_covariances_there_is_no_value() -> None:
+    tracks = [ActualTrack(np.arange(3) * 10**8, np.tile(of(x, 0.0, 5.0, 0.0), (3, 1))) for x in (0.0, 10.0)]
+    assert np.isnan(Pair(tracks[0], tracks[1], CAR, CAR, 0.5).value(MEASURE)).all()
+
+
+def test_it_defines_no_conflict() -> None:
+    with pytest.raises(UsageError, match="p-contact takes covariances"):
+        conflict_definition("p-contact > 0.5", distance_m=2.5)
