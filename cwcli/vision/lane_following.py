@@ -56,6 +56,8 @@ TIGHTEST_1PM = 0.06
 UNTOLD_TIGHTEST_1PM = 0.02
 SLOWEST_MPS = 3.0
 """Below it a yaw rate and a speed tell no curvature."""
+LEAD_M = 10.0
+"""The bend that is fitted is that of the road about so far ahead: the car comes into it after this way."""
 BEND_SHARE = 0.25
 """By so much the bend ahead differs from that in which the car is."""
 
@@ -123,20 +125,49 @@ def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
     return replace(prior, table=table)
 
 
+def reached(here: float, lane: FloatArray, speed_mps: float, dt_s: float) -> float:
+    """The bend (px^2) beside the car in the next frame: it follows the one that is seen, `LEAD_M` behind it.
+
+    Args:
+        here: Beside the car in this frame.
+        lane: Its `BEND` is what is seen.
+        speed_mps: NaN: not known; then the bend is the same everywhere.
+        dt_s: To the next frame.
+    """
+    if not math.isfinite(speed_mps):
+        return float(lane[BEND])
+    return here + (float(lane[BEND]) - here) * (1.0 - math.exp(-abs(speed_mps) * dt_s / LEAD_M))
+
+
 def predicted(
-    lane: FloatArray, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
+    lane: FloatArray,
+    camera: Camera,
+    speed_mps: float,
+    yaw_rate_radps: float,
+    dt_s: float,
+    prior: LanePrior,
+    here: float | None = None,
 ) -> FloatArray:
     """The lane in the next frame from the car's motion; unknown motion changes nothing.
 
     With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, and
-    its middle moves sideways by that direction times v dt.
+    its middle moves sideways by that direction times v dt. The K is that beside the car; if another one is seen ahead,
+    the bend goes on to change as it did.
+
+    Args:
+        lane, camera, prior: As elsewhere.
+        speed_mps, yaw_rate_radps: NaN where not known.
+        dt_s: To the next frame.
+        here: Bend beside the car (`reached`); None: that of the lane.
     """
+    here = float(lane[BEND]) if here is None else here
     made = np.array(lane)
     height_m = camera.mounting.height_m
     if math.isfinite(speed_mps):
         way_m = speed_mps * dt_s
         if math.isfinite(yaw_rate_radps):
-            made[VANISHING] += camera.fx * (lane[BEND] / bend_unit(camera) * way_m + yaw_rate_radps * dt_s)
+            made[VANISHING] += camera.fx * (here / bend_unit(camera) * way_m + yaw_rate_radps * dt_s)
+        made[BEND] += (lane[BEND] - here) * min(abs(way_m) / LEAD_M, 1.0)
         if prior.is_mounted:
             straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
             made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.stretch / height_m

@@ -43,6 +43,7 @@ from cwcli.vision.lane_following import (
     narrowed,
     opened,
     predicted,
+    reached,
     shift_m,
 )
 from cwcli.vision.lane_model import (
@@ -95,6 +96,7 @@ class Hypothesis:
         last: Objective in the last frame.
         start: What the prior of a lane that is looked for took off its objective in its first frame, beside that of one
             that is followed: it stays a reason against it.
+        here: Its bend beside the car (`lane_following.reached`); None in its first frame.
         better_s: For how long it has been better than the published one.
         change: Whether it came into the next lane in this frame (`lane_following.crossed`).
     """
@@ -103,6 +105,7 @@ class Hypothesis:
     value: float
     last: float
     start: float = 0.0
+    here: float | None = None
     better_s: float = 0.0
     change: int = 0
 
@@ -163,7 +166,9 @@ class LaneTracker:
         memory = math.exp(-dt_s / MEMORY_S)
         made: list[Hypothesis] = []
         for each in self._hypotheses:
-            lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
+            here = float(each.lane[BEND]) if each.here is None else each.here
+            here = reached(here, each.lane, frame.speed_mps, dt_s)
+            lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior, here)
             change = crossed(lane)
             lane = beside(lane, change)
             table = narrowed(prior, lane, dt_s, sideways_mps)
@@ -172,7 +177,7 @@ class LaneTracker:
             lanes, _ = refined(evidence, lanes, table, size, wide=False, scale=0.5, beside=0.0)
             last = float(judged(evidence, lanes, prior.table)[0])
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, replace(each, lane=lanes[0], value=value, last=last, change=change), size)
+            add_merged(made, replace(each, lane=lanes[0], value=value, last=last, here=here, change=change), size)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(frame, camera, made, prior)
