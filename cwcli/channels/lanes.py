@@ -20,6 +20,7 @@ from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import HIGHEST, MIN_DEPTH, GeometrySigmas, LaneGeometry
+from cwcli.vision.method import LaneState
 from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
 
 SIDES = ("left", "right")
@@ -191,6 +192,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         return np.stack([side_by_side(*(f"{side}.{name}" for name in names)) for side in SIDES], axis=1)
 
     found = of_sides(["found"])[..., 0] > 0.0
+    state = whole_numbers(columns, "state")[0]
     return LaneRows(
         log_time_ns=columns.log_time_ns,
         stamp_ns=whole_numbers(columns, "stamp_ns", required="stamp_ns" in required)[0],
@@ -209,8 +211,8 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         image_size=size("image"),
         search_size=size("search"),
         lenses=Lenses(columns),
-        state=whole_numbers(columns, "state")[0],
-        steady_s=numbers(columns, "steady_s"),
+        state=state,
+        steady_s=np.where(state == LaneState.UNTOLD, np.nan, numbers(columns, "steady_s")),
         lane_change=whole_numbers(columns, "lane_change")[0],
     )
 

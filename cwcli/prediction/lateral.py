@@ -15,7 +15,6 @@ import numpy as np
 
 from cwcli.dynamics.samples import PREVIEW_M, LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_lever
-from cwcli.dynamics.steering import robust_rate
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import UsageError
 from cwcli.prediction.paths import Paths
@@ -27,7 +26,12 @@ MAX_HORIZON_S = 60.0
 MAX_STEPS = 2000
 LATERAL_MODELS = ("cwcli", "zhang2011")
 Z_90 = 1.6448536269514722
-ACCEL_FRAMES = 11
+ACCEL_S = 1.0
+"""The acceleration is the slope of the speed over so long."""
+ACCEL_FRAMES = 4
+"""With fewer frames in that time there is none."""
+ACCEL_SIGMAS = 2.0
+"""A slope within so many of its sigmas is none."""
 
 
 @dataclass(frozen=True)
@@ -139,9 +143,34 @@ def road_curvature(track: LateralTrack, reach_m: float) -> tuple[FloatArray, Flo
 
 
 def recent_acceleration(track: LateralTrack) -> FloatArray:
-    """Slope of the speed over the last second or so, m/s^2, shape (n,); 0 where it is not known."""
-    slope = robust_rate(np.asarray(track.stamp_ns, np.int64), np.asarray(track.speed_mps), window=ACCEL_FRAMES)
-    return np.nan_to_num(slope)
+    """Slope of the speed over the last second, m/s^2, shape (n,); 0 where it is not known.
+
+    It is shrunk as its own scatter asks for: a (1 - (2 sigma / a)^2), or 0. In 2 s the scatter of a slope alone would
+    carry the path as far as all else that it errs.
+    """
+    speed = np.asarray(track.speed_mps, np.float64)
+    if not len(speed):
+        return np.zeros(0)
+    time_s = (np.asarray(track.stamp_ns, np.int64) - track.stamp_ns[0]) / NS_PER_S
+    known = np.isfinite(speed)
+    v = np.where(known, speed - np.nanmean(speed) if known.any() else 0.0, 0.0)
+    first = np.searchsorted(time_s, time_s - ACCEL_S - 1e-9)
+    last = np.arange(len(speed)) + 1
+
+    def total(values: FloatArray) -> FloatArray:
+        sums = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
+        return np.asarray(sums[last] - sums[first])
+
+    n, t, vt = total(np.ones_like(v)), total(time_s), total(v * time_s)
+    count = np.maximum(n, 1.0)
+    spread = total(time_s**2) - t * t / count
+    enough = (n >= ACCEL_FRAMES) & (spread > 1e-6) & known
+    spread = np.where(enough, spread, 1.0)
+    slope = (vt - t * total(v) / count) / spread
+    left = np.maximum(total(v * v) - total(v) ** 2 / count - slope**2 * spread, 0.0)
+    variance = left / np.maximum(n - 2.0, 1.0) / spread
+    share = 1.0 - ACCEL_SIGMAS**2 * variance / np.maximum(slope**2, 1e-12)
+    return np.where(enough, slope * np.maximum(share, 0.0), 0.0)
 
 
 def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> Paths:

@@ -22,6 +22,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
+from cwcli.vision.method import LaneState
 from cwcli.warning.lane_departure import (
     RULE,
     Boundaries,
@@ -107,7 +108,9 @@ def _frames(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, 
         is_line = lanes.found[rows] & (np.abs(road) <= LIMITS).all(axis=-1)
     left, right = np.moveaxis(np.where(is_line[..., None], road, np.nan), 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
-    return lanes.stamp_ns[rows], log_time_ns, Boundaries(left, right, vehicle.camera_forward_m)
+    is_seen = lanes.state[rows] != LaneState.HELD
+    boundaries = Boundaries(left, right, vehicle.camera_forward_m, is_seen, lanes.steady_s[rows])
+    return lanes.stamp_ns[rows], log_time_ns, boundaries
 
 
 def _spread(

@@ -12,7 +12,8 @@ inside the boundary for V up to 0.5 m/s, 1.5 s V for V up to 1.0 m/s, 1.5 m abov
 A system of class II must work from 17 m/s on. What these numbers rest on is in docs/observer.md.
 
 Limits: it does not know the turn signal, so a wanted lane change is warned of too. Without a boundary on a side, or
-slower than `min_speed_mps`, that side is silent and counted.
+slower than `min_speed_mps`, that side is silent and counted; so it is where the boundary has just been found, has
+jumped, or is only carried on (`lane_agreement`).
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
@@ -33,6 +33,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.normal import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
+from cwcli.warning.lane_agreement import BoolArray, firm_sides
 from cwcli.warning.output import UNKNOWN_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
@@ -64,6 +65,7 @@ class LaneDepartureConfig:
             `warn_s` if that is longer)
         release_m: and the tyre is farther than this inside the boundary.
         persistence_s: The condition must have held this long.
+        agree_s: No warning is raised from a boundary that was not seen, or that jumped, within this time.
         hold_off_s: A condition that has been false this long is over.
         min_speed_mps: No warning is raised below this speed; a raised one ends `speed_hysteresis_mps` below it.
         rate_over_s: The rate of departure is taken over this piece of the path.
@@ -78,6 +80,7 @@ class LaneDepartureConfig:
     release_s: float | None = None
     release_m: float = 0.1
     persistence_s: float = 0.1
+    agree_s: float = 0.3
     hold_off_s: float = 1.0
     min_speed_mps: Annotated[
         float,
@@ -115,11 +118,15 @@ class Boundaries:
     Attributes:
         left, right: Shape (n, 3): y0 (m), s, k (1/m); NaN where not found.
         camera_forward_m: Of the camera ahead of the centre of gravity.
+        is_seen: Shape (n,): False in frames whose lane is only carried on from those before; None: not told.
+        steady_s: Shape (n,): since the lane's last jump, as its method tells it; NaN where it does not; None: not told.
     """
 
     left: FloatArray
     right: FloatArray
     camera_forward_m: float = 0.0
+    is_seen: BoolArray | None = None
+    steady_s: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -185,9 +192,12 @@ def evaluate_lane_departure(
             f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead", where=RULE
         )
     lines = _plausible(boundaries, config)
+    told = (boundaries.is_seen, boundaries.steady_s)
+    firm = firm_sides(stamp_ns, (boundaries.left, boundaries.right), *told, config.agree_s)
+    forward_m = boundaries.camera_forward_m
     sides = [
-        _side(stamp_ns, paths, line, sign, boundaries.camera_forward_m, speed_mps, config, width_m, front_axle_m)
-        for line, sign in zip(lines, (1.0, -1.0), strict=True)
+        _side(stamp_ns, paths, line, sign, is_firm, forward_m, speed_mps, config, width_m, front_axle_m)
+        for line, sign, is_firm in zip(lines, (1.0, -1.0), firm, strict=True)
     ]
     found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
@@ -196,7 +206,7 @@ def evaluate_lane_departure(
         rows=_rows(sides, events, stamp_ns, log_time_ns, known_ns, host_id),
         events=_events(sides, events, stamp_ns, known_ns, host_id),
         series=_series(sides, stamp_ns),
-        counts=_counts(boundaries, lines, speed_mps, config),
+        counts=_counts(boundaries, lines, firm, speed_mps, config),
     )
 
 
@@ -214,6 +224,7 @@ def _side(
     paths: PathArrays,
     line: FloatArray,
     sign: float,
+    is_firm: BoolArray,
     camera_forward_m: float,
     speed_mps: FloatArray,
     config: LaneDepartureConfig,
@@ -239,7 +250,7 @@ def _side(
         over = (gap[:, 0] <= 0.0) & (rate > -config.min_rate_mps)
         leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps)
         fast = speed_mps >= config.min_speed_mps
-        raised = near & (over | leaving) & fast
+        raised = near & (over | leaving) & fast & is_firm
         held = (gap[:, 0] < config.release_m) | ((crossing <= config.released_s) & (rate > 0.0))
         held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
     spans = find_events(
@@ -365,10 +376,11 @@ def _series(sides: list[_Side], stamp_ns: Int64Array) -> Table:
 def _counts(
     boundaries: Boundaries,
     lines: tuple[FloatArray, FloatArray],
+    firm: tuple[BoolArray, BoolArray],
     speed_mps: FloatArray,
     config: LaneDepartureConfig,
 ) -> dict[str, int]:
-    def missing(line: FloatArray) -> npt.NDArray[np.bool_]:
+    def missing(line: FloatArray) -> BoolArray:
         return np.asarray(np.isnan(line).any(axis=1), dtype=np.bool_)
 
     fast = speed_mps >= config.min_speed_mps
@@ -379,6 +391,8 @@ def _counts(
         "right_evaluated": int(np.count_nonzero(fast & ~missing(lines[1]))),
         "left_not_found": int(np.count_nonzero(missing(boundaries.left))),
         "right_not_found": int(np.count_nonzero(missing(boundaries.right))),
+        "left_not_agreed": int(np.count_nonzero(fast & ~missing(lines[0]) & ~firm[0])),
+        "right_not_agreed": int(np.count_nonzero(fast & ~missing(lines[1]) & ~firm[1])),
         "width_not_believed": int(np.count_nonzero(wrong)),
         "too_slow": int(np.count_nonzero(speed_mps < config.min_speed_mps)),
         "speed_not_known": int(np.count_nonzero(~np.isfinite(speed_mps))),

@@ -43,7 +43,7 @@ from cwcli.simulation.streams import stream, to_ns
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitColumns, FitRecorder
 from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
-from cwcli.vision.method import LaneFrame
+from cwcli.vision.method import LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureResult, evaluate_lane_departure
 from tests.studies.rendered_motion import each
@@ -210,7 +210,7 @@ def departures(seen: Seen) -> LaneDepartureResult:
         seen.speed.stamp_ns,
         seen.speed.stamp_ns,
         paths,
-        Boundaries(left, right, car.camera_forward_m),
+        Boundaries(left, right, car.camera_forward_m, seen.fits.state != LaneState.HELD, seen.fits.steady_s),
         track.speed_mps,
         width_m=car.width_m,
         front_axle_m=car.front_axle_m,

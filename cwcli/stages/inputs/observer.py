@@ -24,6 +24,7 @@ from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_stamp
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import Sources
+from cwcli.vision.method import LaneState
 
 UP = 2
 LIMITS = np.array([1e3, math.pi / 2.0, 1.0])
@@ -36,6 +37,7 @@ OUT_OF_ORDER = "stamp out of order, sorted"
 OUT_OF_RANGE = "value out of range, left out"
 NO_STAMP = "no usable stamp"
 NO_VALUE = "no boundary found"
+ONLY_HELD = "the lane is only carried on, left out"
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,10 @@ def lane_samples(columns: Columns, *, where: str) -> ReadLanes:
     with np.errstate(invalid="ignore"):
         is_beyond = np.abs(values) > LIMITS
         sigma = np.where((sigma > 0.0) & (sigma <= MAX_SIGMA), sigma, np.nan)  # the observer then takes its own
-    values = np.where(is_beyond, np.nan, values)
-    n_empty = int(np.count_nonzero(~np.isfinite(values).any(axis=1)))
+    is_held = lanes.state[rows] == LaneState.HELD  # what no frame shows is no measurement
+    values = np.where(is_beyond | is_held[:, None], np.nan, values)
+    n_held = int(np.count_nonzero(is_held))
+    n_empty = int(np.count_nonzero(~np.isfinite(values).any(axis=1))) - n_held
     rejected = {NO_STAMP: len(columns) - len(usable), REPEATED: len(usable) - len(rows)}
     repaired = {
         OUT_OF_ORDER: int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
@@ -92,10 +96,10 @@ def lane_samples(columns: Columns, *, where: str) -> ReadLanes:
         columns.topic,
         LANES.role,
         len(columns),
-        len(rows) - n_empty,
+        len(rows) - n_empty - n_held,
         rejected={reason: n for reason, n in rejected.items() if n},
         repaired={reason: n for reason, n in repaired.items() if n},
-        set_aside={NO_VALUE: n_empty} if n_empty else {},
+        set_aside={reason: n for reason, n in ((NO_VALUE, n_empty), (ONLY_HELD, n_held)) if n},
     )
     return ReadLanes(samples, columns.log_time_ns[rows], _preview(lanes.preview_m[rows], place), count)
 
