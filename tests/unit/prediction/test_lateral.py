@@ -64,7 +64,7 @@ def test_the_yaw_rate_goes_over_to_the_roads() -> None:
 
 
 def test_scatter_of_the_speed_is_no_acceleration() -> None:
-    """20 Hz, 0.05 m/s: the slope over 1 s scatters by 0.036 m/s^2, which in 2 s would be 7 cm; nearly all of it is cut."""
+    """20 Hz, 0.05 m/s: the slope over 1 s scatters by 0.036 m/s^2, in 2 s 7 cm; nearly all of it is cut."""
     scatter = np.random.default_rng(1).normal(0.0, 0.05, 2000)
     track = replace(track_of(2000), stamp_ns=np.arange(2000, dtype=np.int64) * 50_000_000, speed_mps=25.0 + scatter)
     accel = recent_acceleration(track)
