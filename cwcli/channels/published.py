@@ -56,6 +56,14 @@ REMOTE_ONLINE = Channel(
     "remote_online",
     "remote",
 )
+REMOTE_EVENTS = Channel(
+    "/cwcli/remote/events",
+    "cwcli.v1.RoadEvent",
+    "estimate",
+    "what remote vehicles notify: hard braking, the events of DENMs",
+    "remote_events",
+    "remote",
+)
 EGO_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego on the globe")
 EGO_POSE = Channel("/cwcli/ego/pose", _POSE, "estimate", "the ego in `map`")
 TRANSFORMS = Channel("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`")

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.signals.road_events import RoadEvents
 
 
 class Signal(Protocol):
@@ -236,6 +237,7 @@ class RemoteSignal(RemoteQuantities):
         x_m, y_m: Shape (n,): Cartesian positions; then latitudes and longitudes are NaN. Else None.
         is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
         is_perceived: Shape (n,): the row is of an object that a station perceived, not of a sender; None: none is.
+        events: What stations notified beside their motion; None: nothing.
     """
 
     source: str
@@ -247,6 +249,7 @@ class RemoteSignal(RemoteQuantities):
     y_m: FloatArray | None = None
     is_exact: bool = False
     is_perceived: npt.NDArray[np.bool_] | None = None
+    events: RoadEvents | None = None
 
 
 DetectionKind = Literal["position", "radar", "radar_track"]

@@ -287,6 +287,7 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "etsi_its_cam_msgs/CAM": _v2x(_cam_fields("EN_PATHS"), "etsi.CAM"),
     "etsi_its_cam_ts_msgs/CAM": _v2x(_cam_fields("TS_PATHS"), "etsi.CAM"),
     "etsi_its_vam_ts_msgs/VAM": _v2x(_cam_fields("VAM_PATHS"), "etsi.CAM"),
+    "etsi_its_denm_msgs/DENM": _perceived("denm", "ROS_DENM"),
     "etsi_its_cpm_ts_msgs/CollectivePerceptionMessage": _perceived("cpm", "ROS_CPM"),
     "j3224_v2x_msgs/SensorDataSharingMessage": _perceived("sdsm", "ROS_SDSM"),
     "carma_v2x_msgs/SensorDataSharingMessage": _perceived("sdsm", "CARMA_SDSM"),

@@ -117,6 +117,12 @@ def object_rows(
     return replace(nothing_told(len(stamp_ns), **quantities), stamp_ns=own_ns)
 
 
+def nobody(columns: Columns) -> Senders:
+    """Of messages that do not tell of their senders."""
+    n = len(columns)
+    return Senders(strings_from([""] * n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+
+
 def messages_of(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
     """The codec of a channel that holds nothing but messages that tell of others.
 
@@ -124,10 +130,6 @@ def messages_of(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
         name: Of the message.
         find: Its objects.
     """
-
-    def nobody(columns: Columns) -> Senders:
-        n = len(columns)
-        return Senders(strings_from([""] * n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
     def nothing(columns: Columns, ledger: RowLedger) -> RemoteRows:
         ledger.set_aside(np.ones(len(columns), np.bool_), f"{name}, whose objects count for themselves")

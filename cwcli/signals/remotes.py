@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Strings
+from cwcli.signals.road_events import joined_events
 
-_OF_WHOLE = {"source", "station", "frame_id", "is_exact", "is_perceived"}
+_OF_WHOLE = {"source", "station", "frame_id", "is_exact", "is_perceived", "events"}
 
 
 def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
@@ -31,7 +32,9 @@ def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
     }
     if any(s.is_perceived is not None for s in signals):
         columns["is_perceived"] = np.concatenate([perceived_rows(s) for s in signals])[order]
+    events = [s.events for s in signals if s.events is not None]
     return RemoteSignal(
+        events=joined_events(events) if events else None,
         source=", ".join(dict.fromkeys(s.source for s in signals)),
         station=Strings(codes[order], tuple(names)),
         frame_id=signals[0].frame_id,
@@ -55,6 +58,7 @@ def taken_rows(signal: RemoteSignal, rows: npt.NDArray[np.intp]) -> RemoteSignal
     return RemoteSignal(
         source=signal.source,
         station=signal.station.rows(rows),
+        events=signal.events,
         frame_id=signal.frame_id,
         is_exact=signal.is_exact,
         **columns,

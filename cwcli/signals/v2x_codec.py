@@ -10,6 +10,7 @@ import numpy as np
 from cwcli.signals.canonical import RemoteQuantities
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.road_events import RoadEvents, no_events
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,13 @@ class V2xCodec:
         identify: Who sent each message; asked first, so that faults are counted for the messages in use only.
         decode: The quantities.
         objects: What the senders tell of others: columns with one row an object, and how to read them.
+        events: What they notify beside their motion.
     """
 
     identify: Callable[[Columns], Senders]
     decode: Callable[[Columns, RowLedger], RemoteRows]
     objects: Callable[[Columns], Objects] = lambda columns: ()
+    events: Callable[[Columns], RoadEvents] = lambda columns: no_events()
 
 
 Objects = tuple[tuple[Columns, V2xCodec], ...]

@@ -12,6 +12,7 @@ from cwcli.channels.collected_states import CollectedStates
 from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.rejected import rejected_table, write_rejected
+from cwcli.channels.road_event import road_event_tables, write_road_events
 from cwcli.channels.transforms import read_lever_arms
 from cwcli.channels.vehicle_state import VehicleStates, write_states
 from cwcli.errors import UsageError
@@ -157,7 +158,8 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     if signal is not None:
         signal, seen = without_seen_ego(signal, online, size_m, local_map)
         notes += seen
-    remote = None if signal is None else _remote_states(signal, local_map, estimator)
+    remote = None if signal is None or not len(signal.stamp_ns) else _remote_states(signal, local_map, estimator)
+    events = None if signal is None else signal.events
     whole = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
     hindsight = whole.as_published()
     knowable = replace(
@@ -168,12 +170,14 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         *write_ego(hindsight, local_map),
         write_states(EGO_ONLINE, knowable, local_map),
         *([write_rejected(ego.gated)] if len(ego.gated) else []),
+        *write_road_events(events, local_map),
     ]
     if remote is not None:
         channels.append(write_states(REMOTE_STATE, remote.hindsight, local_map))
         channels.append(write_states(REMOTE_ONLINE, remote.online, local_map))
     judged = replace(ego, state=hindsight.state, covariance=np.asarray(hindsight.covariance))
     tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
+    notified = road_event_tables(events, local_map)
     parameters = parameters_of(estimator)
     told = [Knowledge(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
     if remote is not None:
@@ -187,7 +191,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
-        tables={**estimate_tables(tracks), "rejected": rejected_table(ego.gated)},
+        tables={**estimate_tables(tracks), "rejected": rejected_table(ego.gated), **notified},
         summary=summary,
         metadata=run_record(
             "estimate",
@@ -294,7 +298,7 @@ def _summary(
     online: Sequence[Knowledge],
     transforms: Sequence[InputCount],
 ) -> Summary:
-    signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal)]
+    signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
     notes = [*sources.notes, *remarks, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]

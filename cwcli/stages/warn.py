@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 from cwcli.channels.predicted_path import AnyPaths
-from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE, TARGETS
+from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_EVENTS, REMOTE_PATH, REMOTE_STATE, TARGETS
+from cwcli.channels.road_event import read_road_events
 from cwcli.channels.target import read_targets
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
@@ -117,13 +118,16 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         MissingSignalError: The log lacks a channel.
         DataError: States and paths do not belong together.
     """
-    bound = bind_states(log.channels, config, required=OF_EGO + others, where=log.name, command=stage)
+    notified = (REMOTE_EVENTS.role,) if any(RULES[name].uses_states for name in config.names) else ()
+    required = OF_EGO + others
+    bound = bind_states(log.channels, config, required=required, optional=notified, where=log.name, command=stage)
     columns = read_bound(log, bound, without=(EGO_PATH.role, REMOTE_PATH.role))
     uses_onset = any(RULES[name].uses_onset for name in config.names)
     inputs: list[InputCount] = []
     tracks: dict[str, list[VehicleTrack]] = {}
     predicted: dict[str, AnyPaths] = {}
     notes = list(bound.notes)
+    events = read_road_events(columns[REMOTE_EVENTS.role]) if REMOTE_EVENTS.role in columns else None
     for state_role, path_role in (OF_EGO, OF_OTHERS):
         if state_role not in columns:
             continue
@@ -132,8 +136,8 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         assert path_topic is not None  # it is required
         predicted[path_role], remarks = all_paths(log, path_topic, state_role)
         notes.extend(remarks)
-        is_other = state_role == REMOTE_STATE.role
-        tracks[state_role] = vehicle_tracks(states, predicted[path_role], with_onset=is_other and uses_onset)
+        onset = uses_onset and state_role == REMOTE_STATE.role
+        tracks[state_role] = vehicle_tracks(states, predicted[path_role], with_onset=onset, events=events)
         n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
         inputs.append(replace(count, used=n_used))
         inputs.append(InputCount(path_topic, path_role, len(predicted[path_role]), n_used))

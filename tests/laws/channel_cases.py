@@ -30,6 +30,7 @@ from cwcli.channels.published import (
     TARGETS_ONLINE,
 )
 from cwcli.channels.rejected import read_rejected, write_rejected
+from cwcli.channels.road_event import read_road_events, write_road_events
 from cwcli.channels.target import read_targets, write_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
 from cwcli.channels.warning import read_warnings, write_warnings
@@ -42,6 +43,7 @@ from cwcli.signals.columns import Columns, OutputChannel, Strings, strings_from
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.packed_covariances import PackedCovariances
 from cwcli.signals.precision import to_step
+from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.vehicle_state import N_STATES
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 from cwcli.vision.camera import Camera
@@ -332,8 +334,17 @@ def of_rejected(rng: np.random.Generator, n: int) -> Written:
     return Written((channel,), {channel.topic: gated}, {channel.topic: read_rejected})
 
 
+def of_road_events(rng: np.random.Generator, n: int) -> Written:
+    stamp_ns, log_time_ns = times(n)
+    numbers = [rng.normal(size=n) for _ in range(5)]
+    events = RoadEvents(names(n), names(n), stamp_ns, log_time_ns, stamp_ns + STEP_NS, *numbers)
+    (channel,) = write_road_events(events, MAP)
+    return Written((channel,), {channel.topic: events}, {channel.topic: read_road_events})
+
+
 CASES = (
     of_rejected,
+    of_road_events,
     of_measures,
     of_states,
     of_ego,

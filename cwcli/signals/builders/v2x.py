@@ -38,7 +38,8 @@ def remote_builder(codec: V2xCodec) -> Build:
             quality.objects = its if quality.objects is None else quality.objects.and_of(its)
             quality.notes += its.notes
             signal = joined_remotes([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
-        return signal, quality
+        events = codec.events(columns)
+        return replace(signal, events=events) if len(events) else signal, quality
 
     def build_one(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
         ledger = RowLedger(columns, reading.role)

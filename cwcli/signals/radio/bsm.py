@@ -30,7 +30,8 @@ EVENT_FLAGS = (
     "eventAirBagDeployment",
 )
 """Of VehicleEventFlags, the first one in the highest of the 13 bits."""
-HARD_BRAKING = 1 << (len(EVENT_FLAGS) - 1 - EVENT_FLAGS.index("eventHardBraking"))
+HARD_BRAKING_NAME = "eventHardBraking"
+HARD_BRAKING = 1 << (len(EVENT_FLAGS) - 1 - EVENT_FLAGS.index(HARD_BRAKING_NAME))
 """The sender brakes with more than 0.4 g."""
 
 LATITUDE = Int(-900_000_000, 900_000_001)

@@ -13,13 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals import cpm as cpm_objects
+from cwcli.signals import denm as denm_events
 from cwcli.signals import etsi, j2735, perceived
 from cwcli.signals import sdsm as sdsm_objects
-from cwcli.signals.columns import Columns, Field, Strings
+from cwcli.signals.columns import Columns, Field, Strings, constant_strings
+from cwcli.signals.denm import told
+from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.radio import bsm, cam, cpm, denm, frames, messages, sdsm, vam
 from cwcli.signals.radio.program import Program
+from cwcli.signals.road_events import HARD_BRAKING, RoadEvents, joined_events, no_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, nothing_told
+from cwcli.signals.v2x_elements import decode
+from cwcli.signals.v2x_time import stamp_from_dsecond
 
 SIGNED_NOTE = "are signed (IEEE 1609.2): they were unwrapped, and their signatures not verified"
 
@@ -70,6 +76,7 @@ PERCEIVED: dict[str, Kind] = {
     "SDSM": Kind(sdsm.program, sdsm.objects, sdsm_objects.OBJECT_CODEC, rows=sdsm.OBJECTS),
 }
 """Messages that tell of others."""
+DENM = Kind(denm.program, lambda decoded: {}, denm_events.ROS_DENM, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS)
 
 
 def radio_codec(form: str) -> V2xCodec:
@@ -87,7 +94,7 @@ def radio_codec(form: str) -> V2xCodec:
             is_roadside[rows] = senders.is_roadside
         return Senders(Strings(codes, tuple(names)), np.zeros(n, np.bool_), is_roadside)
 
-    def decode(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    def decode_all(columns: Columns, ledger: RowLedger) -> RemoteRows:
         found = frames.unwrap(columns, form)
         _reject(ledger, found.status, frames.FAULTS)
         made = nothing_told(len(columns))
@@ -99,8 +106,15 @@ def radio_codec(form: str) -> V2xCodec:
                 decoded = kind.codec.decode(part, inner)
             for entry in fields(RemoteRows):
                 getattr(made, entry.name)[rows] = getattr(decoded, entry.name)
-            _note_braking(ledger, part, rows)
-        _note_events(ledger, found, form)
+            braking = _flagged(part)
+            braking = braking.rows(np.flatnonzero(braking.kind.codes == _code_of(braking.kind, HARD_BRAKING)))
+            if len(braking):
+                n_stations = len(np.unique(braking.station.codes))
+                ledger.note(f"{len(braking)} messages of {n_stations} stations flag hard braking (over 0.4 g)")
+        rows, denms, notified = _denms(columns, found, form)
+        _reject_some(ledger, rows, denms.status)
+        if len(notified):
+            ledger.note(told(notified))
         for name, kind in PERCEIVED.items():
             rows, decoded_objects = _decoded(found, form, name, kind)
             _reject_some(ledger, rows, decoded_objects.status)
@@ -120,7 +134,12 @@ def radio_codec(form: str) -> V2xCodec:
                 made.append((perceived.object_columns(columns, rows[of_row], kind.fields(decoded)), kind.codec))
         return tuple(made)
 
-    return V2xCodec(identify, decode, objects)
+    def events(columns: Columns) -> RoadEvents:
+        found = frames.unwrap(columns, form)
+        flags = [_flagged(part) for _, part, _, _ in _parts(columns, found, form)]
+        return joined_events([*flags, _denms(columns, found, form)[2]])
+
+    return V2xCodec(identify, decode_all, objects, events)
 
 
 def _decoded(found: frames.Frames, form: str, name: str, kind: Kind) -> tuple[npt.NDArray[np.intp], messages.Decoded]:
@@ -153,32 +172,35 @@ def _parts(
     return parts
 
 
-def _note_braking(ledger: RowLedger, part: Columns, rows: npt.NDArray[np.intp]) -> None:
-    """Tell of the flag that a BSM has for hard braking."""
-    events = part.fields.get(bsm.EVENTS)
-    if isinstance(events, np.ndarray):
-        flags = np.nan_to_num(events.astype(np.float64)).astype(np.int64)
-        is_braking = ((flags & bsm.HARD_BRAKING) != 0) & ledger.keep[rows]
-        station = part.fields[bsm.STATION]
-        if is_braking.any() and isinstance(station, Strings):
-            n_stations = len(np.unique(station.codes[is_braking]))
-            ledger.note(
-                f"{np.count_nonzero(is_braking)} messages of {n_stations} stations flag hard braking (over 0.4 g)"
-            )
+def _denms(
+    columns: Columns, found: frames.Frames, form: str
+) -> tuple[npt.NDArray[np.intp], messages.Decoded, RoadEvents]:
+    """The rows of the DENMs, what is in them, and the events that they notify."""
+    rows, decoded = _decoded(found, form, "DENM", DENM)
+    return rows, decoded, denm.events(decoded, columns.log_time_ns[rows])
 
 
-def _note_events(ledger: RowLedger, found: frames.Frames, form: str) -> None:
-    """Tell of what DENMs notify, and reject those that can't be decoded."""
-    numbers = [number for number, name in NAMES[form].items() if name == "DENM"]
-    rows = np.flatnonzero(np.isin(found.message, numbers) & (found.status == 0))
-    if not len(rows):
-        return
-    octets = found.octets.take(rows)
-    decoded = messages.decode(denm.program(), octets, _foreign(octets, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS))
-    _reject_some(ledger, rows, decoded.status)
-    said = denm.told(decoded)
-    if said:
-        ledger.note(said)
+def _flagged(part: Columns) -> RoadEvents:
+    """The flags of BSMs, one row a flag and message."""
+    flags = part.fields.get(bsm.EVENTS)
+    station = part.fields.get(bsm.STATION)
+    if not isinstance(flags, np.ndarray) or not isinstance(station, Strings):
+        return no_events()
+    codes = np.nan_to_num(flags.astype(np.float64)).astype(np.int64)
+    stamp_ns, has_time = stamp_from_dsecond(numbers(part, j2735.JSON_RAW["dsecond_ms"]), part.log_time_ns)
+    stamp_ns = np.where(has_time, stamp_ns, part.log_time_ns)
+    of_flags = []
+    for k, name in enumerate(bsm.EVENT_FLAGS):
+        rows = np.flatnonzero(codes & (1 << (len(bsm.EVENT_FLAGS) - 1 - k)))
+        kind = constant_strings(HARD_BRAKING if name == bsm.HARD_BRAKING_NAME else name, len(rows))
+        latitude, longitude = (
+            decode(j2735.ELEMENTS[each], numbers(part, j2735.JSON_RAW[each])[rows])
+            for each in ("latitude_deg", "longitude_deg")
+        )
+        nothing = np.full(len(rows), np.nan)
+        times = stamp_ns[rows], part.log_time_ns[rows], stamp_ns[rows]
+        of_flags.append(RoadEvents(station.rows(rows), kind, *times, nothing, nothing, latitude, longitude, nothing))
+    return joined_events(of_flags)
 
 
 def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[int, ...]) -> messages.UInt8Array:
@@ -192,6 +214,11 @@ def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[in
         status[has_header & ~np.isin(version, versions)] = OTHER_VERSION
         status[has_header & (said_id != message_id)] = OTHER_MESSAGE
     return status
+
+
+def _code_of(texts: Strings, value: str) -> int:
+    """The code of a text, one that there is not where it is absent."""
+    return texts.values.index(value) if value in texts.values else len(texts.values)
 
 
 def _reject_some(ledger: RowLedger, rows: npt.NDArray[np.intp], status: messages.UInt8Array) -> None:

@@ -142,7 +142,7 @@ def read_sources(
             )
             quality.rejected_unbuilt(LOG_TIME_APART, strays_ns)
             qualities.append(quality)
-            if quality.n_rows:
+            if quality.n_rows or getattr(signal, "events", None) is not None:
                 signals.append(signal)
         if signals:
             by_role[role] = tuple(signals)

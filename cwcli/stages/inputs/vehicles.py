@@ -14,6 +14,7 @@ from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.plan import PathPlan, SomePaths
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.road_events import RoadEvents, says_hard_braking
 from cwcli.signals.row_order import tracks_of
 from cwcli.warning.types import VehicleTrack, outline_of
 
@@ -32,10 +33,13 @@ def only_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
     return tracks[0]
 
 
-def vehicle_tracks(states: VehicleStates, predicted: AnyPaths, *, with_onset: bool = False) -> list[VehicleTrack]:
+def vehicle_tracks(
+    states: VehicleStates, predicted: AnyPaths, *, with_onset: bool = False, events: RoadEvents | None = None
+) -> list[VehicleTrack]:
     """One track per vehicle: its states, in stamp order, each with the path that starts from it.
 
     Args:
+        events: What the vehicles notified.
         with_onset: Add the paths of the onset hypothesis, which are never published: they are no prediction.
     """
     path_rows = dict(tracks_of(predicted.ids, predicted.stamp_ns))
@@ -62,6 +66,9 @@ def vehicle_tracks(states: VehicleStates, predicted: AnyPaths, *, with_onset: bo
                 width_m=width_m,
                 onset_paths=_onset(states, rows, predicted.time_s) if with_onset else None,
                 flags=states.flags[rows],
+                says_hard_braking=None
+                if events is None
+                else says_hard_braking(events, vehicle, states.stamp_ns[rows], states.log_time_ns[rows]),
             )
         )
     return tracks

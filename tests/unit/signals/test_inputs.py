@@ -19,7 +19,9 @@ def test_every_named_builder_exists() -> None:
     assert len(wanted) > 40
     for name in wanted:
         dotted = name if "." in name else f"v2x.{name}"
-        place = "" if dotted.startswith(("j2735.", "etsi.", "cpm.", "sdsm.", "osi.", "radio.")) else "builders."
+        place = (
+            "" if dotted.startswith(("j2735.", "etsi.", "cpm.", "sdsm.", "denm.", "osi.", "radio.")) else "builders."
+        )
         assert in_signals(place + dotted) is not None
 
 

@@ -37,6 +37,7 @@ def test_a_channel_is_made_from_an_input_of_its_stage() -> None:
         "remote_state": "remote",
         "ego_online": "ego_position",
         "remote_online": "remote",
+        "remote_events": "remote",
     }
     for channel in PUBLISHED:
         stage = STAGES[channel.stage]

@@ -146,7 +146,7 @@ def test_denms_are_events_that_the_notes_tell() -> None:
     _, quality = remote("udp_msgs/UdpPacket", *packed, packed[0][:20])
     assert quality.set_aside == {"DENM, not of a vehicle itself": 5}
     assert quality.rejected == {"truncated message": 1}
-    said = "5 DENMs of 2 stations: 2 stationary vehicle, 1 without a cause, 1 dangerous situation, 1 cause 200"
+    said = "5 DENMs of 2 stations: 2 stationary vehicle, 1 cause 200, 1 hard braking, 1 without a cause"
     assert quality.notes == [said]
 
 

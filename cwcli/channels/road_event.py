@@ -1,0 +1,75 @@
+"""`cwcli.v1.RoadEvent`: what stations notify beside their motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.channels.output import output
+from cwcli.channels.published import REMOTE_EVENTS
+from cwcli.metrics.table import Table
+from cwcli.signals.columns import Columns, Field, OutputChannel
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.leaf_fields import numbers, texts, whole_numbers
+from cwcli.signals.road_events import RoadEvents
+
+
+def write_road_events(events: RoadEvents | None, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
+    """One message a notification, logged when it was received; no channel where nothing was notified.
+
+    Args:
+        events: What was notified.
+        local_map: Where they are placed in the map, too.
+    """
+    if events is None:
+        return ()
+    return (output(REMOTE_EVENTS, events.log_time_ns, _fields(events, local_map)),)
+
+
+def road_event_tables(events: RoadEvents | None, local_map: LocalMap | None) -> dict[str, Table]:
+    """The same as a table, by its name."""
+    if events is None:
+        return {}
+    columns = {"log_time_ns": events.log_time_ns, **_fields(events, local_map)}
+    return {"road_events": Table("road_events", columns)}
+
+
+def _fields(events: RoadEvents, local_map: LocalMap | None) -> dict[str, Field]:
+    nothing = np.full(len(events), np.nan)
+    x_m, y_m = nothing, nothing
+    if local_map is not None and len(events):
+        x_m, y_m, _ = local_map.map_from_wgs84(events.latitude_deg, events.longitude_deg, nothing)
+    return {
+        "stamp_ns": events.stamp_ns,
+        "id": events.station,
+        "kind": events.kind,
+        "until_ns": events.until_ns,
+        "cause_code": events.cause,
+        "sub_cause_code": events.sub_cause,
+        "latitude_deg": events.latitude_deg,
+        "longitude_deg": events.longitude_deg,
+        "x_m": x_m,
+        "y_m": y_m,
+        "relevance_m": events.relevance_m,
+    }
+
+
+def read_road_events(columns: Columns) -> RoadEvents:
+    """The events of a channel, in log-time order.
+
+    Raises:
+        DataError: A field is missing: another version wrote them.
+    """
+    for place in ("x_m", "y_m"):  # of no use here, but a channel without them is another version's
+        numbers(columns, place, required=True)
+    return RoadEvents(
+        station=texts(columns, "id", required=True),
+        kind=texts(columns, "kind", required=True),
+        stamp_ns=whole_numbers(columns, "stamp_ns", required=True)[0],
+        log_time_ns=columns.log_time_ns,
+        until_ns=whole_numbers(columns, "until_ns", required=True)[0],
+        cause=numbers(columns, "cause_code", required=True),
+        sub_cause=numbers(columns, "sub_cause_code", required=True),
+        latitude_deg=numbers(columns, "latitude_deg", required=True),
+        longitude_deg=numbers(columns, "longitude_deg", required=True),
+        relevance_m=numbers(columns, "relevance_m", required=True),
+    )

@@ -1,0 +1,144 @@
+"""ETSI decentralized notifications: `etsi_its_denm_msgs/DENM` (EN 302 637-3) and the same off the radio.
+
+Codes after TS 102 894-2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, strings_from
+from cwcli.signals.etsi import ELEMENTS
+from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.perceived import nobody
+from cwcli.signals.quality import RowLedger
+from cwcli.signals.road_events import HARD_BRAKING, RoadEvents
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, nothing_told
+from cwcli.signals.v2x_elements import decode
+from cwcli.signals.v2x_time import stamp_from_timestamp_its
+
+CAUSES: dict[int, str] = {
+    1: "traffic condition",
+    2: "accident",
+    3: "roadworks",
+    6: "adhesion",
+    9: "surface condition",
+    10: "obstacle on the road",
+    11: "animal on the road",
+    12: "people on the road",
+    14: "wrong-way driving",
+    15: "rescue work",
+    17: "extreme weather",
+    18: "visibility",
+    19: "precipitation",
+    26: "slow vehicle",
+    27: "end of a queue",
+    91: "vehicle breakdown",
+    92: "post crash",
+    93: "human problem",
+    94: "stationary vehicle",
+    95: "emergency vehicle approaching",
+    96: "dangerous curve",
+    97: "collision risk",
+    98: "signal violation",
+    99: "dangerous situation",
+}
+"""CauseCodeType (TS 102 894-2)."""
+DANGEROUS_SITUATION = 99
+EMERGENCY_BRAKING = (1, 5)
+"""Of its sub-causes: the emergency electronic brake lights are on, the automatic emergency brake is engaged."""
+USUAL_VALIDITY_S = 600.0
+RELEVANCE_M: dict[int, float] = dict(enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0)))
+"""RelevanceDistance: less than so many metres; code 7 is over 10 km."""
+OVER_10_KM = 7
+
+_MANAGEMENT = "denm.management."
+_POSITION = _MANAGEMENT + "event_position."
+_EVENT = "denm.situation.event_type."
+PATHS: dict[str, str] = {
+    "station": "header.station_id.value",
+    "cause": _EVENT + "cause_code.value",
+    "sub_cause": _EVENT + "sub_cause_code.value",
+    "has_situation": "denm.situation_is_present",
+    "reference_time_ms": _MANAGEMENT + "reference_time.value",
+    "termination": _MANAGEMENT + "termination.value",
+    "has_termination": _MANAGEMENT + "termination_is_present",
+    "latitude_deg": _POSITION + "latitude.value",
+    "longitude_deg": _POSITION + "longitude.value",
+    "relevance": _MANAGEMENT + "relevance_distance.value",
+    "has_relevance": _MANAGEMENT + "relevance_distance_is_present",
+    "validity_s": _MANAGEMENT + "validity_duration.value",
+}
+"""Leaf fields of the ROS message."""
+
+
+def ros_fields() -> tuple[str, ...]:
+    """Every leaf of the ROS message that is read."""
+    return tuple(PATHS.values())
+
+
+def ros_events(columns: Columns) -> RoadEvents:
+    """The events of a ROS channel."""
+    raw = {name: numbers(columns, path) for name, path in PATHS.items()}
+    for flag, names in (("has_situation", ("cause", "sub_cause")), ("has_termination", ("termination",))):
+        for name in names:
+            raw[name] = np.where(raw[flag] == 0, np.nan, raw[name])
+    raw["relevance"] = np.where(raw["has_relevance"] == 0, np.nan, raw["relevance"])
+    return events_of(raw, columns.log_time_ns)
+
+
+def events_of(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
+    """Events from the codes of n messages, NaN where a component is absent."""
+    stamp_ns, has_time = stamp_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
+    stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
+    validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], USUAL_VALIDITY_S)
+    validity_s = np.where(np.isfinite(raw["termination"]), 0.0, validity_s)
+    relevance_m = np.full(len(stamp_ns), np.nan)
+    for code, distance_m in RELEVANCE_M.items():
+        relevance_m[raw["relevance"] == code] = distance_m
+    relevance_m[raw["relevance"] == OVER_10_KM] = np.inf
+    kinds = [kind_of(*pair) for pair in zip(raw["cause"].tolist(), raw["sub_cause"].tolist(), strict=True)]
+    station = [str(int(code)) if np.isfinite(code) else "unknown" for code in raw["station"].tolist()]
+    return RoadEvents(
+        station=strings_from(station),
+        kind=strings_from(kinds),
+        stamp_ns=stamp_ns,
+        log_time_ns=log_time_ns,
+        until_ns=stamp_ns + (np.clip(validity_s, 0.0, 86_400.0) * NS_PER_S).astype(np.int64),
+        cause=raw["cause"],
+        sub_cause=raw["sub_cause"],
+        latitude_deg=decode(ELEMENTS["latitude_deg"], raw["latitude_deg"]),
+        longitude_deg=decode(ELEMENTS["longitude_deg"], raw["longitude_deg"]),
+        relevance_m=relevance_m,
+    )
+
+
+def kind_of(cause: float, sub_cause: float) -> str:
+    """What a DENM is about, in words."""
+    if not np.isfinite(cause):
+        return "without a cause"
+    if cause == DANGEROUS_SITUATION and sub_cause in EMERGENCY_BRAKING:
+        return HARD_BRAKING
+    return CAUSES.get(int(cause), f"cause {int(cause)}")
+
+
+def told(events: RoadEvents) -> str:
+    """In words: `3 DENMs of 2 stations: 2 stationary vehicle, 1 roadworks`; "" without any."""
+    if not len(events):
+        return ""
+    kinds, counts = np.unique([events.kind.values[code] for code in events.kind.codes], return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    said = ", ".join(f"{counts[k]} {kinds[k]}" for k in order)
+    return f"{len(events)} DENMs of {len(np.unique(events.station.codes))} stations: {said}"
+
+
+def _set_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    said = told(ros_events(columns))
+    if said:
+        ledger.note(said)
+    ledger.set_aside(np.ones(len(columns), np.bool_), "DENM, an event")
+    return nothing_told(len(columns))
+
+
+ROS_DENM = V2xCodec(nobody, _set_aside, events=ros_events)

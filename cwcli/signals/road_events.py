@@ -1,0 +1,97 @@
+"""What stations notify beside their motion: the flags of a BSM, the events of DENMs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, strings_from
+
+HARD_BRAKING = "hard braking"
+"""What a rule may use: who notifies it brakes hard."""
+
+
+@dataclass(frozen=True)
+class RoadEvents:
+    """One row a notification and event, by stamp.
+
+    Attributes:
+        station: Who notifies it.
+        kind: What it is, in words.
+        stamp_ns, log_time_ns: Shape (n,): when the message was made, and received.
+        until_ns: Shape (n,): how long it holds; a BSM's flag for its own moment, a cancelled event till its stamp.
+        cause, sub_cause: Shape (n,): CauseCodeType and sub-cause of a DENM, NaN of a flag.
+        latitude_deg, longitude_deg: Shape (n,): where; NaN where it is not told.
+        relevance_m: Shape (n,): how far off it matters, NaN where it is not told.
+    """
+
+    station: Strings
+    kind: Strings
+    stamp_ns: Int64Array
+    log_time_ns: Int64Array
+    until_ns: Int64Array
+    cause: FloatArray
+    sub_cause: FloatArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    relevance_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    def rows(self, rows: npt.NDArray[np.intp]) -> RoadEvents:
+        """Some of them, in the given order."""
+        made: dict[str, Any] = {}
+        for name in (entry.name for entry in fields(self)):
+            each = getattr(self, name)
+            made[name] = each.rows(rows) if isinstance(each, Strings) else each[rows]
+        return RoadEvents(**made)
+
+
+def no_events() -> RoadEvents:
+    """None."""
+    times, nothing = np.zeros(0, np.int64), np.zeros(0)
+    return RoadEvents(strings_from([]), strings_from([]), times, times, times, *(nothing,) * 5)
+
+
+def joined_events(parts: Sequence[RoadEvents]) -> RoadEvents:
+    """Several as one, by stamp."""
+    if not parts:
+        return no_events()
+    made: dict[str, Any] = {}
+    for name in (entry.name for entry in fields(RoadEvents)):
+        values = [getattr(part, name) for part in parts]
+        made[name] = _texts(values) if isinstance(values[0], Strings) else np.concatenate(values)
+    whole = RoadEvents(**made)
+    return whole.rows(np.argsort(whole.stamp_ns, kind="stable"))
+
+
+def _texts(parts: Sequence[Strings]) -> Strings:
+    return strings_from([(*part.values, "")[code] for part in parts for code in part.codes.tolist()])
+
+
+def says_hard_braking(
+    events: RoadEvents, station: str, stamp_ns: Int64Array, log_time_ns: Int64Array
+) -> npt.NDArray[np.bool_] | None:
+    """At which states (m,) of a station it has said that it brakes hard, as far as was known; None: it never does.
+
+    Args:
+        events: Of all stations.
+        station: Which one.
+        stamp_ns, log_time_ns: Shape (m,): of its states, and when each was known.
+    """
+    if station not in events.station.values or HARD_BRAKING not in events.kind.values:
+        return None
+    is_own = events.station.codes == events.station.values.index(station)
+    rows = np.flatnonzero(is_own & (events.kind.codes == events.kind.values.index(HARD_BRAKING)))
+    if not len(rows):
+        return None
+    says = np.zeros(len(stamp_ns), np.bool_)
+    for row in rows:
+        first, last = np.searchsorted(stamp_ns, [events.stamp_ns[row], events.until_ns[row] + 1])
+        says[first:last] |= log_time_ns[first:last] >= events.log_time_ns[row]
+    return says

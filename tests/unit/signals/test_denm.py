@@ -1,0 +1,127 @@
+"""DENMs of a ROS channel and off the radio: what is notified, where, until when, and what of it a rule may use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pycrate_asn1dir import ITS_DENM_3
+
+from cwcli.logs.read.reader import Log
+from cwcli.signals import denm
+from cwcli.signals.build import build
+from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.quality import Quality
+from cwcli.signals.road_events import HARD_BRAKING, RoadEvents, no_events, says_hard_braking
+from cwcli.signals.role import Role
+from tests.laws.input_logs import write_log
+from tests.laws.input_messages import DELAY_NS, stamp_of
+from tests.laws.perceived_messages import MS, nested
+from tests.unit.signals.v2x_messages import LOG_NS, radio
+
+ITS_EPOCH_MS = 1_072_915_200_000
+S = 1_000_000_000
+
+
+def message(reference_ms: int, **changes: Any) -> dict[str, Any]:
+    """An emergency brake at 50 degrees north, valid for 2 s within 200 m."""
+    codes = {
+        "station": 1001,
+        "cause": 99,
+        "sub_cause": 1,
+        "has_situation": True,
+        "reference_time_ms": reference_ms - ITS_EPOCH_MS + 5000,
+        "termination": 0,
+        "has_termination": False,
+        "latitude_deg": 500_000_000,
+        "longitude_deg": 80_000_000,
+        "relevance": 2,
+        "has_relevance": True,
+        "validity_s": 2,
+    }
+    return nested({denm.PATHS[name]: code for name, code in (codes | changes).items()})
+
+
+def notified(path: Path, messages: list[dict[str, Any]]) -> tuple[RoadEvents, Quality]:
+    """From a log of the official writer."""
+    schema = "etsi_its_denm_msgs/DENM"
+    write_log(path / "log.mcap", schema, "cdr", "/denm", messages)
+    with Log.open(path / "log.mcap") as log:
+        signal, quality = build(Role.REMOTE, log.columns("/denm", fields=denm.ros_fields()))
+    assert isinstance(signal, RemoteSignal)
+    assert signal.events is not None
+    assert quality.read == sum(quality.set_aside.values()) == len(messages)
+    assert not len(signal.stamp_ns)
+    return signal.events, quality
+
+
+def test_a_ros_channel_is_events_with_place_and_validity(tmp_path: Path) -> None:
+    at_ms = stamp_of(0) // MS
+    made = [
+        message(at_ms),
+        message(at_ms, sub_cause=2),  # pre-crash: no braking by itself
+        message(at_ms, cause=94, station=7, has_relevance=False, validity_s=600),
+        message(at_ms, has_termination=True),
+        message(at_ms, has_situation=False),
+    ]
+    events, quality = notified(tmp_path, made)
+    assert [events.kind.values[code] for code in events.kind.codes] == [
+        HARD_BRAKING,
+        "dangerous situation",
+        "stationary vehicle",
+        HARD_BRAKING,
+        "without a cause",
+    ]
+    assert events.stamp_ns.tolist() == [stamp_of(0)] * 5
+    assert ((events.until_ns - events.stamp_ns) / S).tolist() == [2.0, 2.0, 600.0, 0.0, 2.0]
+    assert [events.station.values[code] for code in events.station.codes] == ["1001", "1001", "7", "1001", "1001"]
+    np.testing.assert_allclose(events.latitude_deg, 50.0)
+    np.testing.assert_equal(events.relevance_m, [200.0, 200.0, np.nan, 200.0, 200.0])
+    assert quality.set_aside == {"DENM, an event": 5}
+    assert quality.notes[0].startswith("5 DENMs of 2 stations: 2 hard braking")
+
+
+@pytest.mark.parametrize("validity_s", [None, 2])
+def test_off_the_radio_it_is_the_same(validity_s: int | None) -> None:
+    management = {
+        "actionID": {"originatingStationID": 1001, "sequenceNumber": 1},
+        "detectionTime": 5,
+        "referenceTime": int(LOG_NS[0]) // MS - ITS_EPOCH_MS + 5000 - 30,
+        "eventPosition": {
+            "latitude": 500_000_000,
+            "longitude": 80_000_000,
+            "positionConfidenceEllipse": dict.fromkeys(("semiMajorConfidence", "semiMinorConfidence"), 4095)
+            | {"semiMajorOrientation": 3601},
+            "altitude": {"altitudeValue": 800_001, "altitudeConfidence": "unavailable"},
+        },
+        "relevanceDistance": "lessThan200m",
+        "stationType": 5,
+    }
+    management |= {} if validity_s is None else {"validityDuration": validity_s}
+    situation = {"eventType": {"causeCode": 99, "subCauseCode": 5}, "informationQuality": 3}
+    header = {"protocolVersion": 2, "messageID": 1, "stationID": 1001}
+    official = ITS_DENM_3.DENM_PDU_Descriptions.DENM
+    official.set_val({"header": header, "denm": {"management": management, "situation": situation}})
+    signal, _ = build(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", b"\x07\xd2\x00\x00" + official.to_uper()))
+    assert isinstance(signal, RemoteSignal)
+    events = signal.events
+    assert events is not None
+    assert events.kind.values == (HARD_BRAKING,)
+    assert events.stamp_ns.tolist() == [int(LOG_NS[0]) - 30 * MS]
+    assert ((events.until_ns - events.stamp_ns) / S).tolist() == [600.0 if validity_s is None else 2.0]  # the default
+    assert events.relevance_m.tolist() == [200.0]
+
+
+def test_who_says_so_brakes_hard_from_then_on_and_only_as_far_as_it_was_known(tmp_path: Path) -> None:
+    events, _ = notified(tmp_path, [message(stamp_of(0) // MS)])
+    state_ns = stamp_of(0) + np.array([-1, 0, 1, 2, 3]) * S
+    known = says_hard_braking(events, "1001", state_ns, state_ns + DELAY_NS)
+    assert known is not None
+    assert known.tolist() == [False, True, True, True, False]
+    early = says_hard_braking(events, "1001", state_ns, state_ns)  # known before the message had come
+    assert early is not None
+    assert early.tolist() == [False, False, True, True, False]
+    assert says_hard_braking(events, "1002", state_ns, state_ns) is None
+    assert says_hard_braking(no_events(), "1001", state_ns, state_ns) is None
