@@ -32,6 +32,7 @@ BLOCK_BYTES = 1 << 20
 CLOCK_TICK_NS = 10_000_000
 """Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
 MAX_CHUNK_BYTES = 256_000_000
+MAX_RATIO = 64.0
 STANDARD_STREAMS = (1, 2)
 NOT_OF_INPUT = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
@@ -49,6 +50,8 @@ class InputFile:
         name: For messages.
         descriptor: Open until `close`; -1 where it has no file of its own.
         max_chunk_bytes: No part of it may unpack to more at once, nor be stored as more.
+        max_ratio: Its parts may unpack to so many times its size together, and `max_chunk_bytes` more.
+        refused_from: Where the chunks begin that would be beyond that; None where none is.
         state: Device, number, size in bytes and time of the last change in ns, when it was opened.
         notes: What is to be told of it, because of how it was opened -> how often.
 
@@ -60,6 +63,8 @@ class InputFile:
         self.name = name
         self.descriptor = descriptor
         self.max_chunk_bytes = MAX_CHUNK_BYTES
+        self.max_ratio = MAX_RATIO
+        self.refused_from: int | None = None
         self.notes: dict[str, int] = {}
         self._path = path
         self._inputs: Inputs | None = None
@@ -106,6 +111,11 @@ class InputFile:
             first, held = start, memoryview(self._read(start, min(start + HELD_BYTES, self._size)))
             self._held = first, held
         return held[start - first : stop - first]
+
+    @property
+    def max_unpacked_bytes(self) -> int:
+        """What all of it may unpack to."""
+        return self.max_chunk_bytes + int(self.max_ratio * len(self))
 
     @property
     def files(self) -> Sequence[InputFile]:

@@ -90,6 +90,7 @@ def execute(job: Job) -> Outcome:
             recover=reading.recover,
             max_chunk_bytes=reading.max_chunk_bytes,
             max_pipe_bytes=reading.max_pipe_bytes,
+            max_ratio=reading.max_ratio,
         ) as log:
             outcome, annotated = run_stages(
                 log,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cwcli import __version__
-from cwcli.input import MAX_CHUNK_BYTES
+from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.logs.read.source import MAX_PIPE_BYTES
 from cwcli.pipeline.call import StageCall
 
@@ -22,7 +22,8 @@ class Plan:
     Attributes:
         stages: In the order in which they run.
         pipeline: The resolved options, as the manifest shows them (JSON-ready).
-        topic, start, end, recover, max_chunk_bytes, max_pipe_bytes, strict: The reading options of the command line.
+        topic, start, end, recover, max_chunk_bytes, max_pipe_bytes, max_ratio, strict: The reading options of the
+            command line.
         ego_station: V2X station of the ego, or None.
         replace: Leave channels of an earlier run out of the annotated log.
         tables: Write the channels' columns too.
@@ -37,6 +38,7 @@ class Plan:
     recover: bool = False
     max_chunk_bytes: int = MAX_CHUNK_BYTES
     max_pipe_bytes: int = MAX_PIPE_BYTES
+    max_ratio: float = MAX_RATIO
     strict: bool = False
     ego_station: str | None = None
     replace: bool = False

@@ -89,7 +89,9 @@ def _work(task: Task, plan: Plan) -> str:
                 return "unchanged"
             folder.clear()
             make_folder(folder.annotated.parent, parents=True)
-            with Log.open(file, recover=plan.recover, max_chunk_bytes=plan.max_chunk_bytes) as log:
+            with Log.open(
+                file, recover=plan.recover, max_chunk_bytes=plan.max_chunk_bytes, max_ratio=plan.max_ratio
+            ) as log:
                 outputs = _run(log, plan, folder, entry)
             entry["status"] = "done"
     except CwcliError as error:

@@ -111,6 +111,7 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
         recover=reading.recover,
         max_chunk_bytes=reading.max_chunk_bytes,
         max_pipe_bytes=reading.max_pipe_bytes,
+        max_ratio=reading.max_ratio,
     ) as log:
         selection = select(log, reading.topics, reading.start, reading.end)
         result = call.stage.function(log, with_selection(call.config, selection))

@@ -73,6 +73,7 @@ def command(
         recover=reading.recover,
         max_chunk_bytes=reading.max_chunk_bytes,
         max_pipe_bytes=reading.max_pipe_bytes,
+        max_ratio=reading.max_ratio,
     ) as opened:
         document = describe(opened, reading, sensors)
         if doctor or reading.map or contract:

@@ -15,10 +15,12 @@ from cwcli.cli.options.shared import (
     GIGABYTE,
     MAX_CHUNK_MB,
     MAX_INPUT_GB,
+    MAX_RATIO,
     MEGABYTE,
     ForceOption,
     MaxChunkOption,
     MaxInputOption,
+    MaxRatioOption,
 )
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
@@ -58,6 +60,7 @@ def command(
         bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
     ] = False,
     max_chunk: MaxChunkOption = MAX_CHUNK_MB,
+    max_ratio: MaxRatioOption = MAX_RATIO,
     max_input: MaxInputOption = MAX_INPUT_GB,
     replace: Annotated[
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
@@ -84,7 +87,11 @@ def command(
     estimate = call_of(stage_options("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     opened = partial(
-        Log.open, recover=recover, max_chunk_bytes=max_chunk * MEGABYTE, max_pipe_bytes=int(max_input * GIGABYTE)
+        Log.open,
+        recover=recover,
+        max_chunk_bytes=max_chunk * MEGABYTE,
+        max_pipe_bytes=int(max_input * GIGABYTE),
+        max_ratio=max_ratio,
     )
     with Progress(quiet=talk.quiet) as progress, opened(log) as ego:
         with opened(other) as second:

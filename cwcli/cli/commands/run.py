@@ -153,6 +153,7 @@ class AllOptions:
             recover=reading.recover,
             max_chunk_bytes=reading.max_chunk_bytes,
             max_pipe_bytes=reading.max_pipe_bytes,
+            max_ratio=reading.max_ratio,
             strict=reading.strict,
             ego_station=self.sensors.ego_station,
             replace=replace,

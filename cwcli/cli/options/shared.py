@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MEGABYTE = 1_000_000
 GIGABYTE = 1_000_000_000
-MAX_CHUNK_MB, MAX_INPUT_GB = 256, 64
+MAX_CHUNK_MB, MAX_RATIO, MAX_INPUT_GB = 256, 64, 64
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
 LogArgument = Annotated[
@@ -48,6 +48,15 @@ MaxChunkOption = Annotated[
         metavar="MB",
         min=1,
         help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
+    ),
+]
+MaxRatioOption = Annotated[
+    float,
+    typer.Option(
+        "--max-ratio",
+        metavar="TIMES",
+        min=0,
+        help="All chunks may unpack to one of --max-chunk and so many times the log's size; the others are damaged.",
     ),
 ]
 MaxInputOption = Annotated[
@@ -131,6 +140,7 @@ class ReadingOptions:
         bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
     ] = False
     max_chunk: MaxChunkOption = MAX_CHUNK_MB
+    max_ratio: MaxRatioOption = MAX_RATIO
     max_input: MaxInputOption = MAX_INPUT_GB
     strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
         False

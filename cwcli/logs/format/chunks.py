@@ -1,7 +1,8 @@
 """The records inside a chunk: decompressed, of the declared size, with the right CRC.
 
 A few bytes can unpack to gigabytes. What a chunk declares is bounded before it is unpacked
-(`InputFile.max_chunk_bytes`), and no more than that is unpacked.
+(`InputFile.max_chunk_bytes`), as is what all of them declare (`InputFile.max_unpacked_bytes`), and no more than that is
+unpacked.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import struct
 import threading
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -26,8 +27,13 @@ MAX_LZ4_RATIO = 256
 BLOCK_BYTES = 1 << 16
 """What an error in a cut chunk costs."""
 MEGABYTE = 1_000_000
+MESSAGE_COST_BYTES = 500
+"""What a message costs beside its bytes: to note, decode and check one takes as long as to unpack so many."""
 CRC_AT = PREFIX.size + 24
 _U32 = struct.Struct("<I")
+
+
+RATIO_HINT = "if you trust the log, a larger --max-ratio reads it; --recover leaves such chunks out"
 
 
 class ChunkError(Exception):
@@ -73,6 +79,49 @@ class _Scratch(threading.local):
 _SCRATCH = _Scratch()
 
 
+def bound_chunks(file: InputFile, chunks: Sequence[ChunkIndex], cut: Collection[int] = ()) -> None:
+    """Find where a file's chunks begin to unpack to more than all of them may (`InputFile.refused_from`).
+
+    Args:
+        file: A file of its own, no log of parts.
+        chunks: In file order. Those that are too large alone do not count: nobody unpacks them.
+        cut: Starts of those that are cut off.
+    """
+    file.refused_from = None
+    unpacked = 0
+    for chunk in chunks:
+        size = _most_of_cut(file, chunk) if chunk.chunk_start in cut else chunk.uncompressed_size
+        unpacked += size if size <= file.max_chunk_bytes else 0
+        if unpacked > file.max_unpacked_bytes:
+            file.refused_from = chunk.chunk_start
+            return
+
+
+def _most_of_cut(file: InputFile, chunk: ChunkIndex) -> int:
+    """What may come out of a chunk that is cut off; what it declares may be damaged."""
+    return min(max(chunk.uncompressed_size, int(file.max_ratio * chunk.compressed_size)), file.max_chunk_bytes)
+
+
+def check_messages(file: InputFile, n_messages: int) -> None:
+    """Check that a file holds no more messages than one of its size may: bytes can stand for thousands.
+
+    Raises:
+        ChunkError: It does.
+    """
+    if n_messages * MESSAGE_COST_BYTES > file.max_unpacked_bytes:
+        raise ChunkError(f"{n_messages:,} messages and more are in a file of {len(file):,} bytes", hint=RATIO_HINT)
+
+
+def _check_place(file: InputFile, chunk: ChunkIndex) -> None:
+    part, at = file.place(chunk.chunk_start)
+    if part.refused_from is not None and at >= part.refused_from:
+        what = (
+            f"the chunks up to here hold more than {part.max_unpacked_bytes / MEGABYTE:,.0f} MB: one of "
+            f"{part.max_chunk_bytes / MEGABYTE:,.0f} MB, and {part.max_ratio:g} times the file"
+        )
+        raise ChunkError(what, hint=RATIO_HINT)
+
+
 def chunk_payload(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> memoryview:
     """The records inside a chunk.
 
@@ -82,10 +131,11 @@ def chunk_payload(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> memory
         verify: Check the CRC, where the chunk has one.
 
     Raises:
-        ChunkError: The chunk is not there, is too large, can't be decompressed, has another size than declared, or its
-            CRC does not fit.
+        ChunkError: The chunk is not there, is too large alone or with those before it, can't be decompressed, has
+            another size than declared, or its CRC does not fit.
     """
     _check_header(file, chunk)
+    _check_place(file, chunk)
     size = max(chunk.uncompressed_size, chunk.compressed_size if not chunk.compression else 0)
     if size > file.max_chunk_bytes:
         raise _too_large(size, file.max_chunk_bytes)
@@ -125,15 +175,16 @@ def partial_payload(file: InputFile, chunk: ChunkIndex) -> memoryview:
         ChunkError: Its compression is unknown, more comes out of it than is allowed, or it is whole and fails its CRC.
     """
     _decompressor(chunk.compression)
+    _check_place(file, chunk)
     if chunk.compressed_size > file.max_chunk_bytes:
         raise _too_large(chunk.compressed_size, file.max_chunk_bytes)
     payload = stored = stored_records(file, chunk)
     if chunk.compression:
-        found = bytearray()
+        found, most = bytearray(), _most_of_cut(file, chunk)
         for block in (_unzstd_blocks if chunk.compression == "zstd" else _unlz4_blocks)(stored):
             found += block
-            if len(found) > file.max_chunk_bytes:
-                raise _too_large(len(found), file.max_chunk_bytes)
+            if len(found) > most:
+                raise _too_large(len(found), most)
         payload = memoryview(found)
     if len(payload) == chunk.uncompressed_size:
         _check_crc(file, chunk, payload)

@@ -10,7 +10,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import InputError
-from cwcli.input import MAX_CHUNK_BYTES, InputFile
+from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, InputFile
 from cwcli.logs.format.records import MESSAGE_HEADER_BYTES, Channel, Schema
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ class JoinedFile(InputFile):
         self.name = name
         self.descriptor = -1
         self.max_chunk_bytes = MAX_CHUNK_BYTES
+        self.max_ratio = MAX_RATIO
+        self.refused_from = None
         self.numbering = Numbering()
         self.notes: dict[str, int] = {}
         self.listing: dict[str, int | None] = {}

@@ -7,12 +7,13 @@ from functools import partial
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
+from cwcli.logs.format.chunks import bound_chunks
 from cwcli.logs.format.faults import RECOVER_HINT, Faults, no_mcap
 from cwcli.logs.format.index import Index
 from cwcli.logs.format.join_indexes import join_indexes
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.part_order import arrange, left_out
-from cwcli.logs.format.records import HEADER, MAGIC, RecordError, read_header, read_prefix
+from cwcli.logs.format.records import HEADER, MAGIC, ChunkIndex, RecordError, read_header, read_prefix
 from cwcli.logs.format.summary import find_footer, is_complete, read_summary
 from cwcli.logs.format.walk import walk
 
@@ -40,6 +41,7 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) 
         index = walk(file, start, faults, summary, recover=recover)
         _check_count(file.name, index, summary, faults, recover=recover)
     else:
+        bound_chunks(file, index.items_of(ChunkIndex))
         index.is_counted = index.statistics is not None and bool(index.statistics.channel_counts)
     n_messages = index.statistics.n_messages if index.statistics else 0
     if recover and not index.channels and (n_messages or faults.counts()):
@@ -81,7 +83,7 @@ def _of_parts(file: JoinedFile, read: Callable[[InputFile], Index], *, recover: 
     """
     found: list[tuple[InputFile, Index]] = []
     for part in file.parts:
-        part.max_chunk_bytes = file.max_chunk_bytes
+        part.max_chunk_bytes, part.max_ratio = file.max_chunk_bytes, file.max_ratio
         try:
             found.append((part, read(part)))
         except InputError as error:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import struct
 
 from cwcli.input import InputFile
-from cwcli.logs.format.chunks import DECOMPRESSORS, ChunkError, chunk_payload, partial_payload
+from cwcli.logs.format.chunks import (
+    DECOMPRESSORS,
+    ChunkError,
+    bound_chunks,
+    check_messages,
+    chunk_payload,
+    partial_payload,
+)
 from cwcli.logs.format.faults import Faults, check_record_count, damaged
 from cwcli.logs.format.index import Index, LooseRecord, Span
 from cwcli.logs.format.metadata_table import MANY, Run, check_metadata_count
@@ -40,6 +47,7 @@ from cwcli.logs.format.records import (
 
 OF_DATA = frozenset({MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA})
 """What the data section holds, and a summary does not."""
+RECORDS_BETWEEN_CHECKS = 1 << 12
 _MESSAGE = struct.Struct("<HIQ")
 
 
@@ -74,6 +82,7 @@ class _Walk:
         self._first_ns: int | None = None
         self._last_ns = 0
         self._n_records = 0
+        self._n_opened = 0
         self._n_taken_at_once = 0
 
     def run(self, at: int, *, define_all: bool) -> Index:
@@ -249,6 +258,7 @@ class _Walk:
     def _define(self, *, define_all: bool) -> None:
         """Count the indexed messages, and open the chunks that have no index, or whose channels are unknown."""
         index = self._index
+        bound_chunks(self._file, index.items_of(ChunkIndex), index.cut_chunks)
         for k, item in enumerate(index.items):
             if not isinstance(item, ChunkIndex):
                 continue
@@ -260,6 +270,7 @@ class _Walk:
                 index.items[k] = self._opened(item, must_open=define_all)
         used = {*self._counts, *index.channels}
         if define_all and (self._n_channels != len(index.channels) or any(map(index.lacks_schema, used))):
+            self._n_opened = 0
             for chunk in index.items_of(ChunkIndex):
                 self._opened(chunk, must_open=True)
 
@@ -284,10 +295,14 @@ class _Walk:
                 elif opcode == MESSAGE and chunk.counts is None:
                     channel_id = self._count_message(payload, start, end)
                     counts[channel_id] = counts.get(channel_id, 0) + 1
-            except RecordError as error:
+                self._n_opened += 1
+                if not self._n_opened % RECORDS_BETWEEN_CHECKS:
+                    check_messages(self._file, self._n_opened)
+            except (RecordError, ChunkError) as error:
                 if self._recover:
                     break
-                raise damaged(self._file, chunk.chunk_start, f"inside a chunk: {error}") from error
+                why = error if isinstance(error, ChunkError) else f"inside a chunk: {error}"
+                raise damaged(self._file, chunk.chunk_start, why) from error
             at = end
         return chunk._replace(counts=counts or chunk.counts)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from heapq import merge
@@ -16,7 +16,7 @@ from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED, FULL, Messages, scan_messages
 from cwcli.logs.codecs.slots import ByteArray, Payloads
-from cwcli.logs.format.chunks import ChunkError, chunk_payload, partial_payload
+from cwcli.logs.format.chunks import ChunkError, check_messages, chunk_payload, partial_payload
 from cwcli.logs.format.faults import RECOVER_HINT, Faults
 from cwcli.logs.format.index import Index, Span
 from cwcli.logs.format.records import (
@@ -103,6 +103,8 @@ class MessageReader:
         self._trusts_indexes = index.is_counted
         self._checked: set[int] = set()
         self.counts = MessageCounts(index.statistics, faults)
+        self._n_found_in: Counter[int] = Counter()
+        self._n_found = 0
         self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), wanted_ids(())
 
     def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
@@ -197,6 +199,14 @@ class MessageReader:
         while at < len(octets):
             batch, at, status = scan_records(octets, at, len(octets), is_wanted)
             noted.append(batch)
+            n_new = max(sum(map(len, noted)) - self._n_found_in[chunk.chunk_start], 0)
+            self._n_found_in[chunk.chunk_start] += n_new
+            self._n_found += n_new
+            try:
+                check_messages(self._file, self._n_found)
+            except ChunkError as error:
+                self._lose_chunk(chunk, error)
+                return
             if status == DAMAGED:
                 if not is_partial:
                     self._lose(chunk.chunk_start, "a record in a chunk is damaged", 0)

@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from cwcli.errors import InputError, MissingSignalError
-from cwcli.input import MAX_CHUNK_BYTES, InputFile
+from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, InputFile
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.index import Index
 from cwcli.logs.format.open_index import open_index
@@ -123,6 +123,7 @@ class Log:
         verify: bool = True,
         max_chunk_bytes: int = MAX_CHUNK_BYTES,
         max_pipe_bytes: int = MAX_PIPE_BYTES,
+        max_ratio: float = MAX_RATIO,
     ) -> Log:
         """Open a log.
 
@@ -133,6 +134,8 @@ class Log:
             verify: Check CRCs and message indexes.
             max_chunk_bytes: A chunk that unpacks to more counts as damaged.
             max_pipe_bytes: What comes out of a pipe at most.
+            max_ratio: All chunks may unpack to so many times the file's size together, and one chunk more; what is
+                beyond that counts as damaged.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
@@ -140,7 +143,7 @@ class Log:
             UsageError: Standard input is a terminal.
         """
         file = source if isinstance(source, InputFile) else open_source(source, max_pipe_bytes=max_pipe_bytes)
-        file.max_chunk_bytes = max_chunk_bytes
+        file.max_chunk_bytes, file.max_ratio = max_chunk_bytes, max_ratio
         try:
             faults = Faults()
             index = open_index(file, faults, recover=recover, verify=verify)
