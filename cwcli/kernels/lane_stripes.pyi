@@ -1,4 +1,4 @@
-"""Bright stripes of a marking's width in image rows."""
+"""Bright stripes of a marking's width in image rows, and the dark joints beside them."""
 
 from typing import TypedDict
 
@@ -23,7 +23,18 @@ class Stripe(TypedDict):
     crowded: float
 
 def stripes(
-    grey: _G, rows: _I, horizon_v: float, stripe: Stripe, *, reach: int, broad_reach: int, evidence: _E
+    grey: _G,
+    rows: _I,
+    horizon_v: float,
+    stripe: Stripe,
+    joint: Stripe,
+    *,
+    joint_weight: float,
+    joint_reach: float,
+    joint_every: int,
+    reach: int,
+    broad_reach: int,
+    evidence: _E,
 ) -> None:
     """Evidence of a stripe centred at each pixel of some rows, and the greatest evidence near by.
 
@@ -35,11 +46,17 @@ def stripes(
     depth of dark stripes in the row), above a dead zone, is the evidence. It is divided by 1 + (mean of the row /
     crowded)^2: where every other pixel looks like a stripe, none counts.
 
+    Joints are dark: their evidence is that of `joint` in the negative of the row itself, N with the grey of the darker
+    side. The greatest within `joint_reach` h columns counts `joint_weight` times, where it is more than the stripe's.
+
     Args:
         grey: Shape (height, width).
         rows: Shape (n,): from the top.
         horizon_v: Row of the horizon; windows grow with the rows h below it.
-        stripe: The windows and the noise.
+        stripe, joint: The windows and the noise.
+        joint_weight: 0 to 1; 0: joints are not looked for.
+        joint_reach: Times h.
+        joint_every: In every so many of the rows; those between have the joints of the one before.
         reach, broad_reach: Columns to each side for the greatest values; the second is not the smaller one.
         evidence: Shape (3, n, width): filled, 0 to 1: the evidence, the greatest within `reach` columns, and within
             `broad_reach`.

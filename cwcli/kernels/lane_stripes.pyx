@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Bright stripes of a marking's width in image rows.
+"""Bright stripes of a marking's width in image rows, and, for less, the dark joints that lie beside markings.
 
 Arithmetic is +, -, *, / and comparisons in a fixed order (compiled with -ffp-contract=off): the same bits everywhere. The
 loops over a row are plain single-precision ones, so that compilers turn them into vector code. The plain NumPy twin is in
@@ -25,50 +25,51 @@ cdef struct Stripe:
 
 
 def stripes(
-    const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, Stripe stripe, *, int reach,
-    int broad_reach, float[:, :, ::1] evidence
+    const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, Stripe stripe, Stripe joint, *,
+    float joint_weight, double joint_reach, int joint_every, int reach, int broad_reach, float[:, :, ::1] evidence
 ):
-    cdef Py_ssize_t height = grey.shape[0], width = grey.shape[1], i, above, below
-    cdef double h, inner, near, far
+    cdef Py_ssize_t height = grey.shape[0], width = grey.shape[1], i, u, above, below
+    cdef double h
+    cdef float* made
     cdef int* sums = <int*>malloc((width + 1) * sizeof(int))
     cdef float* middle = <float*>malloc(5 * width * sizeof(float))
+    cdef float* seam = <float*>malloc(2 * width * sizeof(float))  # a block of its own: else loops are no vector code
     cdef unsigned char* bright = <unsigned char*>malloc(width)
-    if not (sums and middle and bright):
+    if not (sums and middle and seam and bright):
         free(sums)
         free(middle)
+        free(seam)
         free(bright)
         raise MemoryError
-    cdef float* left = middle + width
-    cdef float* right = middle + 2 * width
-    cdef float* brighter = middle + 3 * width
     cdef float* spare = middle + 4 * width
+    cdef float* wider = seam + width
     with nogil:
         for i in range(rows.shape[0]):
             h = rows[i] - horizon_v
             if h < 1.0:
                 h = 1.0
-            inner = stripe.inner * h
+            made = &evidence[0, i, 0]
             above = below = rows[i]
-            if inner >= STEEP:
+            if stripe.inner * h >= STEEP:
                 above -= above > 0
                 below += below + 1 < height
             add_up(&grey[above, 0], &grey[rows[i], 0], &grey[below, 0], width, bright, sums)
-            if inner < 1.0:
-                inner = 1.0
-            near = stripe.gap * h
-            if near < 0.5 * inner + 0.5:
-                near = 0.5 * inner + 0.5
-            far = near + stripe.side * h
-            if far < near + 1.5:
-                far = near + 1.5
-            box(sums, width, -0.5 * inner, 0.5 * inner, middle)
-            box(sums, width, -far, -near, left)
-            box(sums, width, near, far, right)
-            judge_row(middle, left, right, brighter, spare, width, &stripe, &evidence[0, i, 0])
+            judge_row(sums, width, h, &stripe, False, middle, made)
+            if joint_weight > 0.0:
+                if i % joint_every == 0:
+                    if above != below:
+                        add_up(&grey[rows[i], 0], &grey[rows[i], 0], &grey[rows[i], 0], width, bright, sums)
+                    judge_row(sums, width, h, &joint, True, middle, seam)
+                    widen(seam, width, 0, <Py_ssize_t>(joint_reach * h + 0.5), spare, wider)
+                    for u in range(width):
+                        wider[u] = wider[u] * joint_weight
+                for u in range(width):
+                    made[u] = made[u] if made[u] > wider[u] else wider[u]
             widen(&evidence[0, i, 0], width, 0, reach, spare, &evidence[1, i, 0])
             widen(&evidence[1, i, 0], width, reach, broad_reach, spare, &evidence[2, i, 0])
     free(sums)
     free(middle)
+    free(seam)
     free(bright)
 
 
@@ -90,13 +91,30 @@ cdef void add_up(
 
 
 cdef void judge_row(
-    const float* middle, const float* left, const float* right, float* brighter, float* spare, Py_ssize_t width,
-    const Stripe* stripe, float* evidence
+    const int* sums, Py_ssize_t width, double h, const Stripe* stripe, bint is_dark, float* middle, float* evidence
 ) noexcept nogil:
-    """The evidence of one row from the means of the windows."""
+    """The evidence of one row, of bright stripes or of dark ones; `middle` has room for five rows."""
     cdef Py_ssize_t u
+    cdef float* left = middle + width
+    cdef float* right = middle + 2 * width
+    cdef float* brighter = middle + 3 * width
+    cdef float* spare = middle + 4 * width
     cdef float zero = 0.0, one = 1.0, darker, contrast, noise, base, share, lopsided = stripe.lopsided, dead = stripe.dead
-    cdef float relative = stripe.relative, rest = one / (one - stripe.dead)
+    cdef float relative = -stripe.relative if is_dark else stripe.relative, rest = one / (one - stripe.dead)
+    cdef double inner = stripe.inner * h, near = stripe.gap * h, far
+    if inner < 1.0:
+        inner = 1.0
+    if near < 0.5 * inner + 0.5:
+        near = 0.5 * inner + 0.5
+    far = near + stripe.side * h
+    if far < near + 1.5:
+        far = near + 1.5
+    box(sums, width, -0.5 * inner, 0.5 * inner, middle)
+    box(sums, width, -far, -near, left)
+    box(sums, width, near, far, right)
+    if is_dark:  # as bright ones in the negative
+        for u in range(3 * width):
+            middle[u] = -middle[u]
     for u in range(width):
         brighter[u] = left[u] if left[u] > right[u] else right[u]
         darker = left[u] if left[u] < right[u] else right[u]

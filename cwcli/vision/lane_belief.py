@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_detect import Evidence
+from cwcli.vision.lane_detect import JOINT_WEIGHT, Evidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH
 
 COEFFICIENTS = np.array([3.62, 4.52, 2.17, -14.72])
@@ -32,9 +32,9 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
 
 
 def crowd(evidence: Evidence, lane: FloatArray) -> float:
-    """Share of the road beside the boundaries, two lanes to each side, that looks like a stripe, 0 to 1."""
+    """Share of the road beside the boundaries, two lanes to each side, that looks like a bright stripe, 0 to 1."""
     places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
-    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h)
+    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h, JOINT_WEIGHT)
 
 
 def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:

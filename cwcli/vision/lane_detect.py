@@ -28,6 +28,12 @@ WINDOWS = (0.04, 0.085, 0.08)
 """The window of a stripe over the camera's height is 6 cm: narrower than any marking, as wide as a small raised dot."""
 FLOOR_GREY, RELATIVE, ROUGH = 3.0, 0.07, 2.0
 LOPSIDED = 0.3
+JOINT_WINDOWS = (0.025, 0.03, 0.06)
+"""Of the joint between two strips of concrete, and of the shadow of a raised dot: dark, and narrower than a marking."""
+JOINT_WEIGHT = 0.15
+"""Of a joint against a stripe."""
+JOINT_REACH = 0.08
+"""Over the camera's height: joints are laid where lanes meet, and markings and dots some centimetres beside them."""
 BESIDE = 0.5
 HALF = 0.3
 DEAD = 0.25
@@ -93,7 +99,14 @@ class Look(Protocol):
     """What makes the evidence of a frame; see `evidence_of`."""
 
     def __call__(
-        self, grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, room: Float32Array | None = None
+        self,
+        grey: GreyImage,
+        rows: Int32Array,
+        horizon_px: float,
+        stretch: float,
+        room: Float32Array | None = None,
+        *,
+        joint_every: int = 1,
     ) -> Evidence:
         """The evidence in some rows."""
 
@@ -104,7 +117,13 @@ def reaches(width_px: int) -> tuple[int, int]:
 
 
 def evidence_of(
-    grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, room: Float32Array | None = None
+    grey: GreyImage,
+    rows: Int32Array,
+    horizon_px: float,
+    stretch: float,
+    room: Float32Array | None = None,
+    *,
+    joint_every: int = 1,
 ) -> Evidence:
     """Stripes of the frame for a horizon.
 
@@ -113,6 +132,7 @@ def evidence_of(
         horizon_px: For which stripes' widths are taken.
         stretch: fx / fy.
         room: Shape (3 `MAX_ROWS` width,): filled and looked into by the result; None: new memory.
+        joint_every: Joints are looked for in every so many rows.
     """
     height, width = grey.shape
     size = 3 * len(rows) * width
@@ -129,9 +149,23 @@ def evidence_of(
         "dead": DEAD,
         "crowded": CROWDED,
     }
+    inner, gap, side = (stretch * each for each in JOINT_WINDOWS)
+    joint: lane_stripes.Stripe = {**stripe, "inner": inner, "gap": gap, "side": side}
     reach, broad_reach = reaches(width)
     grey = np.ascontiguousarray(grey)
-    lane_stripes.stripes(grey, rows, horizon_px, stripe, reach=reach, broad_reach=broad_reach, evidence=evidence)
+    lane_stripes.stripes(
+        grey,
+        rows,
+        horizon_px,
+        stripe,
+        joint,
+        joint_weight=JOINT_WEIGHT,
+        joint_reach=JOINT_REACH * stretch,
+        joint_every=joint_every,
+        reach=reach,
+        broad_reach=broad_reach,
+        evidence=evidence,
+    )
     return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height)
 
 

@@ -40,7 +40,14 @@ class OnnxSearch:
         return replace(fit, left=_without_probability(fit.left), right=_without_probability(fit.right))
 
     def _evidence(
-        self, grey: GreyImage, rows: Int32Array, horizon_px: float, stretch: float, room: Float32Array | None = None
+        self,
+        grey: GreyImage,
+        rows: Int32Array,
+        horizon_px: float,
+        stretch: float,
+        room: Float32Array | None = None,
+        *,
+        joint_every: int = 1,
     ) -> Evidence:
         """The net's map in some rows; what it hardly believes is none, as little contrast is to the default method."""
         import cv2

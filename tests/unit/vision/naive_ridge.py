@@ -23,9 +23,14 @@ def mean_between(row: FloatArray, start: float, end: float) -> float:
 
 
 def ridges(
-    grey: npt.NDArray[np.uint8], rows: npt.NDArray[np.int32], horizon: float, stripe: lane_stripes.Stripe
+    grey: npt.NDArray[np.uint8],
+    rows: npt.NDArray[np.int32],
+    horizon: float,
+    stripe: lane_stripes.Stripe,
+    *,
+    is_dark: bool = False,
 ) -> FloatArray:
-    """Evidence of a stripe centred at each pixel of the rows."""
+    """Evidence of a bright stripe, or of a dark one, centred at each pixel of the rows."""
     inner_h, near_h, wide_h = stripe["inner"], stripe["gap"], stripe["side"]
     floor, relative, rough = stripe["floor_grey"], stripe["relative"], stripe["rough"]
     lopsided, dead, crowded = stripe["lopsided"], stripe["dead"], stripe["crowded"]
@@ -35,8 +40,8 @@ def ridges(
         inner = max(inner_h * h, 1.0)
         near = max(near_h * h, 0.5 * inner + 0.5)
         far = max(near + wide_h * h, near + 1.5)
-        reach = int(inner_h * h >= 2.0)
-        row = grey[max(v - reach, 0) : v + reach + 1].max(axis=0).astype(float)
+        reach = 0 if is_dark else int(inner_h * h >= 2.0)
+        row = (-1.0 if is_dark else 1.0) * grey[max(v - reach, 0) : v + reach + 1].max(axis=0).astype(float)
         centres = np.arange(len(row)) + 0.5
         middle = np.array([mean_between(row, u - inner / 2, u + inner / 2) for u in centres])
         left = np.array([mean_between(row, u - far, u - near) for u in centres])
@@ -44,9 +49,20 @@ def ridges(
         brighter, darker = np.maximum(left, right), np.minimum(left, right)
         texture = np.maximum(darker - middle, 0.0).mean()
         contrast = np.maximum(middle - brighter - lopsided * (brighter - darker), 0.0)
-        noise = floor + relative * brighter + rough * texture
+        noise = floor + relative * np.abs(brighter) + rough * texture
         evidence = np.maximum(contrast**2 / (contrast**2 + noise**2) - dead, 0.0) / (1.0 - dead)
         made[i] = evidence / (1.0 + (evidence.mean() / crowded) ** 2)
+    return made
+
+
+def with_joints(
+    bright: FloatArray, dark: FloatArray, rows: npt.NDArray[np.int32], horizon: float, *, weight: float, reach: float
+) -> FloatArray:
+    """Evidence of stripes, or `weight` times that of the best joint within `reach` h, if it is more."""
+    made = np.array(bright)
+    for i, v in enumerate(rows.tolist()):
+        near = widened(dark[i : i + 1], math.floor(reach * max(v - horizon, 1.0) + 0.5))[0]
+        made[i] = np.maximum(made[i], weight * near)
     return made
 
 

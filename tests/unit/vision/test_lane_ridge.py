@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from cwcli.kernels import lane_ridge, lane_stripes
@@ -27,14 +28,50 @@ STRIPE: lane_stripes.Stripe = {
     "dead": 0.25,
     "crowded": 0.07,
 }
+JOINT: lane_stripes.Stripe = {**STRIPE, "inner": 0.025, "gap": 0.03, "side": 0.06}
+
+
+def stripes(
+    grey: npt.NDArray[np.uint8],
+    rows: npt.NDArray[np.int32],
+    horizon: float,
+    *,
+    stripe: lane_stripes.Stripe = STRIPE,
+    joint: lane_stripes.Stripe = JOINT,
+    joint_weight: float = 0.0,
+    joint_every: int = 1,
+    reaches: tuple[int, int] = (1, 2),
+) -> npt.NDArray[np.float32]:
+    """The three tables of the kernel."""
+    made = np.empty((3, len(rows), grey.shape[1]), np.float32)
+    reach, broad_reach = reaches
+    lane_stripes.stripes(
+        grey,
+        rows,
+        horizon,
+        stripe,
+        joint,
+        joint_weight=joint_weight,
+        joint_reach=0.08,
+        joint_every=joint_every,
+        reach=reach,
+        broad_reach=broad_reach,
+        evidence=made,
+    )
+    return made
 
 
 def test_evidence_equals_the_plain_twin() -> None:
     grey = np.ascontiguousarray(frame("complex", 3).grey[:, 60:180])
     rows = np.array([90, 120, 239], np.int32)
-    made = np.empty((3, 3, 120), np.float32)
-    lane_stripes.stripes(grey, rows, 80.3, STRIPE, reach=2, broad_reach=5, evidence=made)
-    np.testing.assert_allclose(made[0], naive_ridge.ridges(grey, rows, 80.3, STRIPE), atol=2e-4)
+    made = stripes(grey, rows, 80.3, joint_weight=0.2, reaches=(2, 5))
+    bright = naive_ridge.ridges(grey, rows, 80.3, STRIPE)
+    dark = naive_ridge.ridges(grey, rows, 80.3, JOINT, is_dark=True)
+    both = naive_ridge.with_joints(bright, dark, rows, 80.3, weight=0.2, reach=0.08)
+    assert (both > bright + 0.01).any()
+    np.testing.assert_allclose(made[0], both, atol=2e-4)
+    coarse = stripes(grey, rows, 80.3, joint_weight=0.2, joint_every=2, reaches=(2, 5))
+    np.testing.assert_array_equal(coarse[0, ::2], made[0, ::2])
     for reach, wide in zip((2, 5), made[1:], strict=True):
         np.testing.assert_array_equal(wide, naive_ridge.widened(made[0], reach))
 
@@ -43,17 +80,30 @@ def test_evidence_of_a_stripe_by_hand() -> None:
     # h = 100: inner window 6.5, sides from 8.5 to 16.5 beyond the centre. Road 50, stripe 150, 9 pixels wide.
     grey = np.full((101, 101), 50, np.uint8)
     grey[:, 46:55] = 150
-    made = np.empty((3, 1, 101), np.float32)
     rows = np.array([100], np.int32)
     stripe: lane_stripes.Stripe = {**STRIPE, "rough": 0.0, "crowded": 1e9}  # no texture, no crowd
-    lane_stripes.stripes(grey, rows, 0.0, stripe, reach=1, broad_reach=2, evidence=made)
+    made = stripes(grey, rows, 0.0, stripe=stripe)
     noise = 3.0 + 0.07 * 50
     assert made[0, 0, 50] == pytest.approx((100**2 / (100**2 + noise**2) - 0.25) / 0.75, abs=1e-6)
     assert made[0, 0, 20] == 0.0
     edge = np.full((101, 101), 50, np.uint8)
     edge[:, 50:] = 150  # bright on one side only
-    lane_stripes.stripes(edge, rows, 0.0, stripe, reach=1, broad_reach=2, evidence=made)
-    assert made.max() == 0.0
+    assert stripes(edge, rows, 0.0, stripe=stripe).max() == 0.0
+
+
+def test_joint_by_hand() -> None:
+    # h = 100: inner window 2.5, sides from 3 to 9 beyond the centre. Concrete 150, joint 50, 3 pixels wide.
+    grey = np.full((101, 101), 150, np.uint8)
+    grey[:, 49:52] = 50
+    joint: lane_stripes.Stripe = {**JOINT, "rough": 0.0, "crowded": 1e9}
+    made = stripes(grey, np.array([100], np.int32), 0.0, joint=joint, joint_weight=0.2)[0, 0]
+    noise = 3.0 + 0.07 * 150
+    at_joint = 0.2 * (100**2 / (100**2 + noise**2) - 0.25) / 0.75
+    np.testing.assert_allclose(made[42:59], at_joint, atol=1e-6)  # 8 columns to each side: 0.08 h
+    assert made[:36].max() == made[65:].max() == 0.0
+    wall = np.full((101, 101), 150, np.uint8)
+    wall[:, 50:] = 50  # dark on one side only
+    assert stripes(wall, np.array([100], np.int32), 0.0, joint=joint, joint_weight=0.2).max() == 0.0
 
 
 def test_objective_equals_the_plain_twin() -> None:
