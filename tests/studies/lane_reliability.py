@@ -19,6 +19,7 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from scipy.optimize import minimize
 
 from cwcli.metrics.lane_scores import VISUAL_SHARE, ego_lanes, visual_score
 from cwcli.signals.columns import FloatArray
@@ -31,7 +32,7 @@ from cwcli.simulation.road.sets import SETS, draw_scene, frames
 from cwcli.simulation.streams import stream
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.lane_belief import COEFFICIENTS, features
+from cwcli.vision.lane_belief import COEFFICIENTS, LAPSE, features
 from cwcli.vision.lane_detect import acquire, with_vanishing_point
 from cwcli.vision.lane_model import parabolas_of_lane, pitch_of, prior_of
 from cwcli.vision.lane_tracker import FOUND_PROBABILITY, search_size
@@ -44,8 +45,9 @@ DOTS_M = (0.15, 3.6)
 EMPTY = ("bare", "noise")
 """Sets that show no lane."""
 FIT_SEEDS, SHOWN_SEED = (101, 102), 103
-SCALE = 1e-4
-"""Of the ridge penalty of the fit."""
+SCALE = 1e-6
+"""Of the ridge penalty of the fit: it only keeps the search in bounds. A stronger one flattens the probabilities."""
+FIRST_LAPSE = 0.05
 LABELLED_SHARE = 1.0 / 3.0
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.001)
 
@@ -138,17 +140,20 @@ def labelled_samples() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def fitted(x: FloatArray, right: FloatArray, weight: FloatArray) -> FloatArray:
-    """Logistic regression by Newton's method; the weights sum to one."""
-    w = np.zeros(x.shape[1])
-    for _ in range(50):
-        p = chances(x, w)
-        hessian = (x * (p * (1.0 - p) * weight)[:, None]).T @ x + SCALE * np.eye(len(w))
-        w = w + np.linalg.solve(hessian, x.T @ (weight * (right - p)) - SCALE * w)
-    return w
+    """Coefficients, and behind them the lapse, of the greatest likelihood; the weights sum to one."""
+
+    def loss(made: FloatArray) -> float:
+        p = np.clip(chances(x, made), 1e-9, 1.0 - 1e-9)
+        likelihood = weight @ (right * np.log(p) + (1.0 - right) * np.log1p(-p))
+        return float(0.5 * SCALE * (made[:-1] @ made[:-1]) - likelihood)
+
+    start = np.concatenate([np.zeros(x.shape[1]), [FIRST_LAPSE]])
+    limits = [*[(-200.0, 200.0)] * x.shape[1], (0.0, 0.5)]
+    return np.asarray(minimize(loss, start, method="L-BFGS-B", bounds=limits, options={"maxiter": 2000}).x)
 
 
 def fitted_on_both(rendered: tuple[FloatArray, FloatArray], real: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Coefficients from rendered and labelled boundaries: features and whether right of each."""
+    """Coefficients and lapse from rendered and labelled boundaries: features and whether right of each."""
     shares = (1.0 - LABELLED_SHARE, LABELLED_SHARE)
     weight = np.concatenate(
         [np.full(len(y), share / len(y)) for (_, y), share in zip((rendered, real), shares, strict=True)]
@@ -156,9 +161,9 @@ def fitted_on_both(rendered: tuple[FloatArray, FloatArray], real: tuple[FloatArr
     return fitted(np.concatenate([rendered[0], real[0]]), np.concatenate([rendered[1], real[1]]), weight)
 
 
-def chances(x: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """The probabilities."""
-    return np.asarray(1.0 / (1.0 + np.exp(-x @ coefficients)))
+def chances(x: FloatArray, made: FloatArray) -> FloatArray:
+    """The probabilities by coefficients and lapse."""
+    return np.asarray((1.0 - made[-1]) / (1.0 + np.exp(-np.clip(x @ made[:-1], -30.0, 30.0))))
 
 
 def reliability(p: FloatArray, right: FloatArray) -> str:
@@ -187,9 +192,10 @@ def main() -> None:
         print(f"fitted on the {name} labelled frames: {np.round(made, 2).tolist()}; on the others:")
         print(reliability(chances(real_x[~fit_half], made), real_right[~fit_half]))
     made = fitted_on_both(rendered, (real_x, real_right))
-    print("coefficients", np.round(made, 2).tolist(), "in use", COEFFICIENTS.tolist())
+    in_use = np.array([*COEFFICIENTS, LAPSE])
+    print("coefficients and lapse", np.round(made, 2).tolist(), "in use", in_use.tolist())
     x, right, empty = samples(SHOWN_SEED, n)
-    p = chances(x, COEFFICIENTS)
+    p = chances(x, in_use)
     print(f"{len(p)} boundaries, {right.mean():.3f} right, Brier score {np.mean((p - right) ** 2):.3f}\n")
     found = p >= FOUND_PROBABILITY
     there = empty == 0

@@ -11,7 +11,7 @@ import pytest
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.lane_belief import COEFFICIENTS, boundary_probabilities, crowd, features, supports
+from cwcli.vision.lane_belief import COEFFICIENTS, LAPSE, boundary_probabilities, crowd, features, supports
 from cwcli.vision.lane_detect import JOINT_WEIGHT, Evidence
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
@@ -49,7 +49,7 @@ def test_probability_by_hand() -> None:
     seen = evidence(table)
     own = math.sqrt(supports(seen, LANE)[0])
     by_hand = COEFFICIENTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(crowd(seen, LANE))]
-    assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(1.0 / (1.0 + math.exp(-by_hand)))
+    assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx((1.0 - LAPSE) / (1.0 + math.exp(-by_hand)))
     np.testing.assert_array_equal(features(seen, LANE, -1e30)[:, 2], math.log(0.02))
 
 
