@@ -59,6 +59,11 @@ each with the reason. The main ones:
 
 {crime}
 
+In a log of SUMO's own, in which one follows another until it stands, 98 of 106 values of TTC below 40 s agree within
+0.02 s; the others, near the end of the approach, by up to 0.089 s, which is what the two decimals of the log's places
+and speeds leave open (interval arithmetic, `tests/unit/measures/test_sumo_vectors.py`). All of DRAC and MDRAC agree
+within 0.01 m/s^2.
+
 SUMO's device `ssm` (1.28) measures along lanes, between bumpers. Where two follow each other in one lane TTC, DRAC and
 MDRAC agree (within 0.02 s, 0.01 and 0.01 m/s^2 in five scenes, which a test drives); where ways cross at a right angle,
 TTC, PET and PPET do (within 0.02, 0.1 and 0.1 s in four scenes; `tests/unit/measures/test_sumo_scenes.py`). The rest is

@@ -143,6 +143,37 @@ def test_no_place_direction_or_time_counts(name: str, change: str) -> None:
         np.testing.assert_allclose(found, scene.value(measure), rtol=RTOL, atol=RTOL)
 
 
+def one_after_another(parts: list[Pair], part_ns: int = 100 * N * STEP_NS) -> Pair:
+    """Pairs of as many moments as one pair, each long after the one before."""
+
+    def joined(tracks: list[ActualTrack]) -> ActualTrack:
+        stamps = [part_ns * k + each.stamp_ns for k, each in enumerate(tracks)]
+        covariances = [each.covariance[:] for each in tracks if each.covariance is not None]
+        return ActualTrack(
+            np.concatenate(stamps), np.concatenate([each.state for each in tracks]), np.concatenate(covariances)
+        )
+
+    hosts, others = [part.host for part in parts], [part.other for part in parts]
+    return replace(parts[0], host=joined(hosts), other=joined(others))
+
+
+@every_measure
+def test_each_of_360_angles_says_the_same(name: str) -> None:
+    """Turned by each degree, 10^5 m away, every second one mirrored."""
+    measure, away_m = MEASURES[name], np.array([1e5, -7e4, *[0.0] * 6])
+    for scene in judged(measure, 3 if measure.is_pointwise else 1, seed=17):
+        ways = []
+        for angle_deg in range(360):
+            turn, mirror = turned(np.radians(angle_deg)), CHANGES["mirrored"][0] if angle_deg % 2 else np.asarray
+            ways.append(with_state(scene, lambda state, turn=turn, mirror=mirror: turn(mirror(state)) + away_m))
+        expected = scene.value(measure)
+        if measure.is_pointwise:
+            found = one_after_another(ways).value(measure).reshape(360, -1)
+        else:
+            found = np.array([way.value(measure) for way in ways])
+        np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=RTOL, atol=RTOL)
+
+
 @every_measure
 @settings(max_examples=60, deadline=None)
 @given(
