@@ -1,9 +1,8 @@
-"""The readers of the MCAP conformance suite's runner: `python -m tests.conformance_runner streamed|indexed FILE`.
+"""For the MCAP conformance suite's runner: `python -m tests.conformance_runner streamed|indexed|write FILE`.
 
 Prints what foxglove/mcap's tests/conformance wants of a `StreamedReadTestRunner` (every record in file order, those in
-chunks among them) and of an `IndexedReadTestRunner` (definitions, messages in log-time order, statistics). A
-`WriteTestRunner` is not possible: it has to write any combination of the format's features, and cwcli always writes
-compressed and indexed chunks, without a CRC of the data section.
+chunks among them) and of an `IndexedReadTestRunner` (definitions, messages in log-time order, statistics). `write`
+takes the JSON of a file and prints its bytes, as a `WriteTestRunner` has to; it ends with 2 where `supports` is false.
 """
 
 from __future__ import annotations
@@ -12,19 +11,23 @@ import argparse
 import json
 import struct
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+import zlib
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
 from cwcli.input import InputFile
-from cwcli.logs.format import records
+from cwcli.logs.format import record_bytes, records
 from cwcli.logs.format.chunks import chunk_payload
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import open_index
 from cwcli.logs.format.records import MAGIC, ChunkIndex, Data
 from cwcli.logs.format.summary import find_footer, read_summary
 from cwcli.logs.read.message_reader import MessageReader
+from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
+from cwcli.logs.write.record_writer import RecordWriter
 
 Document = dict[str, Any]
 ATTACHMENT_INDEX_NAMES = ("offset", "length", "log_time", "create_time", "data_size", "name", "media_type")
@@ -174,15 +177,121 @@ def indexed(file: InputFile) -> Document:
     }
 
 
+class Output:
+    """What is written, in memory."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    @property
+    def position(self) -> int:
+        return len(self.data)
+
+    def write(self, data: bytes) -> None:
+        self.data += data
+
+
+class SuiteWriter(RecordWriter):
+    """cwcli's writer, which puts all messages into chunks, with messages outside of them."""
+
+    def message(self, channel_id: int, log_ns: int, record: bytes) -> None:
+        self.record(record)
+        self._counts[channel_id] += 1
+        self._first_ns = log_ns if self._first_ns is None else min(self._first_ns, log_ns)
+        self._last_ns = max(self._last_ns, log_ns)
+
+
+def supports(features: Collection[str]) -> bool:
+    """Whether `written` makes a file with these features: cwcli puts no bytes behind the fields of a record."""
+    return "pad" not in features
+
+
+def written(wanted: Document) -> bytes:
+    """The file of which these are the records and features: the writer finds counts, places, indexes and CRCs itself.
+
+    Raises:
+        NotImplementedError: A feature is not supported.
+    """
+    features = frozenset(wanted["meta"]["variant"]["features"])
+    if not supports(features):
+        raise NotImplementedError(f"not supported: {', '.join(sorted(features))}")
+    output = Output()
+    writer = SuiteWriter(cast("Any", output))
+    in_chunk = bytearray()
+    places: list[tuple[int, int, int]] = []
+    for each in wanted["records"]:
+        kind, given = each["type"], dict(each["fields"])
+        if kind in ("Attachment", "Metadata", "DataEnd") and in_chunk:
+            entries = {
+                channel_id: np.array([place[1:] for place in places if place[0] == channel_id], INDEX_ENTRY)
+                for channel_id in dict.fromkeys(place[0] for place in places)
+            }
+            times = [log_ns for _, log_ns, _ in places]
+            payload = ChunkPayload(np.frombuffer(bytes(in_chunk), np.uint8), min(times), max(times), entries)
+            writer.raw_chunk(payload, "", bytes(in_chunk), is_indexed="mx" in features)
+            in_chunk.clear()
+        if kind == "Header":
+            writer.header(given["profile"], given["library"])
+        elif kind == "Schema":
+            defined = records.Schema(int(given["id"]), given["name"], given["encoding"], octets(given["data"]))
+            writer.schema(defined, listed_only="ch" in features)
+            in_chunk += record_bytes.schema(defined) if "ch" in features else b""
+        elif kind == "Channel":
+            ids = int(given["id"]), int(given["schema_id"])
+            named = records.Channel(*ids, given["topic"], given["message_encoding"], given["metadata"])
+            writer.channel(named, listed_only="ch" in features)
+            in_chunk += record_bytes.channel(named) if "ch" in features else b""
+        elif kind == "Message":
+            numbers = [int(given[name]) for name in ("channel_id", "sequence", "log_time", "publish_time")]
+            content = struct.pack("<HIQQ", *numbers) + octets(given["data"])
+            packed = records.PREFIX.pack(records.MESSAGE, len(content)) + content
+            if "ch" in features:
+                places.append((numbers[0], numbers[2], len(in_chunk)))
+                in_chunk += packed
+            else:
+                writer.message(numbers[0], numbers[2], packed)
+        elif kind == "Attachment":
+            named_as = given["name"], given["media_type"], octets(given["data"])
+            writer.attachment(int(given["log_time"]), int(given["create_time"]), *named_as)
+        elif kind == "Metadata":
+            writer.metadata(given["name"], given["metadata"])
+        elif kind == "DataEnd":
+            kinds = {opcode for feature, opcode in SUMMARY.items() if feature in features}
+            writer.finish(kinds, has_offsets="sum" in features, data_crc=zlib.crc32(output.data))
+            break
+    return bytes(output.data)
+
+
+SUMMARY = {
+    "rsh": records.SCHEMA,
+    "rch": records.CHANNEL,
+    "st": records.STATISTICS,
+    "chx": records.CHUNK_INDEX,
+    "ax": records.ATTACHMENT_INDEX,
+    "mdx": records.METADATA_INDEX,
+}
+
+
+def octets(numbers: Sequence[str]) -> bytes:
+    return bytes(map(int, numbers))
+
+
 READERS = {"streamed": streamed, "indexed": indexed}
 
 
 def main() -> int:
     """Parse the arguments and print."""
     parser = argparse.ArgumentParser(prog="python -m tests.conformance_runner", description=__doc__)
-    parser.add_argument("kind", choices=READERS)
+    parser.add_argument("kind", choices=(*READERS, "write"))
     parser.add_argument("file")
     given = parser.parse_args()
+    if given.kind == "write":
+        try:
+            sys.stdout.buffer.write(written(json.loads(Path(given.file).read_text())))
+        except NotImplementedError as error:
+            print(error, file=sys.stderr)
+            return 2
+        return 0
     with InputFile.open(given.file) as file:
         print(json.dumps(READERS[given.kind](file)))
     return 0

@@ -68,9 +68,9 @@ def metadata(name: str, values: Mapping[str, str]) -> bytes:
     return _record(METADATA, _text(name), _texts(values))
 
 
-def data_end() -> bytes:
-    """Without a CRC of the data section."""
-    return _record(DATA_END, _u("I", 0))
+def data_end(crc: int = 0) -> bytes:
+    """With the CRC of the data section; 0: not available."""
+    return _record(DATA_END, _u("I", crc))
 
 
 def chunk_index(record: ChunkIndex) -> bytes:

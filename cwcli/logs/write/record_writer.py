@@ -6,7 +6,7 @@ Format: https://mcap.dev/spec
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from cwcli.input import InputFile
@@ -79,8 +79,10 @@ class RecordWriter:
             self._compressor = zstandard.ZstdCompressor(ZSTD_LEVEL)
         self.raw_chunk(payload, "zstd", self._compressor.compress(payload.data.data))
 
-    def raw_chunk(self, payload: ChunkPayload, compression: str, stored: bytes | memoryview) -> None:
-        """As `chunk`, with the payload's bytes as they are to be stored."""
+    def raw_chunk(
+        self, payload: ChunkPayload, compression: str, stored: bytes | memoryview, *, is_indexed: bool = True
+    ) -> None:
+        """As `chunk`, with the payload's bytes as they are to be stored, with or without message indexes."""
         start, size = self._output.position, len(payload.data)
         crc = zlib.crc32(payload.data.data)
         self._output.write(
@@ -89,7 +91,7 @@ class RecordWriter:
         self._output.write(stored)
         end = self._output.position
         offsets: dict[int, int] = {}
-        for channel_id, entries in payload.entries.items():
+        for channel_id, entries in payload.entries.items() if is_indexed else ():
             offsets[channel_id] = self._output.position
             self._output.write(record_bytes.message_index(channel_id, entries.tobytes()))
         counts = {channel_id: len(entries) for channel_id, entries in payload.entries.items()}
@@ -140,9 +142,15 @@ class RecordWriter:
         file, start = source.place(start)
         self._output.copy(file.descriptor, start, length)
 
-    def finish(self) -> None:
-        """The end of the data section, the summary with its offsets, and the footer with the summary's CRC."""
-        self._output.write(record_bytes.data_end())
+    def finish(self, kinds: Collection[int] | None = None, *, has_offsets: bool = True, data_crc: int = 0) -> None:
+        """The end of the data section, the summary with its offsets, and the footer with the summary's CRC.
+
+        Args:
+            kinds: Opcodes of the records that the summary holds; None for all.
+            has_offsets: It tells where the records of each kind are.
+            data_crc: Of the data section, if it is known.
+        """
+        self._output.write(record_bytes.data_end(data_crc))
         start = self._output.position
         summary, offsets = bytearray(), bytearray()
         groups = {
@@ -155,12 +163,13 @@ class RecordWriter:
         }
         for opcode, records in groups.items():
             group = b"".join(records)
-            if group:
+            if group and (kinds is None or opcode in kinds):
                 offsets += record_bytes.summary_offset(opcode, start + len(summary), len(group))
                 summary += group
-        offsets_start = start + len(summary)
-        summary += offsets
-        self._output.write(summary + record_bytes.footer(start, offsets_start, summary) + MAGIC)
+        offsets_start = start + len(summary) if has_offsets else 0
+        summary += offsets if has_offsets else b""
+        footer = record_bytes.footer(start if summary else 0, offsets_start, summary)
+        self._output.write(summary + footer + MAGIC)
 
     def _statistics(self) -> Statistics:
         return Statistics(

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.input import InputFile
-from tests.conformance_runner import READERS, Document
+from tests.conformance_runner import READERS, Document, supports, written
 from tests.unit.logs_read.conformance import CONTENTS, every_file
 
 FILES = {name: data for name, _, data in every_file()}
@@ -69,6 +69,27 @@ def test_every_file_is_read_as_the_suite_expects(tmp_path: Path, content: str) -
                 indexed = READERS["indexed"](file)
             assert indexed == expected_of_indexed(streamed[name]["records"]), name
     assert digest(streamed) == SHA256[content]
+
+
+def wanted(name: str, path: Path) -> Document:
+    """What the suite gives a writer: the records of the file and its features."""
+    path.write_bytes(FILES[name])
+    with InputFile.open(path) as file:
+        return {**READERS["streamed"](file), "meta": {"variant": {"features": name.split("-")[1:]}}}
+
+
+def test_every_file_without_padding_is_written_byte_for_byte(tmp_path: Path) -> None:
+    supported = [name for name in FILES if supports(name.split("-")[1:])]
+    differing = [name for name in supported if written(wanted(name, tmp_path / "in.mcap")) != FILES[name]]
+    assert (len(FILES), len(supported), differing) == (416, 208, [])
+
+
+def test_the_command_writes_or_says_that_it_does_not(tmp_path: Path) -> None:
+    for name, code in (("OneMessage-ch-mx", 0), ("OneMessage-ch-pad", 2)):
+        (tmp_path / "in.json").write_text(json.dumps(wanted(name, tmp_path / "in.mcap")))
+        command = [sys.executable, "-m", "tests.conformance_runner", "write", str(tmp_path / "in.json")]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
+        assert (done.returncode, done.stdout) == (code, b"" if code else FILES[name])
 
 
 def test_the_command_prints_json(tmp_path: Path) -> None:
