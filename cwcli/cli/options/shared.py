@@ -183,7 +183,7 @@ class SensorOptions:
             "--ego-station",
             metavar="ID",
             show_default=False,
-            help="V2X station id of the ego vehicle, so that its own messages are not a remote vehicle.",
+            help="The ego's own id, so that it is not a remote vehicle: of its V2X messages, or in OSI traces.",
         ),
     ] = None
 

@@ -2,7 +2,7 @@
 
 `vehicle_localization` and `location` (up to OSI 3.4) are about the centre of the box, in the axes of the world;
 `vehicle_motion` is about the middle of the rear axle: its velocity is in the axes of the vehicle, and its position only
-counts where there is no other.
+counts where there is no other. A place on the globe alone (`vehicle_localization.geodetic_position`) is a fix.
 """
 
 from __future__ import annotations
@@ -11,21 +11,33 @@ import numpy as np
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.canonical import PoseSignal, SpeedSignal
+from cwcli.signals.builders.position import reject_bad_positions
+from cwcli.signals.canonical import PoseSignal, PositionSignal, SpeedSignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaf_fields import numbers
-from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
+from cwcli.signals.limits import (
+    MAX_ALTITUDE_M,
+    MAX_POSITION_M,
+    MAX_SPEED_MPS,
+    MAX_TURN_RATE_RADPS,
+    reject_unusable,
+    within,
+)
 from cwcli.signals.osi.world import OSI_FRAME, world_times
 from cwcli.signals.quality import Quality, RowLedger
 
+GLOBE = "vehicle_localization.geodetic_position"
 PLACES = ("vehicle_localization", "location", "vehicle_motion")
 
 
-def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
-    """The host's pose, from the first of `PLACES` that the channel has."""
+def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | PositionSignal, Quality]:
+    """The host's pose, from the first of `PLACES` that the channel has; else its place on the globe."""
     ledger = RowLedger(columns, reading.role)
-    part = next((part for part in PLACES if np.isfinite(numbers(columns, f"{part}.position.x")).any()), PLACES[0])
+    part = next((part for part in PLACES if np.isfinite(numbers(columns, f"{part}.position.x")).any()), None)
+    if part is None and np.isfinite(numbers(columns, f"{GLOBE}.latitude")).any():
+        return _on_globe(columns, reading, ledger)
+    part = part or PLACES[0]
     place = np.stack([numbers(columns, f"{part}.position.{axis}") for axis in "xy"], axis=1)
     if part == "vehicle_motion":
         ledger.note("the position is the middle of the rear axle, not of the car: outlines are shifted by that")
@@ -51,6 +63,24 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
         yaw_rate_radps=nothing[rows],
         covariance_m2=np.stack([variances[0], np.where(np.isnan(variances[0]), np.nan, 0.0), variances[1]], 1)[rows],
         yaw_variance_rad2=variances[2][rows],
+    )
+    return signal, ledger.quality
+
+
+def _on_globe(columns: Columns, reading: Reading, ledger: RowLedger) -> tuple[PositionSignal, Quality]:
+    latitude_deg, longitude_deg = (numbers(columns, f"{GLOBE}.{name}") for name in ("latitude", "longitude"))
+    reject_bad_positions(ledger, latitude_deg, longitude_deg)
+    altitude_m = within(ledger, numbers(columns, f"{GLOBE}.altitude"), MAX_ALTITUDE_M, "altitude")
+    timeline = settle(ledger, *world_times(columns), reading.clock, [latitude_deg, longitude_deg])
+    rows = timeline.rows
+    signal = PositionSignal(
+        source=columns.topic,
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        latitude_deg=latitude_deg[rows],
+        longitude_deg=longitude_deg[rows],
+        altitude_m=altitude_m[rows],
+        covariance_m2=np.full((len(rows), 3), np.nan),
     )
     return signal, ledger.quality
 

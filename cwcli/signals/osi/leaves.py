@@ -62,6 +62,7 @@ _HOST_VEHICLE_DATA: Fields = {
         *(f"{part}.{leaf}" for part in ("location", "vehicle_motion") for leaf in _MOTION),
         *(f"location_rmse.{leaf}" for leaf in ("position.x", "position.y", "orientation.yaw")),
         *(f"vehicle_localization.{leaf}" for leaf in _MOTION[:3]),
+        *(f"vehicle_localization.geodetic_position.{name}" for name in ("latitude", "longitude", "altitude")),
     )
 }
 
