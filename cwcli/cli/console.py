@@ -9,9 +9,11 @@ import contextlib
 import os
 import stat
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TextIO
+from typing import Any, TextIO
 
+from cwcli import __version__
 from cwcli.cli.text import join_names, paragraph, printable, shown
 from cwcli.errors import CwcliError
 
@@ -37,6 +39,13 @@ class Console:
     def data(self, text: str) -> None:
         """A line of data, whatever the options say."""
         write(sys.stdout, text)
+
+    def document(self, command: str, values: Mapping[str, Any]) -> None:
+        """What `--json` prints, as `schemas/output.schema.json` says."""
+        import json
+
+        said = {"cwcli": __version__, "command": command, **values}
+        self.data(json.dumps(said, indent=2, allow_nan=False))
 
     def summary(self, text: str) -> None:
         """A table or a line that tells the result."""

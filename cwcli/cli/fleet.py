@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from cwcli import __version__
 from cwcli.cli.console import Console, report_error
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.progress import Progress
@@ -42,7 +40,7 @@ def run_many(
 
         fleet = run_fleet(logs, plan, directory, jobs=jobs, ray=ray, force=force, report=report)
     if talk.json:
-        console.data(json.dumps(document(fleet, directory), indent=2, allow_nan=False))
+        console.document("run", document(fleet, directory))
     else:
         tell(console, fleet, directory)
     for error in errors(fleet.manifest["logs"]):
@@ -54,8 +52,6 @@ def document(fleet: Fleet, directory: str) -> dict[str, Any]:
     """What `--json` prints."""
     statuses = list(fleet.statuses.values())
     return {
-        "cwcli": __version__,
-        "command": "run",
         "directory": directory,
         "done": statuses.count("done"),
         "unchanged": statuses.count("unchanged"),

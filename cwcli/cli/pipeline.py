@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cwcli import __version__
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions, names_of
@@ -64,7 +62,7 @@ def run_job(job: Job) -> Outcome:
     console = _console(job)
     outcome = execute(job)
     if job.talk.json:
-        console.data(json.dumps(document(job, outcome), indent=2, allow_nan=False))
+        console.document(job.command, document(job, outcome))
     else:
         tell(job, console, outcome)
     return outcome
@@ -179,8 +177,6 @@ def _table_files(job: Job, outcome: Outcome) -> dict[Path, Table]:
 def document(job: Job, outcome: Outcome) -> dict[str, Any]:
     """What `--json` prints."""
     return {
-        "cwcli": __version__,
-        "command": job.command,
         "input": outcome.name,
         "output": job.writing.output,
         "written": outcome.written,

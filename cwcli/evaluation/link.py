@@ -12,6 +12,7 @@ import numpy as np
 from cwcli.estimation.result import Track
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.pipeline.json_names import Told
 from cwcli.pipeline.records import number
 from cwcli.pipeline.result import Section
 from cwcli.signals.canonical import RemoteSignal, Signal
@@ -70,12 +71,17 @@ class Link:
             return ()
         titles = tuple(f"{name.removesuffix(f'_{doc.unit}')} [{doc.unit}]" if doc.unit else name
                        for name, doc in COLUMNS.items())  # fmt: skip
-        sections = [Section("link", "Radio link", titles, tuple(map(_row, self.stations)))]
+        sections = [Section("link", "Radio link", titles, tuple(map(_row, self.stations)), names=tuple(COLUMNS))]
         shown = self.reception.sent > 0
         if shown.any():
             edges_m = self.reception.edges_m
             rows = tuple(
-                (f"{edges_m[k]:.0f} to {edges_m[k + 1]:.0f}", int(sent), int(received), float(1.0 - received / sent))
+                (
+                    _between(float(edges_m[k]), float(edges_m[k + 1])),
+                    int(sent),
+                    int(received),
+                    float(1.0 - received / sent),
+                )
                 for k, (received, sent) in enumerate(zip(self.reception.received, self.reception.sent, strict=True))
                 if sent
             )
@@ -125,6 +131,10 @@ def add_link(headline: Headline, entry: Mapping[str, Any]) -> None:
     ):
         if name in entry:
             headline.add(metric, number(entry, name), 1.0)
+
+
+def _between(low_m: float, high_m: float) -> Told:
+    return Told(f"{low_m:.0f} to {high_m:.0f}", {"low": low_m, "high": high_m})
 
 
 def _row(link: StationLink) -> tuple[str | float | int, ...]:

@@ -25,6 +25,8 @@ from cwcli.stages.summaries import NIS_WORDS, bounds_text
 
 MAX_GAP_S = 0.5
 MIN_ROWS = 20
+PER_AXIS = {"position": "position on one axis"}
+"""What the paper's table calls position: everywhere else an error of position is the distance on the plane."""
 DOF = {"position": 2, "speed": 1, "heading": 1}
 STATE_OF = {"position": X, "speed": SPEED, "heading": HEADING}
 
@@ -51,11 +53,19 @@ class TruthErrors:
 def truth_section(errors: TruthErrors) -> Section:
     """The errors for the summary."""
     rows: list[tuple[Cell, ...]] = [
-        (row.name, row.unit, row.n, row.measured_sigma, row.estimated_sigma, row.change_percent, row.estimated_bias)
+        (
+            PER_AXIS.get(row.name, row.name),
+            row.unit,
+            row.n,
+            row.measured_sigma,
+            row.estimated_sigma,
+            row.change_percent,
+            row.estimated_bias,
+        )
         for row in errors.rows
     ]
     columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
-    title = f"1-sigma errors against {errors.topic} (position: of one axis, as in song2016)"
+    title = f"1-sigma errors against {errors.topic} (song2016, table 1)"
     return Section("errors", title, columns, tuple(rows))
 
 
@@ -65,7 +75,8 @@ def nees_section(errors: TruthErrors) -> Section:
         (each.name, each.per_dof, bounds_text(*each.bounds), NIS_WORDS[each.is_inside]) for each in errors.nees
     ]
     title = "Consistency of the errors (NEES, 1 per degree of freedom expected)"
-    return Section("nees", title, ("error of", "NEES/dof", "95 % bounds", "inside"), tuple(rows))
+    columns = ("error of", "NEES/dof", "95 % bounds", "inside")
+    return Section("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 
 
 def truth_rows(errors: TruthErrors) -> list[MetricRow]:

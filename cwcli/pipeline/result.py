@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cwcli.metrics.table import Table
+from cwcli.pipeline.json_names import json_row
 from cwcli.signals.columns import OutputChannel
 
 Cell = str | float | int | None
@@ -26,6 +27,7 @@ class Section:
         title: Heading on the terminal.
         columns: Column headings, units included.
         rows: One tuple a row, as long as `columns`.
+        names: Of the columns in the JSON output, where the headings don't make good ones (`cwcli.pipeline.json_names`).
         is_timed: It tells how long something took, so that it differs from run to run: it is in no record.
     """
 
@@ -33,6 +35,7 @@ class Section:
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+    names: tuple[str, ...] = ()
     is_timed: bool = False
 
 
@@ -84,11 +87,11 @@ class Summary:
     verdict: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """The summary as JSON-ready values; NaN and infinity become null."""
+        """The summary as JSON-ready values, under names in snake_case; NaN, infinity and empty cells become null."""
         return {
             "title": self.title,
             "sections": {
-                section.key: [dict(zip(section.columns, map(_json_cell, row), strict=True)) for row in section.rows]
+                section.key: [json_row(section.names or section.columns, row) for row in section.rows]
                 for section in self.sections
             },
             "inputs": [

@@ -257,7 +257,7 @@ def _sections(replayed: Sequence[Replayed], start_ns: int, predictor: str, rule:
                 (
                     one.event_id,
                     name,
-                    "yes" if record["collided"] else "no",
+                    bool(record["collided"]),
                     record["impact_speed_mps"] if record["collided"] else None,
                     record["min_distance_m"],
                     record["min_gap_m"],

@@ -14,6 +14,7 @@ from cwcli.channels.target import write_targets
 from cwcli.channels.vehicle_state import VehicleStates, read_states
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.json_names import Told
 from cwcli.pipeline.records import map_of, run_records
 from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
@@ -240,12 +241,13 @@ def _sensors_section(result: TrackResult) -> Section:
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
     columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "inside")
-    return Section("sensors", "Detections, and consistency of the innovations", columns, tuple(rows))
+    title = "Detections, and consistency of the innovations"
+    return Section("sensors", title, columns, tuple(rows), names=(*columns[:6], "bounds_95", "inside"))
 
 
 def _nis_cells(check: Consistency | None) -> tuple[Cell, ...]:
     if check is None or not check.dof > 0.0:
-        return None, "", ""
+        return None, bounds_text(np.nan, np.nan), NIS_WORDS[None]
     bounds = bounds_text(check.low / check.dof, check.high / check.dof)
     return check.nis_mean / check.dof, bounds, NIS_WORDS[check.is_inside]
 
@@ -254,16 +256,20 @@ def _noise_section(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> S
     if result.tuned is None:
         return Section("noise", "", (), ())
     rows: list[tuple[Cell, ...]] = [
-        (source, name, factor)
+        (source, Told(name, {"": name, "unit": None}), factor)
         for source, factors in result.tuned.scale.items()
         for (name, _), factor in zip(VALUES[kinds[source]], factors, strict=False)
     ]
     tuned = result.tuned.config
-    rows.append(("process", f"acceleration [{noise_unit(tuned)}]", noise_of(tuned)))
+    rows.append(("process", _process("acceleration", noise_unit(tuned)), noise_of(tuned)))
     if tuned.motion.turn_noise > 0.0:
-        rows.append(("process", "turn rate [rad/s^1.5]", turn_noise_of(tuned)))
+        rows.append(("process", _process("turn rate", "rad/s^1.5"), turn_noise_of(tuned)))
     title = "Noise by maximum likelihood: factor on each given sigma, process noise"
     return Section("noise", title, ("source", "quantity", "found"), tuple(rows))
+
+
+def _process(name: str, unit: str) -> Told:
+    return Told(f"{name} [{unit}]", {"": name, "unit": unit})
 
 
 def _targets_section(result: TrackResult, in_map: bool) -> Section:

@@ -54,7 +54,7 @@ def estimate(log: Path, *options: str) -> Estimated:
     stage = json.loads(shown.read_text())["stages"]["estimate"]
     with metrics.open() as stream:
         nees = next(float(row["value"]) for row in csv.DictReader(stream) if "nees_mean" in row.values())
-    error = next(row for row in stage["sections"]["errors"] if row["error of"] == "position")
+    error = next(row for row in stage["sections"]["errors"] if row["error_of"] == "position on one axis")
     return Estimated(
         error["estimated"], nees, {entry["topic"]: entry for entry in stage["inputs"]}, usage.ru_maxrss / 1024
     )
@@ -191,7 +191,7 @@ def test_detection_logged_at_one_nanosecond_is_left_out(cwcli: Run, tmp_path: Pa
         stage = json.loads(done.stdout)["stages"]["track"]
         entries.append(next(each for each in stage["inputs"] if each["topic"] == topic))
         (row,) = stage["sections"]["errors"]
-        errors_m.append((row["x [m]"], row["y [m]"]))
+        errors_m.append((row["x_m"], row["y_m"]))
     assert entries[1]["rejected"] == {LOG_TIME_APART: 1}
     assert entries[1]["read"] == entries[0]["read"] == entries[1]["used"] + 1
     np.testing.assert_allclose(errors_m[1], errors_m[0], rtol=ATOL_PART)

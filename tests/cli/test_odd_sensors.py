@@ -138,8 +138,8 @@ def test_odd_sensors(name: str, cwcli: Run, tmp_path: Path) -> None:
     told = " ".join([*summary["notes"], *rejected, summary["verdict"]])
     for part in case.said:
         assert part in told
-    errors = {row["error of"]: row["estimated"] for row in summary["sections"]["errors"]}
-    assert errors["position"] < case.position_m
+    errors = {row["error_of"]: row["estimated"] for row in summary["sections"]["errors"]}
+    assert errors["position on one axis"] < case.position_m
     assert errors["speed"] < case.speed_mps
     assert errors["heading"] < case.heading_deg
 
@@ -150,9 +150,9 @@ def test_a_parked_car_stays_where_it_is_and_no_latency_is_found(cwcli: Run, tmp_
     done = cwcli("estimate", log, "--json")
     assert done.returncode == 0, done.stderr.decode()
     summary = json.loads(done.stdout)["stages"]["estimate"]
-    assert "applied" not in {row["latency status"] for row in summary["sections"]["sources"]}
-    errors = {row["error of"]: row["estimated"] for row in summary["sections"]["errors"]}
-    assert errors["position"] < 0.2
+    assert "applied" not in {row["latency_status"] for row in summary["sections"]["sources"]}
+    errors = {row["error_of"]: row["estimated"] for row in summary["sections"]["errors"]}
+    assert errors["position on one axis"] < 0.2
     assert errors["speed"] < 0.05
 
 

@@ -336,7 +336,7 @@ def test_demo_runs_everything_and_names_its_files(cwcli: Run, tmp_path: Path) ->
 
 
 def test_demo_json(cwcli: Run) -> None:
-    documents = json.loads(cwcli("demo", "-d", "d", "--json").stdout)
+    documents = json.loads(cwcli("demo", "-d", "d", "--json").stdout)["runs"]
     assert [list(document["stages"]) for document in documents] == [["estimate", "predict", "warn"]] * 2
 
 

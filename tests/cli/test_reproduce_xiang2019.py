@@ -20,7 +20,7 @@ def test_every_number_stands_beside_the_paper_s(cwcli: Run, tmp_path: Path) -> N
     document = json.loads(done.stdout)
     assert (document["paper"], document["seeds"], document["failed"]) == ("xiang2019", 100, [])
     sections = document["sections"]
-    assert [row["range [m]"] for row in sections["figure_6"]] == [1.10, 3.20, 4.90, 9.30, 15.20]
+    assert [row["range_m"] for row in sections["figure_6"]] == [1.10, 3.20, 4.90, 9.30, 15.20]
     findings = {(row["figure"], row["what"]): row for row in document["findings"]}
     cells = [
         findings["table 1", f"{segment}, {axis}, UKF: mean square error"]

@@ -74,8 +74,8 @@ def test_errors_on_the_lidar_radar_log(
 def test_the_ekf_and_every_model_run_on_the_lidar_radar_log(cwcli: Run, lidar_radar: Path) -> None:
     for options in (("--filter", "ekf", "--causal"), ("--model", "cv"), ("--model", "ca"), ("--no-tune",)):
         (row,) = summary(cwcli("track", lidar_radar, *options, "--json"))["sections"]["errors"]
-        assert max(row["x [m]"], row["y [m]"]) < 0.1
-        assert max(row["vx [m/s]"], row["vy [m/s]"]) < 0.4
+        assert max(row["x_m"], row["y_m"]) < 0.1
+        assert max(row["vx_mps"], row["vy_mps"]) < 0.4
 
 
 def test_the_papers_pure_tracker_on_the_lidar_radar_log(cwcli: Run, lidar_radar: Path, tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_warns_of_a_tracked_target_when_it_warns_of_the_same_car_over_v2x(cwcli:
     )
     assert target["vehicle"] == "1"
     assert (target["verdict"], spoken["verdict"]) == ("true", "true")
-    assert target["at [s]"] == pytest.approx(spoken["at [s]"], abs=0.2)
+    assert target["at_s"] == pytest.approx(spoken["at_s"], abs=0.2)
 
 
 def test_warning_of_targets_needs_the_ego(cwcli: Run, tmp_path: Path) -> None:
@@ -228,7 +228,7 @@ def test_many_targets_with_truth(cwcli: Run, tmp_path: Path) -> None:
     parts = [found["", "/truth/targets", "gospa", f"{part}_mean"] for part in ("localisation", "missed", "false")]
     assert all(part >= 0.0 for part in parts)
     assert found["", "/truth/targets", "id", "switch_count"] == sum(
-        row["id switches"] for row in told["sections"]["errors"]
+        row["id_switches"] for row in told["sections"]["errors"]
     )
     assert any("as many targets" in note for note in told["notes"])
 

@@ -107,7 +107,7 @@ def test_ten_thousand_detections_in_one_scan(cwcli: Run, tmp_path: Path) -> None
     assert counted(told)
     (line,) = told["sections"]["sensors"]
     assert line["detections"] == 10_029
-    assert line["used"] + line["no track"] + line["faulty"] == 10_029
+    assert line["used"] + line["no_track"] + line["faulty"] == 10_029
     assert len(told["sections"]["targets"]) >= 1
     code = (
         "from cwcli.cli.main import run; assert run(['track', 'a.mcap', '-q']) == 0; "
@@ -122,7 +122,7 @@ def test_a_target_that_starts_at_the_origin(cwcli: Run, tmp_path: Path) -> None:
     write_scans(tmp_path / "a.mcap", {RADAR: at_rate(ranges)})
     told = summary(cwcli("track", "a.mcap", "--json", "--no-tune"))
     (line,) = told["sections"]["targets"]
-    assert (line["states"], line["seen [%]"]) == (40, 100.0)
+    assert (line["states"], line["seen_percent"]) == (40, 100.0)
     assert rejected(told) == {RADAR: {}}
 
 
@@ -167,7 +167,7 @@ def test_radar_tracks_and_drawn_cubes_are_tracked(cwcli: Run, tmp_path: Path) ->
             writer.finish()
         told = summary(cwcli("track", f"{name}.mcap", "--no-tune", "--json"))
         (row,) = told["sections"]["targets"]
-        assert (row["states"], row["max speed [m/s]"]) == (50, pytest.approx(5.0, abs=0.3))
+        assert (row["states"], row["max_speed_mps"]) == (50, pytest.approx(5.0, abs=0.3))
 
 
 def radar_track(at: int, x_m: float) -> dict[str, Any]:

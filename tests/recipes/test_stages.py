@@ -38,7 +38,7 @@ def test_a_stage_runs_is_judged_and_stands_in_info_config_help_docs_and_layout(b
         assert "cwcli.run.comfort" in dict(log.metadata)
     assert np.abs(lateral_mps2).max() == pytest.approx(2.5, abs=0.1)  # 10 m/s in a bend of 40 m
     assert counts == {"states": len(columns), "strong": int(np.count_nonzero(np.abs(lateral_mps2) > 1.5))}
-    assert 0.0 < errors["rms [m/s^2]"] < 0.1
+    assert 0.0 < errors["rms_mps2"] < 0.1
     assert (house.folder / "m" / "comfort.parquet").is_file()
     assert json.loads(house.run("info", CURVE, "--json"))["commands"]["comfort"]["after"] == ["estimate"]
     house.run("comfort", "out.mcap", "-o", "again.mcap", "--replace", "--limit", "3", "--metrics", "c.csv")

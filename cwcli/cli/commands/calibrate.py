@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -84,7 +83,7 @@ def command(
     if output is not None:
         write_file(output, calibration_text(found).encode(), force=force)
     if talk.json:
-        console.data(json.dumps(_document(found), indent=2, allow_nan=False))
+        console.document("calibrate", _document(found))
     else:
         _show(console, found)
         print_written(console, [output] if output is not None else [])
@@ -158,7 +157,7 @@ def _show(console: Console, found: Calibration) -> None:
 
 def _document(found: Calibration) -> dict[str, Any]:
     """What `--json` prints: the file's content; a number that there is not is null."""
-    return {"command": "calibrate", **{key: _finite(value) for key, value in asdict(found).items()}}
+    return {key: _finite(value) for key, value in asdict(found).items()}
 
 
 def _finite(value: Any) -> Any:

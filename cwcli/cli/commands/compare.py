@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cwcli import __version__
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
@@ -102,7 +100,7 @@ def command(
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
         document = _document(before, after, comparison, failed, targets)
-        console.data(json.dumps(document, indent=2, allow_nan=False))
+        console.document("compare", document)
     else:
         _show(console, before, after, comparison, failed, everything=everything, exact=exact)
         print_written(console, targets)
@@ -226,8 +224,6 @@ def _document(
 ) -> Document:
     """What `--json` prints."""
     return {
-        "cwcli": __version__,
-        "command": "compare",
         "baseline": before.source,
         "candidate": after.source,
         "written": list(written),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -59,7 +58,7 @@ def command(
             tell(job, console, outcome)
             console.summary("")
     if talk.json:
-        console.data(json.dumps(documents, indent=2, allow_nan=False))
+        console.document("demo", {"runs": documents})
 
 
 @contextmanager

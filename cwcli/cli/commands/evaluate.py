@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cwcli import __version__
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
@@ -107,7 +105,7 @@ def command(
             write_file(summary_file, text.encode(), force=force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
-        console.data(json.dumps(_document(run, truth, pooled, results, targets), indent=2, allow_nan=False))
+        console.document("evaluate", _document(run, truth, pooled, results, targets))
     else:
         _show(console, run, pooled, results, everything=everything)
         print_written(console, targets)
@@ -217,8 +215,6 @@ def _document(
 ) -> Document:
     """What `--json` prints."""
     return {
-        "cwcli": __version__,
-        "command": "evaluate",
         "source": run.source,
         "truth": truth,
         "written": list(written),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -105,7 +104,7 @@ def command(
             else:
                 write_file(output, content, force=force)
     if talk.json:
-        console.data(json.dumps({"command": "export", "format": form, "output": output, **said}))
+        console.document("export", {"format": form, "output": output, **said})
     elif output != "-":
         print_written(console, [output])
 

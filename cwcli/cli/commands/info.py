@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
@@ -84,7 +83,7 @@ def command(
         if contract:
             document["contract"] = _judged(contract, document)
     if talk.json:
-        console.data(json.dumps(document, indent=2, allow_nan=False))
+        console.document("info", document)
     else:
         show(console, document)
     keeps = all(verdict["holds"] for verdict in document.get("contract", ()))

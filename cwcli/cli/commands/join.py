@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -103,7 +102,6 @@ def command(
         annotate(joined.log, (), {}, target, replace=replace, force=force)
     if talk.json:
         said = {
-            "command": "join",
             "role": role,
             "id": name,
             "clock_offset_s": joined.offset_ns / 1e9,
@@ -113,7 +111,7 @@ def command(
             "faults": faults,
             "written": target,
         }
-        console.data(json.dumps(said, indent=2))
+        console.document("join", said)
         return
     for topic, n in joined.n_states.items():
         console.summary(f"{topic}: {n} states of {name}")

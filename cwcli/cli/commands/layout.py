@@ -65,6 +65,6 @@ def command(
         return
     write_file(output, f"{text}\n".encode(), force=force)
     if talk.json:
-        console.data(json.dumps({"command": "layout", "output": output, "panels": len(document["configById"])}))
+        console.document("layout", {"output": output, "panels": len(document["configById"])})
     else:
         print_written(console, [output])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -49,6 +48,6 @@ def command(
     write_file(output, draw(drive, what, form), force=force)
     console = Console(quiet=talk.quiet)
     if talk.json:
-        console.data(json.dumps({"command": "plot", "what": what, "format": form, "output": output}))
+        console.document("plot", {"what": what, "format": form, "output": output})
     else:
         print_written(console, [output])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
 
 import typer
@@ -80,7 +79,7 @@ def command(
         "left_out": list(report.left_out),
     }
     if talk.json and target != "-":
-        console.data(json.dumps(document, indent=2))
+        console.document("report", document)
         return
     console.summary(f"{count(report.n_logs, 'log')}, {report.n_detailed} with figures, {report.n_failed} failed")
     if report.left_out:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cwcli import __version__
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, MetricsOption
@@ -299,8 +297,6 @@ def command(
     console = Console(quiet=talk.quiet)
     if talk.json:
         document = {
-            "cwcli": __version__,
-            "command": "reproduce",
             "paper": paper,
             "seeds": n_seeds,
             **({"frames": n_frames} if entry.frames else {}),
@@ -309,7 +305,7 @@ def command(
             "findings": _findings(made),
             **made.summary.to_json(),
         }
-        console.data(json.dumps(document, indent=2, allow_nan=False))
+        console.document("reproduce", document)
     else:
         print_result(console, made.summary)
         print_written(console, written)

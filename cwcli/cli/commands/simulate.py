@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cwcli import __version__
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption
@@ -132,8 +130,6 @@ def _report(
 ) -> None:
     if talk.json:
         document = {
-            "cwcli": __version__,
-            "command": "simulate",
             "scenario": name,
             "seed": seed,
             "output": output,
@@ -142,7 +138,7 @@ def _report(
                 for entry in written
             ],
         }
-        typer.echo(json.dumps(document, indent=2))
+        Console(quiet=talk.quiet).document("simulate", document)
         return
     console = Console(quiet=talk.quiet, summary_to_stderr=output == "-")
     console.heading(f"simulate {name}")

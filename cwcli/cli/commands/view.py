@@ -53,4 +53,8 @@ def command(
             made = Path(folder) / "recording.rrd"
             record(opened, path, made)
             write_file(output, read_file(str(made)), force=force)
-    print_written(Console(quiet=talk.quiet), [output])
+    console = Console(quiet=talk.quiet)
+    if talk.json:
+        console.document("view", {"output": output})
+    else:
+        print_written(console, [output])

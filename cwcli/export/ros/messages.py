@@ -253,6 +253,7 @@ ROS_MESSAGES = {
     "cwcli.v1.LateralState": RosMessage("cwcli_msgs/msg/LateralState", _same),
     "cwcli.v1.ControlStep": RosMessage("cwcli_msgs/msg/ControlStep", _same),
     "cwcli.v1.Rejected": RosMessage("cwcli_msgs/msg/Rejected", _same),
+    "cwcli.v1.RoadEvent": RosMessage("cwcli_msgs/msg/RoadEvent", _same),
     "foxglove.LocationFix": RosMessage("sensor_msgs/msg/NavSatFix", _fix),
     "foxglove.PoseInFrame": RosMessage("geometry_msgs/msg/PoseStamped", _pose),
     "foxglove.FrameTransform": RosMessage("tf2_msgs/msg/TFMessage", _transform),

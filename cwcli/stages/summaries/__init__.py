@@ -6,14 +6,19 @@ import math
 
 import numpy as np
 
+from cwcli.pipeline.json_names import Told
 from cwcli.signals.columns import FloatArray
 
-NIS_WORDS = {None: "", True: "in", False: "OUT"}
+NIS_WORDS = {
+    None: Told("", {"": None}),
+    True: Told("in", {"": True}),
+    False: Told("OUT", {"": False}),
+}
 
 
-def bounds_text(low: float, high: float) -> str:
+def bounds_text(low: float, high: float) -> Told:
     """Two bounds in one cell, "" where they are not known."""
-    return "" if math.isnan(low) else f"{low:.2f} to {high:.2f}"
+    return Told("" if math.isnan(low) else f"{low:.2f} to {high:.2f}", {"low": low, "high": high})
 
 
 def median(values: FloatArray) -> float | None:

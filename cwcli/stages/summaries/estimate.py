@@ -10,6 +10,7 @@ from cwcli.estimation.known import Knowledge
 from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.summary import TrackSummary, quantity_of
+from cwcli.pipeline.json_names import Told
 from cwcli.pipeline.result import Cell, Section
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
 from cwcli.stages.summaries import NIS_WORDS, bounds_text
@@ -26,9 +27,9 @@ def knowledge_section(online: Sequence[Knowledge]) -> Section:
     """The table of the online states."""
     columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "most")
     title = "Online states: what could have been known, and when"
-    return Section(
-        "online", title, columns, tuple((each.topic, each.n, each.parameters, *each.after_s()) for each in online)
-    )
+    rows: list[tuple[Cell, ...]] = [(each.topic, each.n, each.parameters, *each.after_s()) for each in online]
+    after = tuple(f"known_after_{name}_s" for name in ("median", "p95", "max"))
+    return Section("online", title, columns, tuple(rows), names=(*columns[:3], *after))
 
 
 def _sources_section(ego: TrackSummary) -> Section:
@@ -56,16 +57,17 @@ def _parameters_section(ego: TrackSummary) -> Section:
         unit = QUANTITIES[report.kind].unit
         name = (report.source, quantity_of(report))
         if not math.isnan(report.bias):
-            rows.append((*name, "bias", _with_sigma(report.bias, report.bias_sigma, ".3g"), unit, "used"))
+            rows.append((*name, "bias", _with_sigma(report.bias, report.bias_sigma, ".3g", time_s=None), unit, "used"))
         for label, found, own_unit in (
             ("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m"), ("ahead", report.ahead_m, "m"),
         ):  # fmt: skip
             if found.status is not ParameterStatus.OFF:
-                value = _with_sigma(found.value, found.sigma, ".4g")
+                value = _with_sigma(found.value, found.sigma, ".4g", time_s=None)
                 rows.append((*name, label, value, own_unit, found.status.value))
         slow = report.slow_error
         if slow.status is not ParameterStatus.OFF:
-            value = "" if math.isnan(slow.sigma) else f"{slow.sigma:.3g} for {slow.time_s:.3g} s"
+            text = "" if math.isnan(slow.sigma) else f"{slow.sigma:.3g} for {slow.time_s:.3g} s"
+            value = Told(text, {"": slow.sigma, "sigma": None, "time_s": slow.time_s})
             label = "grade" if report.kind is Kind.ACCEL else "slow error"
             rows.append((*name, label, value, unit, slow.status.value))
     columns = ("source", "quantity", "parameter", "value", "unit", "status")
@@ -77,7 +79,10 @@ def _noise_section(ego: TrackSummary) -> Section:
         (
             report.source,
             quantity_of(report),
-            f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
+            Told(
+                f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
+                {"": report.sigma, "unit": QUANTITIES[report.kind].unit},
+            ),
             report.noise_origin,
             report.nis_mean / report.nis_dof,
             bounds_text(*(bound / report.nis_dof for bound in report.nis_bounds)),
@@ -86,7 +91,8 @@ def _noise_section(ego: TrackSummary) -> Section:
         for report in ego.sources
     ]
     columns = ("source", "quantity", "white noise", "from", "NIS/dof", "95 % bounds", "inside")
-    return Section("noise", "Ego sources: noise and consistency of the innovations", columns, tuple(rows))
+    title = "Ego sources: noise and consistency of the innovations"
+    return Section("noise", title, columns, tuple(rows), names=(*columns[:5], "bounds_95", "inside"))
 
 
 def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
@@ -114,12 +120,9 @@ def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
     return Section("vehicles", "Estimated tracks", columns, tuple(rows))
 
 
-def _with_sigma(value: float, sigma: float, digits: str) -> str:
-    """A value with its sigma where it has one, "" without a value."""
-    if math.isnan(value):
-        return ""
-    return (
-        f"{value:{digits}}"
-        if math.isnan(sigma)
-        else f"{value:{digits}} +- {sigma:{'.0f' if digits == '.0f' else '.2g'}}"
-    )
+def _with_sigma(value: float, sigma: float, digits: str, **more: None) -> Told:
+    """A value with its sigma where it has one, "" without a value; more: what such a cell has elsewhere."""
+    text = "" if math.isnan(value) else f"{value:{digits}}"
+    if text and not math.isnan(sigma):
+        text += f" +- {sigma:{'.0f' if digits == '.0f' else '.2g'}}"
+    return Told(text, {"": value, "sigma": sigma, **more})

@@ -1,0 +1,92 @@
+"""Tables for people as JSON for programs: names in snake_case with their units, and cells as values.
+
+`latency [ms]` becomes `latency_ms`; a cell that people read as `12 +- 3` says for itself what it is in numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, Self
+
+UNITS = {
+    "m": "m",
+    "s": "s",
+    "ms": "ms",
+    "Hz": "hz",
+    "deg": "deg",
+    "rad": "rad",
+    "m/s": "mps",
+    "m/s^2": "mps2",
+    "m/s^3": "mps3",
+    "km/h": "kmh",
+    "rad/s": "radps",
+    "deg/s": "degps",
+    "pixel": "px",
+    "%": "percent",
+}
+"""In brackets behind a heading -> as a name ends."""
+_HEADING = re.compile(r"(?P<words>[^\[]*)(?:\[(?P<unit>[^\]]+)\])?(?P<more>.*)")
+_WORD = re.compile("[a-z0-9]+")
+
+
+class Told(str):
+    """A cell that people read as a text, and programs as values.
+
+    Attributes:
+        values: What the column's name ends with in the JSON output ("" for nothing) -> the value.
+    """
+
+    __slots__ = ("values",)
+    values: Mapping[str, float | str | bool | None]
+
+    def __new__(cls, text: str, values: Mapping[str, float | str | bool | None]) -> Self:
+        """The text, with its values."""
+        self = super().__new__(cls, text)
+        self.values = values
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Between processes it keeps its values."""
+        return type(self), (str(self), dict(self.values))
+
+
+def json_row(columns: tuple[str, ...], row: tuple[Any, ...]) -> dict[str, Any]:
+    """A row of a table as names and values; NaN, infinity and an empty text are null.
+
+    Args:
+        columns: Headings with units, or names.
+        row: Its cells, as long.
+
+    Raises:
+        ValueError: Two columns have one name.
+    """
+    out: dict[str, Any] = {}
+    for heading, cell in zip(columns, row, strict=True):
+        values = cell.values if isinstance(cell, Told) else {"": cell}
+        for end, value in values.items():
+            name = json_name(heading, end)
+            if name in out:
+                raise ValueError(f"two columns are {name}")
+            out[name] = plain_value(value)
+    return out
+
+
+def plain_value(cell: Any) -> Any:
+    """As JSON has it: nothing where a number or a text has no content."""
+    if isinstance(cell, float) and not math.isfinite(cell):
+        return None
+    return None if cell == "" else cell
+
+
+def json_name(heading: str, end: str = "") -> str:
+    """`max speed [m/s]` -> `max_speed_mps`, with `sigma` `max_speed_sigma_mps`."""
+    matched = _HEADING.fullmatch(heading)
+    assert matched is not None
+    unit = UNITS.get(matched["unit"] or "", matched["unit"])
+    words = f"{matched['words']} {matched['more']} {end}".lower().replace("%", " percent ").replace("/", " per ")
+    name = "_".join(_WORD.findall(words))
+    name = f"at_{name}" if name[:1].isdigit() else name  # `95 % from` -> `at_95_percent_from`
+    ending = "_".join(_WORD.findall((unit or "").lower()))
+    return name if not ending or name.endswith(f"_{ending}") else f"{name}_{ending}"
