@@ -13,27 +13,6 @@ from cwcli.signals.columns import FloatArray
 Size = tuple[float, float]
 
 
-def _axes(
-    dx: FloatArray,
-    dy: FloatArray,
-    heading_host: FloatArray,
-    heading_other: FloatArray,
-    host: Size,
-    other: Size,
-) -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
-    """Per edge direction: its unit vector (x, y), the projected centre distance and the sum of half extents."""
-    cos_between = np.abs(np.cos(heading_other - heading_host))
-    sin_between = np.abs(np.sin(heading_other - heading_host))
-    out = []
-    for heading, own, guest in ((heading_host, host, other), (heading_other, other, host)):
-        cosine, sine = np.cos(heading), np.sin(heading)
-        lengthwise = 0.5 * (own[0] + guest[0] * cos_between + guest[1] * sin_between)
-        crosswise = 0.5 * (own[1] + guest[0] * sin_between + guest[1] * cos_between)
-        out.append((cosine, sine, dx * cosine + dy * sine, lengthwise))
-        out.append((-sine, cosine, -dx * sine + dy * cosine, crosswise))
-    return out
-
-
 def overlap_margin(
     dx: FloatArray,
     dy: FloatArray,
@@ -43,10 +22,29 @@ def overlap_margin(
     other: Size,
 ) -> FloatArray:
     """Largest separation over the four edge directions, metres: positive apart, negative overlapping."""
-    margins = [
-        np.abs(centre) - reach for _, _, centre, reach in _axes(dx, dy, heading_host, heading_other, host, other)
-    ]
-    return np.asarray(np.maximum.reduce(margins))
+    directions = [(np.cos(heading), np.sin(heading)) for heading in (heading_host, heading_other)]
+    return margin_of(dx, dy, directions[0], directions[1], host, other)
+
+
+def margin_of(
+    dx: FloatArray,
+    dy: FloatArray,
+    along_host: tuple[FloatArray, FloatArray],
+    along_other: tuple[FloatArray, FloatArray],
+    host: Size,
+    other: Size,
+) -> FloatArray:
+    """The same from cosine and sine of the headings."""
+    (cos_host, sin_host), (cos_other, sin_other) = along_host, along_other
+    cos_between = np.abs(cos_host * cos_other + sin_host * sin_other)
+    sin_between = np.abs(cos_host * sin_other - sin_host * cos_other)
+    most: FloatArray | None = None
+    for (cosine, sine), own, guest in ((along_host, host, other), (along_other, other, host)):
+        lengthwise = np.abs(dx * cosine + dy * sine) - 0.5 * (own[0] + guest[0] * cos_between + guest[1] * sin_between)
+        crosswise = np.abs(dy * cosine - dx * sine) - 0.5 * (own[1] + guest[0] * sin_between + guest[1] * cos_between)
+        here = np.maximum(lengthwise, crosswise)
+        most = here if most is None else np.maximum(most, here)
+    return np.asarray(most)
 
 
 def outline_distance(

@@ -49,10 +49,10 @@ def encroachment_span(pair: Pair) -> float:
     own, theirs = np.split(pair.value(_GRID), 2, axis=1)
     if np.abs(np.sin(own[mine, 3] - theirs[other, 3])) < MIN_CROSSING_SINE:
         return np.nan
-    last = round(LIMIT_S / STEP_S)
+    last, poses = round(LIMIT_S / STEP_S), pair.value(_POSES)
     inside = np.zeros(len(own), dtype=bool)
     for lag in range(-last, last + 1):
-        rows, _ = _overlapping(own, theirs, lag, pair)
+        rows, _ = _overlapping(poses, lag, pair)
         inside[rows] = True
     outside = np.flatnonzero(~inside)
     before, after = outside[outside < mine], outside[outside > mine]
@@ -78,13 +78,20 @@ def _grid(pair: Pair) -> FloatArray:
     return np.concatenate([interpolate(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other)], axis=1)
 
 
+def _poses(pair: Pair) -> FloatArray:
+    """x, y, cosine and sine of the heading of the host, then of the other, in the steps of the grid, (8, g)."""
+    x, y, _, heading, to_x, to_y, _, to_heading = pair.value(_GRID).T
+    return np.stack([x, y, np.cos(heading), np.sin(heading), to_x, to_y, np.cos(to_heading), np.sin(to_heading)])
+
+
 def _narrowest(pair: Pair) -> FloatArray:
     """Rows of the grid at which the host and the other overlap at the least lag, (2,); (0,) if none do."""
-    own, theirs = np.split(pair.value(_GRID), 2, axis=1)
-    n_lags = min(round(LIMIT_S / STEP_S), len(own) - 1) + 1 if len(own) > 1 else 0
+    poses = pair.value(_POSES)
+    n = poses.shape[1]
+    n_lags = min(round(LIMIT_S / STEP_S), n - 1) + 1 if n > 1 else 0
     for lag in range(n_lags):
         for signed in dict.fromkeys((lag, -lag)):
-            mine, them = _overlapping(own, theirs, signed, pair)
+            mine, them = _overlapping(poses, signed, pair)
             if len(mine):
                 return np.array([mine[0], them[0]], np.float64)
     return np.zeros(0)
@@ -111,23 +118,30 @@ def _refined(pair: Pair, mine: int, other: int) -> float:
     return float(lag_s[known][margin <= 0.0].min(initial=abs(mine - other) * STEP_S))
 
 
-_GRID, _NARROWEST = _Shared(_grid), _Shared(_narrowest)
+_GRID, _POSES, _NARROWEST = _Shared(_grid), _Shared(_poses), _Shared(_narrowest)
 
 
-def _overlapping(
-    own: FloatArray, theirs: FloatArray, lag: int, pair: Pair
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Rows of the host, and of the other `lag` steps later, with overlapping outlines."""
-    n = len(own) - abs(lag)
+def _overlapping(poses: FloatArray, lag: int, pair: Pair) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows of the host, and of the other `lag` steps later, with overlapping outlines: apart on no edge's direction."""
+    n = poses.shape[1] - abs(lag)
     mine, them = max(-lag, 0), max(lag, 0)
-    dx, dy = (theirs[them : them + n, k] - own[mine : mine + n, k] for k in (0, 1))
+    own, theirs = poses[:4, mine : mine + n], poses[4:, them : them + n]
+    dx, dy = theirs[0] - own[0], theirs[1] - own[1]
     reach = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
-    near = np.flatnonzero(dx**2 + dy**2 <= reach**2)
-    margin = overlap_margin(
-        dx[near], dy[near], own[mine + near, 3], theirs[them + near, 3], pair.host_size, pair.other_size
-    )
-    hit = near[margin <= 0.0]
-    return mine + hit, them + hit
+    rows = np.flatnonzero(dx * dx + dy * dy <= reach**2)
+    for (length, width), (to_length, to_width), side in (
+        (pair.host_size, pair.other_size, own),
+        (pair.other_size, pair.host_size, theirs),
+    ):
+        if not len(rows):
+            break
+        cosine, sine, x, y = side[2][rows], side[3][rows], dx[rows], dy[rows]
+        cos_turn = np.abs(own[2][rows] * theirs[2][rows] + own[3][rows] * theirs[3][rows])
+        sin_turn = np.abs(own[2][rows] * theirs[3][rows] - own[3][rows] * theirs[2][rows])
+        across = np.abs(y * cosine - x * sine) <= 0.5 * (width + to_length * sin_turn + to_width * cos_turn)
+        along = np.abs(x * cosine + y * sine) <= 0.5 * (length + to_length * cos_turn + to_width * sin_turn)
+        rows = rows[across & along]
+    return mine + rows, them + rows
 
 
 MEASURE = Measure(

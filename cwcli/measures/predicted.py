@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.measures.outlines import overlap_margin
+from cwcli.measures.outlines import margin_of
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
@@ -33,8 +33,8 @@ def first_overlap(pair: Pair) -> FloatArray:
         close = np.flatnonzero(apart.real**2 + apart.imag**2 <= (radius + STEP_S * fastest[rows]) ** 2)
         now = np.full(len(rows), np.inf)
         if len(close):
-            own, theirs = (np.angle(heading[close]) for heading in headings)
-            now[close] = overlap_margin(apart.real[close], apart.imag[close], own, theirs, own_m, their_m)
+            own, theirs = ((heading.real[close], heading.imag[close]) for heading in headings)
+            now[close] = margin_of(apart.real[close], apart.imag[close], own, theirs, own_m, their_m)
             hits = close[(now[close] <= 0.0) & np.isnan(found[rows[close]])]
             with np.errstate(invalid="ignore"):
                 share = np.where(np.isfinite(before[hits]), now[hits] / (now[hits] - before[hits]), 0.0)
