@@ -19,10 +19,7 @@ MAX_BYTES = 1 << 28
 
 def unpacked(payloads: Payloads) -> Payloads:
     """The messages with those unpacked that are zstd frames; what can't be unpacked stays as it is."""
-    sizes = payloads.ends - payloads.starts
-    is_packed = sizes > len(ZSTD_MAGIC)
-    is_packed[is_packed] = payloads.data[payloads.starts[is_packed]] == ZSTD_MAGIC[0]
-    if not is_packed.any():
+    if not len(payloads.data) or not (payloads.data.take(payloads.starts, mode="clip") == ZSTD_MAGIC[0]).any():
         return payloads
     left_bytes = MAX_BYTES
     pieces: list[bytes] = []
