@@ -27,13 +27,19 @@ entry point in the group `cwcli.measures`.
 {sections}
 ## Where they peak
 
-On the bundled logs in which two vehicles touch (black line: the first contact; red: where the measure is most critical;
-orange: its threshold; values beyond 30 are cut off). `python -m tests.studies.measure_pictures` draws them, and
+In the bundled scenarios in which two vehicles touch (black line: the first contact; red: where the measure is most
+critical; orange: its threshold; values beyond 30 are cut off; a measure without a value there has no panel). `python -m tests.studies.measure_pictures` draws them, and
 `tests/scenarios/test_measure_peaks.py` holds each measure to its place.
 
 ![Measures over time on the intersection log](images/measures-intersection.png)
 
 ![Measures over time on the rear-end log](images/measures-rear-end.png)
+
+![Measures over time as the other cuts in](images/measures-cut-in.png)
+
+![Measures over time as an oncoming vehicle turns left](images/measures-oncoming-left-turn.png)
+
+![Measures over time before a vehicle that stands behind a curve](images/measures-stopped-behind-curve.png)
 
 ## Probabilities against samples
 

@@ -1,7 +1,7 @@
 """The pictures of docs/measures.md: `python -m tests.studies.measure_pictures [FOLDER]`.
 
-Writes measures-intersection.png and measures-rear-end.png to docs/images: measures over time on the bundled logs in
-which two vehicles touch, with their thresholds, where each is most critical, and the moment of contact.
+Writes measures-intersection.png and the like to docs/images: measures over time in the bundled scenarios in which two
+vehicles touch, with their thresholds, where each is most critical, and the moment of contact.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from cwcli.signals.columns import FloatArray
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs" / "images"
-SCENARIOS = ("intersection", "rear-end")
+SCENARIOS = ("intersection", "rear-end", "cut-in", "oncoming-left-turn", "stopped-behind-curve")
 SHOWN = ("gap", "ttc", "mttc", "ttr", "thw", "drac", "mdrac", "btn", "stn", "psd", "delta-v", "cfs")
 BEFORE_S, AFTER_S = 5.0, 2.0
+LEAST_MOMENTS = 10
+"""A measure that has a value for fewer has no panel."""
 MOST = 30.0
 """Greater values are cut off in the picture: before a contact the needed braking grows without bound."""
 
@@ -46,10 +48,13 @@ class Measured:
 
 
 def measured(scenario: str) -> Measured:
-    """The measures of a bundled log, from the states in hindsight."""
+    """The measures of a bundled log, or of one that its scenario makes, from the states in hindsight."""
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "measured.mcap"
         source = ROOT / "sample_logs" / f"{scenario}.mcap"
+        if not source.exists():
+            source = Path(folder) / f"{scenario}.mcap"
+            assert run(["simulate", scenario, "-o", str(source), "--quiet"]) == 0
         code = run(["run", str(source), "--stage", "estimate,measure", "-o", str(target), "--quiet"])
         assert code == 0
         with Log.open(target) as log:
@@ -67,7 +72,8 @@ def draw(scenario: str, target: Path) -> None:
     from matplotlib import pyplot as plt
 
     found = measured(scenario)
-    names = [name for name in SHOWN if np.isfinite(found.peak_s(name))]
+    shown = (found.time_s >= found.contact_s - BEFORE_S) & (found.time_s <= found.contact_s + AFTER_S)
+    names = [name for name in SHOWN if np.isfinite(found.columns[MEASURES[name].column][shown]).sum() >= LEAST_MOMENTS]
     figure, axes = plt.subplots((len(names) + 2) // 3, 3, figsize=(9.0, 6.0), sharex=True, layout="constrained")
     for axis in axes.flat[len(names) :]:
         axis.axis("off")
