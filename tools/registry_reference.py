@@ -28,8 +28,9 @@ entry point in the group `cwcli.measures`.
 ## Where they peak
 
 In the bundled scenarios in which two vehicles touch (black line: the first contact; red: where the measure is most
-critical; orange: its threshold; values beyond 30 are cut off; a measure without a value there has no panel). `python -m tests.studies.measure_pictures` draws them, and
-`tests/scenarios/test_measure_peaks.py` holds each measure to its place.
+critical; orange: its threshold; values beyond 30 are cut off; a measure without a value there has no panel).
+`python -m tests.studies.measure_pictures` draws them, and `tests/scenarios/test_measure_peaks.py` holds each measure to
+its place.
 
 ![Measures over time on the intersection log](images/measures-intersection.png)
 
