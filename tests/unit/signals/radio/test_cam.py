@@ -10,10 +10,10 @@ import pytest
 from pycrate_asn1dir import ITS_CAM_2, ITS_DENM_3
 
 from cwcli.signals.radio import cam, tables
-from cwcli.signals.radio.messages import MISSING, decode
+from cwcli.signals.radio.messages import FAULTS, MISSING, decode
 from cwcli.signals.radio.program import compile_type
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Seq, Sized, Type
-from tests.unit.signals.radio.test_bsm import octets_of
+from tests.unit.signals.radio.test_bsm import mutated, octets_of
 from tests.unit.signals.radio.vectors import CAM_ASN1TOOLS, CAM_OF_ISSUE, CAM_PYCRATE
 from tools.etsi_tables import MODULES, table
 
@@ -87,6 +87,34 @@ def check_random(message: str, n: int, seed: int) -> None:
     assert not decoded.status.any()
     for row, found in enumerate(expected):
         assert {name: int(decoded.codes(name)[row]) for name in names} == dict.fromkeys(names, MISSING) | found
+
+
+def check_mutated(message: str, n: int, seed: int) -> dict[str, int]:
+    """Any octets are decoded or counted, and what is decoded lies inside the type's ranges."""
+    rng = np.random.default_rng(seed)
+    node, official = tables.load(message), OFFICIAL[message]
+    some = []
+    for _ in range(50):
+        official.set_val(any_value(rng, node, official, "", {}))
+        some.append(official.to_uper())
+    broken = [mutated(rng, some[int(rng.integers(len(some)))]) for _ in range(n)]
+    names = paths_of(node)
+    decoded = decode(compile_type(node, names), octets_of(broken))
+    assert set(decoded.status.tolist()) <= {0, *FAULTS}
+    for name in names:
+        codes = decoded.codes(name)
+        assert (codes[decoded.status != 0] == MISSING).all()
+        if name.endswith(("latitude", "longitude")):
+            assert (np.abs(codes[codes != MISSING]) <= 1_800_000_001).all()
+    counts = np.bincount(decoded.status, minlength=max(FAULTS) + 1)
+    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in FAULTS.items()}
+
+
+@pytest.mark.parametrize("message", sorted(OFFICIAL))
+def test_broken_messages_are_decoded_or_counted(message: str) -> None:
+    counts = check_mutated(message, 2000, seed=4)
+    assert counts["decoded"] > 100
+    assert counts["truncated message"] > 100
 
 
 @pytest.mark.parametrize("message", sorted(OFFICIAL))
