@@ -13,6 +13,7 @@ from cwcli.option import Option
 
 ModelName = Literal["cwcli", "song2016"]
 SensorModelOption = Literal["auto", "none"]
+Senders = Literal["plain", "j2945"]
 LatencyOption = Literal["auto", "none"] | Mapping[str, float]
 LeverArms = Mapping[str, tuple[float, float]]
 """Source -> where it stands, m ahead and to the left of the reference point, whose course is the heading."""
@@ -98,6 +99,8 @@ class EstimatorConfig:
             would only show later; else it is weighed with what the log says.
         blind: With `causal`: no parameter is looked for in the log. Those of the calibration count, without one the
             stamps, the noise that the messages state and the defaults.
+        senders: What senders of BSMs did to their motion before they sent it: "plain" nothing, "j2945" what SAE J2945/1
+            asks (`signals.bsm_sender`), which is taken back.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
         song2016_step_s: Sampling time of the six-state filter (dT of eq. 2).
     """
@@ -153,6 +156,14 @@ class EstimatorConfig:
     reset_after: int = 20
     calibration: Calibration | None = None
     blind: bool = False
+    senders: Annotated[
+        Senders,
+        Option(
+            "--senders",
+            "What senders of BSMs do to their motion first: plain nothing; j2945 filter the acceleration at 1 Hz and "
+            "latch the heading at standstill (SAE J2945/1), which is then taken back.",
+        ),
+    ] = "plain"
     rate_hz: float = 20.0
     song2016_step_s: float = 0.05
 

@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.errors import DataError, UsageError
+from cwcli.estimation.config import Senders
 from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.signals.bsm_sender import is_repeated, unfiltered
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -133,13 +135,16 @@ def placed_remotes(
     return joined, (*notes, *told)
 
 
-def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) -> list[Measurements]:
+def remote_measurements(
+    remote: RemoteSignal, rows: Int64Array, local_map: LocalMap | None, senders: Senders = "plain"
+) -> list[Measurements]:
     """What one station says of itself, as measurements.
 
     Args:
         remote: The V2X signal.
         rows: Indices of the station's messages, in stamp order.
         local_map: The map frame; None where the signal is Cartesian.
+        senders: What senders of BSMs did to their motion first.
     """
     if local_map is None:
         assert remote.x_m is not None
@@ -151,6 +156,10 @@ def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: Local
         )
     stamp_ns, log_ns = remote.stamp_ns[rows], remote.log_time_ns[rows]
     covariance = _symmetric(remote.position_covariance_m2[rows])
+    heading, accel, gain = remote.heading_rad[rows], remote.accel_mps2[rows], np.ones(len(rows))
+    if senders == "j2945" and np.isfinite(remote.message_count[rows]).all():  # a CAM counts no messages
+        heading = np.where(is_repeated(heading, remote.speed_mps[rows]), np.nan, heading)
+        accel, gain = unfiltered((stamp_ns - stamp_ns[0]) / NS_PER_S, accel)
     return [
         Measurements(
             remote.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance, log_ns, remote.is_exact
@@ -161,8 +170,8 @@ def remote_measurements(remote: RemoteSignal, rows: Int64Array, local_map: Local
             log_ns,
             {
                 Kind.SPEED: (remote.speed_mps[rows], remote.speed_sigma_mps[rows] ** 2),
-                Kind.HEADING: (remote.heading_rad[rows], remote.heading_sigma_rad[rows] ** 2),
-                Kind.ACCEL: (remote.accel_mps2[rows], remote.accel_sigma_mps2[rows] ** 2),
+                Kind.HEADING: (heading, remote.heading_sigma_rad[rows] ** 2),
+                Kind.ACCEL: (accel, (gain * remote.accel_sigma_mps2[rows]) ** 2),
                 Kind.YAW_RATE: (remote.yaw_rate_radps[rows], remote.yaw_rate_sigma_radps[rows] ** 2),
             },
         ),

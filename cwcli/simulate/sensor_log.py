@@ -89,7 +89,9 @@ def scenario_record(drive: SimulatedDrive) -> dict[str, str]:
             name: {key: value for key, value in settings.items() if value is not None}
             for name, settings in scenario.sensors.items()
         },
-        "v2x": None if scenario.v2x is None else dict(scenario.v2x),
+        "v2x": None
+        if scenario.v2x is None
+        else {key: value for key, value in scenario.v2x.items() if value is not None},
     }
     return {
         "name": scenario.name,

@@ -250,6 +250,12 @@ V2X_KEYS: Keys = {
     "heading_sigma_deg": NumberKey(0.21, 0, 180, "deg", "Noise of the sent heading."),
     "accel_sigma_mps2": NumberKey(0.0265, 0, 10, "m/s^2", "Noise of the sent acceleration (0.27 % of g)."),
     "yaw_rate_sigma_dps": NumberKey(0.043, 0, 50, "deg/s", "Noise of the sent yaw rate."),
+    "sender": Text(
+        None,
+        "What a sender does to its motion first: j2945 filters the acceleration (1 Hz) and latches the heading at "
+        "standstill, as SAE J2945/1 asks; plain nothing.",
+        ("plain", "j2945"),
+    ),
 }
 
 

@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.signals.bsm_sender import STEP_S, latched, low_passed
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED
 from cwcli.simulation.streams import schedule, stream
 from cwcli.simulation.truth import TrueMotion
 
@@ -81,8 +83,14 @@ def receive(
             np.radians(settings["yaw_rate_sigma_dps"]),
         ]
     )
-    truth = motion.at(plan.time_s - settings["latency_s"])[:, :6]
+    true_s = plan.time_s - settings["latency_s"]
+    truth = motion.at(true_s)[:, :6]
+    is_j2945 = settings["sender"] == "j2945"
+    if is_j2945:
+        truth[:, ACCEL] = _low_passed(motion, true_s)
     sent = truth + sigma * stream(seed, vehicle, "v2x", "noise").standard_normal(truth.shape)
+    if is_j2945:
+        sent[:, HEADING] = latched(sent[:, HEADING], sent[:, SPEED])
     order = np.argsort(plan.arrival_ns, kind="stable")
     order = order[plan.is_heard[order]]
     return ReceivedMessages(
@@ -98,3 +106,11 @@ def receive(
         width_m=width_m,
         n_lost=int(np.count_nonzero(~plan.is_heard)),
     )
+
+
+def _low_passed(motion: TrueMotion, at_s: FloatArray) -> FloatArray:
+    """The acceleration behind the sender's filter at some times (n,), which has seen the run from its start."""
+    if not len(at_s):
+        return np.zeros(0)
+    time_s = np.arange(min(0.0, float(at_s.min())), float(at_s.max()) + STEP_S, STEP_S)
+    return np.asarray(np.interp(at_s, time_s, low_passed(motion.at(time_s)[:, ACCEL])))

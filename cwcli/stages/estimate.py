@@ -8,7 +8,6 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.collected_states import CollectedStates
 from cwcli.channels.ego_viewers import write_ego
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.rejected import rejected_table, write_rejected
@@ -24,25 +23,24 @@ from cwcli.estimation.from_signals import (
     near_positions,
     output_grid,
     placed_remotes,
-    remote_measurements,
 )
-from cwcli.estimation.known import MESSAGES, SLACK_NS, THIS_LOG, Knowledge, in_time, known_ns, parameters_of
+from cwcli.estimation.known import MESSAGES, SLACK_NS, THIS_LOG, Knowledge, known_ns, parameters_of
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.seen_ego import without_seen_ego
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
-from cwcli.estimation.track import each_in_threads, estimate_both
+from cwcli.estimation.track import estimate_both
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import map_entry
+from cwcli.pipeline.remote_states import remote_states
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.canonical import PoseSignal, PositionSignal, RemoteSignal, Signal, TimedSignal
+from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal, TimedSignal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.gap_notes import gap_notes
 from cwcli.signals.geodesy import LocalMap, parse_origin
 from cwcli.signals.role import Role
-from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
@@ -107,22 +105,6 @@ class Made:
     local_map: LocalMap | None
 
 
-@dataclass(frozen=True)
-class RemoteStates:
-    """The remote vehicles' states, and a summary of each track.
-
-    Attributes:
-        hindsight, online: In log-time order.
-        tracks: Station -> the summary of its track in hindsight.
-        n_overtaken: Messages that came behind a newer one of their station: no online state uses them.
-    """
-
-    hindsight: VehicleStates
-    online: VehicleStates
-    tracks: Mapping[str, TrackSummary]
-    n_overtaken: int
-
-
 def estimate(log: Log, config: EstimateConfig) -> StageResult:
     """Estimate the states of the ego and the remote vehicles.
 
@@ -158,7 +140,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     if signal is not None:
         signal, seen = without_seen_ego(signal, online, size_m, local_map)
         notes += seen
-    remote = None if signal is None or not len(signal.stamp_ns) else _remote_states(signal, local_map, estimator)
+    remote = None if signal is None or not len(signal.stamp_ns) else remote_states(signal, local_map, estimator)
     events = None if signal is None else signal.events
     whole = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
     hindsight = whole.as_published()
@@ -253,34 +235,6 @@ def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
     for name in estimator.latency:
         if name not in known:
             raise UsageError(f"--latency {name}: the log has no topic {name}", where=log.name)
-
-
-def _remote_states(signal: RemoteSignal, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates:
-    """Estimate the remote vehicles, one a thread, and put their states where they belong in the channels at once.
-
-    Online, a message that was overtaken by a newer one of its station is not used: the filter has gone on.
-    """
-    stations = list(rows_by_id(signal.station))
-    is_fresh = np.ones(len(signal.stamp_ns), np.bool_)
-    for _, own in stations:
-        is_fresh[own] = in_time(signal.stamp_ns[own], signal.log_time_ns[own])
-    config = replace(estimator, calibration=None, latency="none", sensor_model="none")
-
-    def estimated(own: Int64Array) -> TrackSummary:
-        heard = own[is_fresh[own]]
-        fewer = None
-        if len(heard) < len(own):
-            fewer = remote_measurements(signal, heard, local_map), signal.stamp_ns[heard]
-        said = remote_measurements(signal, own, local_map)
-        track, known = estimate_both(said, config, signal.stamp_ns[own], blind=estimator.is_blind_online, in_time=fewer)
-        hindsight.add(own, track)
-        online.add(heard, known)
-        return summarise(track)
-
-    hindsight, online = CollectedStates(signal, np.ones_like(is_fresh)), CollectedStates(signal, is_fresh)
-    told = each_in_threads(estimated, [own for _, own in stations])
-    tracks = {station: track for (station, _), track in zip(stations, told, strict=True)}
-    return RemoteStates(hindsight.states(), online.states(), tracks, int(np.count_nonzero(~is_fresh)))
 
 
 def _known_ns(measurements: Sequence[Measurements], online: Track, estimator: EstimatorConfig) -> Int64Array:

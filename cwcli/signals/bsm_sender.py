@@ -1,0 +1,85 @@
+"""What SAE J2945/1 has a sender of BSMs do to its motion before it sends it, and what a receiver can take back of it.
+
+The acceleration goes through a low pass (Butterworth, second order, 1 Hz), so that it comes 0.225 s late; the heading
+is latched at standstill: the last one from above 0.5556 m/s is sent until the car is faster than 0.6944 m/s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.quality import BoolArray
+
+CUTOFF_RADPS = 2.0 * np.pi
+DELAY_S = np.sqrt(2.0) / CUTOFF_RADPS
+"""By which the filter delays what changes slowly: 0.225 s."""
+LATCH_MPS, RELEASE_MPS = 0.5556, 0.6944
+STEP_S = 1e-3
+MAX_PAUSE_S = 0.5
+"""Over a longer pause nothing tells how the acceleration changed."""
+
+
+def low_passed(values: FloatArray, step_s: float = STEP_S) -> FloatArray:
+    """Samples (n,) behind the filter, by its bilinear transform; before the first one it stood at its value."""
+    k = 2.0 / step_s
+    w2 = CUTOFF_RADPS**2
+    scale = k**2 + np.sqrt(2.0) * CUTOFF_RADPS * k + w2
+    a1, a2 = 2.0 * (w2 - k**2) / scale, (k**2 - np.sqrt(2.0) * CUTOFF_RADPS * k + w2) / scale
+    b = w2 / scale
+    out = np.empty(len(values))
+    x1 = x2 = y1 = y2 = float(values[0]) if len(values) else 0.0
+    for i, x in enumerate(values.tolist()):
+        y = b * (x + 2.0 * x1 + x2) - a1 * y1 - a2 * y2
+        x1, x2, y1, y2 = x, x1, y, y1
+        out[i] = y
+    return out
+
+
+def latched(heading_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    """Headings (n,), one after the other, as they are sent at these speeds (n,)."""
+    out = heading_rad.copy()
+    is_latched = False
+    for i, speed in enumerate(np.abs(speed_mps).tolist()):
+        is_latched = speed < LATCH_MPS or (is_latched and speed <= RELEASE_MPS)
+        if is_latched and i:
+            out[i] = out[i - 1]
+    return out
+
+
+def is_repeated(heading_rad: FloatArray, speed_mps: FloatArray) -> BoolArray:
+    """Where a sent heading (n,) is the one before, at a speed at which it is latched: it measures nothing anew."""
+    same = np.diff(heading_rad, prepend=np.nan) == 0.0
+    return np.asarray(same & (np.abs(speed_mps) <= RELEASE_MPS))
+
+
+def unfiltered(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The acceleration before the filter, from what was sent, by nothing later.
+
+    The filter's inverse is a + sqrt(2)/w a' + a''/w^2. Both derivatives are taken from the last three values: so a ramp
+    is found again without a delay.
+
+    Args:
+        time_s: Shape (n,), increasing.
+        accel_mps2: Shape (n,), as sent; NaN where there is none.
+
+    Returns:
+        The acceleration (n,), and by how much its noise is greater than that of what was sent (n,).
+    """
+    n = len(time_s)
+    out, gain = accel_mps2.copy(), np.ones(n)
+    if n < 3:
+        return out, gain
+    one, two = np.diff(time_s)[1:], np.diff(time_s)[:-1]  # the newest pause, and the one before
+    y0, y1, y2 = accel_mps2[2:], accel_mps2[1:-1], accel_mps2[:-2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Newton's divided differences: the parabola through the three, at the newest
+        c0 = DELAY_S * (2.0 * one + two) / (one * (one + two)) + 2.0 / (CUTOFF_RADPS**2 * one * (one + two))
+        c1 = -DELAY_S * (one + two) / (one * two) - 2.0 / (CUTOFF_RADPS**2 * one * two)
+        c2 = DELAY_S * one / (two * (one + two)) + 2.0 / (CUTOFF_RADPS**2 * two * (one + two))
+        found = y0 + c0 * y0 + c1 * y1 + c2 * y2
+        noise = np.sqrt((1.0 + c0) ** 2 + c1**2 + c2**2)
+    usable = np.isfinite(found) & (one <= MAX_PAUSE_S) & (two <= MAX_PAUSE_S) & (one > 0.0) & (two > 0.0)
+    out[2:] = np.where(usable, found, y0)
+    gain[2:] = np.where(usable, noise, 1.0)
+    return out, gain
