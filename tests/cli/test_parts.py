@@ -25,18 +25,16 @@ SAMPLE = Path(__file__).parents[2] / "sample_logs" / "intersection.mcap"
 N_PARTS = 10
 
 
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sample log in ten parts, cut between any two messages, each part with ids of its own; and its metadata.yaml."""
-    folder = tmp_path_factory.mktemp("recorded") / "drive"
+def in_parts(source: Path, folder: Path, n_parts: int = N_PARTS) -> Path:
+    """A log cut between any two messages, each part with ids and chunks of its own; and its metadata.yaml."""
     folder.mkdir()
-    with SAMPLE.open("rb") as stream:
+    with source.open("rb") as stream:
         reader = make_reader(stream)
         header = reader.get_header()
         content = list(reader.iter_messages(log_time_order=False))
-    size = -(-len(content) // N_PARTS)
+    size = -(-len(content) // n_parts)
     counts, paths = [], []
-    for k in range(N_PARTS):
+    for k in range(n_parts):
         part = content[k * size : (k + 1) * size]
         paths.append(folder / f"drive_{k}.mcap")
         counts.append(len(part))
@@ -58,6 +56,12 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sample log in ten parts."""
+    return in_parts(SAMPLE, tmp_path_factory.mktemp("recorded") / "drive")
+
+
 def tables(folder: Path) -> dict[str, bytes]:
     """Name -> every byte of the values and of the schema; the bytes of a Parquet file hold more than these."""
     found = {path.name: parquet.read_table(path) for path in sorted(folder.iterdir())}
@@ -73,14 +77,37 @@ def ipc_bytes(table: pa.Table) -> bytes:
 
 def test_ten_parts_give_the_tables_and_the_channels_of_the_whole(drive: Path, tmp_path: Path) -> None:
     parts = sorted(map(str, drive.glob("*.mcap")))
-    ways = {"whole": [str(SAMPLE)], "folder": [str(drive)], "named": [*parts[::-1], "--as-one"]}
-    for name, source in ways.items():
-        out, made = tmp_path / f"{name}.mcap", tmp_path / name
+    hold_to_the_whole(SAMPLE, {"folder": [str(drive)], "named": [*parts[::-1], "--as-one"]}, tmp_path)
+
+
+@pytest.mark.parametrize("chunk_bytes", [1, 1_000_000], ids=["between chunks", "inside chunks"])
+@pytest.mark.parametrize("name", ["curve", "rear-end"])
+def test_parts_of_any_log_give_what_the_whole_gives(name: str, chunk_bytes: int, tmp_path: Path) -> None:
+    """Frames of a camera, ROS 2, protobuf and JSON; of a whole with a chunk for each message, or one for all."""
+    source, whole = SAMPLE.with_name(f"{name}.mcap"), tmp_path / "copy.mcap"
+    with source.open("rb") as stream, whole.open("wb") as target:
+        reader = make_reader(stream)
+        writer = Writer(target, chunk_size=chunk_bytes)
+        writer.start(reader.get_header().profile, reader.get_header().library)
+        ids: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in ids:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
+                ids[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, schema_id, {})
+            writer.add_message(ids[channel.id], message.log_time, message.data, message.publish_time, message.sequence)
+        writer.finish()
+    hold_to_the_whole(whole, {"folder": [str(in_parts(whole, tmp_path / "drive"))]}, tmp_path)
+
+
+def hold_to_the_whole(whole: Path, ways: dict[str, list[str]], folder: Path) -> None:
+    """Every byte of the tables, and every message of the annotated log."""
+    for name, source in {"whole": [str(whole)], **ways}.items():
+        out, made = folder / f"{name}.mcap", folder / name
         assert run(["run", *source, "-o", str(out), "--metrics-dir", str(made), "--quiet"]) == 0
-    expected = sorted(official(tmp_path / "whole.mcap"))
-    for name in ("folder", "named"):
-        assert tables(tmp_path / name) == tables(tmp_path / "whole")
-        assert sorted(official(tmp_path / f"{name}.mcap")) == expected
+    expected = sorted(official(folder / "whole.mcap"))
+    for name in ways:
+        assert tables(folder / name) == tables(folder / "whole")
+        assert sorted(official(folder / f"{name}.mcap")) == expected
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,8 @@ class ReadingOptions:
         Raises:
             UsageError: A mapping names no field, or a role that has none.
         """
+        if not self.map:
+            return list(self.topic)
         from cwcli.signals.mapping import with_files
 
         return [*self.topic, *with_files(self.map, self.dbc)]

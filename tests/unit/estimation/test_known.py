@@ -66,3 +66,15 @@ def test_states_that_come_seconds_late_are_noted(after_s: float, n_notes: int) -
     assert told.after_s() == pytest.approx((after_s,) * 3)
     assert len(told.notes) == n_notes
     assert all("up to 2.5 s" in note for note in told.notes)
+
+
+def test_states_that_come_late_are_counted_and_the_clock_is_doubted_where_most_do() -> None:
+    stamp_ns = np.arange(1000, dtype=np.int64) * 100 * MS
+    few, most = np.full(1000, 5 * MS), np.full(1000, 1200 * MS)
+    few[7:9] = 1800 * MS
+    told = [Knowledge("/ego", "this log", stamp_ns, stamp_ns + delay_ns).notes for delay_ns in (few, most, few * 0)]
+    known = "are known more than 1 s after their stamps"
+    assert told[0] == [f"/ego: 2 of 1000 states {known} (up to 1.8 s), and so are paths and warnings"]
+    ending = "and so are paths and warnings; if the stamps are off, --clock log"
+    assert told[1] == [f"/ego: 1000 of 1000 states {known} (up to 1.2 s), {ending}"]
+    assert told[2] == []
