@@ -28,10 +28,38 @@ class _PlainCoercion:
         if plain is not _NOT_PLAIN and _is_within(plain, self._info.min, self._info.max):
             return plain
         self._parameter._runtime_param = None
-        return self._parameter.get_runtime_param().coerce(value, param=param, ctx=ctx)
+        full = self._parameter.get_runtime_param()
+        self._parameter._runtime_param = self
+        try:
+            return full.coerce(value, param=param, ctx=ctx)
+        except typer.BadParameter as error:
+            if error.__cause__ is None:  # Typer's own words
+                raise
+            what = f"it must be {_wanted(self._annotation, self._info)}, not {_shown(value)}"
+            raise typer.BadParameter(what, ctx=ctx, param=param) from error
 
 
 _NOT_PLAIN = object()
+_KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text", list[str]: "a list of texts"}
+MAX_SHOWN = 60
+"""Characters of a value that does not fit."""
+
+
+def _wanted(annotation: Any, info: Any) -> str:
+    """What an option takes, in words."""
+    if get_origin(annotation) is Literal:
+        return f"one of {', '.join(map(str, get_args(annotation)))}"
+    words = _KINDS.get(annotation, "another value")
+    if info.min is not None and info.max is not None:
+        return f"{words} from {info.min:g} to {info.max:g}"
+    if info.min is not None:
+        return f"{words} of at least {info.min:g}"
+    return words if info.max is None else f"{words} of at most {info.max:g}"
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 1]}…"
 
 
 def _plain(annotation: Any, value: Any) -> Any:
