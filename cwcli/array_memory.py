@@ -15,8 +15,8 @@ from typing import Any
 
 from cwcli.kernels import spill
 
-MOST_ARRAY_BYTES = 192 << 20
-MOST_MAPPED_BYTES = 96 << 20
+MOST_ARRAY_BYTES = 128 << 20
+MOST_MAPPED_BYTES = 64 << 20
 MOST_FILE_BYTES = 1 << 40
 FOLDER_ON_DISK = "/var/tmp"
 """Where /tmp is in memory."""
