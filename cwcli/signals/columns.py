@@ -6,7 +6,7 @@ the stages (which publish it). Nothing here knows of MCAP.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -59,11 +59,11 @@ def constant_strings(value: str, n: int) -> Strings:
     return Strings(np.zeros(n, np.int32), (value,))
 
 
-def strings_from(rows: list[str]) -> Strings:
-    """Dictionary-code n strings, in order of first appearance; an empty one is absent (code -1)."""
+def strings_from(rows: Iterable[str]) -> Strings:
+    """Dictionary-code n strings, in order of first appearance; an empty one is absent (code -1). Each is held once."""
     index: dict[str, int] = {}
-    codes = [index.setdefault(row, len(index)) if row else -1 for row in rows]
-    return Strings(codes=np.array(codes, dtype=np.int32), values=tuple(index))
+    codes = np.fromiter((index.setdefault(row, len(index)) if row else -1 for row in rows), np.int32)
+    return Strings(codes=codes, values=tuple(index))
 
 
 Field = NumericArray | Ragged | Strings

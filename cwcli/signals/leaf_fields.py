@@ -6,6 +6,7 @@ so are read the channels that cwcli itself has published.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Literal, overload
 
 import numpy as np
@@ -98,9 +99,9 @@ def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | No
     if isinstance(field, Ragged):
         bounds = field.offsets
         octets = field.values.astype(np.uint8).tobytes()
-        return strings_from([octets[bounds[i] : bounds[i + 1]].hex() for i in range(len(field))])
+        return strings_from(octets[i:j].hex() for i, j in pairwise(bounds))
     if field.ndim == 2:
-        return strings_from([row.tobytes().hex() for row in field.astype(np.uint8)])
+        return strings_from(row.tobytes().hex() for row in field.astype(np.uint8))
     distinct, codes = np.unique(field.astype(np.float64), return_inverse=True)
     spelled = strings_from([str(int(value)) if np.isfinite(value) else "" for value in distinct])
     return Strings(codes=spelled.codes[codes].astype(np.int32), values=spelled.values)
