@@ -152,9 +152,11 @@ def _error(entry: dict[str, Any]) -> str:
 
 
 def _of_log(source: str, name: str, how: _How) -> LogMetrics:
+    from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.evaluate_log import evaluate_log
     from cwcli.logs.read.reader import Log
 
+    bound_array_memory()
     with Log.open(source) as log:
         table = evaluate_log(log, truth=how.truth, system=how.system)
         return LogMetrics(name, rows_of(table), sha256=_input_sha256(log), notes=notes_of(table))

@@ -96,6 +96,7 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
     Raises:
         CwcliError: As reading and estimating do.
     """
+    from cwcli.array_memory import bound_array_memory
     from cwcli.cli.options.stage import call_of, stage_options
     from cwcli.estimation.pooling import Drive
     from cwcli.logs.read.reader import Log
@@ -104,6 +105,7 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
     from cwcli.pipeline.execute import Outcome, refuse_faults
     from cwcli.pipeline.selection import select
 
+    bound_array_memory()
     call = call_of(stage_options("estimate")(), sensors)
     with Log.open(
         name,

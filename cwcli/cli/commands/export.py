@@ -74,6 +74,7 @@ def command(
     each vehicle where the format allows it, else of the one that --id names. A ROS 2 log holds the ROS messages as they
     were recorded, and cwcli's as standard messages and cwcli_msgs below /cwcli/ros.
     """
+    from cwcli.array_memory import bound_array_memory
     from cwcli.export.content import contents_of_world, require_content
     from cwcli.export.formats import track_format
     from cwcli.logs.read.reader import Log
@@ -87,6 +88,7 @@ def command(
     _check(names, form, vehicle)
     is_text = track_format(form).is_text if form in TRACK_FORMATS else form == "csv"
     check_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
+    bound_array_memory()
     console = Console(quiet=talk.quiet)
     with Log.open(one_log(log, as_one)) as opened:
         if form == ROS_LOG:

@@ -72,6 +72,7 @@ def command(
     taken as GNSS time; how the two recorders' clocks differ is found from the positions and told. The new log is the
     ego's with the states of both cars: predict, warn and measure go on from there.
     """
+    from cwcli.array_memory import bound_array_memory
     from cwcli.cli.options.shared import SensorOptions
     from cwcli.cli.options.stage import call_of, stage_options
     from cwcli.logs.read.reader import Log
@@ -83,6 +84,7 @@ def command(
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     check_targets([target], force=force, inputs=[log, other])
+    bound_array_memory()
     estimate = call_of(stage_options("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     opened = partial(

@@ -53,6 +53,7 @@ def command(
     logs the failed and the warned ones come first, and the page says what is left out. A failed gate is shown; the
     exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
     """
+    from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.system.topics import parse_system
     from cwcli.output import check_targets, write_file
     from cwcli.report.build import build_report
@@ -60,6 +61,7 @@ def command(
     system = parse_system(topics) if topics else None
     target = str(stdout_or_file(output))
     check_targets([target], force=force, inputs=[source])
+    bound_array_memory()
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
         report = build_report(
