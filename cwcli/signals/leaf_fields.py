@@ -182,7 +182,8 @@ def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     """The messages' own time (`header.stamp`, `timestamp`).
 
     Returns:
-        Stamps in ns and whether they are usable (given, not zero, between 1970 and 2261), both of shape (n,).
+        Stamps in ns and whether they are usable (given, not zero, between 1970 and 2261, no more nanoseconds than a
+        second has), both of shape (n,).
     """
     text = columns.fields.get("timestamp")
     if isinstance(text, Strings):
@@ -191,6 +192,7 @@ def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     nanoseconds, _ = whole_numbers(columns, *_NANOSECONDS)
     max_s = MAX_STAMP_NS // NS_PER_S
     in_range = has_seconds & (np.abs(seconds) < max_s) & (np.abs(nanoseconds) < MAX_STAMP_NS)
+    in_range &= (seconds == 0) | ((nanoseconds >= 0) & (nanoseconds <= NS_PER_S))
     stamp_ns = np.where(in_range, seconds, 0) * NS_PER_S + np.where(in_range, nanoseconds, 0)
     return stamp_ns, in_range & (stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS)
 

@@ -88,6 +88,13 @@ def stamped(seconds: Callable[[int], int]) -> Callable[[Logged], Logged]:
 
 stamped_1970 = stamped(lambda _: 0)
 stamped_years_later = stamped(lambda stamp_s: stamp_s + TEN_YEARS_S)
+
+
+def stamped_with_too_many_nanoseconds(each: Logged) -> Logged:
+    """4.3 s in a field that holds less than one."""
+    return replace(each, data=each.data[: STAMP_AT + 4] + b"\xff" * 4 + each.data[STAMP_AT + 8 :])
+
+
 FAULTS: dict[str, tuple[int, tuple[Callable[[Logged], Logged], ...], str]] = {
     "logged at 1 ns, the first": (0, (logged_at_one,), LOG_TIME_APART),
     "logged and stamped in 1970": (100, (logged_at_one, stamped_1970), LOG_TIME_APART),
@@ -95,6 +102,7 @@ FAULTS: dict[str, tuple[int, tuple[Callable[[Logged], Logged], ...], str]] = {
     "the last logged and stamped years later": (-1, (logged_years_later, stamped_years_later), LOG_TIME_APART),
     "stamped years later": (100, (stamped_years_later,), CLOCK_JUMP),
     "the first stamped years earlier": (0, (stamped(lambda stamp_s: stamp_s - TEN_YEARS_S),), CLOCK_JUMP),
+    "stamped with too many nanoseconds": (100, (stamped_with_too_many_nanoseconds,), NO_STAMP),
     "not stamped": (100, (stamped_1970, lambda each: replace(each, data=without_nanoseconds(each.data))), NO_STAMP),
 }
 """Which message, what is done to it, and what is told."""
