@@ -103,23 +103,16 @@ def read_sources(
     except MissingSignalError as error:
         raise (naming_stations(error, log) if Role.EGO_POSITION in required else error) from None
     wanted = bound.wanted()
-    for bindings in bound.by_role.values():
-        for binding in bindings:
-            for each in (binding, *binding.parts):
-                wanted.setdefault(each.topic, set())  # of an unknown encoding: the reader says so
+    every = {role: [each for one in b for each in (one, *one.parts)] for role, b in bound.by_role.items()}
+    for binding in (each for bindings in every.values() for each in bindings):
+        wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
     own = {} if also is None else {role: bindings[0].topic for role, bindings in also.by_role.items()}
     further = {topic: (fields or {}).get(role) for role, topic in own.items()}
     loaded = {
         topic: columns.logged_within(config.start_ns, config.end_ns)
         for topic, columns in log.load({**wanted, **further}).items()
     }
-    timed = {
-        each.topic
-        for role, bindings in bound.by_role.items()
-        if role not in TIMELESS
-        for one in bindings
-        for each in (one, *one.parts)
-    }
+    timed = {each.topic for role, bindings in every.items() if role not in TIMELESS for each in bindings}
     usual_ns = usual_log_times([loaded[topic].log_time_ns for topic in timed])
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
