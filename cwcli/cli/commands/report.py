@@ -17,6 +17,7 @@ from cwcli.cli.text import count
 EXAMPLES = (
     "cwcli report out/ -o report.html",
     "cwcli report drive.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
+    "cwcli report annotated.mcap -o report.pdf --pdf",
     "cwcli report annotated.mcap -o r.html --topic warning=/adas/fcw:data==true",
 )
 
@@ -34,6 +35,7 @@ PageOption = Annotated[
         "--output", "-o", metavar="FILE", show_default=False, help="Write the page here; - is standard output."
     ),
 ]
+PdfOption = Annotated[bool, typer.Option("--pdf", help="Print the page to a PDF instead, by Chromium.")]
 RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
 
 
@@ -43,6 +45,7 @@ def command(
     talk: TalkOptions,
     topics: SystemOption = None,
     gates: GatesOption = None,
+    pdf: PdfOption = False,
     recover: RecoverOption = False,
     force: ForceOption = False,
 ) -> None:
@@ -57,7 +60,9 @@ def command(
     from cwcli.evaluation.system.topics import parse_system
     from cwcli.output import check_targets, write_file
     from cwcli.report.build import build_report
+    from cwcli.report.pdf import find_browser, printed
 
+    browser = find_browser() if pdf else None
     system = parse_system(topics) if topics else None
     target = str(stdout_or_file(output))
     check_targets([target], force=force, inputs=[source])
@@ -71,10 +76,13 @@ def command(
             recover=recover,
             progress=lambda name: progress.step(f"report {name}"),
         )
-        write_file(target, report.html, force=force)
+        if browser is not None:
+            progress.step("printing")
+        content = report.html if browser is None else printed(report.html, browser)
+        write_file(target, content, force=force)
     document = {
         "written": target,
-        "bytes": len(report.html),
+        "bytes": len(content),
         "logs": report.n_logs,
         "with_figures": report.n_detailed,
         "failed": report.n_failed,
