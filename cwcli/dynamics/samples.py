@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
@@ -15,6 +15,7 @@ STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "he
 """Columns of `LateralTrack.state`."""
 PREVIEW_M = 33.5
 """D_L of zhang2011."""
+STEEPEST_RAD = 1.4
 
 
 class FrameStatus(IntEnum):
@@ -59,6 +60,26 @@ class LaneSamples:
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
+
+
+def for_small_angles(lanes: LaneSamples) -> LaneSamples:
+    """What a camera has seen, as the observers' linear model has it: e_L the lane's slope, K_L the second derivative.
+
+    In gentle bends that is the same. In tight ones the preview point lies where the lane's direction is far from the
+    car's; there these two still change as eq. 8 and 9 say, and what the linear model leaves out counts as noise.
+    """
+    slope = np.tan(np.clip(lanes.heading_deviation_rad, -STEEPEST_RAD, STEEPEST_RAD))
+
+    def widened(sigma: FloatArray | None, by: FloatArray) -> FloatArray | None:
+        return None if sigma is None else np.hypot(sigma, np.nan_to_num(by))
+
+    return replace(
+        lanes,
+        heading_deviation_rad=slope,
+        curvature_1pm=lanes.curvature_1pm * (1.0 + slope**2) ** 1.5,
+        lateral_sigma_m=widened(lanes.lateral_sigma_m, 0.5 * lanes.lateral_deviation_m * slope**2),
+        heading_sigma_rad=widened(lanes.heading_sigma_rad, slope**3),
+    )
 
 
 @dataclass(frozen=True)

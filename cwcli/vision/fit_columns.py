@@ -14,9 +14,11 @@ from cwcli.vision.method import LaneFit
 
 SIDES = 2
 _PER_SIDE = 6 + 9
-_ALONE = 5
+_ROADS = SIDES * 3
+_ALONE = 5 + _ROADS
 _PER_FIT = SIDES * _PER_SIDE + _ALONE
 _NO_COVARIANCE = (float("nan"),) * 9
+_NO_ROAD = (float("nan"),) * 3
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class FitColumns:
         found: Shape (n, 2).
         covariance: Shape (n, 2, 3, 3); NaN where the method gives none.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
+        roads: Shape (n, 2, 3): `LaneFit.roads`; NaN where not found, or not told.
         state: Shape (n,): values of `LaneState`.
         steady_s: Shape (n,): since the lane's last jump; NaN where it is lost, or not told.
         lane_change: Shape (n,): 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
@@ -44,6 +47,7 @@ class FitColumns:
     state: npt.NDArray[np.int8]
     steady_s: FloatArray
     lane_change: npt.NDArray[np.int8]
+    roads: FloatArray
 
     def __len__(self) -> int:
         return len(self.parabolas)
@@ -60,11 +64,12 @@ class FitColumns:
             self.state[rows],
             self.steady_s[rows],
             self.lane_change[rows],
+            self.roads[rows],
         )
 
 
 class FitRecorder:
-    """Collects fits, 280 bytes each."""
+    """Collects fits, 330 bytes each."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
@@ -74,10 +79,15 @@ class FitRecorder:
         for side in (fit.left, fit.right):
             self._numbers.extend(_numbers(side))
         self._numbers.extend((fit.pitch_rad, fit.yaw_rad, fit.state, fit.steady_s, fit.lane_change))
+        found = (fit.left.found, fit.right.found)
+        roads = [_NO_ROAD] * SIDES if fit.roads is None else fit.roads.tolist()
+        for road, is_found in zip(roads, found, strict=True):
+            self._numbers.extend(road if is_found else _NO_ROAD)
 
     def columns(self) -> FitColumns:
         """All fits so far."""
         table = np.array(self._numbers, np.float64).reshape(-1, _PER_FIT)
+        alone = table[:, SIDES * _PER_SIDE :]
         sides = table[:, : SIDES * _PER_SIDE].reshape(-1, SIDES, _PER_SIDE)
         return FitColumns(
             parabolas=sides[..., :3],
@@ -85,11 +95,12 @@ class FitRecorder:
             probability=sides[..., 4],
             found=sides[..., 5] > 0.0,
             covariance=sides[..., 6:].reshape(-1, SIDES, 3, 3),
-            pitch_rad=table[:, -5],
-            yaw_rad=table[:, -4],
-            state=table[:, -3].astype(np.int8),
-            steady_s=table[:, -2],
-            lane_change=table[:, -1].astype(np.int8),
+            pitch_rad=alone[:, 0],
+            yaw_rad=alone[:, 1],
+            state=alone[:, 2].astype(np.int8),
+            steady_s=alone[:, 3],
+            lane_change=alone[:, 4].astype(np.int8),
+            roads=alone[:, 5:].reshape(-1, SIDES, 3),
         )
 
 

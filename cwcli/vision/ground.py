@@ -110,7 +110,8 @@ def lane_geometry(
 def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
     """The boundaries as images of a flat road of constant curvature: x = far + near h + bend / h.
 
-    h is in rows below the horizon. As on the ground, the road is sought whose best parabola is the given one. It holds
+    h is in rows below the horizon. Where the method tells its road, that is it. Else, as on the ground, the road is
+    sought whose best parabola is the given one. It holds
     near the horizon too, where a parabola is off by lanes.
 
     Args:
@@ -138,7 +139,8 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
             part = part * (y_px / camera.height_px)[:, None]
         roads = _solved(normal, right, use)
         seen_px = (roads[:, :, None] * terms).sum(axis=-1)
-    return np.asarray(roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px]))
+    roads = roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px])
+    return np.where(np.isfinite(fits.roads), fits.roads, roads)
 
 
 def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
@@ -183,12 +185,13 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     mount[:, 0] = np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad)
     mount[:, 1] = np.where(np.isnan(fits.yaw_rad), camera.mounting.yaw_rad, fits.yaw_rad)
     mount[:, 2] = camera.mounting.height_m
-    body, use = _body(parabolas, mount, camera)
+    beside_px = _beside_parabola_px(fits, camera)
+    body, use = _body(parabolas, mount, camera, beside_px)
     values = _preview(body, preview_m)
     assumed = parabola_covariance(camera, sigmas.pixel_px)
     variance = np.zeros_like(values)
     # With the same samples: one that enters or leaves within a step would look like an infinite slope.
-    moved_bodies = [_body(parabolas + step, mount, camera, use)[0] for step in np.diag(PARABOLA_STEPS)]
+    moved_bodies = [_body(parabolas + step, mount, camera, beside_px, use)[0] for step in np.diag(PARABOLA_STEPS)]
     for side in range(2):
         jacobian = np.empty((n, 3, 3))
         for k, moved_body in enumerate(moved_bodies):
@@ -202,7 +205,7 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
         moved_mount = mount.copy()
         moved_mount[:, k] += MOUNTING_STEP
-        slope = (_preview(_body(parabolas, moved_mount, camera, use)[0], preview_m) - values) / MOUNTING_STEP
+        slope = (_preview(_body(parabolas, moved_mount, camera, beside_px, use)[0], preview_m) - values) / MOUNTING_STEP
         variance += (slope * sigma) ** 2
     sigma_of = np.where(np.isnan(values), np.nan, np.sqrt(variance))
     return LaneGeometry(
@@ -218,19 +221,30 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     )
 
 
+def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
+    """Shape (n, 2, `N_SAMPLES`): how far the method's own road is beside its parabola; 0 where it is not told."""
+    y_px = _sampled_px(camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad))
+    h = (camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None])[:, None]
+    far, near, bend = np.moveaxis(fits.roads[..., None], 2, 0)
+    with np.errstate(invalid="ignore"):
+        x_px = far + near * h + bend / np.where(h > 0.0, h, np.nan)
+    return np.asarray(np.nan_to_num(x_px - _columns_px(fits.parabolas, y_px)))
+
+
 def _body(
-    parabolas: FloatArray, mount: FloatArray, camera: Camera, use: BoolArray | None = None
+    parabolas: FloatArray, mount: FloatArray, camera: Camera, beside_px: FloatArray, use: BoolArray | None = None
 ) -> tuple[FloatArray, BoolArray]:
     """Shape (n, 2, 3): y0, slope, curvature of each boundary on the ground; and the samples that were used.
 
     Args:
         parabolas: Shape (n, 2, 3).
         mount: Shape (n, 3): pitch, yaw, height.
+        beside_px: Shape (n, 2, `N_SAMPLES`): of the road beside the parabolas, see `_beside_parabola_px`.
         use: Shape (n, 2, `N_SAMPLES`): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
     y_px = _sampled_px(camera, mount[:, 0])
-    x_px = _columns_px(parabolas, y_px)
+    x_px = _columns_px(parabolas, y_px) + beside_px
     v_px = np.broadcast_to(camera.height_px - y_px[:, None], x_px.shape)
     is_there = np.isfinite(x_px)
     rays = camera.rays_from_image(np.where(is_there, x_px - 1.0, 0.0).ravel(), v_px.ravel()).reshape(n, 2, N_SAMPLES, 3)

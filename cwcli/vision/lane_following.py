@@ -56,8 +56,9 @@ TIGHTEST_1PM = 0.06
 UNTOLD_TIGHTEST_1PM = 0.02
 SLOWEST_MPS = 3.0
 """Below it a yaw rate and a speed tell no curvature."""
-LEAD_M = 10.0
-"""The bend that is fitted is that of the road about so far ahead: the car comes into it after this way."""
+LEAD_AT = 0.4
+"""Of the way from the horizon to the image's bottom: the bend that is fitted is that of the road in this row, 9 m ahead
+of a wide camera, 21 m of a narrow one. The car comes into it after that way."""
 BEND_SHARE = 0.25
 """By so much the bend ahead differs from that in which the car is."""
 
@@ -125,18 +126,24 @@ def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
     return replace(prior, table=table)
 
 
-def reached(here: float, lane: FloatArray, speed_mps: float, dt_s: float) -> float:
-    """The bend (px^2) beside the car in the next frame: it follows the one that is seen, `LEAD_M` behind it.
+def lead_m(lane: FloatArray, camera: Camera) -> float:
+    """How far ahead the bend is that a lane has."""
+    depth_px = max(camera.height_px - float(lane[HORIZON]), 1.0)
+    return camera.mounting.height_m * camera.fy / (LEAD_AT * depth_px)
+
+
+def reached(here: float, lane: FloatArray, camera: Camera, speed_mps: float, dt_s: float) -> float:
+    """The bend (px^2) beside the car in the next frame: it follows the one that is seen, by the way to it.
 
     Args:
         here: Beside the car in this frame.
-        lane: Its `BEND` is what is seen.
+        lane, camera: The lane's `BEND` is what is seen.
         speed_mps: NaN: not known; then the bend is the same everywhere.
         dt_s: To the next frame.
     """
     if not math.isfinite(speed_mps):
         return float(lane[BEND])
-    return here + (float(lane[BEND]) - here) * (1.0 - math.exp(-abs(speed_mps) * dt_s / LEAD_M))
+    return here + (float(lane[BEND]) - here) * (1.0 - math.exp(-abs(speed_mps) * dt_s / lead_m(lane, camera)))
 
 
 def predicted(
@@ -167,7 +174,7 @@ def predicted(
         way_m = speed_mps * dt_s
         if math.isfinite(yaw_rate_radps):
             made[VANISHING] += camera.fx * (here / bend_unit(camera) * way_m + yaw_rate_radps * dt_s)
-        made[BEND] += (lane[BEND] - here) * min(abs(way_m) / LEAD_M, 1.0)
+        made[BEND] += (lane[BEND] - here) * min(abs(way_m) / lead_m(lane, camera), 1.0)
         if prior.is_mounted:
             straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
             made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.stretch / height_m

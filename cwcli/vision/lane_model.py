@@ -124,6 +124,12 @@ def columns_of_lane(lane: FloatArray, v_px: FloatArray) -> FloatArray:
     return np.stack([centre - 0.5 * lane[WIDTH] * h, centre + 0.5 * lane[WIDTH] * h])
 
 
+def roads_of_lane(lane: FloatArray) -> FloatArray:
+    """Shape (2, 3): far (px), near, bend (px^2) of both boundaries, x = far + near h + bend / h counted from 1."""
+    u0, middle, width, bend, _ = lane.tolist()
+    return np.array([[u0 + 1.0, middle + sign * 0.5 * width, bend] for sign in (-1.0, 1.0)])
+
+
 def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
     """Whether the boundaries of two lanes lie on the same pixels, within `SAME_SHARE` of the width, near and far."""
     u0, middle, width, bend, horizon = lane.tolist()

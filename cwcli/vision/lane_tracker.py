@@ -59,6 +59,7 @@ from cwcli.vision.lane_model import (
     parabolas_of_lane,
     pitch_of,
     prior_of,
+    roads_of_lane,
 )
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
@@ -171,7 +172,7 @@ class LaneTracker:
         made: list[Hypothesis] = []
         for each in self._hypotheses:
             here = float(each.lane[BEND]) if each.here is None else each.here
-            here = reached(here, each.lane, frame.speed_mps, dt_s)
+            here = reached(here, each.lane, camera, frame.speed_mps, dt_s)
             lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior, here)
             change = crossed(lane)
             lane = beside(lane, change)
@@ -290,6 +291,7 @@ class LaneTracker:
             sides[0],
             sides[1],
             pitch_rad=pitch_of(best.lane, camera),
+            roads=roads_of_lane(best.lane),
             state=LaneState.FOUND if is_seen else LaneState.HELD,
             steady_s=self._steady_s,
             lane_change=change,

@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera
 
@@ -63,6 +64,9 @@ class LaneFit:
         pitch_rad: The camera's pitch as the method estimates it from the frames, nose down positive; NaN: keep the
             mounting's.
         yaw_rad: Likewise the yaw, counter-clockwise positive.
+        roads: Shape (2, 3), left and right: far (px), near, bend (px^2) of x = far + near h + bend / h, h rows below
+            the horizon that belongs to `pitch_rad`, where that is the method's model and the parabolas the best ones
+            for it. None: the method has parabolas alone.
         state: Whether this frame shows the lane, or it is carried on.
         steady_s: For how long the lane has been followed without a jump; NaN: not told, or lost.
         lane_change: 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
@@ -72,6 +76,7 @@ class LaneFit:
     right: Boundary
     pitch_rad: float = nan
     yaw_rad: float = nan
+    roads: FloatArray | None = None
     state: LaneState = LaneState.UNTOLD
     steady_s: float = nan
     lane_change: int = 0

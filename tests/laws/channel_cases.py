@@ -224,7 +224,19 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
     score, probability = (rng.uniform(size=(n, 2)) for _ in range(2))
     state, change = rng.integers(1, 4, n).astype(np.int8), rng.integers(-1, 2, n).astype(np.int8)
     steady_s = rng.uniform(0.0, 9.0, n)
-    fits = FitColumns(parabolas, score, probability, found, nothing, np.zeros(n), np.zeros(n), state, steady_s, change)
+    fits = FitColumns(
+        parabolas,
+        score,
+        probability,
+        found,
+        nothing,
+        np.zeros(n),
+        np.zeros(n),
+        state,
+        steady_s,
+        change,
+        nothing[:, :, 0],
+    )
     road, numbers = rng.normal(size=(n, 2, 3)), rng.normal(size=(7, n))
     geometry = LaneGeometry(road[:, 0], road[:, 1], *numbers)
     frames = LaneFrames(

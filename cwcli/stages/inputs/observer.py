@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.channels.lanes import PREVIEW, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.channels.vehicle_state import read_states
-from cwcli.dynamics.samples import LaneSamples, Samples
+from cwcli.dynamics.samples import LaneSamples, Samples, for_small_angles
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal
@@ -101,7 +101,9 @@ def lane_samples(columns: Columns, *, where: str) -> ReadLanes:
         repaired={reason: n for reason, n in repaired.items() if n},
         set_aside={reason: n for reason, n in ((NO_VALUE, n_empty), (ONLY_HELD, n_held)) if n},
     )
-    return ReadLanes(samples, columns.log_time_ns[rows], _preview(lanes.preview_m[rows], place), count)
+    return ReadLanes(
+        for_small_angles(samples), columns.log_time_ns[rows], _preview(lanes.preview_m[rows], place), count
+    )
 
 
 def _preview(previews_m: FloatArray, where: str) -> float:

@@ -8,15 +8,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.reproduction.zhang2011.rendered import told_camera
+from cwcli.simulation.road.camera import paper_camera, wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.ground import lane_geometry
-from cwcli.vision.lane_following import beside, crossed, narrowed, predicted
-from cwcli.vision.lane_model import BEND, MEAN, SIGMA, coincide, columns_of_lane, parabolas_of_lane, pitch_of, prior_of
+from cwcli.vision.lane_following import bent, beside, crossed, lead_m, narrowed, opened, predicted, reached
+from cwcli.vision.lane_model import (
+    BEND,
+    HIGH,
+    LOW,
+    MEAN,
+    MIDDLE,
+    SIGMA,
+    coincide,
+    columns_of_lane,
+    parabolas_of_lane,
+    pitch_of,
+    prior_of,
+)
 from cwcli.vision.lane_tracker import Hypothesis, LaneTracker, add_merged, search_size
-from cwcli.vision.method import LaneFit, LaneFrame
+from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import vanishing_point
 from tests.unit.vision.fit_lists import columns_of
@@ -194,3 +207,63 @@ def test_of_two_lanes_on_the_same_pixels_the_first_is_followed_unless_it_is_clea
         followed = [Hypothesis(lane, 1.0, 0.9)]
         add_merged(followed, Hypothesis(lane + 0.001, 0.8, 0.9 + gain), (320, 240))
         assert [each.last for each in followed] == [pytest.approx(expected)]
+
+
+def test_the_bend_beside_the_car_follows_the_one_that_is_seen() -> None:
+    """A narrow camera sees its bend 0.4 of 160 rows below the horizon: 1.65 x 800 / 64 = 20.6 m ahead."""
+    camera = mounted()
+    lane = np.array([camera.cx, 0.0, 2.2, 1000.0, 80.0])
+    assert lead_m(lane, camera) == pytest.approx(20.625)
+    assert reached(0.0, lane, camera, 20.625, 1.0) == pytest.approx(1000.0 * (1.0 - math.exp(-1.0)))
+    assert reached(0.0, lane, camera, math.nan, 1.0) == 1000.0
+    # It is predicted to go on: a tenth of the way to it adds a tenth of the difference.
+    made = predicted(lane, camera, 20.625, math.nan, 0.1, prior_of(camera), here=500.0)
+    assert made[BEND] == pytest.approx(1050.0)
+
+
+def test_a_followed_lane_may_not_jump() -> None:
+    """In 0.1 s at 0.8 m/s and 0.02 m beside: 0.1 m over 1.65 m of height."""
+    camera = mounted()
+    prior = opened(prior_of(camera), camera, 25.0)
+    lane = np.array([camera.cx, 0.1, 2.2, 0.0, 80.0])
+    table = narrowed(prior, lane, 0.1, 0.8)
+    assert table[MIDDLE, [LOW, HIGH]] == pytest.approx([0.1 - 0.1 / 1.65, 0.1 + 0.1 / 1.65])
+
+
+def test_a_ramp_is_looked_for_where_the_car_turns() -> None:
+    camera = mounted()
+    prior = bent(prior_of(camera), camera, 10.0, 0.4)  # to the left, K = -0.04 1/m to the right
+    assert prior.table[BEND, MEAN] == pytest.approx(-0.04 * 800.0 * 800.0 * 1.65 / 2.0)
+    assert prior.table[BEND, LOW] < prior.table[BEND, MEAN]
+    assert bent(prior_of(camera), camera, 10.0, math.nan).table[BEND, MEAN] == 0.0
+
+
+def test_a_lane_is_held_through_frames_that_do_not_show_it_and_then_lost() -> None:
+    search, made = LaneTracker(), frame("good", 2)
+    dark = np.full((240, 320), 60, np.uint8)
+    fits = [search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k)) for k in range(10)]
+    assert all(fit.state is LaneState.FOUND for fit in fits)
+    assert [fit.steady_s for fit in fits] == pytest.approx([0.1 * k for k in range(10)])
+    held = search.step(LaneFrame(dark, mounted(), 10 * STEP_NS, 10))
+    assert held.state is LaneState.HELD
+    assert score(held, made.truth).is_correct
+    states = [search.step(LaneFrame(dark, mounted(), k * STEP_NS, k)).state for k in range(11, 30)]
+    assert states[-1] is LaneState.LOST
+
+
+def test_a_lane_change_is_told_once_and_its_lines_stay_in_place() -> None:
+    config = RoadDriveConfig(seed=3, duration_s=14.0, rate_hz=10.0, lane_changes_per_min=5.0)
+    drive = plan_drive(config, wide_camera(320, 180))
+    camera = told_camera(drive.camera)
+    search, changes = LaneTracker(), []
+    for index in range(len(drive)):
+        made = drive.frame(index)
+        fit = search.step(LaneFrame(made.grey, camera, index * STEP_NS, index, 25.0))
+        changes.append(fit.lane_change)
+    lanes = [round(drive.truth(index).lane_m) for index in range(len(drive))]
+    crossings = np.flatnonzero(np.diff(lanes)) + 1
+    told = np.flatnonzero(changes)
+    assert len(crossings) == 1
+    assert [changes[k] for k in told] == [1]
+    assert abs(told[0] - crossings[0]) <= 10  # a second
+    assert fit.steady_s > 5.0
