@@ -10,6 +10,7 @@ import pytest
 
 from cwcli.control.preventability import FSM, HUMAN, HUMAN_BEHIND, R157, RSS, Driver, Outcome
 from tests.unit.control.jrc_scenes import cut_in, cut_out, following
+from tests.unit.control.slow_drivers import crashes
 
 FOLDER = Path(__file__).parents[4] / "shared" / "oracles" / "jrc_fsm"
 ROUNDING_M = 1e-9
@@ -95,3 +96,35 @@ def test_a_crash_tells_when_and_how_fast() -> None:
     assert outcome.crashed[0]
     assert 0.0 < outcome.crash_s[0] < 0.5
     assert outcome.impact_mps[0] == pytest.approx(100.0 / 3.6 - 0.04 * round(outcome.crash_s[0] / 0.1), abs=0.05)
+
+
+HIGH_SPEED = {"CC_human_driver": (3551, 3556), "Reg157": (2869, 2869), "RSS": (1491, 1491), "FSM": (1649, 1649)}
+"""Crashes in the reference's grid of high speeds: 3552, 2869, 1491, 1649. Five cases of the human are decided by the
+last bit: the time to collision is 2 s exactly as the other comes into the way."""
+
+
+@of_cut_in
+def test_as_many_crashes_at_high_speeds_as_in_the_reference(model: str) -> None:
+    speeds = [(own, other) for own in (70, 90, 110, 130) for other in range(10, own, 30)]
+    gaps_m, lateral_mps = np.arange(1, 120, 2), np.arange(0.0, 1.8, 0.1)
+    cases = np.array([(*both, gap, side) for both in speeds for gap in gaps_m for side in lateral_mps], np.float64)
+    assert len(cases) == 14040
+    low, high = HIGH_SPEED[model]
+    assert low <= int(cut_in(CUT_IN[model], *cases.T).crashed.sum()) <= high
+
+
+@of_cut_in
+def test_another_grid_ends_as_one_case_at_a_time_written_out_anew(model: str) -> None:
+    rng = np.random.default_rng(31)
+    n = 400
+    lateral_mps = rng.choice(np.linspace(0.15, 2.4, 12), n)
+    own_kmh = rng.uniform(15.0, 160.0, n)
+    other_kmh = own_kmh * rng.uniform(0.1, 0.97, n)
+    gap_m = rng.uniform(0.5, 1.0, n) * (own_kmh - other_kmh) / 3.6 * rng.uniform(0.2, 4.0, n)
+    found = cut_in(CUT_IN[model], own_kmh, other_kmh, gap_m, lateral_mps).crashed
+    expected = [
+        crashes(model, own / 3.6, other / 3.6, gap, side)
+        for own, other, gap, side in zip(own_kmh, other_kmh, gap_m, lateral_mps, strict=True)
+    ]
+    assert 0.1 < np.mean(expected) < 0.9
+    assert found.tolist() == expected
