@@ -10,7 +10,7 @@ The rules:
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
 - two that are left are an error for a required role, and leave an optional one unbound with a note;
   but every channel of detections is a sensor of its own, so all of them are bound;
-- `--topic remote=/topic:FORMAT` names octets that a radio handed over, whatever their schema, with their format;
+- `--topic ROLE=/topic:FORMAT` names octets that a radio handed over, with their format: `remote`, and the ego's own;
 - `--topic ROLE=/topic` decides for itself; for `MANY_TOPICS` it may list several, separated by commas, and with
   `ROLE=/topic:field` it names the fields, too (`cwcli.signals.mapping`).
 """
@@ -61,6 +61,7 @@ MANY_TOPICS = frozenset(
         *(Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU),
     }
 )
+OF_RADIO = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SPEED, Role.EGO_HEADING})
 MAY_BE_EMPTY = frozenset({TARGETS.role})
 """Roles for which a channel without messages is an answer: the road was empty."""
 EVERY_CHANNEL = frozenset({Role.DETECTIONS})
@@ -277,7 +278,7 @@ def _check_overrides(
 
 def _mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
     """The mappings that stand behind a role's `=`, () where topics do; a malformed one is a UsageError."""
-    if ":" not in value:
+    if ":" not in value or value.rpartition(":")[2] in RADIO_FORMATS:
         return ()
     from cwcli.signals.mapping import MAPPED, parse_mappings  # few name fields, and every start would pay
 
@@ -298,8 +299,8 @@ def _mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, wher
 
 
 def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
-    if role == Role.REMOTE and ":" in topic:
-        return _radio_channel(channels, topic, where)
+    if role in OF_RADIO and ":" in topic:
+        return _radio_channel(channels, role, topic, where)
     usable = {channel.topic: channel for channel in channels if _can_hold(role, channel.schema_name)}
     channel = usable.get(topic) or usable.get(f"/{topic}")
     if channel is not None:
@@ -315,17 +316,17 @@ def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where
     raise UsageError(f"{option}: {schema or 'no schema'} can't hold {ROLE_TEXT[role]}", where=where, hint=hint)
 
 
-def _radio_channel(channels: Sequence[ChannelLike], named: str, where: str) -> Binding:
+def _radio_channel(channels: Sequence[ChannelLike], role: str, named: str, where: str) -> Binding:
     """A channel of octets, `/topic:FORMAT`."""
     topic, _, form = named.rpartition(":")
     if form not in RADIO_FORMATS:
         raise UsageError(
-            f"--topic remote={named}: there is no format {form}", hint=f"formats: {', '.join(RADIO_FORMATS)}"
+            f"--topic {role}={named}: there is no format {form}", hint=f"formats: {', '.join(RADIO_FORMATS)}"
         )
     for channel in channels:
         if channel.topic in (topic, f"/{topic}"):
-            return replace(_binding(channel, Role.REMOTE, is_override=True), schema_name=RADIO_FORMATS[form])
-    raise UsageError(f"--topic remote={named}: the log has no topic {topic}", where=where)
+            return replace(_binding(channel, role, is_override=True), schema_name=RADIO_FORMATS[form])
+    raise UsageError(f"--topic {role}={named}: the log has no topic {topic}", where=where)
 
 
 def _unbound(

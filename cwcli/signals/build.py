@@ -14,6 +14,7 @@ from cwcli.signals.inputs import input_for
 from cwcli.signals.mapping import MAPPED, FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
+from cwcli.signals.v2x_codec import OTHER_STATION
 
 
 def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:
@@ -92,4 +93,5 @@ def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> 
         raise DataError(f"none of its {quality.read} messages can be used as {quality.role} ({reasons})", where=prefix)
     nothing = "there is none between --start and --end" if is_cut else "the channel is empty"
     reasons = ", ".join(f"{count} {reason}" for reason, count in quality.set_aside.items()) or nothing
-    raise MissingSignalError(f"no message of it is {quality.role} ({reasons})", where=prefix)
+    hint = "--ego-station ID tells which station is the ego" if OTHER_STATION in quality.set_aside else ""
+    raise MissingSignalError(f"no message of it is {quality.role} ({reasons})", where=prefix, hint=hint)

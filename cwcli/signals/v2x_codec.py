@@ -12,6 +12,9 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents, no_events
 
+OTHER_STATION = "sent by another station"
+"""Why a message tells nothing of the ego."""
+
 
 @dataclass(frozen=True)
 class Senders:

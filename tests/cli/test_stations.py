@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
+from mcap_ros2.writer import Writer as Ros2Writer
 
 from tests.cli.conftest import Run
+from tests.unit.signals.radio import packing
 
 OWN_STATION = "00000001"
 
@@ -80,3 +82,43 @@ def test_strict_names_topic_time_and_count_of_a_fault(cwcli: Run, tmp_path: Path
     assert done.returncode == 5
     assert re.search(r"/gps/fix rejected: 1 .*, the first at 4\.200 s", done.stderr.decode())
     assert not (tmp_path / "e.mcap").exists()
+
+
+def octets_of_the_ego(path: Path) -> Path:
+    """What the ego's radio sent and received, as octets in a message of its maker: BSMs of both stations."""
+    zero = dict.fromkeys(packing.CORE, 0)
+    with path.open("wb") as stream:
+        writer = Ros2Writer(stream)
+        raw = writer.register_msgdef("maker_msgs/msg/Raw", "uint8[] payload")
+        for k in range(100):
+            time_ns = 1_700_000_000_000_000_000 + k * 100_000_000
+            for station, lane_deg in ((1, 0.0), (0xA7, 1e-4)):
+                core = {
+                    **{"coreData.msgCnt": k, "coreData.id": station, "coreData.transmission": 2},
+                    **{"coreData.secMark": (time_ns // 10**6) % 60_000, "coreData.speed": 556, "coreData.heading": 0},
+                    **{"coreData.lat": round((51.0 + 1e-4 * k / 2) * 1e7), "coreData.elev": 1000},
+                    "coreData.long": round((13.7 + lane_deg) * 1e7),
+                }
+                octets = packing.framed(packing.bsm(zero | core))
+                writer.write_message("/radio/raw", raw, {"payload": list(octets)}, time_ns, time_ns)
+        writer.finish()
+    return path
+
+
+def test_the_egos_own_octets_are_its_position_and_its_speed(cwcli: Run, tmp_path: Path) -> None:
+    """The format behind the topic says what octets are, for the ego's roles as for the others'."""
+    log = octets_of_the_ego(tmp_path / "raw.mcap")
+    roles = [
+        word for role in ("ego_position", "ego_speed", "remote") for word in ("--topic", f"{role}=/radio/raw:j2735")
+    ]
+    done = cwcli("estimate", log, *roles, "--ego-station", OWN_STATION, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["stages"]["estimate"]["inputs"]
+    used = {each["role"]: each["used"] for each in found}
+    assert used == {"ego_position": 100, "ego_speed": 100, "remote": 100}
+    wrong = cwcli("estimate", log, "--topic", "ego_position=/radio/nothing:btp", "--ego-station", OWN_STATION)
+    assert wrong.returncode == 2
+    assert "the log has no topic /radio/nothing" in wrong.stderr.decode()
+    nobody = cwcli("estimate", log, *roles)
+    assert nobody.returncode == 4
+    assert "--ego-station" in nobody.stderr.decode()

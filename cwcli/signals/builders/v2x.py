@@ -15,10 +15,9 @@ from cwcli.signals.clocks import Timeline, settle
 from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remotes import joined_remotes
-from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import OTHER_STATION, RemoteRows, Senders, V2xCodec
 
 OWN_STATION = "sent by the ego station"
-OTHER_STATION = "sent by another station"
 ROADSIDE = "sent by a roadside unit"
 NO_VALUE = "not available in the message"
 MAX_AHEAD_NS = 2_000_000
