@@ -1,8 +1,8 @@
 """From the octets that a radio handed over to the messages inside: which is what, and where it begins.
 
-Formats: `j2735` (a MessageFrame of SAE J2735, bare or inside IEEE 1609.2), `btp` (ETSI's basic transport: the port in
-the first two octets, the message from the fifth on) and `its` (ETSI's message by itself). What is signed is unwrapped,
-not verified.
+Formats: `j2735` (a MessageFrame of SAE J2735, bare or inside IEEE 1609.2, 1609.3 or both), `btp` (ETSI's basic
+transport: the port in the first two octets, the message from the fifth on) and `its` (ETSI's message by itself). What
+is signed is unwrapped, not verified.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from cwcli.signals.columns import Columns, Field, Ragged
 from cwcli.signals.leaf_fields import find
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.radio.messages import Octets, UInt8Array
+from cwcli.signals.radio.wsmp import payloads
 
 FORMATS: dict[str, int] = {
     "j2735": radio_frames.FORMAT_J2735,
@@ -65,6 +66,8 @@ def unwrap(columns: Columns, form: str) -> Frames:
         form: One of `FORMATS`.
     """
     octets = _octets(find(columns, *CONTENTS), len(columns))
+    if form == "j2735":
+        octets = payloads(octets)
     n = len(octets)
     begins, stops = np.zeros(n, np.int64), np.zeros(n, np.int64)
     message, security, status = np.zeros(n, np.int32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)

@@ -1,0 +1,89 @@
+"""WAVE short messages (IEEE 1609.3-2016, WSMP version 3) around what a radio handed over: where their payloads are.
+
+Network header: version in the low three bits, a flag for extensions above them, the subtype in the high four (0).
+Transport header: what addresses it (0: a PSID; 1: one with extensions), the PSID, a length. Extensions are skipped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.quality import BoolArray
+from cwcli.signals.radio.messages import Octets
+
+VERSION = 3
+EXTENDED = 0x08
+TO_PSID, TO_PSID_EXTENDED = 0, 1
+MAX_EXTENSIONS = 16
+"""More than that many are no header."""
+
+
+def payloads(octets: Octets) -> Octets:
+    """The payloads of those that are WAVE short messages, the others as they are.
+
+    One that ends before its payload, or promises more than there is, has no octets.
+    """
+    if not len(octets.data):
+        return octets
+    walk = _Walk(octets)
+    head = walk.take()
+    following = walk.peek()
+    # without extensions IEEE 1609.2 begins with the same octet, and goes on with another one
+    is_wsmp = (head == VERSION | EXTENDED) | ((head == VERSION) & (following <= TO_PSID_EXTENDED))
+    is_wsmp &= octets.ends > octets.starts + 1
+    if not is_wsmp.any():
+        return octets
+    walk.skip_extensions((head & EXTENDED) != 0)
+    to = walk.take()
+    walk.skip_psid()
+    walk.skip_extensions(to == TO_PSID_EXTENDED)
+    size = walk.take()
+    is_long = size >= 0x80
+    more = walk.take(is_long)
+    size = np.where(is_long, ((size & 0x3F) << 8) | more, size)
+    is_good = ~walk.is_short & (to <= TO_PSID_EXTENDED) & (walk.at + size <= octets.ends)
+    starts = np.where(is_wsmp, np.where(is_good, walk.at, octets.starts), octets.starts)
+    ends = np.where(is_wsmp, np.where(is_good, walk.at + size, octets.starts), octets.ends)
+    return Octets(octets.data, starts, ends)
+
+
+class _Walk:
+    """A place in each message, which moves on; behind the end there are zeros, and that is noted."""
+
+    def __init__(self, octets: Octets) -> None:
+        self.octets = octets
+        self.at = octets.starts.copy()
+        self.is_short: BoolArray = np.zeros(len(octets), np.bool_)
+
+    def peek(self) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+        """The next octet of each."""
+        last = len(self.octets.data) - 1
+        value = self.octets.data[np.minimum(self.at, last)].astype(np.int64)
+        return np.where(self.at < self.octets.ends, value, 0)
+
+    def take(self, wanted: BoolArray | None = None) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+        """The next octet of those that are wanted, 0 of the others."""
+        if wanted is None:
+            wanted = np.ones(len(self.at), np.bool_)
+        value = np.where(wanted, self.peek(), 0)
+        self.is_short |= wanted & (self.at >= self.octets.ends)
+        self.at += wanted
+        return value
+
+    def skip_psid(self) -> None:
+        """An identifier of one to four octets: as many ones lead the first as more octets follow."""
+        first = self.take()
+        self.at += (first >= 0x80).astype(np.int64) + (first >= 0xC0) + (first >= 0xE0)
+        self.is_short |= (first >= 0xF0) | (self.at > self.octets.ends)
+
+    def skip_extensions(self, wanted: BoolArray) -> None:
+        """Their number, and of each an identifier, a length and so many octets."""
+        left = self.take(wanted)
+        self.is_short |= left > MAX_EXTENSIONS
+        for _ in range(MAX_EXTENSIONS):
+            has_one = (left > 0) & ~self.is_short
+            if not has_one.any():
+                break
+            self.take(has_one)
+            self.at += self.take(has_one)
+            left = left - has_one
