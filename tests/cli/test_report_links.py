@@ -99,6 +99,46 @@ def test_no_column_is_out_of_sight_and_no_legend_on_a_title(annotated: Path, tmp
     assert (body["data-cut"], body["data-wide"], body["data-overlaps"]) == ("", "0", "0")
 
 
+ARRANGE = """
+<script>
+(async () => {
+  while (document.documentElement.dataset.plots !== "drawn") { await new Promise((done) => setTimeout(done, 50)); }
+  const table = document.querySelector("table.logs"), heads = [...table.rows[0].cells];
+  const shown = () => [...table.rows].slice(1).filter((row) => !row.hidden);
+  const names = () => shown().map((row) => row.cells[0].textContent).join();
+  const told = [names()], duration = heads.findIndex((cell) => cell.textContent.startsWith("duration"));
+  heads[duration].querySelector("button").click();
+  told.push(names());
+  heads[duration].querySelector("button").click();
+  told.push(names());
+  const find = document.querySelector("input.find");
+  find.value = "vehicle  D9583520";
+  find.dispatchEvent(new Event("input"));
+  told.push(names());
+  document.body.dataset.told = told.join(";");
+})();
+</script>
+"""
+
+
+def test_the_table_of_all_logs_is_sorted_and_searched(tmp_path: Path) -> None:
+    """Of 10, 22 and 36 s; one could not be processed, and has no duration: it comes last both ways."""
+    (tmp_path / "broken.mcap").write_bytes(b"no log")
+    logs = [str(SAMPLES / f"{name}.mcap") for name in ("curve", "intersection", "straight")]
+    code = run(["run", *logs, str(tmp_path / "broken.mcap"), "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"])
+    assert code != 0
+    page = report(tmp_path / "out", tmp_path / "report.html")
+    policy = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+    changed = policy.sub("", page).replace("</body>", f"{ARRANGE}</body>")
+    (tmp_path / "arranged.html").write_text(changed, encoding="utf-8")
+    (body,) = Elements(visit(tmp_path / "arranged.html", tmp_path).dom).of("body")
+    first, up, down, found = body["data-told"].split(";")
+    assert first == "broken,intersection,curve,straight"
+    assert up == "intersection,straight,curve,broken"
+    assert down == "curve,straight,intersection,broken"
+    assert found == "intersection"
+
+
 def test_pointing_at_a_moment_marks_it_on_the_map_and_in_all_curves(annotated: Path, tmp_path: Path) -> None:
     """A copy of the page with a script that points, without the policy that would forbid it."""
     page = report(annotated, tmp_path / "report.html")

@@ -167,7 +167,48 @@
     if (log) { log.open = true; target.scrollIntoView(); }
   };
 
+  // The table of all logs: a click on a heading sorts, words find rows that hold them all.
+  const sorted = (rows, column, isUp) => {
+    const key = (row) => row.cells[column].textContent.trim();
+    const value = (row) => (key(row) === "-" ? NaN : Number(key(row)));
+    const known = rows.map(key).filter((text) => text !== "-");
+    const isNumeric = known.length > 0 && known.every((text) => Number.isFinite(Number(text)));
+    const compare = (a, b) => {
+      if (!isNumeric) { return key(a).localeCompare(key(b)); }
+      const isNone = (row) => Number.isNaN(value(row));
+      if (isNone(a) || isNone(b)) { return (isNone(a) - isNone(b)) * (isUp ? 1 : -1); } // what has none comes last
+      return value(a) - value(b);
+    };
+    return [...rows].sort((a, b) => (isUp ? compare(a, b) : compare(b, a)));
+  };
+
+  const arrange = (table) => {
+    const [head, ...rows] = table.rows;
+    [...head.cells].forEach((cell, column) => {
+      const button = document.createElement("button");
+      button.textContent = cell.textContent;
+      cell.replaceChildren(button);
+      button.addEventListener("click", () => {
+        const isUp = cell.getAttribute("aria-sort") !== "ascending";
+        for (const each of head.cells) { each.removeAttribute("aria-sort"); }
+        cell.setAttribute("aria-sort", isUp ? "ascending" : "descending");
+        head.parentNode.append(...sorted([...table.rows].slice(1), column, isUp));
+      });
+    });
+    const find = document.createElement("input");
+    find.type = "search";
+    find.className = "find";
+    find.placeholder = `find in ${rows.length} logs`;
+    find.setAttribute("aria-label", "find logs");
+    find.addEventListener("input", () => {
+      const words = find.value.toLowerCase().split(/\s+/).filter(Boolean);
+      for (const row of rows) { row.hidden = !words.every((word) => row.textContent.toLowerCase().includes(word)); }
+    });
+    table.parentNode.before(find);
+  };
+
   const start = async () => {
+    document.querySelectorAll("table.logs").forEach(arrange);
     try {
       open();
       if (typeof DecompressionStream === "undefined") { throw new Error("DecompressionStream"); }
