@@ -8,6 +8,9 @@ Nothing but the place differs: values, results and bytes written are the same.
 
 What is freed is used again, the rest given back to the file system. The pages that the process holds of the file are
 let go now and then: they stay in the system's cache, or are on the disk, and come back when they are read.
+
+A process that is forked off gets a copy of the pages, as of all memory, when it writes to them; its own arrays lie in
+memory, and what it frees is not given back: the file is its parent's.
 """
 
 from libc.stdint cimport uint8_t, uint32_t
@@ -60,6 +63,9 @@ cdef extern from *:
     static void spill_lock(void) { pthread_mutex_lock(&spill_mutex); }
     static void spill_unlock(void) { pthread_mutex_unlock(&spill_mutex); }
     static size_t spill_usable(void *pointer) { return malloc_usable_size(pointer); }
+    static void *spill_base = 0;
+    static size_t spill_size = 0;
+    static int spill_file = -1, spill_is_forked = 0;
     static void *spill_map(int fd, size_t *size) {  /* half of the addresses that the process may have */
         struct rlimit most;
         size_t limit = *size;
@@ -68,7 +74,11 @@ cdef extern from *:
         limit -= limit % (1 << 20);
         *size = limit;
         void *found = limit ? mmap(0, limit, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, fd, 0) : MAP_FAILED;
-        return found == MAP_FAILED ? 0 : found;
+        if (found == MAP_FAILED) return 0;
+        spill_base = found;
+        spill_size = limit;
+        spill_file = fd;
+        return found;
     }
     static int spill_reserve(int fd, size_t offset, size_t size) {
         int found;
@@ -79,6 +89,16 @@ cdef extern from *:
         if (fallocate(fd, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, offset, size)) { /* it stays reserved */ }
     }
     static void spill_let_go(void *base, size_t size) { madvise(base, size, MADV_DONTNEED); }
+    static void spill_fork_ends(void) { pthread_mutex_unlock(&spill_mutex); }
+    static void spill_fork_child(void) {
+        pthread_mutex_unlock(&spill_mutex);
+        spill_is_forked = 1;
+        if (!spill_base) return;
+        void *found = mmap(spill_base, spill_size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_NORESERVE | MAP_FIXED,
+                           spill_file, 0);
+        if (found == MAP_FAILED) abort();
+    }
+    static void spill_watch_forks(void) { pthread_atfork(spill_lock, spill_fork_ends, spill_fork_child); }
     static void *spill_repeat(void *look) {
         struct timespec pause = {0, SPILL_PAUSE_MS * 1000000L};
         for (;;) {
@@ -120,6 +140,8 @@ cdef extern from *:
     static void spill_let_go(void *base, size_t size) { }
     static void spill_start(void (*look)(void)) { }
     static size_t spill_mapped(void) { return 0; }
+    static void spill_watch_forks(void) { }
+    static const int spill_is_forked = 0;
     #endif
     """
     ctypedef struct Allocator "spill_allocator":
@@ -145,6 +167,8 @@ cdef extern from *:
     void spill_let_go(void* base, size_t size) noexcept nogil
     void spill_start(void (*look)() noexcept nogil) noexcept nogil
     size_t spill_mapped() noexcept nogil
+    void spill_watch_forks() noexcept nogil
+    const int spill_is_forked
 
 cdef extern from "Python.h":
     void* PyCapsule_GetPointer(object, const char*) except NULL
@@ -221,7 +245,8 @@ cdef void* own_realloc(void* ctx, void* pointer, size_t size) noexcept nogil:
 cdef void own_free(void* ctx, void* pointer, size_t size) noexcept nogil:
     if is_ours(pointer):
         spill_lock()
-        freed(<char*> pointer - base)
+        if not spill_is_forked:
+            freed(<char*> pointer - base)
         spill_unlock()
     else:
         uncounted(pointer)
@@ -252,7 +277,7 @@ cdef void* from_file(size_t size) noexcept nogil:
     cdef void* found = NULL
     cdef size_t n = (size + GRAIN - 1) / GRAIN * GRAIN
     spill_lock()
-    if held + size > bound and n >= size:
+    if held + size > bound and n >= size and not spill_is_forked:
         found = taken(n)
     spill_unlock()
     return found
@@ -369,6 +394,7 @@ def spill_beyond(int fd, size_t bound_bytes, size_t most_mapped_bytes, size_t ca
     handler.allocator.calloc = own_calloc
     handler.allocator.realloc = own_realloc
     handler.allocator.free = own_free
+    spill_watch_forks()
     descriptor, bound, most_mapped, capacity = fd, bound_bytes, most_mapped_bytes, capacity_bytes
     return PyCapsule_New(&handler, b"mem_handler", NULL)
 

@@ -127,6 +127,29 @@ print(spill.counts()["in_file"] >> 20)
 
 
 @ON_LINUX
+def test_a_forked_process_leaves_its_parents_arrays_alone(tmp_path: Path) -> None:
+    script = """
+array_memory.bound_array_memory()
+held = [np.full(1 << 18, k, float) for k in range(60)]
+child = os.fork()
+if not child:
+    same = all((each == k).all() for k, each in enumerate(held))
+    for each in held:
+        each[:] = -1.0
+    wrote = all((each == -1.0).all() for each in held)
+    held.clear()
+    own = [np.full(1 << 18, -2.0) for _ in range(60)]
+    os._exit(0 if same and wrote and all((each == -2.0).all() for each in own) else 1)
+status = os.waitpid(child, 0)[1]
+assert all((each == k).all() for k, each in enumerate(held))
+print(status, spill.counts()["in_file"] >> 20)
+"""
+    status, in_file = run_here(script, tmp_path).split()
+    assert status == "0"
+    assert int(in_file) >= 80
+
+
+@ON_LINUX
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no folder in memory")
 def test_a_folder_in_memory_gets_no_arrays(tmp_path: Path) -> None:
     script = """
