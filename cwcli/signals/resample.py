@@ -44,13 +44,13 @@ def resample(
         Shape (m,) or (m, k); NaN where the signal does not cover the time.
     """
     samples = np.asarray(values, dtype=np.float64)
-    if samples.ndim == 2:
+    if samples.ndim == 2 and not (method == "linear" and len(samples) and np.isfinite(samples).all()):
         columns = [
             resample(stamp_ns, samples[:, i], at_ns, max_gap_s=max_gap_s, method=method, is_angle=is_angle)
             for i in range(samples.shape[1])
         ]
         return np.stack(columns, axis=1) if columns else np.zeros((len(at_ns), 0))
-    is_sample = np.isfinite(samples)
+    is_sample = np.isfinite(samples) if samples.ndim == 1 else slice(None)  # columns that lack nothing share their rows
     stamps, samples = np.asarray(stamp_ns, dtype=np.int64)[is_sample], samples[is_sample]
     if not len(stamps):
         return np.full(len(at_ns), np.nan)
@@ -86,6 +86,8 @@ def _linear(
     if is_angle:
         change = wrap_angle(change)
     fraction = since_ns / np.where(gap_ns == 0, 1, gap_ns)
+    if samples.ndim == 2:
+        fraction, is_exact, is_between = fraction[:, None], is_exact[:, None], is_between[:, None]
     between = samples[left] + fraction * change
     return np.where(is_exact, samples[left], np.where(is_between, between, np.nan))
 

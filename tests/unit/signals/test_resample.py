@@ -81,3 +81,15 @@ def test_resample_empty_signal_is_nan_everywhere() -> None:
 
 def test_resample_no_times_gives_no_values() -> None:
     assert resample(STAMPS, VALUES, STAMPS[:0], max_gap_s=1.0).shape == (0,)
+
+
+@pytest.mark.parametrize("is_angle", [False, True])
+def test_columns_together_are_as_each_by_itself(is_angle: bool) -> None:
+    rng = np.random.default_rng(6)
+    stamp_ns = np.sort(rng.integers(0, 10**10, 50))
+    at_ns = np.concatenate([rng.integers(-(10**9), 11 * 10**9, 200), stamp_ns[:5]])
+    values = rng.uniform(-3.0, 3.0, (50, 3))
+    together = resample(stamp_ns, values, at_ns, max_gap_s=0.3, is_angle=is_angle)
+    alone = [resample(stamp_ns, column, at_ns, max_gap_s=0.3, is_angle=is_angle) for column in values.T]
+    assert np.isnan(together).any()
+    np.testing.assert_array_equal(together, np.stack(alone, axis=1))
