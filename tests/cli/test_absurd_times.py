@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_ONLINE
+from cwcli.cli.main import run
 from cwcli.signals.clocks import CLOCK_JUMP, LOG_TIME_APART, LOG_TIME_OUT, NO_STAMP
 from tests.cli.conftest import ROOT, SAMPLES, Run
 from tests.cli.rewritten_logs import Logged, read, write
@@ -203,6 +204,56 @@ def test_detection_logged_at_one_nanosecond_is_left_out(cwcli: Run, tmp_path: Pa
     assert entries[1]["rejected"] == {LOG_TIME_APART: 1}
     assert entries[1]["read"] == entries[0]["read"] == entries[1]["used"] + 1
     np.testing.assert_allclose(errors_m[1], errors_m[0], rtol=ATOL_PART)
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Logged], float]:
+    """Three seconds of a lane with a camera, and how wrong the lateral deviation of the observer is."""
+    log = tmp_path_factory.mktemp("road") / "in.mcap"
+    assert run(["simulate", "road", "-o", str(log), "--quiet", "--set", "duration_s=3"]) == 0
+    messages = read(log)
+    write(log, messages)
+    return messages, lateral_error_m(log)[0]
+
+
+def lateral_error_m(log: Path) -> tuple[float, dict[str, dict[str, int]]]:
+    """That of `cwcli run`, which must end with 0; and what is rejected of each topic by the lanes and the observer."""
+    target = log.with_suffix(".json")
+    with target.open("wb") as stdout:
+        command = [sys.executable, "-m", "cwcli", "run", str(log), "--json"]
+        subprocess.run(command, check=True, cwd=ROOT, stdout=stdout, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    stages = json.loads(target.read_text())["stages"]
+    errors = {each["state"]: each["rms"] for each in stages["observe"]["sections"]["observer_errors"]}
+    rejected = {each["topic"]: each["rejected"] for name in ("lanes", "observe") for each in stages[name]["inputs"]}
+    return errors["lateral_deviation_m"], rejected
+
+
+CAMERAS = ("/camera/calibration", "/tf", "/vehicle/velocity", "/imu/data", "/truth/lateral")
+
+
+@pytest.mark.parametrize("time_ns", [1, 1 << 63, (1 << 64) - 1])
+@pytest.mark.parametrize("topic", CAMERAS)
+def test_message_beside_a_camera_that_was_logged_at_no_time(
+    road: tuple[list[Logged], float], tmp_path: Path, topic: str, time_ns: int
+) -> None:
+    messages, clean_m = road
+    write(tmp_path / "in.mcap", edited(messages, topic, 2, lambda each: replace(each, log_time_ns=time_ns)))
+    found_m, rejected = lateral_error_m(tmp_path / "in.mcap")
+    assert found_m == pytest.approx(clean_m, rel=ATOL_PART)
+    assert all(sum(each.values()) <= (name == topic) for name, each in rejected.items())
+
+
+@pytest.mark.parametrize("time_ns", [1, (1 << 64) - 1])
+def test_frame_that_was_logged_at_no_time_harms_no_other(
+    road: tuple[list[Logged], float], tmp_path: Path, time_ns: int
+) -> None:
+    """It comes first or last then, and the search begins anew: the lanes are those of a log without it."""
+    messages, _ = road
+    moved = edited(messages, "/camera/image", 2, lambda each: replace(each, log_time_ns=time_ns))
+    write(tmp_path / "in.mcap", moved)
+    write(tmp_path / "without.mcap", [each for each in moved if each.log_time_ns != time_ns])
+    found_m, _ = lateral_error_m(tmp_path / "in.mcap")
+    assert found_m == pytest.approx(lateral_error_m(tmp_path / "without.mcap")[0], rel=ATOL_PART)
 
 
 @pytest.mark.parametrize("command", ["predict", "warn", "measure", "control"])
