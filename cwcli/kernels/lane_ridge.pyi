@@ -75,9 +75,9 @@ def refine(
 def along(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float) -> _F:
     """Evidence in each of n rows along the lines at `places` (k,), (k, n); -1 outside the image or the road."""
 
-def crowd(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float, least: float) -> float:
-    """Share of the samples along the lines at `places` (k,), one in each row, whose evidence is above `least`; 0 if
-    there are none in the image and at least min_h below the horizon.
+def crowd(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float) -> float:
+    """Share of the samples along the lines at `places` (k,), one in each row, whose evidence is above zero; 0 if there
+    are none in the image and at least min_h below the horizon.
     """
 
 def supports(evidence: _E, rows: _I, lane: _F, scoring: Scoring) -> _F:

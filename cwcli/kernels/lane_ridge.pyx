@@ -234,8 +234,7 @@ def along(
 
 
 def crowd(
-    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h,
-    float least
+    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h
 ):
     cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, p, n_seen = 0, n_striped = 0
     cdef const float* pixel
@@ -254,7 +253,7 @@ def crowd(
                 if <unsigned int>scratch.line.column[r] < <unsigned int>(width - 1):
                     pixel = &evidence[r, 0] + scratch.line.column[r]
                     n_seen += 1
-                    n_striped += pixel[0] > least or (pixel[1] > least and scratch.line.part[r] > 0.0)
+                    n_striped += pixel[0] > 0.0 or (pixel[1] > 0.0 and scratch.line.part[r] > 0.0)
     free(room)
     return <double>n_striped / n_seen if n_seen else 0.0
 

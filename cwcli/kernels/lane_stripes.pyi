@@ -31,7 +31,6 @@ def stripes(
     *,
     joint_weight: float,
     joint_reach: float,
-    joint_every: int,
     reach: int,
     broad_reach: int,
     evidence: _E,
@@ -56,7 +55,6 @@ def stripes(
         stripe, joint: The windows and the noise.
         joint_weight: 0 to 1; 0: joints are not looked for.
         joint_reach: Times h.
-        joint_every: In every so many of the rows; those between have the joints of the one before.
         reach, broad_reach: Columns to each side for the greatest values; the second is not the smaller one.
         evidence: Shape (3, n, width): filled, 0 to 1: the evidence, the greatest within `reach` columns, and within
             `broad_reach`.

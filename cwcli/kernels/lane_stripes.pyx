@@ -26,7 +26,7 @@ cdef struct Stripe:
 
 def stripes(
     const unsigned char[:, ::1] grey, const int[::1] rows, double horizon_v, Stripe stripe, Stripe joint, *,
-    float joint_weight, double joint_reach, int joint_every, int reach, int broad_reach, float[:, :, ::1] evidence
+    float joint_weight, double joint_reach, int reach, int broad_reach, float[:, :, ::1] evidence
 ):
     cdef Py_ssize_t height = grey.shape[0], width = grey.shape[1], i, u, above, below
     cdef double h
@@ -56,13 +56,12 @@ def stripes(
             add_up(&grey[above, 0], &grey[rows[i], 0], &grey[below, 0], width, bright, sums)
             judge_row(sums, width, h, &stripe, False, middle, made)
             if joint_weight > 0.0:
-                if i % joint_every == 0:
-                    if above != below:
-                        add_up(&grey[rows[i], 0], &grey[rows[i], 0], &grey[rows[i], 0], width, bright, sums)
-                    judge_row(sums, width, h, &joint, True, middle, seam)
-                    widen(seam, width, 0, <Py_ssize_t>(joint_reach * h + 0.5), spare, wider)
-                    for u in range(width):
-                        wider[u] = wider[u] * joint_weight
+                if above != below:
+                    add_up(&grey[rows[i], 0], &grey[rows[i], 0], &grey[rows[i], 0], width, bright, sums)
+                judge_row(sums, width, h, &joint, True, middle, seam)
+                widen(seam, width, 0, <Py_ssize_t>(joint_reach * h + 0.5), spare, wider)
+                for u in range(width):
+                    wider[u] = wider[u] * joint_weight
                 for u in range(width):
                     made[u] = made[u] if made[u] > wider[u] else wider[u]
             widen(&evidence[0, i, 0], width, 0, reach, spare, &evidence[1, i, 0])

@@ -19,11 +19,11 @@ import numpy as np
 
 from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_detect import JOINT_WEIGHT, Evidence
+from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH
 
-COEFFICIENTS = np.array([10.12, 10.0, 5.87, -46.63])
-LAPSE = 0.05
+COEFFICIENTS = np.array([16.89, 7.49, 7.5, -48.51])
+LAPSE = 0.06
 """Of the boundaries that are seen as well as any, so many are another line: what no evidence of its own tells."""
 LEAST_VALUE = 0.02
 _OFFSETS = np.linspace(-2.0, 2.0, 81)
@@ -39,7 +39,7 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
 def crowd(evidence: Evidence, lane: FloatArray) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a bright stripe, 0 to 1."""
     places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
-    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h, JOINT_WEIGHT)
+    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h)
 
 
 def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:

@@ -30,6 +30,8 @@ FLOOR_GREY, RELATIVE, ROUGH = 3.0, 0.07, 2.0
 LOPSIDED = 0.3
 JOINT_WINDOWS = (0.025, 0.03, 0.06)
 """Of the joint between two strips of concrete, and of the shadow of a raised dot: dark, and narrower than a marking."""
+JOINT_CROWDED = 0.02
+"""A row of concrete has a few joints; a rough one has many dark stripes, and none of them counts."""
 JOINT_WEIGHT = 0.15
 """Of a joint against a stripe."""
 JOINT_REACH = 0.08
@@ -106,7 +108,7 @@ class Look(Protocol):
         stretch: float,
         room: Float32Array | None = None,
         *,
-        joint_every: int = 1,
+        with_joints: bool = False,
     ) -> Evidence:
         """The evidence in some rows."""
 
@@ -123,7 +125,7 @@ def evidence_of(
     stretch: float,
     room: Float32Array | None = None,
     *,
-    joint_every: int = 1,
+    with_joints: bool = False,
 ) -> Evidence:
     """Stripes of the frame for a horizon.
 
@@ -132,7 +134,7 @@ def evidence_of(
         horizon_px: For which stripes' widths are taken.
         stretch: fx / fy.
         room: Shape (3 `MAX_ROWS` width,): filled and looked into by the result; None: new memory.
-        joint_every: Joints are looked for in every so many rows.
+        with_joints: Joints count as well.
     """
     height, width = grey.shape
     size = 3 * len(rows) * width
@@ -150,7 +152,7 @@ def evidence_of(
         "crowded": CROWDED,
     }
     inner, gap, side = (stretch * each for each in JOINT_WINDOWS)
-    joint: lane_stripes.Stripe = {**stripe, "inner": inner, "gap": gap, "side": side}
+    joint: lane_stripes.Stripe = {**stripe, "inner": inner, "gap": gap, "side": side, "crowded": JOINT_CROWDED}
     reach, broad_reach = reaches(width)
     grey = np.ascontiguousarray(grey)
     lane_stripes.stripes(
@@ -159,9 +161,8 @@ def evidence_of(
         horizon_px,
         stripe,
         joint,
-        joint_weight=JOINT_WEIGHT,
+        joint_weight=JOINT_WEIGHT if with_joints else 0.0,
         joint_reach=JOINT_REACH * stretch,
-        joint_every=joint_every,
         reach=reach,
         broad_reach=broad_reach,
         evidence=evidence,
@@ -304,7 +305,8 @@ def acquire(
         look: Makes the evidence.
 
     Returns:
-        Shape (k, 5) and (k,): lanes and objective, best first; and the evidence at the best one's horizon.
+        Shape (k, 5) and (k,): lanes, best first by paint and joints, and their objective by paint alone; and the
+        evidence of paint at the best one's horizon.
     """
     height, width = grey.shape
     row = prior.table[HORIZON]
@@ -320,12 +322,13 @@ def acquire(
         values.append(value)
     lanes, value = np.concatenate(starts), np.concatenate(values)
     lanes = distinct(lanes[np.argsort(-value, kind="stable")], N_KEPT)
-    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.stretch)
-    lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=False, scale=0.5)
+    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.stretch, with_joints=True)
+    for wide in (True, False):
+        lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=wide, scale=1.0 if wide else 0.5)
     lanes = innermost(evidence, lanes, prior, (width, height))
-    value = judged(evidence, lanes, prior.table)
-    order = np.argsort(-value, kind="stable")
-    return lanes[order], value[order], evidence
+    order = np.argsort(-judged(evidence, lanes, prior.table), kind="stable")
+    evidence = look(grey, rows, float(lanes[order[0], HORIZON]), prior.stretch)
+    return lanes[order], judged(evidence, lanes[order], prior.table), evidence
 
 
 def glance(

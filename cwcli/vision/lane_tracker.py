@@ -67,8 +67,6 @@ MAX_PIXELS = 256_000
 """Of the search image: a camera's image is halved until it has no more."""
 FOUND_PROBABILITY = 0.5
 N_HYPOTHESES = 3
-FOLLOWED_JOINTS = 2
-"""While a lane is followed, joints are looked for in every so many of the rows: they take as long as the stripes."""
 RESCAN_FRAMES, DOUBTFUL_RESCAN_FRAMES = 10, 3
 """A look for other lanes every so many frames; while the published one is hardly seen, more often."""
 GLANCE_SHARE = 0.3
@@ -161,9 +159,7 @@ class LaneTracker:
         rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
         if len(self._room) != 3 * MAX_ROWS * size[0]:
             self._room = np.empty(3 * MAX_ROWS * size[0], np.float32)
-        evidence = self._look(
-            frame.grey, rows, float(lead[HORIZON]), self._prior.stretch, self._room, joint_every=FOLLOWED_JOINTS
-        )
+        evidence = self._look(frame.grey, rows, float(lead[HORIZON]), self._prior.stretch, self._room)
         self._evidence = evidence
         prior = opened(self._prior, camera, frame.speed_mps)
         is_told = self._prior.is_mounted and math.isfinite(frame.speed_mps)

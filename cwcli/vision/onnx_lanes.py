@@ -47,7 +47,7 @@ class OnnxSearch:
         stretch: float,
         room: Float32Array | None = None,
         *,
-        joint_every: int = 1,
+        with_joints: bool = False,
     ) -> Evidence:
         """The net's map in some rows; what it hardly believes is none, as little contrast is to the default method."""
         import cv2

@@ -5,9 +5,12 @@
     python tests/studies/lane_sheets.py --log ../shared/logs/tusimple-0313-dev.mcap --folder /tmp/a [--every 1]
 
 Rendered: of each set twenty drives, each at its sixteenth frame, so that a method has followed the lane for 1.5 s. The
-frame's number is green where both boundaries are right (6 pixels on 85 % of the rows), else red. With --log: every so
-many frames of a log, as `cwcli lanes --render` draws them; real frames never belong into the project, so their folder
-has to be named.
+frame's number is green where both boundaries are right (6 pixels on 85 % of the rows), else red. A last sheet shows
+what makes real roads hard (`DEFECTS`), a row a drive: the frames after 2, 4, ... 10 s, with speed and yaw rate. Each
+row's drive is one of `cwcli simulate road --set ...`, at ten frames a second.
+
+With --log: every so many frames of a log, as `cwcli lanes --render` draws them; real frames never belong into the
+project, so their folder has to be named.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,7 +26,10 @@ import numpy as np
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
 from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, is_right, vision_camera
-from cwcli.simulation.road.drive import set_drives
+from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.car import YAW_RATE
+from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive, set_drives
+from cwcli.simulation.road.render import RoadFrame
 from cwcli.simulation.road.sets import SETS
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.boundary_lines import BoundaryLines
@@ -35,6 +42,19 @@ from tests.studies.road_sheets import DOCS, sheet, write
 TILES = 20
 RED, GREEN, BLUE, ORANGE = (60, 60, 255), (90, 230, 90), (255, 160, 40), (0, 150, 255)
 RENDERED = "/sheet"
+DEFECTS: dict[str, dict[str, Any]] = {
+    "raised dots": {"markings": "dots"},
+    "dots on concrete": {"markings": "dots", "slab_m": 5.0},
+    "dashes on concrete": {"markings": "dashed", "slab_m": 5.0, "weather": "shadow"},
+    "bridges": {"bridges_per_km": 15.0, "markings": "dashed"},
+    "ramp, 25 deg/s": {"ramp_degps": 25.0, "speed_mps": 13.0},
+    "mountain bends": {"bends_1pm": 0.012, "speed_mps": 14.0},
+    "lane change": {"lane_changes_per_min": 6.0},
+    "dots at night": {"markings": "dots", "weather": "night-rain"},
+}
+"""What `cwcli simulate road --set` is given."""
+DEFECT_RATE_HZ = 10.0
+DEFECT_SHOWN_S = (2.0, 4.0, 6.0, 8.0, 10.0)
 
 
 def rendered(name: str, method_name: str) -> list[np.ndarray]:
@@ -50,17 +70,48 @@ def rendered(name: str, method_name: str) -> list[np.ndarray]:
             prepared = None if method.prepare is None else method.prepare(frame.grey)
             stamp_ns = round(float(drive.time_s[k]) * 1e9)
             fit = search.step(LaneFrame(frame.grey, vision_camera(*size), stamp_ns, k, prepared=prepared))
-        image = cv2.cvtColor(frame.grey, cv2.COLOR_GRAY2BGR)
-        for columns, colour in zip(drawn(fit, *size), (ORANGE, BLUE), strict=True):
-            for v, u in enumerate(columns):
-                if 0 <= u < width:
-                    cv2.circle(image, (round(float(u)), v), 1, colour, -1)
-        colour = GREEN if is_right(frame, fit, size, by_stripe=True) else RED
-        cv2.putText(
-            image, f"{number} {drive.config.weather}", (5, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA
-        )
-        tiles.append(image)
+        tiles.append(tile(frame, fit, f"{number} {drive.config.weather}"))
     return tiles
+
+
+def with_defects(method_name: str) -> list[np.ndarray]:
+    """The tiles of `DEFECTS`, a row each."""
+    method = METHODS[method_name]
+    tiles = []
+    for name, changes in DEFECTS.items():
+        drive = plan_drive(
+            RoadDriveConfig(rate_hz=DEFECT_RATE_HZ, duration_s=DEFECT_SHOWN_S[-1], **changes), paper_camera()
+        )
+        states, search = drive.states_at(drive.time_s), method.make(1)
+        for k, frame in enumerate(drive.frames()):
+            time_s = float(drive.time_s[k])
+            height, width = frame.grey.shape
+            seen = LaneFrame(
+                frame.grey,
+                vision_camera(width, height),
+                round(time_s * 1e9),
+                k,
+                speed_mps=float(drive.speed_at(drive.time_s)[k]),
+                yaw_rate_radps=float(states[k, YAW_RATE]),
+                prepared=None if method.prepare is None else method.prepare(frame.grey),
+            )
+            fit = search.step(seen)
+            if min(abs(time_s - each) for each in DEFECT_SHOWN_S) < 0.5 / DEFECT_RATE_HZ:
+                tiles.append(tile(frame, fit, f"{name}, {time_s:.0f} s"))
+    return tiles
+
+
+def tile(frame: RoadFrame, fit: LaneFit, label: str) -> np.ndarray:
+    """A rendered frame with the boundaries that were found, its label green where both are right."""
+    height, width = frame.grey.shape
+    image = cv2.cvtColor(frame.grey, cv2.COLOR_GRAY2BGR)
+    for columns, colour in zip(drawn(fit, width, height), (ORANGE, BLUE), strict=True):
+        for v, u in enumerate(columns):
+            if 0 <= u < width:
+                cv2.circle(image, (round(float(u)), v), 1, colour, -1)
+    colour = GREEN if is_right(frame, fit, (width, height), by_stripe=True) else RED
+    cv2.putText(image, label, (5, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
+    return image
 
 
 def drawn(fit: LaneFit, width_px: int, height_px: int) -> np.ndarray:
@@ -108,6 +159,7 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name in SETS:
             write(folder / f"lanes-{name}-{options.method}.jpg", sheet(rendered(name, options.method)), 70)
+        write(folder / f"lanes-defects-{options.method}.jpg", sheet(with_defects(options.method)), 60)
         return
     if options.folder is None:
         parser.error("--folder must be given with --log: real frames stay out of the project")

@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.lane_belief import COEFFICIENTS, LAPSE, boundary_probabilities, crowd, features, supports
-from cwcli.vision.lane_detect import JOINT_WEIGHT, Evidence
+from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
 from tests.studies.lane_reliability import drawn
@@ -32,7 +32,6 @@ def test_crowd_by_hand() -> None:
     table = np.zeros((90, 320))
     assert crowd(evidence(table), LANE) == 0.0
     assert crowd(evidence(table + 0.3), LANE) == 1.0
-    assert crowd(evidence(table + JOINT_WEIGHT), LANE) == 0.0  # joints are no stripes
     table[:, :160] = 0.2  # all that lies left of the middle
     assert crowd(evidence(table), LANE) == pytest.approx(0.5, abs=0.02)
     painted = np.zeros((90, 320))

@@ -39,7 +39,6 @@ def stripes(
     stripe: lane_stripes.Stripe = STRIPE,
     joint: lane_stripes.Stripe = JOINT,
     joint_weight: float = 0.0,
-    joint_every: int = 1,
     reaches: tuple[int, int] = (1, 2),
 ) -> npt.NDArray[np.float32]:
     """The three tables of the kernel."""
@@ -53,7 +52,6 @@ def stripes(
         joint,
         joint_weight=joint_weight,
         joint_reach=0.08,
-        joint_every=joint_every,
         reach=reach,
         broad_reach=broad_reach,
         evidence=made,
@@ -70,8 +68,6 @@ def test_evidence_equals_the_plain_twin() -> None:
     both = naive_ridge.with_joints(bright, dark, rows, 80.3, weight=0.2, reach=0.08)
     assert (both > bright + 0.01).any()
     np.testing.assert_allclose(made[0], both, atol=2e-4)
-    coarse = stripes(grey, rows, 80.3, joint_weight=0.2, joint_every=2, reaches=(2, 5))
-    np.testing.assert_array_equal(coarse[0, ::2], made[0, ::2])
     for reach, wide in zip((2, 5), made[1:], strict=True):
         np.testing.assert_array_equal(wide, naive_ridge.widened(made[0], reach))
 
