@@ -12,14 +12,16 @@ SIGMAS_PER_95_PERCENT = 1.959964
 SIGMAS_PER_95_PERCENT_ELLIPSE = 2.447747
 """Radius that holds 95 % of a two-dimensional normal distribution: sqrt(5.9915), chi-square with 2 degrees."""
 
+LEAST_VARIANCE = 1e-18
+"""Of a measurement, in the square of its SI unit: a nanometre's. Nobody measures better."""
 UNUSABLE_COVARIANCE = "covariance unusable, left out"
 
 
 def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
     """Take away variances that say nothing, and book those that are wrong.
 
-    Zero means "not filled in" in ROS messages, -1 "not measured" (`sensor_msgs/Imu`). Another negative one, or
-    an infinite one, is a fault: counted as a repair.
+    Zero means "not filled in" in ROS messages, -1 "not measured" (`sensor_msgs/Imu`). Another negative one, an
+    infinite one or one below `LEAST_VARIANCE` is a fault: counted as a repair.
 
     Args:
         ledger: The channel's ledger.
@@ -29,8 +31,8 @@ def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
         The same shape: positive and finite, or NaN.
     """
     table = variance[:, None] if variance.ndim == 1 else variance
-    is_given = np.isfinite(table) & (table > 0.0)
-    is_wrong = np.isinf(table) | (table < 0.0) & (table != -1.0)
+    is_given = np.isfinite(table) & (table >= LEAST_VARIANCE)
+    is_wrong = np.isinf(table) | (table < LEAST_VARIANCE) & (table != 0.0) & (table != -1.0)
     ledger.repair(is_wrong.any(axis=1), UNUSABLE_COVARIANCE)
     return np.where(is_given, table, np.nan).reshape(variance.shape)
 
@@ -45,7 +47,9 @@ def given_plane_covariance(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy
     covariance = np.stack([xx, xy, yy], axis=1)
     is_absent = np.isnan(covariance).any(axis=1) | ((xx == 0.0) & (yy == 0.0)) | (xx == -1.0)
     with np.errstate(invalid="ignore", over="ignore"):
-        is_definite = (xx > 0.0) & (yy > 0.0) & (xx * yy > xy * xy) & np.isfinite(covariance).all(axis=1)
+        is_definite = (
+            (xx >= LEAST_VARIANCE) & (yy >= LEAST_VARIANCE) & (xx * yy > xy * xy) & np.isfinite(covariance).all(axis=1)
+        )
     ledger.repair(~is_absent & ~is_definite, UNUSABLE_COVARIANCE)
     return np.where((is_definite & ~is_absent)[:, None], covariance, np.nan)
 
