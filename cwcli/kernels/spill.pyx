@@ -75,10 +75,8 @@ cdef extern from *:
         *size = limit;
         void *found = limit ? mmap(0, limit, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, fd, 0) : MAP_FAILED;
         if (found == MAP_FAILED) return 0;
-        spill_base = found;
-        spill_size = limit;
-        spill_file = fd;
-        return found;
+        spill_size = limit, spill_file = fd;
+        return spill_base = found;
     }
     static int spill_reserve(int fd, size_t offset, size_t size) {
         int found;
@@ -89,16 +87,13 @@ cdef extern from *:
         if (fallocate(fd, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, offset, size)) { /* it stays reserved */ }
     }
     static void spill_let_go(void *base, size_t size) { madvise(base, size, MADV_DONTNEED); }
-    static void spill_fork_ends(void) { pthread_mutex_unlock(&spill_mutex); }
     static void spill_fork_child(void) {
-        pthread_mutex_unlock(&spill_mutex);
+        int how = MAP_PRIVATE | MAP_NORESERVE | MAP_FIXED;
+        spill_unlock();
         spill_is_forked = 1;
-        if (!spill_base) return;
-        void *found = mmap(spill_base, spill_size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_NORESERVE | MAP_FIXED,
-                           spill_file, 0);
-        if (found == MAP_FAILED) abort();
+        if (spill_base && mmap(spill_base, spill_size, PROT_READ | PROT_WRITE, how, spill_file, 0) == MAP_FAILED) abort();
     }
-    static void spill_watch_forks(void) { pthread_atfork(spill_lock, spill_fork_ends, spill_fork_child); }
+    static void spill_watch_forks(void) { pthread_atfork(spill_lock, spill_unlock, spill_fork_child); }
     static void *spill_repeat(void *look) {
         struct timespec pause = {0, SPILL_PAUSE_MS * 1000000L};
         for (;;) {
@@ -131,17 +126,14 @@ cdef extern from *:
     #else
     #define SPILL_IS_POSSIBLE 0
     static int spill_is_in_memory(int fd) { return 1; }
-    static void spill_lock(void) { }
-    static void spill_unlock(void) { }
+    static void spill_lock(void) { } static void spill_unlock(void) { }
     static size_t spill_usable(void *pointer) { return 0; }
     static void *spill_map(int fd, size_t *size) { return 0; }
-    static int spill_reserve(int fd, size_t offset, size_t size) { return -1; }
-    static void spill_give_back(int fd, size_t offset, size_t size) { }
-    static void spill_let_go(void *base, size_t size) { }
-    static void spill_start(void (*look)(void)) { }
+    static int spill_reserve(int fd, size_t offset, size_t n) { return -1; }
+    static void spill_give_back(int fd, size_t offset, size_t n) { }
+    static void spill_let_go(void *base, size_t size) { } static void spill_start(void (*look)(void)) { }
     static size_t spill_mapped(void) { return 0; }
-    static void spill_watch_forks(void) { }
-    static const int spill_is_forked = 0;
+    static void spill_watch_forks(void) { } static const int spill_is_forked = 0;
     #endif
     """
     ctypedef struct Allocator "spill_allocator":
@@ -156,7 +148,6 @@ cdef extern from *:
         Allocator allocator
     object numpy_set_handler(void** api, object handler)
     object numpy_get_handler(void** api)
-    bint SPILL_IS_POSSIBLE
     bint spill_is_in_memory(int fd)
     void spill_lock() noexcept nogil
     void spill_unlock() noexcept nogil
@@ -168,7 +159,7 @@ cdef extern from *:
     void spill_start(void (*look)() noexcept nogil) noexcept nogil
     size_t spill_mapped() noexcept nogil
     void spill_watch_forks() noexcept nogil
-    const int spill_is_forked
+    bint SPILL_IS_POSSIBLE, spill_is_forked
 
 cdef extern from "Python.h":
     void* PyCapsule_GetPointer(object, const char*) except NULL
@@ -289,10 +280,8 @@ cdef void look_after() noexcept nogil:
     cdef size_t mapped = spill_mapped()
     if mapped > mapped_before + most_mapped:
         spill_let_go(base, end)
-        mapped = spill_mapped()
-        mapped_before = mapped
-    elif mapped < mapped_before:
-        mapped_before = mapped
+        mapped = mapped_before = spill_mapped()
+    mapped_before = min(mapped, mapped_before)
 
 
 cdef void* taken(size_t n) noexcept nogil:
@@ -360,10 +349,10 @@ cdef void freed(size_t first) noexcept nogil:
         memmove(&spans[at + 1], &spans[at], (n_spans - at) * sizeof(Span))
         n_spans += 1
         spans[at].first, spans[at].n, spans[at].is_backed = first, n, is_backed
-    if at + 1 < n_spans and spans[at].first + spans[at].n == spans[at + 1].first:
-        if spans[at + 1].is_backed == is_backed:
-            spans[at].n += spans[at + 1].n
-            remove_span(at + 1)
+    at += 1
+    if at < n_spans and spans[at - 1].first + spans[at - 1].n == spans[at].first and spans[at].is_backed == is_backed:
+        spans[at - 1].n += spans[at].n
+        remove_span(at)
 
 
 cdef void remove_span(Py_ssize_t at) noexcept nogil:
