@@ -369,6 +369,7 @@ OPENERS = {
     "input.py": "reads every input",
     "output.py": "writes every output",
     "temporary.py": "a part of it",
+    "array_memory.py": "a file without a name for the arrays of long logs",
     "report/pdf.py": "the page and its print in a temporary folder of the browser",
     "logs/read/source.py": "the pipe that a log comes from, and its copy without a name",
     "logs/read/remote.py": "a remote log, which is copied to a file without a name",
