@@ -10,13 +10,17 @@ from cwcli.cli.text import printable
 
 if TYPE_CHECKING:
     from cwcli.metrics.gates import Check, GateResult
+    from cwcli.report.addresses import Addresses
 
 RUN = "all logs"
 MAX_TEXT = 4000
 
 
-def junit_xml(results: Sequence[GateResult]) -> bytes:
-    """The document. Characters that XML does not allow, or that could deceive a reader, are escaped (`\\x1b`)."""
+def junit_xml(results: Sequence[GateResult], addresses: Addresses | None = None) -> bytes:
+    """The document. Characters that XML does not allow, or that could deceive a reader, are escaped (`\\x1b`).
+
+    Failures on warnings hold links into the page of the run, where its address is given.
+    """
     totals = _counts([check for result in results for check in result.checks])
     del totals["skipped"]  # Jenkins' schema has it for suites only
     root = ET.Element("testsuites", {"name": "cwcli evaluate", **totals})
@@ -24,17 +28,19 @@ def junit_xml(results: Sequence[GateResult]) -> bytes:
         gate = printable(result.gate)
         suite = ET.SubElement(root, "testsuite", {"name": gate, **_counts(result.checks)})
         for check in result.checks:
-            _add_case(suite, gate, check)
+            _add_case(suite, result.gate, check, addresses)
     ET.indent(root)
     text: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
 
 
-def _add_case(suite: ET.Element, gate: str, check: Check) -> None:
-    case = ET.SubElement(suite, "testcase", classname=gate, name=printable(check.log) or RUN, time="0")
+def _add_case(suite: ET.Element, gate: str, check: Check, addresses: Addresses | None) -> None:
+    case = ET.SubElement(suite, "testcase", classname=printable(gate), name=printable(check.log) or RUN, time="0")
     detail = printable(check.detail)[:MAX_TEXT]
     if check.status.value == "failed":
-        ET.SubElement(case, "failure", message=detail, type="gate").text = detail
+        links = [] if addresses is None else addresses.of_check(gate, check)
+        lines = (detail, *(f"{printable(link.words)}: {link.address}" for link in links))
+        ET.SubElement(case, "failure", message=detail, type="gate").text = "\n".join(lines)
     elif check.status.value == "skipped":
         ET.SubElement(case, "skipped", message=detail)
     else:

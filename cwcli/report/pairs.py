@@ -24,6 +24,11 @@ MAX_PAIRS = 12
 MAX_CONFLICTS = 200
 
 
+def warning_marks(log: str, meetings: Meetings) -> list[str]:
+    """A name for each warning that a rerun keeps: `warning-3f2a`."""
+    return marks(log, "warning", ((each.rule, each.other_id) for each in meetings.encounters))
+
+
 def conflict_marks(log: str, meetings: Meetings) -> list[str]:
     """A name for each conflict that a rerun keeps: `conflict-3f2a`."""
     return marks(log, "conflict", ((each.other.id,) for each in meetings.conflicts))
@@ -97,6 +102,6 @@ def _at(drive: Drive, stamp_ns: int) -> str:
 
 
 def link_texts(meetings: Meetings, log: str) -> list[tuple[str, str]]:
-    """Name and words of a link to each conflict without a warning."""
-    named = zip(conflict_marks(log, meetings), meetings.conflicts, strict=True)
+    """Name and words of a link to each conflict without a warning, of those that the table lists."""
+    named = list(zip(conflict_marks(log, meetings), meetings.conflicts, strict=True))[:MAX_CONFLICTS]
     return [(mark, f"conflict with {short_name(e.other.kind, e.other.id)}") for mark, e in named if not e.warned_by]

@@ -18,8 +18,7 @@ from cwcli.report.encounter_figures import distance_figure, fan_figure, nearest_
 from cwcli.report.encounters import Encounter, Meetings
 from cwcli.report.frames import Thumbnail, thumbnails
 from cwcli.report.map_figure import map_figure
-from cwcli.report.marks import marks
-from cwcli.report.pairs import conflicts_table, link_texts, pairs_table
+from cwcli.report.pairs import conflicts_table, link_texts, pairs_table, warning_marks
 from cwcli.report.sensors import error_figure, sensors_view
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
@@ -87,8 +86,9 @@ def log_view(
         figure, left_out = drawn
         first.append(_plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure))
         notes += left_out
-    named = marks(entry.name, "warning", ((each.rule, each.other_id) for each in meetings.encounters))
+    named = warning_marks(entry.name, meetings)
     mark = dict(zip((each.event_id for each in meetings.encounters), named, strict=True))
+    with_figures = {each.event_id for each in chosen}
     events = []
     worst = most_critical(meetings)[0] if chosen else None
     for encounter in chosen:
@@ -113,7 +113,9 @@ def log_view(
         is_open=is_open,
         first=tuple(first),
         events=tuple(events),
-        event_table=all_warnings(drive, meetings) if len(meetings.encounters) > len(chosen) else None,
+        event_table=all_warnings(drive, meetings, {key: name for key, name in mark.items() if key not in with_figures})
+        if len(meetings.encounters) > len(chosen)
+        else None,
         others=tuple(filter(None, (pairs_table(drive, meetings), conflicts_table(drive, meetings, entry.name)))),
         signals=tuple(signals),
         system=tuple(system_tables(drive, entry.metrics)),

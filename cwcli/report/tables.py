@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from cwcli.metrics.headline import metric_of
@@ -66,8 +67,8 @@ def _predicted(drive: Drive, encounter: Encounter) -> list[tuple[str, str]]:
     ]
 
 
-def all_warnings(drive: Drive, meetings: Meetings) -> TableView:
-    """All warnings, where not all have figures."""
+def all_warnings(drive: Drive, meetings: Meetings, marks: Mapping[int, str]) -> TableView:
+    """All warnings, where not all have figures; marks: names for links to those without, by their numbers."""
     rows = []
     for each in meetings.encounters:
         verdict = each.verdict
@@ -87,7 +88,8 @@ def all_warnings(drive: Drive, meetings: Meetings) -> TableView:
     hint = "the most critical ones have figures above"
     if len(rows) > len(kept):
         hint += f"; the first {MAX_ROWS} of {len(rows)} are listed"
-    return TableView("All warnings", columns, tuple(kept), hint)
+    names = tuple(marks.get(each.event_id, "") for each in meetings.encounters[: len(kept)])
+    return TableView("All warnings", columns, tuple(kept), hint, row_marks=names)
 
 
 def log_tables(drive: Drive, entry: Entry, *, has_all_metrics: bool) -> list[TableView]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -68,6 +69,48 @@ def test_a_warning_has_an_address_that_another_version_s_rerun_keeps(annotated: 
     assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(later), *arguments]) == 0
     of_later = report(later, tmp_path / "later.html")
     assert f'id="{name}"' in of_later and f'id="{conflict}"' in of_later
+
+
+def test_failed_gates_link_to_warnings_in_the_report_of_the_same_run(tmp_path: Path) -> None:
+    """The intersection has one warning and one conflict, the straight road neither."""
+    logs = [str(SAMPLES / f"{name}.mcap") for name in ("intersection", "straight")]
+    assert run(["run", *logs, "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
+    anchors = {
+        each["id"] for _, each in Elements(report(tmp_path / "out", tmp_path / "report.html")).found if "id" in each
+    }
+    files = ["--junit", str(tmp_path / "gates.xml"), "--markdown", str(tmp_path / "gates.md")]
+    gates = [
+        "--gate",
+        "warnings.precision < 0.5",
+        "--gate",
+        "pooled(warnings.recall) < 0.5",
+        "--gate",
+        "data.faults_count < 0",
+    ]
+    page = ["--report-at", "reports (new)/report.html"]
+    assert run(["evaluate", str(tmp_path / "out"), *gates, *files, *page, "--allow-missing", "--quiet"]) == 1
+    link = re.compile(r"reports%20%28new%29/report\.html#([\w-]+)")
+    cases = {
+        (case.get("classname"), case.get("name")): link.findall(case.findtext("failure") or "")
+        for case in ElementTree.parse(tmp_path / "gates.xml").iter("testcase")
+    }
+    (warning,) = marks("intersection", "warning", [("cwcli", "d9583520")])
+    assert warning in anchors
+    assert cases["warnings.precision < 0.5", "intersection"] == [warning]
+    assert cases["pooled(warnings.recall) < 0.5", "all logs"] == [warning]
+    assert cases["data.faults_count < 0", "intersection"] == []
+    told = (tmp_path / "gates.md").read_text(encoding="utf-8")
+    assert link.findall(told) == [warning, warning]
+    assert f"](reports%20%28new%29/report.html#{warning})" in told
+
+
+def test_links_need_logs_that_can_be_read_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "metrics.parquet").write_bytes(b"")
+    for source in ("-", str(tmp_path / "metrics.parquet")):
+        assert run(["evaluate", source, "--report-at", "report.html"]) == 2
+        assert "--report-at needs the annotated logs as files" in capsys.readouterr().err
+    assert run(["evaluate", str(SAMPLES / "intersection.mcap"), "--report-at", " "]) == 2
+    assert "names no page" in capsys.readouterr().err
 
 
 OUT_OF_SIGHT = """

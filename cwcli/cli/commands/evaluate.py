@@ -11,7 +11,7 @@ import typer
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, SystemOption, TruthOption
+from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, PageAddressOption, SystemOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
     from cwcli.metrics.gates import Check, GateResult
     from cwcli.metrics.pooling import MetricRow
+    from cwcli.report.addresses import Addresses
 
 EXAMPLES = (
     "cwcli evaluate annotated.mcap",
@@ -64,6 +65,7 @@ def command(
         typer.Option("--junit", metavar="FILE", show_default=False, help="Write the gates as JUnit XML here."),
     ] = None,
     markdown_file: MarkdownOption = None,
+    report_at: PageAddressOption = None,
     metrics: MetricsOption = None,
     everything: AllOption = False,
     force: ForceOption = False,
@@ -87,6 +89,11 @@ def command(
         parse(gate)
     system = parse_system(topics) if topics else None
     summary_file = stdout_or_file(markdown_file)
+    addresses = None
+    if report_at is not None:
+        from cwcli.report.addresses import Addresses
+
+        addresses = Addresses(source, report_at)
     targets = check_outputs([source], talk, metrics=metrics, texts=(junit, summary_file), force=force)
     with Progress(quiet=talk.quiet) as progress:
         progress.step(f"reading {source}")
@@ -99,9 +106,9 @@ def command(
         if junit is not None:
             from cwcli.cli.junit import junit_xml
 
-            write_file(junit, junit_xml(results), force=force, together=together)
+            write_file(junit, junit_xml(results, addresses), force=force, together=together)
         if summary_file is not None:
-            text = _markdown(run, pooled, results)
+            text = _markdown(run, pooled, results, addresses)
             write_file(summary_file, text.encode(), force=force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
@@ -249,7 +256,9 @@ def _numbers(rows: Any) -> Document:
     }
 
 
-def _markdown(run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[GateResult]) -> str:
+def _markdown(
+    run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[GateResult], addresses: Addresses | None
+) -> str:
     """The summary for a CI job's page."""
     failed = [result for result in results if result.failed]
     n_failed_logs = sum(bool(log.error) for log in run.logs)
@@ -272,7 +281,11 @@ def _markdown(run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[G
     checks = [(result, check) for result in failed for check in result.failed]
     if checks:
         cells = [
-            (markdown.code(result.gate), markdown.code(check.log) if check.log else "all", markdown.code(check.detail))
+            (
+                markdown.code(result.gate),
+                markdown.code(check.log) if check.log else "all",
+                "<br>".join((markdown.code(check.detail), *_links(addresses, result.gate, check))),
+            )
             for result, check in checks[:MAX_IN_MARKDOWN]
         ]
         parts.append(markdown.table(("failed gate", "log", "because"), cells))
@@ -297,3 +310,8 @@ def _markdown(run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[G
     if beside:
         parts.append(markdown.table(BESIDE, beside))
     return "\n\n".join(parts) + "\n"
+
+
+def _links(addresses: Addresses | None, gate: str, check: Check) -> list[str]:
+    links = [] if addresses is None else addresses.of_check(gate, check)
+    return [f"[{markdown.code(link.words)}]({link.address})" for link in links]

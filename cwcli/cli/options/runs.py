@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+
 GatesOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -29,6 +30,16 @@ MarkdownOption = Annotated[
         metavar="FILE",
         show_default=False,
         help="Write a summary in GitHub's Markdown here; - is standard output.",
+    ),
+]
+PageAddressOption = Annotated[
+    str | None,
+    typer.Option(
+        "--report-at",
+        metavar="PAGE",
+        show_default=False,
+        help="Where the page that `cwcli report` makes of this run will be found, e.g. report.html: --junit and "
+        "--markdown link to its warnings and conflicts.",
     ),
 ]
 AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the most telling ones.")]
