@@ -17,6 +17,7 @@ import typer.main
 
 from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
+from cwcli.cli.options.complete import offer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand
 from cwcli.cli.options.fast import skip_coercion
@@ -141,7 +142,7 @@ def dispatch(arguments: list[str]) -> int:
     """
     group = typer.main.get_command(app)
     if os.environ.get(f"_{ENVIRONMENT_PREFIX}_COMPLETE"):
-        group.main(arguments, prog_name="cwcli")
+        offer(lambda: group.main(arguments, prog_name="cwcli"))
     try:
         with remembering_inputs(), group.make_context("cwcli", arguments) as context:
             if not arguments:

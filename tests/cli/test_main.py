@@ -259,3 +259,61 @@ def test_completion_of_commands_and_options() -> None:
     assert complete("cwcli in", 1) == ["info"]
     assert "--strict" in complete("cwcli info --s", 2)
     assert complete("cwcli info --clock ", 3) == ["stamp", "log"]
+
+
+LOG = ROOT / "sample_logs" / "intersection.mcap"
+
+
+def offered(shell: str, *words: str) -> list[str]:
+    """What a shell is told at the end of the last word. Bash takes `a=b` for three words, each on a line."""
+    asked = {"_CWCLI_COMPLETE": f"complete_{shell}"}
+    if shell == "bash":
+        parts = [part for word in words for part in re.split("(=)", word) if part or not word]
+        asked |= {"COMP_WORDS": "\n".join(parts), "COMP_CWORD": str(len(parts) - 1)}
+    else:
+        line = " ".join(words)
+        asked |= {
+            "_TYPER_COMPLETE_ARGS": line,
+            "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+            "_TYPER_COMPLETE_WORD_TO_COMPLETE": words[-1],
+        }
+    done = cwcli(env={**os.environ, **asked})
+    assert (done.returncode, done.stderr) == (0, "")
+    return [line.split("\t")[0] for line in done.stdout.splitlines() if line]
+
+
+def test_roles_and_the_topics_of_the_log_are_completed() -> None:
+    roles = offered("fish", "cwcli", "estimate", str(LOG), "--topic", "")
+    assert roles[:3] == ["ego_position=", "ego_velocity=", "ego_speed="]
+    topics = ["/gps/fix", "/gps/heading"]
+    assert offered("fish", "cwcli", "estimate", str(LOG), "--topic", "ego_pos=/gps") == [
+        f"ego_pos={each}" for each in topics
+    ]
+    assert offered("bash", "cwcli", "estimate", str(LOG), "--topic", "ego_position=/gps") == topics
+    everything = offered(
+        "bash", "cwcli", "run", "-o", "out.mcap", str(LOG), "--topic", "imu=/imu/data", "--topic", "ego_position="
+    )
+    assert everything == sorted(
+        [*topics, "/vehicle/velocity", "/imu/data", "/v2x/bsm", "/truth/ego", "/simulation/vehicles"]
+    )
+    assert offered("bash", "cwcli", "evaluate", str(LOG), "--topic", "w") == [f"warning={each}" for each in everything]
+
+
+def test_completion_of_topics_never_fails_or_talks(tmp_path: Path) -> None:
+    """Of no log, and of one that is none, was cut, or has a damaged summary."""
+    whole = LOG.read_bytes()
+    damaged = {
+        "text": b"no log",
+        "empty": b"",
+        "cut": whole[:-500],
+        "wrong": whole[:-400] + b"\xff" * 300 + whole[-100:],
+    }
+    for name, content in damaged.items():
+        (tmp_path / f"{name}.mcap").write_bytes(content)
+        assert offered("bash", "cwcli", "info", str(tmp_path / f"{name}.mcap"), "--topic", "imu=/") in (
+            [],
+            ["/imu/data"],
+        )
+    for words in (["-"], [str(tmp_path / "none.mcap")], ["https://localhost:1/log.mcap"], []):
+        assert offered("bash", "cwcli", "info", *words, "--topic", "imu=/") == []
+    assert offered("bash", "cwcli", "info", "--topic", "im") == ["imu="]

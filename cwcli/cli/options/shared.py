@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import typer
 
+from cwcli.cli.options.complete import role_topics
 from cwcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ class ReadingOptions:
             "--topic",
             metavar="ROLE=/NAME",
             show_default=False,
+            autocompletion=role_topics,
             help="Use this topic for a role, e.g. ego_position=/gps/fix. Repeatable.",
         ),
     ] = field(default_factory=list)

@@ -1,0 +1,108 @@
+"""What the shell offers after `--topic`: roles, then the topics of the log that the line names."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+
+BASH = "complete_bash"
+MAX_TOPICS = 500
+
+
+def role_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """`ego_position=`, or after it `ego_position=/gps/fix`. Never fails: what can't be read offers nothing."""
+    from cwcli.channels.binding import ROLE_TEXT
+
+    return _choices(ctx, incomplete, ROLE_TEXT)
+
+
+def system_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """As `role_topics`, for the roles of another system: `warning=/adas/fcw`."""
+    from cwcli.evaluation.system.topics import WORDS
+
+    return _choices(ctx, incomplete, WORDS)
+
+
+def _choices(ctx: typer.Context, incomplete: str, roles: Mapping[str, str]) -> list[tuple[str, str]]:
+    role, sign, topic = incomplete.partition("=")
+    matching = [(f"{name}=", words) for name, words in roles.items() if name.startswith(role)]
+    if not sign and len(matching) != 1:
+        return matching
+    found: dict[str, str] = {}
+    with contextlib.suppress(Exception):  # a message between two keys would spoil the line that is being typed
+        found = {name: schema for log in _named(ctx) for name, schema in _topics(log) if name.startswith(topic)}
+    if not sign:  # at once with its topics: most shells set a space after the only word that is offered
+        return [(f"{name}{each}", schema) for name, _ in matching for each, schema in _first(found)] or matching
+    return [(f"{role}={each}", schema) for each, schema in _first(found)]
+
+
+def _first(found: Mapping[str, str]) -> list[tuple[str, str]]:
+    return sorted(found.items())[:MAX_TOPICS]
+
+
+def _named(ctx: typer.Context) -> list[str]:
+    """The files among the words before the cursor: as arguments, or left over where an option still lacks its value."""
+    words: list[Any] = [*ctx.args]
+    for parameter in ctx.command.get_params(ctx):
+        if parameter.param_type_name == "argument" and parameter.name:
+            value = ctx.params.get(parameter.name)
+            words += value if isinstance(value, list | tuple) else [value]
+    names = dict.fromkeys(word for word in words if isinstance(word, str))
+    return [name for name in names if name.lower().endswith(".mcap") and Path(name).is_file()]
+
+
+def _topics(log: str) -> Iterator[tuple[str, str]]:
+    """Topic and schema of each channel, from the summary alone; none where the file has no summary."""
+    from cwcli.input import InputFile
+    from cwcli.logs.format.records import MAGIC
+    from cwcli.logs.format.summary import find_footer, read_summary
+    from cwcli.logs.read.channels import channels_of
+
+    with InputFile.open(log) as file:
+        found = find_footer(file)
+        index = None if found is None else read_summary(file, *found, len(MAGIC), verify=False)
+        if index is not None:
+            for channel in channels_of(index):
+                if channel.topic.isprintable():
+                    yield channel.topic, channel.schema_name if channel.schema_name.isprintable() else ""
+
+
+def offer(complete: Callable[[], object]) -> None:
+    """Runs Typer's completion; for bash, which takes `ego_position=/gps` for three words, with them put together.
+
+    Of what is offered bash then wants what follows the `=` alone.
+    """
+    if os.environ.get("_CWCLI_COMPLETE") != BASH or not _join_words():
+        complete()
+        return
+    told = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(told):
+            complete()
+    finally:
+        sys.stdout.writelines(f"{line.partition('=')[2]}\n" for line in told.getvalue().splitlines())
+
+
+def _join_words() -> bool:
+    """Puts `a=b` together in what bash hands over; whether the word at the cursor is such a one."""
+    words, at = os.environ.get("COMP_WORDS", ""), os.environ.get("COMP_CWORD", "")
+    if not at.isdecimal():
+        return False
+    joined: list[str] = []
+    cursor = int(at)
+    sign = "\n" if "\n" in words else " "  # a word may hold spaces
+    for k, word in enumerate(words.split(sign)):
+        if joined and (word == "=" or joined[-1].endswith("=")) and k <= int(at):
+            joined[-1] += word
+            cursor -= 1
+        else:
+            joined.append(word)
+    os.environ["COMP_WORDS"], os.environ["COMP_CWORD"] = sign.join(joined), str(cursor)
+    return 0 <= cursor < len(joined) and "=" in joined[cursor]
