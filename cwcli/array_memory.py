@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import threading
 from contextlib import suppress
 from functools import cache
 from typing import Any
@@ -20,6 +21,7 @@ MOST_MAPPED_BYTES = 64 << 20
 MOST_FILE_BYTES = 1 << 40
 FOLDER_ON_DISK = "/var/tmp"
 """Where /tmp is in memory."""
+_ONE_AT_A_TIME = threading.Lock()
 
 
 def bound_array_memory() -> None:
@@ -27,17 +29,21 @@ def bound_array_memory() -> None:
 
     Nothing happens where that can't be: but on Linux, and without a folder on a disk that has files without a name.
     """
-    handler = _handler()
+    with _ONE_AT_A_TIME:  # of the threads that begin together, one opens the file
+        handler = _handler()
     if handler is not None:
         spill.use(handler)
 
 
 @cache
 def _handler() -> Any:
-    for folder in (tempfile.gettempdir(), FOLDER_ON_DISK):
-        with suppress(OSError, AttributeError):
-            descriptor = os.open(folder, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
+    for folder in (tempfile.gettempdir, lambda: FOLDER_ON_DISK):
+        with suppress(OSError, AttributeError):  # `gettempdir` finds none where no folder can be written
+            descriptor = os.open(folder(), os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
+            handler = None
             if spill.is_on_disk(descriptor):
-                return spill.spill_beyond(descriptor, MOST_ARRAY_BYTES, MOST_MAPPED_BYTES, MOST_FILE_BYTES)
+                handler = spill.spill_beyond(descriptor, MOST_ARRAY_BYTES, MOST_MAPPED_BYTES, MOST_FILE_BYTES)
+            if handler is not None:
+                return handler
             os.close(descriptor)
     return None

@@ -9,8 +9,8 @@ Nothing but the place differs: values, results and bytes written are the same.
 What is freed is used again, the rest given back to the file system. The pages that the process holds of the file are
 let go now and then: they stay in the system's cache, or are on the disk, and come back when they are read.
 
-A process that is forked off gets a copy of the pages, as of all memory, when it writes to them; its own arrays lie in
-memory, and what it frees is not given back: the file is its parent's.
+A process that is forked off has a page of its own from when it writes to it; the others change with its parent, who must
+neither change nor free those arrays before the fork is done. Its own lie in memory; the file is its parent's.
 """
 
 from libc.stdint cimport uint8_t, uint32_t
@@ -217,7 +217,7 @@ cdef void* own_realloc(void* ctx, void* pointer, size_t size) noexcept nogil:
         found = from_file(size) if size >= LARGE and pointer != NULL else NULL
         if found != NULL:
             memcpy(found, pointer, min(spill_usable(pointer), size))
-            own_free(ctx, pointer, 0)
+            own_free(ctx, pointer, LARGE)  # a size that NumPy keeps no memory of for later
             return found
         uncounted(pointer)
         found = numpy_own.realloc(numpy_own.ctx, pointer, size)
@@ -369,7 +369,7 @@ cdef void** numpy_api():
 
 def spill_beyond(int fd, size_t bound_bytes, size_t most_mapped_bytes, size_t capacity_bytes):
     global descriptor, bound, most_mapped, capacity, numpy_own
-    if not SPILL_IS_POSSIBLE:
+    if not SPILL_IS_POSSIBLE or descriptor >= 0:  # once in a process: the file can't be changed for another
         return None
     own = numpy_get_handler(numpy_api())
     cdef Handler* before = <Handler*> PyCapsule_GetPointer(own, b"mem_handler")

@@ -170,3 +170,69 @@ small = [np.full(1 << 10, k, float) for k in range(10_000)]
 print(spill.counts()["in_file"])
 """
     assert int(run_here(script, tmp_path)) == 0
+
+
+@ON_LINUX
+def test_without_a_folder_for_temporary_files_another_one_on_a_disk_serves(tmp_path: Path) -> None:
+    script = """
+def none_usable():
+    raise FileNotFoundError(2, "No usable temporary directory found")
+tempfile.gettempdir = none_usable
+array_memory.FOLDER_ON_DISK = os.getcwd()
+array_memory.bound_array_memory()
+held = [np.full(1 << 18, k, float) for k in range(60)]
+print(spill.counts()["in_file"] >> 20)
+"""
+    assert int(run_here(script, tmp_path)) >= 80
+
+
+@ON_LINUX
+def test_threads_that_begin_together_share_one_file_and_the_process_can_fork(tmp_path: Path) -> None:
+    script = """
+import signal, threading, time
+look = spill.is_on_disk
+def slow_look(fd):
+    time.sleep(0.2)
+    return look(fd)
+spill.is_on_disk = slow_look
+threads = [threading.Thread(target=array_memory.bound_array_memory) for _ in range(4)]
+for each in threads:
+    each.start()
+for each in threads:
+    each.join()
+links = (os.readlink(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd") if os.path.islink(f"/proc/self/fd/{fd}"))
+print(sum("deleted" in link for link in links), flush=True)
+signal.alarm(10)
+child = os.fork()
+if not child:
+    os._exit(0)
+print(os.waitpid(child, 0)[1])
+"""
+    assert run_here(script, tmp_path).split() == ["1", "0"]
+
+
+@ON_LINUX
+def test_a_second_file_is_refused_and_closed(tmp_path: Path) -> None:
+    script = """
+array_memory.bound_array_memory()
+before = len(os.listdir("/proc/self/fd"))
+array_memory._handler.cache_clear()
+array_memory.bound_array_memory()
+print(len(os.listdir("/proc/self/fd")) - before)
+"""
+    assert int(run_here(script, tmp_path)) == 0
+
+
+@ON_LINUX
+def test_an_array_that_grew_into_the_file_leaves_no_memory_behind(tmp_path: Path) -> None:
+    script = """
+array_memory.bound_array_memory()
+before = anonymous_mb()
+for _ in range(6):
+    grown = np.ones(2 << 20)  # 16 MB, in memory
+    grown.resize(4 << 20, refcheck=False)
+    assert spill.counts()["in_file"] >= 32 << 20
+    del grown
+print(anonymous_mb() - before)
+"""
+    assert float(run_here(script, tmp_path)) < 24.0
