@@ -10,6 +10,7 @@ The rules:
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
 - two that are left are an error for a required role, and leave an optional one unbound with a note;
   but every channel of detections is a sensor of its own, so all of them are bound;
+- what tells of others or of events alone (CPM, SDSM, DENM) is bound beside the channel that is chosen;
 - `--topic ROLE=/topic:FORMAT` names octets that a radio handed over, with their format: `remote`, and the ego's own;
 - `--topic ROLE=/topic` decides for itself; for `MANY_TOPICS` it may list several, separated by commas, and with
   `ROLE=/topic:field` it names the fields, too (`cwcli.signals.mapping`).
@@ -34,7 +35,7 @@ from cwcli.channels.published import (
 )
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.input_rows import CAN_FIELDS, CAN_SCHEMAS
-from cwcli.signals.inputs import RADIO_FORMATS, input_for, inputs_of, normalise
+from cwcli.signals.inputs import RADIO_FORMATS, input_for, inputs_of, is_beside, normalise
 from cwcli.signals.role import Role
 
 if TYPE_CHECKING:
@@ -182,15 +183,16 @@ def bind(
             by_role[role] = named[role]
             continue
         candidates = _candidates(channels, role, ego_station)
-        if len(candidates) == 1 or (candidates and role in EVERY_CHANNEL):
+        rivals = [each for each in candidates if not is_beside(role, each.schema_name)]
+        if candidates and (len(rivals) <= 1 or role in EVERY_CHANNEL):
             by_role[role] = tuple(candidates)
             if role in ONLINE and candidates[0].topic == ONLINE[role].topic:
                 notes.append(f"no channel holds {ROLE_TEXT[role]} in hindsight: {ONLINE[role].topic} is used")
         elif role in required:
-            raise _unbound(role, candidates, channels, where, command)
+            raise _unbound(role, rivals, channels, where, command)
         elif candidates:
-            undecided[role] = tuple(candidates)
-            notes.append(f"{_too_many(role, candidates)}; none is used (choose one with {_option(role, candidates)})")
+            undecided[role] = tuple(rivals)
+            notes.append(f"{_too_many(role, rivals)}; none is used (choose one with {_option(role, rivals)})")
     return Bindings(by_role=by_role, notes=tuple(notes), undecided=undecided)
 
 
@@ -231,7 +233,7 @@ def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -
 
 
 def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
-    """The channels of the lowest rank that can fill the role, one for each topic."""
+    """The channels of the lowest rank that can fill the role, and those beside them, one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
     for channel in channels:
         if getattr(channel, "message_count", None) == 0 and role not in MAY_BE_EMPTY:
@@ -239,8 +241,9 @@ def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | N
         rank = _rank(channel, role, ego_station)
         if rank is not None:
             ranked.setdefault(channel.topic, (rank, _binding(channel, role)))
-    lowest = min((rank for rank, _ in ranked.values()), default=0)
-    return [binding for rank, binding in ranked.values() if rank == lowest]
+    lowest = min((rank for rank, each in ranked.values() if not is_beside(role, each.schema_name)), default=0)
+    found = [each for rank, each in ranked.values() if rank == lowest or is_beside(role, each.schema_name)]
+    return sorted(found, key=lambda each: is_beside(role, each.schema_name))
 
 
 def _rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:

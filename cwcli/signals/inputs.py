@@ -217,7 +217,7 @@ def _json_bsm_fields() -> Fields:
 def _perceived(module: str, codec: str) -> tuple[Input, ...]:
     """A schema whose messages tell of others only."""
     build = v2x_builder("remote_builder", f"{module}.{codec}")
-    return (Input(Role.REMOTE, LaterFields(_objects_fields(module)), build),)
+    return (Input(Role.REMOTE, LaterFields(_objects_fields(module)), build, is_beside=True),)
 
 
 _CAMERA = (Input(Role.CAMERA, _FRAMES, None),)
@@ -344,3 +344,9 @@ def inputs_of(schema_name: str) -> tuple[Input, ...]:
 def input_for(role: str, schema_name: str) -> Input | None:
     """The entry of a schema for a role, or None."""
     return next((entry for entry in inputs_of(schema_name) if entry.role == role), None)
+
+
+def is_beside(role: str, schema_name: str) -> bool:
+    """Whether such a channel is bound beside the one that is chosen for the role."""
+    entry = input_for(role, schema_name)
+    return entry is not None and entry.is_beside

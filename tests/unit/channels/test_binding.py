@@ -26,6 +26,9 @@ VEL = Channel("/gps/vel", "geometry_msgs/msg/TwistWithCovarianceStamped")
 TWIST = Channel("/vehicle/twist", "geometry_msgs/msg/TwistStamped")
 IMU = Channel("/imu/data", "sensor_msgs/Imu", "json")
 CAM = Channel("/v2x/cam", "etsi_its_cam_msgs/msg/CAM")
+DENM = Channel("/v2x/denm", "etsi_its_denm_msgs/msg/DENM")
+CPM = Channel("/v2x/cpm", "etsi_its_cpm_ts_msgs/msg/CollectivePerceptionMessage")
+SDSM = Channel("/v2x/sdsm", "j3224_v2x_msgs/msg/SensorDataSharingMessage")
 BSM = Channel("/v2x/bsm", "BasicSafetyMessage", "json")
 ODE = Channel("/v2x/ode_bsm", "OdeBsmData", "json")
 IMAGE = Channel("/camera/front", "foxglove.CompressedImage", "protobuf")
@@ -55,6 +58,9 @@ def bound(
             {"ego_position": "/gps/fix", "ego_speed": "/vehicle/twist", "remote": "/v2x/cam"},
             id="openacc",
         ),
+        pytest.param((DENM, CAM, CPM), {"remote": "/v2x/cam,/v2x/denm,/v2x/cpm"}, id="events-and-objects-beside-a-cam"),
+        pytest.param((SDSM, DENM, BSM), {"remote": "/v2x/bsm,/v2x/sdsm,/v2x/denm"}, id="objects-beside-a-bsm"),
+        pytest.param((CPM, SDSM), {"remote": "/v2x/cpm,/v2x/sdsm"}, id="objects-alone"),
         pytest.param((BSM,), {"remote": "/v2x/bsm"}, id="one-station-and-no-ego"),
         pytest.param(
             (ODE,),
@@ -171,6 +177,13 @@ def test_bind_two_candidates_for_an_optional_role_leaves_it_with_a_note() -> Non
     assert len(bindings.notes) == 1
     for part in ("/truth/pose ", "/truth/pose_imu ", "--topic truth=/truth/pose_imu"):
         assert part in bindings.notes[0]
+
+
+def test_bind_what_tells_of_others_is_no_rival_among_too_many() -> None:
+    bindings = bind([CAM, DENM, BSM], {}, required=(), optional=[Role.REMOTE])
+    assert Role.REMOTE not in bindings
+    assert [each.topic for each in bindings.undecided[Role.REMOTE]] == ["/v2x/cam", "/v2x/bsm"]
+    assert "/v2x/denm" not in bindings.notes[0]
 
 
 def test_bind_override_decides() -> None:
