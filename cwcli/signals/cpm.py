@@ -16,7 +16,7 @@ from cwcli.signals.etsi import ELEMENTS as CAM_ELEMENTS
 from cwcli.signals.etsi import POSITION_UNTRUSTED
 from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.quality import RowLedger
-from cwcli.signals.v2x_codec import Objects, RemoteRows, V2xCodec
+from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_timestamp_its
 
@@ -137,8 +137,8 @@ def ros_fields() -> tuple[str, ...]:
 
 
 def ros_objects(columns: Columns) -> Objects:
-    """The objects of a ROS channel. One whose leaves are there more or less often than its id is none."""
-    counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["object"])
+    """The objects of a ROS channel. In messages with more or fewer of a leaf than of the times, that leaf tells nothing."""
+    counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["delta_time_ms"])
     made: dict[str, Field] = {name: numbers(columns, *paths)[rows] for name, paths in SENDER_PATHS.items()}
     made |= {name: perceived.of_objects(columns, OBJECTS + path, counts) for name, path in OBJECT_PATHS.items()}
 
@@ -260,5 +260,5 @@ def _bound_degps(code: FloatArray) -> FloatArray:
     return bound
 
 
-OBJECT_CODEC = V2xCodec(perceived.identify, decode_objects)
+OBJECT_CODEC = perceived.object_codec(decode_objects)
 ROS_CPM = perceived.messages_of("CPM", ros_objects)

@@ -22,6 +22,7 @@ from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, noth
 EQUATOR_M = 6_378_137.0
 FLATTENING = 1.0 / 298.257223563
 """WGS84."""
+NO_NUMBER = "object without a number"
 
 
 def object_columns(columns: Columns, rows: Int64Array, made: dict[str, Field]) -> Columns:
@@ -72,6 +73,16 @@ def identify(columns: Columns) -> Senders:
         for code, k in zip(sender.codes.tolist(), number.tolist(), strict=True)
     ]
     return Senders(strings_from(told), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+
+
+def object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2xCodec:
+    """The codec of objects, one a row; who one without a number is, from message to message, can't be told."""
+
+    def decode_numbered(columns: Columns, ledger: RowLedger) -> RemoteRows:
+        ledger.set_aside(~np.isfinite(numbers(columns, "object")), NO_NUMBER)
+        return decode(columns, ledger)
+
+    return V2xCodec(identify, decode_numbered)
 
 
 def shifted(

@@ -16,7 +16,7 @@ from cwcli.signals.j2735 import ELEMENTS as BSM_ELEMENTS
 from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import numbers, texts
 from cwcli.signals.quality import RowLedger
-from cwcli.signals.v2x_codec import Objects, RemoteRows, V2xCodec
+from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
 
@@ -117,7 +117,7 @@ def carma_objects(columns: Columns) -> Objects:
 
 
 def _objects(columns: Columns, *, is_carma: bool) -> Objects:
-    counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["object"])
+    counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["delta_time_ms"])
     if not len(rows):
         return ()
     value = {name: numbers(columns, path)[rows] for name, path in SENDER_PATHS.items() if name != "station"}
@@ -198,7 +198,7 @@ def _bounds(bounds: tuple[float, ...], code: FloatArray) -> FloatArray:
     return table[np.where(is_known, code, 0).astype(np.int64)]
 
 
-OBJECT_CODEC = V2xCodec(perceived.identify, decode_codes)
-CARMA_OBJECT = V2xCodec(perceived.identify, decode_units)
+OBJECT_CODEC = perceived.object_codec(decode_codes)
+CARMA_OBJECT = perceived.object_codec(decode_units)
 ROS_SDSM = perceived.messages_of("SDSM", ros_objects)
 CARMA_SDSM = perceived.messages_of("SDSM", carma_objects)
