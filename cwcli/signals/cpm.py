@@ -137,7 +137,7 @@ def ros_fields() -> tuple[str, ...]:
 
 
 def ros_objects(columns: Columns) -> Objects:
-    """The objects of a ROS channel. In messages with more or fewer of a leaf than of the times, that leaf tells nothing."""
+    """The objects of a ROS channel. A leaf that is there more or less often than the times tells nothing."""
     counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["delta_time_ms"])
     made: dict[str, Field] = {name: numbers(columns, *paths)[rows] for name, paths in SENDER_PATHS.items()}
     made |= {name: perceived.of_objects(columns, OBJECTS + path, counts) for name, path in OBJECT_PATHS.items()}

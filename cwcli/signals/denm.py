@@ -58,6 +58,8 @@ _POSITION = _MANAGEMENT + "event_position."
 _EVENT = "denm.situation.event_type."
 PATHS: dict[str, str] = {
     "station": "header.station_id.value",
+    "action_station": _MANAGEMENT + "action_id.originating_station_id.value",
+    "action_number": _MANAGEMENT + "action_id.sequence_number.value",
     "cause": _EVENT + "cause_code.value",
     "sub_cause": _EVENT + "sub_cause_code.value",
     "has_situation": "denm.situation_is_present",
@@ -105,13 +107,27 @@ def events_of(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents
         kind=strings_from(kinds),
         stamp_ns=stamp_ns,
         log_time_ns=log_time_ns,
-        until_ns=stamp_ns + (np.clip(validity_s, 0.0, 86_400.0) * NS_PER_S).astype(np.int64),
+        until_ns=_until_the_next(
+            stamp_ns + (np.clip(validity_s, 0.0, 86_400.0) * NS_PER_S).astype(np.int64), raw, log_time_ns
+        ),
         cause=raw["cause"],
         sub_cause=raw["sub_cause"],
         latitude_deg=decode(ELEMENTS["latitude_deg"], raw["latitude_deg"]),
         longitude_deg=decode(ELEMENTS["longitude_deg"], raw["longitude_deg"]),
         relevance_m=relevance_m,
     )
+
+
+def _until_the_next(until_ns: Int64Array, raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Int64Array:
+    """Until when each holds (n,): the next DENM of the same action takes its place, once it has been received."""
+    ends_ns = until_ns.copy()
+    next_ns: dict[tuple[float, float], int] = {}
+    actions = list(zip(raw["action_station"].tolist(), raw["action_number"].tolist(), strict=True))
+    for k in np.argsort(log_time_ns, kind="stable")[::-1].tolist():
+        if np.isfinite(actions[k]).all():
+            ends_ns[k] = min(ends_ns[k], next_ns.get(actions[k], ends_ns[k]))
+            next_ns[actions[k]] = int(log_time_ns[k])
+    return ends_ns
 
 
 def kind_of(cause: float, sub_cause: float) -> str:

@@ -10,9 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array, Strings, strings_from
+from cwcli.signals.units import NS_PER_S
 
 HARD_BRAKING = "hard braking"
 """What a rule may use: who notifies it brakes hard."""
+BELIEVED_NS = 5 * NS_PER_S
+"""How long after its stamp such a notification is believed: at 0.4 g a car has lost 20 m/s by then, and one that
+brakes on says so again; a DENM's usual validity (600 s) is that of obstacles."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,8 @@ class RoadEvents:
         station: Who notifies it.
         kind: What it is, in words.
         stamp_ns, log_time_ns: Shape (n,): when the message was made, and received.
-        until_ns: Shape (n,): how long it holds; a BSM's flag for its own moment, a cancelled event till its stamp.
+        until_ns: Shape (n,): how long it holds; a BSM's flag for its own moment, a cancelled event till its stamp, one
+            that a later message takes the place of till that was received.
         cause, sub_cause: Shape (n,): CauseCodeType and sub-cause of a DENM, NaN of a flag.
         latitude_deg, longitude_deg: Shape (n,): where; NaN where it is not told.
         relevance_m: Shape (n,): how far off it matters, NaN where it is not told.
@@ -92,6 +97,10 @@ def says_hard_braking(
         return None
     says = np.zeros(len(stamp_ns), np.bool_)
     for row in rows:
-        first, last = np.searchsorted(stamp_ns, [events.stamp_ns[row], events.until_ns[row] + 1])
+        begin_ns = events.stamp_ns[row]
+        until_ns = min(events.until_ns[row], begin_ns + BELIEVED_NS)
+        if np.isfinite(events.cause[row]) and until_ns <= begin_ns:
+            continue  # a DENM that takes another back
+        first, last = np.searchsorted(stamp_ns, [begin_ns, until_ns + 1])
         says[first:last] |= log_time_ns[first:last] >= events.log_time_ns[row]
     return says

@@ -20,6 +20,8 @@ PROTOCOL_VERSIONS = (2,)
 _MANAGEMENT = "denm.management."
 PATHS: dict[str, str] = {
     "station": "header.stationID",
+    "action_station": _MANAGEMENT + "actionID.originatingStationID",
+    "action_number": _MANAGEMENT + "actionID.sequenceNumber",
     "cause": "denm.situation.eventType.causeCode",
     "sub_cause": "denm.situation.eventType.subCauseCode",
     "reference_time_ms": _MANAGEMENT + "referenceTime",

@@ -29,6 +29,8 @@ def message(reference_ms: int, **changes: Any) -> dict[str, Any]:
     """An emergency brake at 50 degrees north, valid for 2 s within 200 m."""
     codes = {
         "station": 1001,
+        "action_station": 1001,
+        "action_number": 1,
         "cause": 99,
         "sub_cause": 1,
         "has_situation": True,
@@ -61,10 +63,10 @@ def test_a_ros_channel_is_events_with_place_and_validity(tmp_path: Path) -> None
     at_ms = stamp_of(0) // MS
     made = [
         message(at_ms),
-        message(at_ms, sub_cause=2),  # pre-crash: no braking by itself
-        message(at_ms, cause=94, station=7, has_relevance=False, validity_s=600),
-        message(at_ms, has_termination=True),
-        message(at_ms, has_situation=False),
+        message(at_ms, sub_cause=2, action_number=2),  # pre-crash: no braking by itself
+        message(at_ms, cause=94, station=7, action_number=3, has_relevance=False, validity_s=600),
+        message(at_ms, action_number=4, has_termination=True),
+        message(at_ms, action_number=5, has_situation=False),
     ]
     events, quality = notified(tmp_path, made)
     assert [events.kind.values[code] for code in events.kind.codes] == [
@@ -125,3 +127,34 @@ def test_who_says_so_brakes_hard_from_then_on_and_only_as_far_as_it_was_known(tm
     assert early.tolist() == [False, False, True, True, False]
     assert says_hard_braking(events, "1002", state_ns, state_ns) is None
     assert says_hard_braking(no_events(), "1001", state_ns, state_ns) is None
+
+
+@pytest.mark.parametrize(
+    ("later", "expected"),
+    [
+        ({"has_termination": True}, [False, False]),
+        ({"sub_cause": 2}, [False, False]),
+        ({"has_termination": True, "action_number": 2}, [True, True]),  # of another event
+        ({"has_termination": True, "action_station": 1002}, [True, True]),
+        ({}, [True, True]),  # it goes on
+    ],
+)
+def test_a_later_denm_of_the_same_action_takes_the_place_of_the_earlier(
+    later: dict[str, Any], expected: list[bool], tmp_path: Path
+) -> None:
+    first_ns, second_ns = stamp_of(0), stamp_of(1)
+    messages = [message(first_ns // MS, validity_s=600), message(second_ns // MS, validity_s=600, **later)]
+    events, _ = notified(tmp_path, messages)
+    received_ns = second_ns + DELAY_NS
+    state_ns = np.array([received_ns - 1, received_ns + 1, received_ns + S])
+    said = says_hard_braking(events, "1001", state_ns, state_ns + DELAY_NS)
+    assert said is not None
+    assert said.tolist() == [True, *expected]
+
+
+def test_no_car_brakes_hard_for_ten_minutes(tmp_path: Path) -> None:
+    events, _ = notified(tmp_path, [message(stamp_of(0) // MS, validity_s=600)])
+    state_ns = stamp_of(0) + np.array([1, 5, 6, 60]) * S
+    said = says_hard_braking(events, "1001", state_ns, state_ns)
+    assert said is not None
+    assert said.tolist() == [True, True, False, False]
