@@ -16,6 +16,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from cwcli import __version__
 from cwcli.cli.commands.export import FORMATS, WHAT
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
 from cwcli.export.content import CONTENTS
@@ -134,7 +135,8 @@ def test_every_channel_is_a_table(cwcli: Run, annotated: Path, what: str) -> Non
 def test_the_name_of_the_file_tells_the_format(cwcli: Run, annotated: Path, tmp_path: Path) -> None:
     done = cwcli("export", annotated, "-o", "ego.geojson", "--json")
     assert json.loads(done.stdout) == {
-        "command": "export", "what": "ego", "format": "geojson", "output": "ego.geojson", "rows": 201,
+        "cwcli": __version__, "command": "export", "what": "ego", "format": "geojson",
+        "output": "ego.geojson", "rows": 201,
     }  # fmt: skip
     assert json.loads((tmp_path / "ego.geojson").read_text())["type"] == "FeatureCollection"
 

@@ -70,7 +70,7 @@ OF_EVENTS = {"etsi_its_denm_msgs/DENM"}
 """They tell of no road user (tests/unit/signals/test_denm.py)."""
 
 
-@pytest.mark.parametrize(("schema", "entry", "encoding"), [each for each in BUILT if each[0] not in OF_EVENTS])
+@pytest.mark.parametrize(("schema", "entry", "encoding"), [each for each in BUILT if each.values[0] not in OF_EVENTS])
 def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, tmp_path: Path) -> None:
     samples = [(OSI_SAMPLES.get(schema) or sample_of(schema, entry.role))(k) for k in range(N)]
     is_v2x = Role.REMOTE in samples[0][1] and schema not in OSI_SAMPLES

@@ -14,7 +14,7 @@ from cwcli.channels.lateral_state import read_observed
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe as observe_lateral
-from cwcli.dynamics.samples import Samples
+from cwcli.dynamics.samples import Samples, for_small_angles
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
@@ -65,7 +65,7 @@ def test_the_stage_is_the_observer_on_the_logs_signals(whole: Path) -> None:
     sensed = DRIVE.sensed
     speed = Samples(sensed.speed.stamp_ns, sensed.speed.values.round(6).astype(np.float32).astype(np.float64))
     gyro = Samples(sensed.yaw_rate.stamp_ns, sensed.yaw_rate.values.round(9), 0.0017)
-    direct = observe_lateral(sensed.lanes, speed, load_vehicle(), yaw_rate=gyro)
+    direct = observe_lateral(for_small_angles(sensed.lanes), speed, load_vehicle(), yaw_rate=gyro)
     table = run(whole, ObserveConfig(vehicle=load_vehicle(), use_steer=False)).tables["observer"].columns
     np.testing.assert_allclose(table["yaw_rate_radps"], direct.state[:, 1], atol=1e-9)
     np.testing.assert_allclose(table["lateral_speed_mps"], direct.state[:, 0], atol=1e-9)

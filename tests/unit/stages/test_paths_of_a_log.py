@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 
@@ -58,14 +58,18 @@ def pairs_of(log: Log, window_rows: int) -> tuple[PairEvaluation, ...]:
     return evaluate_pairs(host, others, RULES[config.rule], config, TIMES_S, window_rows=window_rows)
 
 
+def as_bytes(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {name: as_bytes(each) for name, each in value.items()}
+    return value if value is None else np.asarray(value).tobytes()
+
+
 def assert_same_bytes(one: PairEvaluation, other: PairEvaluation) -> None:
     assert (one.spans, one.n_beyond, one.n_out_of_reach) == (other.spans, other.n_beyond, other.n_out_of_reach)
     assert one.stamp_ns.tobytes() == other.stamp_ns.tobytes() and one.age_s.tobytes() == other.age_s.tobytes()
     for both in ((one.measures, other.measures), (one.decision, other.decision)):
         for each in fields(both[0]):
-            values = [getattr(whose, each.name) for whose in both]
-            assert (values[0] is None) is (values[1] is None)
-            assert values[0] is None or values[0].tobytes() == values[1].tobytes(), each.name
+            assert as_bytes(getattr(both[0], each.name)) == as_bytes(getattr(both[1], each.name)), each.name
 
 
 def test_the_size_of_a_window_changes_no_bit(predicted: Log) -> None:

@@ -23,5 +23,5 @@ def keys(value: Any) -> set[str]:
 def test_the_json_has_no_empty_key(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["run", str(log), "--json", "--quiet"]) == 0
     found = keys(json.loads(capsys.readouterr().out))
-    assert "NIS/dof" in found
+    assert "nis_per_dof" in found
     assert "" not in found
