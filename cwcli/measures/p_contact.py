@@ -1,6 +1,6 @@
 """Probability of contact within the horizon, by the covariances of both states.
 
-Each goes on at its acceleration, until it stands, and its yaw rate. Its position's covariance is that of the state,
+Each goes on at its acceleration and its yaw rate until it stands. Its position's covariance is that of the state,
 carried along the path to first order. What is summed is the probability of `collision_probability`, whose errors are
 told there; neither of the two counts as the host, as the mean of both ways to see it is taken.
 """
@@ -20,6 +20,8 @@ TIME_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S
 N_USED = 6
 """x, y, speed, heading, acceleration, yaw rate: of a state, what moves a path."""
 AT_ONCE = 256
+STANDS_MPS = 1e-9
+"""Below it a speed is rounding."""
 
 
 def contact_within_horizon(pair: Pair) -> FloatArray:
@@ -57,10 +59,12 @@ def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Floa
     """Paths from states (m, 6) with covariances (m, 6, 6): x, y, heading, (m, q), and xx, xy, yy, (m, q, 3)."""
     x, y, speed, heading, accel, yaw_rate = (column[:, None] for column in state.T)
     with np.errstate(divide="ignore", invalid="ignore"):
-        stops_s = np.where(speed * accel < 0.0, -speed / accel, np.inf)
+        ahead = np.where(speed < -STANDS_MPS, -accel, accel)  # one that stands does not set off backwards
+        stops_s = np.where(ahead < 0.0, np.abs(speed / accel), np.inf)
+    turns_s = np.where((np.abs(speed) < STANDS_MPS) & (accel == 0.0), 0.0, stops_s)
     middle_s = TIME_S[:-1] + 0.5 * STEP_S
     moves = np.clip((stops_s - TIME_S[:-1]) / STEP_S, 0.0, 1.0)  # share of each step until it stands
-    turn = heading + yaw_rate * middle_s
+    turn = heading + yaw_rate * np.minimum(middle_s, turns_s)
     rate = np.where(moves > 0.0, speed + accel * (TIME_S[:-1] + 0.5 * moves * STEP_S), 0.0)
     cosine, sine = np.cos(turn), np.sin(turn)
     along = {  # per second of a step: the way, and its slopes by speed, acceleration and yaw rate
@@ -80,7 +84,7 @@ def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Floa
     )  # (2, 6, m, q)
     spread = np.einsum("aimq,mij,bjmq->mqab", slopes, covariance, slopes, optimize=True)
     packed = np.stack([spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]], axis=-1)
-    return x + way_x, y + way_y, heading + yaw_rate * TIME_S, packed
+    return x + way_x, y + way_y, heading + yaw_rate * np.minimum(TIME_S, turns_s), packed
 
 
 def _summed(steps: FloatArray) -> FloatArray:

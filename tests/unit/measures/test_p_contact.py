@@ -61,6 +61,21 @@ def test_braking_ends_where_the_car_stands() -> None:
         assert found[0] == pytest.approx(expected, abs=0.003)  # half a metre is 3.5 sigmas
 
 
+@pytest.mark.parametrize("speed_mps", [0.0, -1e-12, 1e-12])
+def test_who_stands_neither_drives_backwards_nor_turns(speed_mps: float) -> None:
+    sure = np.eye(6)[None] * 1e-6
+    x, y, heading, _ = carried(np.array([[0.0, 0.0, speed_mps, 0.2, -3.0, 1.0]]), sure)
+    assert np.abs(np.stack([x, y, heading - 0.2])).max() < 1e-9
+    heading = carried(np.array([[0.0, 0.0, 0.0, 0.2, 0.0, 1.0]]), sure)[2]
+    assert (heading == 0.2).all()
+
+
+def test_who_brakes_turns_until_it_stands() -> None:
+    """From 2 m/s at -4 m/s^2: half a second, and 0.3 rad at 0.6 rad/s."""
+    heading = carried(np.array([[0.0, 0.0, 2.0, 0.0, -4.0, 0.6]]), np.eye(6)[None] * 1e-6)[2][0]
+    np.testing.assert_allclose(heading, np.minimum(0.6 * TIME_S, 0.3), atol=1e-12)
+
+
 def test_a_path_carries_its_covariance_as_finite_differences_do() -> None:
     rng = np.random.default_rng(4)
     state = np.array([[3.0, -2.0, 9.0, 0.7, 1.2, 0.25], [0.0, 0.0, 4.0, -2.0, -3.0, -0.3]])
@@ -78,7 +93,8 @@ def test_a_path_carries_its_covariance_as_finite_differences_do() -> None:
     for row, (x_m, y_m) in enumerate(fine):
         np.testing.assert_allclose(x[row], x_m, atol=0.002)
         np.testing.assert_allclose(y[row], y_m, atol=0.002)
-    np.testing.assert_allclose(heading, state[:, 3:4] + state[:, 5:6] * TIME_S)
+    moving_s = np.minimum(TIME_S, [[np.inf], [4.0 / 3.0]])
+    np.testing.assert_allclose(heading, state[:, 3:4] + state[:, 5:6] * moving_s)
 
 
 def finely(state: FloatArray, n: int = 200) -> tuple[FloatArray, FloatArray]:
