@@ -8,11 +8,15 @@ from cwcli.warning.rules.base import Rule, check_decision
 
 
 def _accept(entry: object, plugin: Plugin) -> Rule:
-    """A plug-in's rule, with its function guarded, and measures that there are."""
+    """A plug-in's rule, with its function guarded, measures that there are, and words that fit."""
     rule = plugin_entry(Rule, {"decide": check_decision})(entry, plugin)
     problem = problem_of(rule.measures)
     if problem:
         raise plugin.error(problem)
+    try:
+        rule.words.format(other="")
+    except (ValueError, LookupError, AttributeError):
+        raise plugin.error(f"has words = {rule.words!r}, where {{other}} alone may stand in braces") from None
     return rule
 
 
