@@ -200,8 +200,8 @@ for each in threads:
     each.start()
 for each in threads:
     each.join()
-links = (os.readlink(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd") if os.path.islink(f"/proc/self/fd/{fd}"))
-print(sum("deleted" in link for link in links), flush=True)
+links = [each for each in Path("/proc/self/fd").iterdir() if each.is_symlink()]
+print(sum("deleted" in os.readlink(each) for each in links), flush=True)
 signal.alarm(10)
 child = os.fork()
 if not child:
