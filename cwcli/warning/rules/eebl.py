@@ -42,7 +42,7 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
     assert states is not None  # RULE asks for them
     gap_m, follows = _ahead(states)
     braking_mps2 = -states.other[:, ACCEL] * np.where(states.other[:, SPEED] < 0.0, -1.0, 1.0)
-    needed_mps2, left_m = _needed(states, gap_m, np.maximum(braking_mps2, HARD_MPS2), config.horizon_s)
+    needed_mps2, left_m = _needed(states, gap_m, np.fmax(braking_mps2, HARD_MPS2), config.horizon_s)
     matters = follows & ~(needed_mps2 < config.min_deceleration_mps2)
     hard = matters & (braking_mps2 >= HARD_MPS2)
     said = matters & states.says_hard_braking

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.signals.vehicle_state import ACCEL
 from cwcli.warning.types import VehicleTrack, WarningConfig
 from tests.unit.warning.vehicles import evaluate, seconds, straight
 
@@ -99,3 +100,11 @@ def test_ahead_is_along_the_arc_that_the_host_drives_on() -> None:
     no_yaw = own.state.copy()
     no_yaw[:, 5] = 0.0
     assert raised_s(replace(own, state=no_yaw), other) == []
+
+
+def test_a_brake_light_far_off_does_not_matter_without_an_acceleration_either() -> None:
+    """At 165 m 176 m are left to the host, more than the 156 m that it needs, behind a lead at the hard 4 m/s^2."""
+    far = lead(0.0, x_m=165.0)
+    state = far.state.copy()
+    state[:, ACCEL] = np.nan
+    assert raised_s(host(), replace(far, state=state, says_hard_braking=np.ones(len(far.stamp_ns), np.bool_))) == []
