@@ -264,6 +264,8 @@ class LaneTracker:
             for chance, parabola in zip(chances, parabolas, strict=True)
         ]
         if any(found):
+            if self._n_lost:
+                self._steady_s = 0.0  # found anew
             self._n_lost, self._lost_s, self._pause = 0, 0.0, 0
             if not self._prior.is_mounted:
                 table = self._prior.table

@@ -251,6 +251,20 @@ def test_a_lane_is_held_through_frames_that_do_not_show_it_and_then_lost() -> No
     assert states[-1] is LaneState.LOST
 
 
+def test_a_lane_that_comes_back_after_it_was_lost_is_found_anew() -> None:
+    search, made = LaneTracker(), frame("good", 2)
+    dark = np.full((240, 320), 60, np.uint8)
+    for k in range(10):
+        search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k))
+    n = 10
+    while search.step(LaneFrame(dark, mounted(), n * STEP_NS, n)).state is not LaneState.LOST:
+        n += 1
+    fits = [search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k)) for k in range(n + 1, n + 8)]
+    found = [fit.steady_s for fit in fits if fit.state is not LaneState.LOST]
+    assert found == pytest.approx([0.1 * k for k in range(len(found))])
+    assert len(found) > 2
+
+
 def test_a_lane_change_is_told_once_and_its_lines_stay_in_place() -> None:
     config = RoadDriveConfig(seed=3, duration_s=14.0, rate_hz=10.0, lane_changes_per_min=5.0)
     drive = plan_drive(config, wide_camera(320, 180))
