@@ -101,7 +101,9 @@ def shifted(
     with np.errstate(divide="ignore", invalid="ignore"):
         d_north = north_m / along_m - east_m**2 * np.tan(latitude) / (2.0 * along_m * across_m)
         d_east = east_m / (across_m * np.cos(latitude)) * (1.0 + north_m * np.tan(latitude) / along_m)
-    return latitude_deg + np.rad2deg(d_north), longitude_deg + np.rad2deg(d_east)
+    longitude = longitude_deg + np.rad2deg(d_east)
+    is_beyond = (longitude < -180.0) | (longitude >= 180.0)
+    return latitude_deg + np.rad2deg(d_north), np.where(is_beyond, (longitude + 180.0) % 360.0 - 180.0, longitude)
 
 
 def sum_of(sender_m2: FloatArray, own_m2: FloatArray) -> FloatArray:
@@ -124,7 +126,7 @@ def object_rows(
         quantities: Of `RemoteQuantities`.
     """
     ledger.repair(np.isnan(delta_time_ms), "no measurement time, that of the message used")
-    own_ns = stamp_ns + np.nan_to_num(delta_time_ms).astype(np.int64) * NS_PER_MS
+    own_ns = stamp_ns + np.rint(np.nan_to_num(delta_time_ms) * NS_PER_MS).astype(np.int64)
     return replace(nothing_told(len(stamp_ns), **quantities), stamp_ns=own_ns)
 
 

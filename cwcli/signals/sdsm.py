@@ -96,6 +96,7 @@ CARMA_SENDER_PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
 )
 _CHOICE = "detected_object_optional_data.choice"
 CARMA_MS_PER_S = 1000.0
+MAX_FLAGS = 2.0**32 - 1.0
 
 
 def ros_fields() -> tuple[str, ...]:
@@ -127,7 +128,7 @@ def _objects(columns: Columns, *, is_carma: bool) -> Objects:
     flags = [(numbers(columns, path)[rows], bit, names) for path, bit, names in by_sender]
     flags += [(perceived.of_objects(columns, OBJECTS + path, counts), bit, names) for path, bit, names in by_object]
     for flag, bit, names in flags:
-        is_there = (np.nan_to_num(flag).astype(np.int64) & bit) != 0
+        is_there = (np.clip(np.nan_to_num(flag), 0.0, MAX_FLAGS).astype(np.int64) & bit) != 0
         value |= {name: np.where(is_there, value[name], np.nan) for name in names}
     is_vehicle = perceived.of_objects(columns, OBJECTS + _CHOICE, counts) == 0
     value |= {name: np.where(is_vehicle, value[name], np.nan) for name in ("width_m", "length_m")}
@@ -148,8 +149,16 @@ def decode_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 
 def decode_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode objects, one a row, whose quantities are in units; J3224's signs."""
-    return _rows(columns, ledger, {name: each.sign * numbers(columns, name) for name, each in ELEMENTS.items()})
+    """Decode objects, one a row, whose quantities are in units; J3224's signs and ranges."""
+    value = {}
+    for name, element in ELEMENTS.items():
+        told = numbers(columns, name)
+        code = np.rint(told / element.unit)
+        in_range = np.isfinite(decode(element, code))
+        is_special = np.isin(code, element.unavailable + element.out_of_range)
+        ledger.repair(~(np.isnan(told) | in_range | is_special), f"{element.element} outside its range, left out")
+        value[name] = np.where(in_range, element.sign * told, np.nan)
+    return _rows(columns, ledger, value)
 
 
 def _rows(columns: Columns, ledger: RowLedger, value: dict[str, FloatArray]) -> RemoteRows:

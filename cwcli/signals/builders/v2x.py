@@ -15,6 +15,7 @@ from cwcli.signals.clocks import Timeline, settle
 from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remotes import joined_remotes
+from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import OTHER_STATION, RemoteRows, Senders, V2xCodec
 
 OWN_STATION = "sent by the ego station"
@@ -38,7 +39,7 @@ def remote_builder(codec: V2xCodec) -> Build:
             quality.notes += its.notes
             signal = joined_remotes([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
         events = codec.events(columns)
-        return replace(signal, events=events) if len(events) else signal, quality
+        return replace(signal, events=_at_their_states(events, signal)) if len(events) else signal, quality
 
     def build_one(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
         ledger = RowLedger(columns, reading.role)
@@ -126,6 +127,19 @@ def _own_builder(
         return make(decoded, rows, {"source": columns.topic, **times}), ledger.quality
 
     return build
+
+
+def _at_their_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
+    """Events with the flags of messages at the stamps that these were given: clocks are settled."""
+    states = zip(signal.station.codes.tolist(), signal.log_time_ns.tolist(), strict=True)
+    at_ns = {(signal.station.values[code], log): k for k, (code, log) in enumerate(states)}
+    names = (*events.station.values, "")
+    stamp_ns, until_ns = events.stamp_ns.copy(), events.until_ns.copy()
+    for k in np.flatnonzero((until_ns == stamp_ns) & np.isnan(events.cause)).tolist():
+        row = at_ns.get((names[events.station.codes[k]], int(events.log_time_ns[k])))
+        if row is not None:
+            stamp_ns[k] = until_ns[k] = signal.stamp_ns[row]
+    return replace(events, stamp_ns=stamp_ns, until_ns=until_ns)
 
 
 def _is_own(senders: Senders, reading: Reading) -> BoolArray:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cwcli.logs.read.reader import Log
-from cwcli.signals import cpm
+from cwcli.signals import cpm, sdsm
 from cwcli.signals.build import build
 from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.perceived import shifted
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
-from tests.laws.input_messages import stamp_of
-from tests.laws.perceived_messages import ros_cpm
+from tests.laws.input_messages import DELAY_NS, stamp_of
+from tests.laws.perceived_messages import ros_cpm, ros_sdsm
 
 SCHEMA = "etsi_its_cpm_ts_msgs/CollectivePerceptionMessage"
 
@@ -35,3 +37,26 @@ def test_objects_without_a_number_are_no_road_user(encoding: str, tmp_path: Path
     assert quality.objects is not None
     assert quality.objects.read == 3
     assert quality.objects.set_aside == {"object without a number": 1}
+
+
+@pytest.mark.parametrize("delta_s", [float("inf"), 1e12, -1.6])
+def test_units_outside_the_range_of_their_element_are_left_out(delta_s: float, tmp_path: Path) -> None:
+    schema = "carma_v2x_msgs/SensorDataSharingMessage"
+    messages = [ros_sdsm(is_carma=True)(k, stamp_of(k))[0] for k in range(2)]
+    common = messages[1]["objects"]["detected_object_data"][0]["detected_object_common_data"]
+    common["measurement_time"]["measurement_time_offset"] = delta_s
+    common["speed"]["speed"] = 1e9
+    with Log.open(write_log(tmp_path / "log.mcap", schema, "cdr", "/sdsm", messages)) as log:
+        signal, quality = build(Role.REMOTE, log.columns("/sdsm", fields=sdsm.ros_fields()))
+    assert isinstance(signal, RemoteSignal)
+    np.testing.assert_allclose(signal.stamp_ns[1] - signal.log_time_ns[1], -DELAY_NS, atol=1_000_000)  # the message's
+    np.testing.assert_equal(signal.speed_mps, [10.0, np.nan])
+    assert quality.objects is not None
+    assert quality.objects.repaired["MeasurementTimeOffset outside its range, left out"] == 1
+    assert quality.objects.repaired["no measurement time, that of the message used"] == 1
+
+
+def test_an_object_beyond_the_antimeridian_is_on_the_other_side() -> None:
+    latitude, longitude = shifted(*(np.array([value]) for value in (0.0, 179.999, 1000.0, 0.0)))
+    assert latitude[0] == 0.0
+    np.testing.assert_allclose(longitude, 179.999 + np.rad2deg(1000.0 / 6_378_137.0) - 360.0, atol=1e-9)

@@ -16,6 +16,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.stations import stations_heard
 from cwcli.signals.build import build
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
+from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.j2735 import json_fields
 from cwcli.signals.quality import Quality
@@ -158,6 +159,18 @@ def test_hard_braking_is_told() -> None:
     assert "1 messages of 1 stations flag hard braking (over 0.4 g)" in quality.notes
     _, quality = remote("carma_driver_msgs/ByteArray", not_braking)
     assert not any("braking" in note for note in quality.notes)
+
+
+@pytest.mark.parametrize("clock", ["stamp", "log"])
+def test_a_flag_stands_at_the_stamp_that_its_message_is_given(clock: Clock) -> None:
+    codes = dict.fromkeys(packing.CORE, 1)  # secMark 1 ms: the minute's begin
+    part = [(0, packing.safety_bits({"events": 0b0000000100000}))]
+    columns = radio("carma_driver_msgs/ByteArray", "data", packing.framed(packing.bsm(codes | {"part_two": part})))
+    signal, _ = build(Role.REMOTE, columns, clock)
+    assert isinstance(signal, RemoteSignal)
+    assert signal.events is not None
+    assert signal.stamp_ns.tolist() == LOG_NS.tolist()  # 10 s later: no clock to go by
+    assert signal.events.stamp_ns.tolist() == signal.events.until_ns.tolist() == signal.stamp_ns.tolist()
 
 
 def test_numbers_that_are_no_octets_make_no_message() -> None:
