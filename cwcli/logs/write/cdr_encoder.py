@@ -8,22 +8,23 @@ Source: DDS-XTYPES 1.3, 7.4.3 (plain CDR, version 1), little-endian, as `rmw` im
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 import numpy as np
 
 from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, Definitions, MessageField, find_definition, parse_definitions
-from cwcli.logs.write.byte_rows import ByteRows, join_rows, offsets_of
+from cwcli.logs.write.byte_rows import ByteRows, join_rows
 from cwcli.logs.write.column_tree import ColumnError, Tree, elements, tree_of
 from cwcli.logs.write.ros_schemas import ros_schema
 from cwcli.logs.write.row_assembly import Fixed, Piece, Varying, assemble, constant
-from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings, column_at
+from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
 
 CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 TIMES = ("builtin_interfaces/Time", "builtin_interfaces/Duration")
-NO_BYTES = np.zeros(8, np.uint8)
+MAX_ALIGNMENT = 8
+NO_BYTES = np.zeros(MAX_ALIGNMENT, np.uint8)
 
 
 def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> ByteRows:
@@ -178,28 +179,45 @@ def _add_text(rows: _Rows, column: OutputField | Tree | None) -> None:
 
 
 def _add_sequence(rows: _Rows, definitions: Definitions, name: str, column: OutputField | Tree | None) -> None:
-    """The first element of every row that has one, then the second, ...: each begins where the one before ended."""
+    """The elements of all rows at once: how long one is depends on where it begins, to the next multiple of eight."""
     if column is None:
         rows.counts(np.zeros(len(rows), np.int64))
         return
     repeated = column if isinstance(column, Repeated) else elements(column)
-    counts = np.diff(repeated.offsets)
-    rows.counts(counts)
-    for k in range(int(counts.max(initial=0))):
-        there = np.flatnonzero(counts > k)
-        each = _Rows(rows.place[there])
-        chosen = repeated.offsets[there] + k
-        _add_message(each, definitions, name, tree_of({path: _at(v, chosen) for path, v in repeated.fields.items()}))
-        encoded = assemble(each.pieces, len(there))
-        starts, sizes = np.zeros((2, len(rows)), np.int64)
-        starts[there], sizes[there] = encoded.offsets[:-1], encoded.sizes
-        rows.add(Varying(encoded.data, starts, sizes))
+    tree = tree_of(repeated.fields)
+    rows.counts(np.diff(repeated.offsets))
+
+    def at(place: Int64Array) -> _Rows:
+        each = _Rows(place)
+        _add_message(each, definitions, name, tree)
+        return each
+
+    place = _element_places(rows.place, repeated.offsets, at)
+    encoded = assemble(at(place).pieces, len(place))
+    bounds = encoded.offsets[repeated.offsets]
+    rows.add(Varying(encoded.data, bounds[:-1], np.diff(bounds)))
 
 
-def _at(column: OutputField, rows: Int64Array) -> OutputField:
-    if not isinstance(column, Repeated):
-        return column_at(column, rows)
-    counts = np.diff(column.offsets)[rows]
-    offsets = offsets_of(counts)
-    inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts) + np.repeat(column.offsets[:-1][rows], counts)
-    return Repeated(offsets, {path: _at(inner, inside) for path, inner in column.fields.items()})
+def _element_places(row_place: Int64Array, offsets: Int64Array, at: Callable[[Int64Array], _Rows]) -> Int64Array:
+    """Where each element begins, modulo eight: where the one before it in its row has ended.
+
+    Args:
+        row_place: Shape (n,): where the first of each row begins.
+        offsets: Shape (n + 1,): of the elements.
+        at: Where they begin -> the elements.
+    """
+    total, counts = int(offsets[-1]), np.diff(offsets)
+    ends: dict[int, list[int]] = {}
+    open_places = set((row_place[counts > 0] % MAX_ALIGNMENT).tolist())
+    while open_places:
+        place = open_places.pop()
+        end = at(np.full(total, place, np.int64)).place % MAX_ALIGNMENT
+        ends[place] = end.tolist()
+        open_places |= set(np.unique(end).tolist()) - set(ends)
+    places: list[int] = []
+    for row in np.flatnonzero(counts).tolist():
+        place = int(row_place[row]) % MAX_ALIGNMENT
+        for k in range(int(offsets[row]), int(offsets[row + 1])):
+            places.append(place)
+            place = ends[place][k]
+    return np.array(places, np.int64)

@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cwcli.export.ros.messages import ROS_MESSAGES
 from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, MessageField, parse_definitions
+from cwcli.logs.write import cdr_encoder
 from cwcli.logs.write.byte_rows import ByteRows
 from cwcli.logs.write.cdr_encoder import encode_cdr
 from cwcli.logs.write.column_tree import ColumnError
@@ -128,6 +129,25 @@ def test_pieces_are_the_whole(schema: str) -> None:
         )
     ]
     assert parts == messages(encode_cdr(schema, columns, N))
+
+
+def test_elements_are_encoded_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The passes over the elements of a path don't grow with its length."""
+    passes: list[str] = []
+    add_message = cdr_encoder._add_message
+
+    def counted(rows: Any, definitions: Any, name: str, tree: Any) -> None:
+        passes.append(name)
+        add_message(rows, definitions, name, tree)
+
+    monkeypatch.setattr(cdr_encoder, "_add_message", counted)
+    numbers = []
+    for n in (3, 300):
+        passes.clear()
+        offsets = np.array([0, 1, n + 1], np.int64)
+        encode_cdr("nav_msgs/msg/Path", {"poses.pose.position.x": Ragged(np.arange(n + 1.0), offsets)}, 2)
+        numbers.append(passes.count("geometry_msgs/PoseStamped"))
+    assert numbers[0] == numbers[1] <= 3
 
 
 def test_definitions_are_those_of_ros() -> None:
