@@ -275,13 +275,13 @@ cdef void* from_file(size_t size) noexcept nogil:
 
 
 cdef void look_after() noexcept nogil:
-    """Let the file's pages go, if the process holds many more than after the last time. Runs in a thread of its own."""
+    """Let the file's pages go, if the process holds many more of files than it did at its least; in a thread of its own."""
     global mapped_before
-    cdef size_t mapped = spill_mapped()
+    cdef size_t mapped = spill_mapped(), half = most_mapped / 2
+    mapped_before = min(mapped, mapped_before or mapped)
     if mapped > mapped_before + most_mapped:
         spill_let_go(base, end)
-        mapped = mapped_before = spill_mapped()
-    mapped_before = min(mapped, mapped_before)
+        mapped_before = max(mapped_before + half, spill_mapped()) - half  # those of libraries come and stay
 
 
 cdef void* taken(size_t n) noexcept nogil:
