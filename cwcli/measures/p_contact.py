@@ -110,7 +110,10 @@ MEASURE = Measure(
     source="cwcli; of circles at one time: Alfano 2005",
     of=contact_within_horizon,
     undefined="the covariance of a state is not known, or the centres are more than 200 m apart",
-    misleads="where drivers react, as nobody does on these paths; where states are surer than they should be",
+    misleads=(
+        "where drivers react, as nobody does on these paths; where states are surer than they should be: "
+        "an acceleration or a yaw rate that a sensor's track does not tell counts as exactly 0"
+    ),
     is_pointwise=True,
     is_stepped=True,
     needs_covariance=True,
