@@ -280,6 +280,19 @@ def test_hostile_names_become_topics_and_texts(cwcli: Run, tmp_path: Path) -> No
     assert message.child_frame_id == "</x>\x1b[31m'\""
 
 
+def test_no_two_topics_become_one(cwcli: Run, tmp_path: Path) -> None:
+    names = ("stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
+    more = ("jerk_mps3", "yaw_accel_radps2", "length_m", "width_m")
+    fields = {**dict.fromkeys((*names[1:], *more), np.zeros(1)), "stamp_ns": np.array([10**9]), "id": strings_from("a")}
+    with LogWriter(tmp_path / "alike.mcap") as log:
+        for topic in ("/a b", "/a_b", "/a_b_2", "/"):
+            log.write_columns(OutputChannel(topic, "cwcli.v1.VehicleState", np.array([10**9]), fields))
+    done = cwcli("export", tmp_path / "alike.mcap", "--format", "ros2", "-o", tmp_path / "ros.mcap")
+    assert done.returncode == 0, done.stderr.decode()
+    for name in ("a_b", "a_b_2", "a_b_2_2", "_"):
+        assert len(rows_of(tmp_path / "ros.mcap", f"/cwcli/ros/{name}")) == 1
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [(["--what", "ego"], "--what: --format ros2 writes the whole log"), (["--id", "7"], "--id: --format ros2 writes")],

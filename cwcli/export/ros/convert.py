@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,7 +58,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     estimated = run_records(log).get("estimate", {})
     local_map = map_of(estimated)
     known = dict.fromkeys(each.topic for each in foreign if each.schema_name in ROS_MESSAGES)
-    made = [_converted(log, topic, local_map) for topic in known]
+    made = [_converted(log, topic, name, local_map) for topic, name in topic_names(known).items()]
     report = annotate(
         log,
         made,
@@ -75,8 +76,17 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     return RosLog(report.n_messages_copied, report.n_messages_added, left_out)
 
 
-def _converted(log: Log, topic: str, local_map: LocalMap | None) -> OutputChannel:
+def topic_names(topics: Iterable[str]) -> dict[str, str]:
+    """The topic that each becomes: a name of ROS, and no two the same (`/a b` and `/a_b` are `a_b` and `a_b_2`)."""
+    names: dict[str, str] = {}
+    for topic in topics:
+        plain = FOLDER + (NOT_IN_A_TOPIC.sub("_", topic.removeprefix(OWN_PREFIX).strip("/")) or "_")
+        every = (plain, *(f"{plain}_{k}" for k in range(2, len(names) + 3)))
+        names[topic] = next(name for name in every if name not in names.values())
+    return names
+
+
+def _converted(log: Log, topic: str, name: str, local_map: LocalMap | None) -> OutputChannel:
     columns = log.columns(topic)
     message = ROS_MESSAGES[columns.schema_name]
-    name = FOLDER + NOT_IN_A_TOPIC.sub("_", topic.removeprefix(OWN_PREFIX).strip("/"))
     return OutputChannel(name, message.schema, columns.log_time_ns, message.fields(columns, local_map))
