@@ -26,8 +26,8 @@ def marks(log: str, kind: str, what: Iterable[tuple[str, ...]]) -> list[str]:
         text = "\0".join((log, kind, *key, str(before[key])))
         before[key] += 1
         digests.append(hashlib.blake2s(text.encode("utf-8", "surrogateescape")).hexdigest())
-    short: list[str] = []
+    short: dict[str, None] = {}  # in their order
     for digest in digests:
         length = next(n for n in range(DIGITS, len(digest) + 1) if digest[:n] not in short)
-        short.append(digest[:length])
+        short[digest[:length]] = None
     return [f"{kind}-{name}" for name in short]
