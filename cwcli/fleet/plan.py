@@ -50,10 +50,16 @@ class Plan:
         return {call.stage.name: call for call in self.stages}
 
     def key(self, input_sha256: str) -> str:
-        """A hash that is the same where the same version of cwcli would make the same of the same input."""
+        """A hash that is the same where the same version of cwcli would make the same of the same input.
+
+        How much may come out of a pipe is no part of it, and without `--recover` neither is how far the chunks may
+        unpack together: a log that was read at all within a bound is read alike within another.
+        """
         settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         settings["stages"] = [[call.stage.name, dataclasses.asdict(call.config)] for call in self.stages]
-        del settings["pipeline"]
+        del settings["pipeline"], settings["max_pipe_bytes"]
+        if not self.recover:
+            del settings["max_ratio"]
         basis = json.dumps([__version__, input_sha256, settings], sort_keys=True, default=str)
         return hashlib.sha256(basis.encode()).hexdigest()
 

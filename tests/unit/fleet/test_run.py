@@ -49,6 +49,14 @@ def test_key_depends_on_what_decides_the_result(plan: Plan) -> None:
     assert default_options().plan(replace=False).key("a") == plan.key("a")
 
 
+def test_a_wider_bound_reruns_no_log_that_was_read_whole(plan: Plan) -> None:
+    wider = dataclasses.replace(plan, max_pipe_bytes=2 * plan.max_pipe_bytes, max_ratio=2 * plan.max_ratio)
+    assert wider.key("a") == plan.key("a")
+    recovered = dataclasses.replace(plan, recover=True)  # leaves out what a bound refuses: another bound, another log
+    assert dataclasses.replace(recovered, max_ratio=2 * plan.max_ratio).key("a") != recovered.key("a")
+    assert dataclasses.replace(recovered, max_pipe_bytes=1).key("a") == recovered.key("a")
+
+
 def test_every_configuration_takes_a_selection(plan: Plan) -> None:
     selection = Selection(topics={"imu": "/imu"}, start_ns=1, end_ns=2)
     for call in plan.stages:
