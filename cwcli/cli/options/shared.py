@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 MEGABYTE = 1_000_000
 GIGABYTE = 1_000_000_000
 MAX_CHUNK_MB, MAX_RATIO, MAX_INPUT_GB = 256, 64, 64
+NO_LIMIT = 1_000_000
+"""Largest value of the three: a TB a chunk, a PB of input. More bounds nothing, and may be too many bytes to count."""
 _INPUT, _OUTPUT = "Input", "Output"  # headings of the help
 
 LogArgument = Annotated[
@@ -48,6 +50,7 @@ MaxChunkOption = Annotated[
         "--max-chunk",
         metavar="MB",
         min=1,
+        max=NO_LIMIT,
         help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
     ),
 ]
@@ -57,6 +60,7 @@ MaxRatioOption = Annotated[
         "--max-ratio",
         metavar="TIMES",
         min=0,
+        max=NO_LIMIT,
         help="All chunks may unpack to one of --max-chunk and so many times the log's size; the others are damaged.",
     ),
 ]
@@ -66,6 +70,7 @@ MaxInputOption = Annotated[
         "--max-input",
         metavar="GB",
         min=0,
+        max=NO_LIMIT,
         help="Most that comes out of a pipe, a URL or a compressed file: it is copied to a temporary file first.",
     ),
 ]
