@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
+from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from cwcli.errors import OutputError, UsageError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-TIMEOUT_S = 120.0
+TIMEOUT_S, TIMEOUT_A_FIGURE_S = 120.0, 2.0
+"""What a browser may take to start and to print, and more for each figure that it draws."""
+FIGURE = b'<script type="text/plain" id="log-'
 DRAWING_MS = 60_000
 """Of the page's own time, which runs as fast as the figures are drawn."""
 
@@ -37,28 +42,48 @@ def printed(html: bytes, browser: str) -> bytes:
     Raises:
         OutputError: The browser did not print it.
     """
-    with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
-        page, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
-        page.write_bytes(html.replace(b'<details class="log"', b'<details open class="log"'))
-        command = [
-            browser,
-            "--headless",
-            "--disable-gpu",
-            *(["--no-sandbox"] if os.geteuid() == 0 else []),  # root has no sandbox: a container of CI
-            "--no-first-run",
-            "--disable-background-networking",
-            "--no-pdf-header-footer",
-            f"--user-data-dir={Path(folder) / 'profile'}",
-            f"--virtual-time-budget={DRAWING_MS}",
-            f"--print-to-pdf={target}",
-            page.as_uri(),
-        ]
-        try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=TIMEOUT_S)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise OutputError(f"{browser} did not print the page: {error}") from error
-        if done.returncode or not target.is_file():
-            lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
-            said = lines[-1] if lines else "it says nothing"
-            raise OutputError(f"{browser} did not print the page: {said}")
-        return target.read_bytes()
+    limit_s = TIMEOUT_S + TIMEOUT_A_FIGURE_S * html.count(FIGURE)
+    try:
+        with tempfile.TemporaryDirectory(prefix="cwcli-", ignore_cleanup_errors=True) as folder:
+            return _printed_in(Path(folder), html, browser, limit_s)
+    except subprocess.TimeoutExpired as error:
+        raise OutputError(f"{browser} did not print the page: it took longer than {limit_s:.0f} s") from error
+    except OSError as error:
+        raise OutputError(f"{browser} did not print the page: {error}") from error
+
+
+def _printed_in(folder: Path, html: bytes, browser: str, limit_s: float) -> bytes:
+    page, target, talk = folder / "report.html", folder / "report.pdf", folder / "talk.txt"
+    page.write_bytes(html.replace(b'<details class="log"', b'<details open class="log"'))
+    command = [
+        browser,
+        "--headless",
+        "--disable-gpu",
+        *(["--no-sandbox"] if os.geteuid() == 0 else []),  # root has no sandbox: a container of CI
+        "--no-first-run",
+        "--disable-background-networking",
+        "--no-pdf-header-footer",
+        f"--user-data-dir={folder / 'profile'}",
+        f"--virtual-time-budget={DRAWING_MS}",
+        f"--print-to-pdf={target}",
+        page.as_uri(),
+    ]
+    with talk.open("wb") as said:  # no pipe: it would stay open as long as any child of the browser lives
+        code = _run_with_children(command, said, limit_s)
+    if code or not target.is_file():
+        lines = talk.read_text("utf-8", "replace").strip().splitlines()
+        raise OutputError(f"{browser} did not print the page: {lines[-1] if lines else 'it says nothing'}")
+    return target.read_bytes()
+
+
+def _run_with_children(command: list[str], said: IO[bytes], limit_s: float) -> int:
+    """Exit code of a program; its children end with it, as they would go on to write into its folder."""
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
+    )
+    try:
+        return process.wait(limit_s)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import re
+import tempfile
+import time
 import zlib
 from pathlib import Path
 
 import pytest
 
 from cwcli.cli.main import run
-from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE, OutputError
+from cwcli.report import pdf as pdf_module
+from cwcli.report.pdf import printed
 from tests.cli.browser import browser
 from tests.cli.conftest import SAMPLES
 
@@ -21,16 +25,17 @@ def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def drawn_paths(pdf: bytes) -> int:
-    """Curves and lines in the pages' contents: what the figures are made of."""
-    total = 0
+def longest_line(pdf: bytes) -> int:
+    """Most segments of one line in the pages' contents: a signal's curve has hundreds, what else is printed few."""
+    longest = 0
     for stream in re.findall(rb"stream\r?\n(.*?)endstream", pdf, re.DOTALL):
         try:
             content = zlib.decompress(stream)
         except zlib.error:
             continue
-        total += len(re.findall(rb"\n[-\d. ]+ l\b", content))
-    return total
+        lines = re.findall(rb" m\n((?:[-\d. ]+ l\n)+)", content)
+        longest = max([longest, *(line.count(b" l\n") for line in lines)])
+    return longest
 
 
 def test_the_printed_page_holds_its_figures(annotated: Path, tmp_path: Path) -> None:
@@ -38,7 +43,56 @@ def test_the_printed_page_holds_its_figures(annotated: Path, tmp_path: Path) -> 
     assert run(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf", "--quiet"]) == 0
     pdf = (tmp_path / "r.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-") and len(re.findall(rb"/Type\s*/Page\b", pdf)) >= 2
-    assert drawn_paths(pdf) > 200  # 201 states a signal; a page without figures has the tables' rules alone
+    assert run(["report", str(annotated), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
+    inert = re.sub(rb"<script\b.*?</script>", b"", (tmp_path / "r.html").read_bytes(), flags=re.DOTALL)
+    assert longest_line(printed(inert, browser())) < 20
+    assert longest_line(pdf) >= 200  # 201 states a signal
+
+
+def fake_browser(folder: Path, script: str) -> str:
+    path = folder / "chromium"
+    path.write_text(
+        "#!/bin/bash\nfor each; do case $each in --print-to-pdf=*) target=${each#*=};; esac; done\n" + script
+    )
+    path.chmod(0o755)
+    return str(path)
+
+
+def test_children_that_outlive_the_browser_end_with_it(tmp_path: Path) -> None:
+    """One keeps making files in the profile's folder and holds the browser's output open."""
+    browser = fake_browser(
+        tmp_path,
+        f"""
+        folder=$(dirname "$target")/profile; mkdir "$folder"
+        (while true; do mkdir -p "$folder"; echo x > "$folder/$RANDOM"; date > {tmp_path}/alive; done) &
+        while [ ! -e {tmp_path}/alive ]; do sleep 0.01; done
+        echo '%PDF-' > "$target"
+        """,
+    )
+    start = time.monotonic()
+    assert printed(b"<p>x</p>", browser) == b"%PDF-\n"
+    assert time.monotonic() - start < 60
+    (tmp_path / "alive").unlink()
+    time.sleep(0.3)
+    assert not (tmp_path / "alive").exists()
+
+
+def test_a_browser_that_hangs_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pdf_module, "TIMEOUT_S", 0.2)
+    monkeypatch.setattr(pdf_module, "TIMEOUT_A_FIGURE_S", 0.4)
+    figures = b'<script type="text/plain" id="log-0-map"></script>' * 2
+    path = fake_browser(tmp_path, "sleep 1000\n")
+    with pytest.raises(OutputError) as caught:
+        printed(figures, path)
+    assert str(caught.value) == f"{path} did not print the page: it took longer than 1 s"
+
+
+def test_a_file_that_cannot_be_written_is_an_error_of_the_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    with pytest.raises(OutputError, match="did not print the page"):
+        printed(b"<p>x</p>", fake_browser(tmp_path, "true\n"))
 
 
 def test_without_a_browser_one_line_says_so(
