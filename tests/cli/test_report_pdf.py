@@ -6,6 +6,8 @@ import re
 import tempfile
 import time
 import zlib
+from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -25,17 +27,19 @@ def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
+def page_contents(pdf: bytes) -> list[bytes]:
+    """What is drawn: the unpacked streams with operators of text or lines."""
+    found = []
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", pdf, re.DOTALL):
+        with suppress(zlib.error):  # fonts and pictures
+            found.append(zlib.decompress(stream))
+    return [content for content in found if re.search(rb"\n(BT|S|f)\n", content)]
+
+
 def longest_line(pdf: bytes) -> int:
     """Most segments of one line in the pages' contents: a signal's curve has hundreds, what else is printed few."""
-    longest = 0
-    for stream in re.findall(rb"stream\r?\n(.*?)endstream", pdf, re.DOTALL):
-        try:
-            content = zlib.decompress(stream)
-        except zlib.error:
-            continue
-        lines = re.findall(rb" m\n((?:[-\d. ]+ l\n)+)", content)
-        longest = max([longest, *(line.count(b" l\n") for line in lines)])
-    return longest
+    lines = (line for content in page_contents(pdf) for line in re.findall(rb" m\n((?:[-\d. ]+ l\n)+)", content))
+    return max((line.count(b" l\n") for line in lines), default=0)
 
 
 def test_the_printed_page_holds_its_figures(annotated: Path, tmp_path: Path) -> None:
@@ -47,6 +51,17 @@ def test_the_printed_page_holds_its_figures(annotated: Path, tmp_path: Path) -> 
     inert = re.sub(rb"<script\b.*?</script>", b"", (tmp_path / "r.html").read_bytes(), flags=re.DOTALL)
     assert longest_line(printed(inert, browser())) < 20
     assert longest_line(pdf) >= 200  # 201 states a signal
+
+
+def test_what_a_reader_would_use_is_not_printed() -> None:
+    """The field that finds rows: its placeholder is drawn, and its frame, unless the page's style leaves it out."""
+    style = files("cwcli.report").joinpath("assets", "report.css").read_text(encoding="utf-8")
+    page = f"<!doctype html><style>{style}</style><p>x</p>"
+    alone, found, other = (
+        page_contents(printed((page + field).encode(), browser()))
+        for field in ("", '<input class="find" value="y">', '<input value="y">')
+    )
+    assert found == alone != other
 
 
 def fake_browser(folder: Path, script: str) -> str:

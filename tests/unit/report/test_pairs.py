@@ -11,7 +11,7 @@ from cwcli.measures.pair import ActualTrack
 from cwcli.report.drive import OtherTrack
 from cwcli.report.encounters import find_meetings
 from cwcli.report.marks import marks
-from cwcli.report.pairs import conflicts_table, link_texts, pairs_table
+from cwcli.report.pairs import MAX_CONFLICTS, conflicts_table, link_texts, pairs_table
 from tests.unit.report.test_encounters import NORTH, drive, straight, warning
 
 
@@ -65,3 +65,12 @@ def test_each_conflict_has_a_name_and_its_warnings() -> None:
         assert table.row_marks == tuple(marks("x.mcap", "conflict", [("7",)]))
     assert link_texts(find_meetings(warned), "x.mcap") == []
     assert link_texts(find_meetings(unwarned), "x.mcap") == [(table.row_marks[0], "conflict with vehicle 7")]
+
+
+def test_no_link_leads_beyond_the_rows_of_the_table() -> None:
+    met = drive(straight(50.0, 50.0, 10.0, math.pi), None)
+    meetings = find_meetings(met)
+    many = replace(meetings, conflicts=type(meetings.conflicts)(list(meetings.conflicts) * (MAX_CONFLICTS + 3)))
+    table = conflicts_table(met, many, "x.mcap")
+    assert table is not None and len(table.rows) == MAX_CONFLICTS < len(many.conflicts)
+    assert tuple(mark for mark, _ in link_texts(many, "x.mcap")) == table.row_marks
