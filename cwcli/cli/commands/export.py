@@ -118,7 +118,21 @@ def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[
     made = write_ros_log(opened, output, force=force)
     if made.left_out:
         console.note(f"no ROS message is known for {join_names(list(made.left_out))}: left out")
-    return {"what": "log", "rows": made.n_messages_made, "rows_copied": made.n_messages_kept, "left_out": made.left_out}
+    for topic, n in made.left_messages.items():
+        console.note(f"{topic}: {n} messages with a time that ROS can't hold (before 1901, or after 2038): left out")
+    for topic, fields in made.left_fields.items():
+        console.note(f"{topic}: the ROS message has no field {join_names(fields)}: left out")
+    if made.replaced:
+        console.note(f"{join_names(made.replaced)}: recorded, and replaced by what is made now")
+    return {
+        "what": "log",
+        "rows": made.n_messages_made,
+        "rows_copied": made.n_messages_kept,
+        "left_out": made.left_out,
+        "left_messages": made.left_messages,
+        "left_fields": made.left_fields,
+        "replaced": made.replaced,
+    }
 
 
 def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from cwcli import __version__
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.errors import MissingSignalError
-from cwcli.export.ros.messages import ROS_MESSAGES
+from cwcli.export.ros.messages import ROS_MESSAGES, stamps_fit, unknown_fields
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import LeftOut, annotate
 from cwcli.logs.write.profile import is_of_profile
 from cwcli.pipeline.records import ORIGIN_NAMES, PREFIX, map_of, run_records
-from cwcli.signals.columns import OutputChannel
+from cwcli.signals.columns import OutputChannel, column_at
 from cwcli.signals.geodesy import LocalMap
 
 PROFILE = "ros2"
@@ -32,11 +34,17 @@ class RosLog:
     Attributes:
         n_messages_kept, n_messages_made: ROS messages of the source, and those made of others.
         left_out: Topic -> schema of each channel for which there is no ROS message.
+        left_messages: Topic -> number of messages with a time that ROS can't hold (int32 seconds), where there are any.
+        left_fields: Topic -> fields that the ROS message does not have, where another version wrote any.
+        replaced: Recorded ROS channels whose topic is that of one that was made.
     """
 
     n_messages_kept: int
     n_messages_made: int
     left_out: dict[str, str]
+    left_messages: dict[str, int]
+    left_fields: dict[str, list[str]]
+    replaced: list[str]
 
 
 def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLog:
@@ -46,7 +54,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
 
     Raises:
         MissingSignalError: There is no channel that could be written.
-        DataError: Another version wrote a channel.
+        DataError: Another version wrote a channel, or a field holds what no message of cwcli's does.
         InputError: The log is damaged.
         OutputError: The target can't be written.
     """
@@ -58,7 +66,13 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     estimated = run_records(log).get("estimate", {})
     local_map = map_of(estimated)
     known = dict.fromkeys(each.topic for each in foreign if each.schema_name in ROS_MESSAGES)
-    made = [_converted(log, topic, name, local_map) for topic, name in topic_names(known).items()]
+    made, left_messages, left_fields = [], {}, {}
+    for topic, name in topic_names(known).items():
+        channel, left_messages[topic], left_fields[topic] = _converted(log, topic, name, local_map)
+        made.append(channel)
+    made_topics = {each.topic for each in made}
+    foreign_ids = {each.id for each in foreign}
+    replaced = [each.topic for each in log.channels if each.id not in foreign_ids and each.topic in made_topics]
     report = annotate(
         log,
         made,
@@ -73,7 +87,14 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
         profile=PROFILE,
     )
     left_out = {each.topic: each.schema_name for each in foreign if each.topic not in known}
-    return RosLog(report.n_messages_copied, report.n_messages_added, left_out)
+    return RosLog(
+        report.n_messages_copied,
+        report.n_messages_added,
+        left_out,
+        {topic: n for topic, n in left_messages.items() if n},
+        {topic: names for topic, names in left_fields.items() if names},
+        replaced,
+    )
 
 
 def topic_names(topics: Iterable[str]) -> dict[str, str]:
@@ -86,7 +107,22 @@ def topic_names(topics: Iterable[str]) -> dict[str, str]:
     return names
 
 
-def _converted(log: Log, topic: str, name: str, local_map: LocalMap | None) -> OutputChannel:
+def _converted(log: Log, topic: str, name: str, local_map: LocalMap | None) -> tuple[OutputChannel, int, list[str]]:
+    """The channel, the number of messages that are left out of it, and the names of the fields that are."""
     columns = log.columns(topic)
     message = ROS_MESSAGES[columns.schema_name]
-    return OutputChannel(name, message.schema, columns.log_time_ns, message.fields(columns, local_map))
+    n = len(columns)
+    fields = message.fields(columns, local_map)
+    fit = stamps_fit(fields, n)
+    if not fit.all():
+        rows = np.flatnonzero(fit)
+        columns = replace(
+            columns,
+            log_time_ns=columns.log_time_ns[rows],
+            publish_time_ns=columns.publish_time_ns[rows],
+            sequence=columns.sequence[rows],
+            fields={path: column_at(column, rows) for path, column in columns.fields.items()},
+        )
+        fields = message.fields(columns, local_map)
+    channel = OutputChannel(name, message.schema, columns.log_time_ns, fields)
+    return channel, n - len(columns), unknown_fields(columns)

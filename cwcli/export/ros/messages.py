@@ -13,6 +13,11 @@ import numpy as np
 
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.channels.vehicle_state import read_states
+from cwcli.errors import DataError
+from cwcli.logs.codecs.ros2msg import Definitions, find_definition, parse_definitions
+from cwcli.logs.write.cdr_encoder import encode_cdr
+from cwcli.logs.write.column_tree import ColumnError
+from cwcli.logs.write.ros_schemas import ros_schema
 from cwcli.signals.columns import (
     Columns,
     FloatArray,
@@ -21,11 +26,14 @@ from cwcli.signals.columns import (
     Ragged,
     Repeated,
     Strings,
+    column_rows,
     constant_strings,
     strings_from,
 )
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.leaf_fields import find, matrix, numbers, stamps, texts, vector, whole_numbers
+from cwcli.signals.leaf_fields import find, matrix, numbers, stamps, texts, unusable, vector, whole_numbers
+from cwcli.signals.quality import BoolArray
+from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import BODY_FRAME, EGO_ID, HEADING, MAP_FRAME, SPEED, YAW_RATE, X, Y
 
 Fields = Mapping[str, OutputField]
@@ -38,6 +46,8 @@ OK, WARN = 0, 1  # diagnostic_msgs/DiagnosticStatus
 LOG_LEVEL_STEP = 10
 """rcl_interfaces/Log counts 10, 20, ... where foxglove.Log counts 1, 2, ..."""
 SERVICE_GPS = 1
+MAX_SECONDS = 1 << 31
+"""Of a ROS time: an int32."""
 TOLD_OF_WARNING = ("time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability")
 
 
@@ -55,7 +65,34 @@ class RosMessage:
 
 
 def _same(columns: Columns, _map: LocalMap | None) -> Fields:
-    return columns.fields
+    """The fields that the ROS message has too."""
+    schema = ROS_MESSAGES[columns.schema_name].schema
+    unknown = unknown_fields(columns)
+    fields = {path: column for path, column in columns.fields.items() if path not in unknown}
+    for path, column in fields.items():
+        try:
+            encode_cdr(schema, {path: column_rows(column, 0, 0)}, 0)
+        except ColumnError as error:
+            raise unusable(columns, path) from error
+    return fields
+
+
+def unknown_fields(columns: Columns) -> list[str]:
+    """The fields that the ROS message does not have, of a channel that is taken field by field."""
+    message = ROS_MESSAGES[columns.schema_name]
+    if message.fields is not _same:
+        return []
+    root, definitions = parse_definitions(message.schema, ros_schema(message.schema))
+    return [path for path in columns.fields if not _is_defined(definitions, root, path)]
+
+
+def _is_defined(definitions: Definitions, name: str, path: str) -> bool:
+    """Whether a message has a field, be it of another kind."""
+    head, _, rest = path.partition(".")
+    for field in find_definition(definitions, name):
+        if field.name == head:
+            return not rest or field.type not in definitions or _is_defined(definitions, field.type, rest)
+    return False
 
 
 def _odometry_of_state(columns: Columns, local_map: LocalMap | None) -> Fields:
@@ -128,13 +165,20 @@ def _odometry(
 def _path(columns: Columns, _map: LocalMap | None) -> Fields:
     """`nav_msgs/Path`: each point has the time at which the vehicle is to be there."""
     stamp_ns, _ = whole_numbers(columns, "stamp_ns", required=True)
-    x_m, y_m, heading = (_ragged(find(columns, name), len(columns)) for name in ("x_m", "y_m", "heading_rad"))
+    x_m, y_m, heading = (_ragged(columns, name) for name in ("x_m", "y_m", "heading_rad"))
+    for name, other in (("y_m", y_m), ("heading_rad", heading)):
+        if not np.array_equal(other.offsets, x_m.offsets):
+            raise DataError(f"{name} has not as many points as x_m", where=columns.topic)
     frames = texts(columns, "frame_id", required=True)
     frame = Strings(frames.codes, tuple(name or MAP_FRAME for name in frames.values))
     counts = np.diff(x_m.offsets)
     row = np.repeat(np.arange(len(columns)), counts)
     step = np.arange(len(row)) - np.repeat(x_m.offsets[:-1], counts)
-    ahead_ns = np.round(step * numbers(columns, "step_s")[row] * 1e9).astype(np.int64)
+    with np.errstate(over="ignore"):
+        ahead_s = step * numbers(columns, "step_s", required=True)[row]
+    if not (np.abs(ahead_s) < MAX_SECONDS).all():
+        raise DataError("step_s is not a time between points", where=columns.topic)
+    ahead_ns = np.round(ahead_s * NS_PER_S).astype(np.int64)
     points: Fields = {
         **_header(stamp_ns[row] + ahead_ns, frame.rows(row)),
         "pose.position.x": x_m.values,
@@ -144,13 +188,29 @@ def _path(columns: Columns, _map: LocalMap | None) -> Fields:
     return {**_header(stamp_ns, frame), "poses": Repeated(x_m.offsets, points)}
 
 
-def _ragged(field: object, n: int) -> Ragged:
-    """A repeated number of n rows."""
+def _ragged(columns: Columns, name: str) -> Ragged:
+    """A repeated number of n rows; none where the field is not there."""
+    field, n = find(columns, name), len(columns)
+    if field is None:
+        return Ragged(np.zeros(0), np.zeros(n + 1, np.int64))
     if isinstance(field, Ragged):
         return field
     if isinstance(field, np.ndarray) and field.ndim == 2:
         return Ragged(field.ravel(), np.arange(n + 1, dtype=np.int64) * field.shape[1])
-    return Ragged(np.zeros(0), np.zeros(n + 1, np.int64))
+    raise unusable(columns, name)
+
+
+def stamps_fit(fields: Fields, n: int) -> BoolArray:
+    """Shape (n,): whether every ROS time of a message is within its 32 bits of seconds."""
+    fit = np.ones(n, np.bool_)
+    for path, column in fields.items():
+        if isinstance(column, Repeated):
+            inside = stamps_fit(column.fields, int(column.offsets[-1]))
+            fit[np.repeat(np.arange(n), np.diff(column.offsets))[~inside]] = False
+        elif isinstance(column, np.ndarray) and path.rpartition(".")[2] == "stamp":
+            seconds = column.astype(np.int64) // NS_PER_S
+            fit &= (seconds >= -MAX_SECONDS) & (seconds < MAX_SECONDS)
+    return fit
 
 
 def _diagnostics(columns: Columns, _map: LocalMap | None) -> Fields:

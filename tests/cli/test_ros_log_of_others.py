@@ -1,0 +1,109 @@
+"""ROS logs of channels that another version or another program wrote."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+from cwcli.errors import DataError
+from cwcli.export.ros.convert import RosLog, write_ros_log
+from cwcli.export.ros.messages import _same, unknown_fields
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.writer import LogWriter
+from cwcli.signals.columns import Columns, OutputChannel, Ragged, strings_from
+from tests.cli.conftest import Run
+
+STAMP_NS = np.array([10**9])
+
+
+def ragged(*rows: int) -> Ragged:
+    """0, 1, ... in rows of so many numbers."""
+    return Ragged(np.arange(float(sum(rows))), np.concatenate([[0], np.cumsum(rows)]).astype(np.int64))
+
+
+def path_channel(**fields: Any) -> OutputChannel:
+    points = {"x_m": ragged(3), "y_m": ragged(3), "heading_rad": ragged(3), "step_s": np.array([0.25])}
+    of_path = {"stamp_ns": STAMP_NS, "frame_id": strings_from(["map"]), **points, **fields}
+    return OutputChannel("/p", "cwcli.v1.PredictedPath", np.arange(len(of_path["stamp_ns"])) + 1, of_path)
+
+
+def ros_log(folder: Path, *channels: OutputChannel) -> RosLog:
+    with LogWriter(folder / "log.mcap") as log:
+        for channel in channels:
+            log.write_columns(channel)
+    with Log.open(str(folder / "log.mcap")) as opened:
+        return write_ros_log(opened, folder / "ros.mcap")
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"heading_rad": ragged(2)}, "heading_rad has not as many points as x_m"),
+        ({"heading_rad": ragged(0)}, "heading_rad has not as many points as x_m"),
+        ({"y_m": ragged(4)}, "y_m has not as many points as x_m"),
+        ({"step_s": np.array([np.nan])}, "step_s is not a time between points"),
+        ({"step_s": np.array([1e300])}, "step_s is not a time between points"),
+    ],
+)
+def test_points_of_a_path_that_do_not_fit(tmp_path: Path, fields: dict[str, Any], said: str) -> None:
+    with pytest.raises(DataError, match=said):
+        ros_log(tmp_path, path_channel(**fields))
+    assert not (tmp_path / "ros.mcap").exists()
+
+
+def test_paths_of_equal_total_and_other_rows(tmp_path: Path) -> None:
+    two = {"stamp_ns": np.array([1, 2]), "frame_id": strings_from(["map", "map"]), "step_s": np.ones(2)}
+    with pytest.raises(DataError, match="y_m has not as many points"):
+        ros_log(tmp_path, path_channel(**two, x_m=ragged(1, 2), y_m=ragged(2, 1), heading_rad=ragged(1, 2)))
+
+
+def test_times_beyond_those_of_ros_are_left_out_and_counted(tmp_path: Path) -> None:
+    """2^31 s is the first that an int32 can't hold; the last path has a point there."""
+    last_ns = (2**31 - 1) * 10**9
+    stamps = np.array([last_ns, last_ns + 10**9, 2**63 - 5, last_ns])
+    many = {"stamp_ns": stamps, "frame_id": strings_from(["map"] * 4), "step_s": np.array([0.0, 0.0, 0.0, 1.0])}
+    points = {name: ragged(2, 2, 2, 2) for name in ("x_m", "y_m", "heading_rad")}
+    made = ros_log(tmp_path, path_channel(**many, **points))
+    assert (made.n_messages_made, made.left_messages) == (1, {"/p": 3})
+    with AnyReader([tmp_path / "ros.mcap"]) as reader:
+        [message] = [reader.deserialize(data, each.msgtype) for each, _, data in reader.messages()]
+    assert [each.header.stamp.sec for each in message.poses] == [2**31 - 1] * 2
+    assert [each.pose.position.x for each in message.poses] == [0.0, 1.0]
+
+
+def lateral_state(**fields: Any) -> Columns:
+    times = np.array([1, 2])
+    of_state = {"stamp_ns": times, **fields}
+    return Columns("/x", "cwcli.v1.LateralState", "protobuf", times, times, np.zeros(2, np.uint32), of_state)
+
+
+def test_fields_of_another_version_are_left_out_and_named() -> None:
+    columns = lateral_state(new_m=np.ones(2), inner_new=strings_from(["a", "b"]))
+    assert set(_same(columns, None)) == {"stamp_ns"}
+    assert unknown_fields(columns) == ["new_m", "inner_new"]
+
+
+@pytest.mark.parametrize("path", ["stamp_ns", "stamp_ns.sec"])
+def test_a_field_of_another_kind_is_an_error(path: str) -> None:
+    columns = lateral_state()
+    of_state = {path: strings_from(["a", "b"])}
+    wrong = Columns(**{**vars(columns), "fields": of_state})
+    with pytest.raises(DataError, match=f"no usable field `{path}`"):
+        _same(wrong, None)
+
+
+def test_what_is_replaced_is_told(cwcli: Run, tmp_path: Path) -> None:
+    ros_log(tmp_path, path_channel())
+    recorded, both = tmp_path / "ros.mcap", tmp_path / "both.mcap"
+    with Log.open(str(recorded)) as log:
+        from cwcli.logs.write.annotate import annotate
+
+        annotate(log, [path_channel()], {}, both)
+    done = cwcli("export", both, "--format", "ros2", "-o", tmp_path / "again.mcap", "--json")
+    assert json.loads(done.stdout)["replaced"] == ["/cwcli/ros/p"]
+    assert b"/cwcli/ros/p: recorded, and replaced" in b" ".join(done.stderr.split())
