@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer as McapWriter
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.highlevel.anyreader import AnyReaderError
@@ -278,6 +279,24 @@ def test_hostile_names_become_topics_and_texts(cwcli: Run, tmp_path: Path) -> No
     assert done.returncode == 0, done.stderr.decode()
     [message] = rows_of(tmp_path / "ros.mcap", "/cwcli/ros/a_b/__31m__")
     assert message.child_frame_id == "</x>\x1b[31m'\""
+
+
+def test_a_recorders_channel_that_lacks_a_field_is_named_and_the_rest_is_there(cwcli: Run, tmp_path: Path) -> None:
+    with (tmp_path / "mixed.mcap").open("wb") as file:
+        log = McapWriter(file)
+        log.start()
+        for topic, more in (("/bare", {}), ("/odd", {"frame_id": "gps", "position_covariance_type": 300})):
+            schema = log.register_schema("foxglove.LocationFix", "jsonschema", b"{}")
+            channel = log.register_channel(topic, "json", schema)
+            fix = {"timestamp": {"sec": 5, "nsec": 0}, "latitude": 50.0, "longitude": 8.0, "altitude": 0.0, **more}
+            fix["position_covariance"] = [1.0] * 9
+            log.add_message(channel, 5 * 10**9, json.dumps(fix).encode(), 5 * 10**9)
+        log.finish()
+    done = cwcli("export", tmp_path / "mixed.mcap", "--format", "ros2", "-o", tmp_path / "ros.mcap")
+    assert done.returncode == 0, done.stderr.decode()
+    assert "no ROS message can be made of /bare" in done.stderr.decode()
+    [message] = rows_of(tmp_path / "ros.mcap", "/cwcli/ros/odd")
+    assert (message.latitude, message.position_covariance_type) == (50.0, 0)
 
 
 def test_no_two_topics_become_one(cwcli: Run, tmp_path: Path) -> None:

@@ -117,7 +117,7 @@ def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[
 
     made = write_ros_log(opened, output, force=force)
     if made.left_out:
-        console.note(f"no ROS message is known for {join_names(list(made.left_out))}: left out")
+        console.note(f"no ROS message can be made of {join_names(list(made.left_out))}: left out")
     for topic, n in made.left_messages.items():
         console.note(f"{topic}: {n} messages with a time that ROS can't hold (before 1901, or after 2038): left out")
     for topic, fields in made.left_fields.items():

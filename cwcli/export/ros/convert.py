@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli import __version__
 from cwcli.channels.published import OWN_PREFIX
-from cwcli.errors import MissingSignalError
+from cwcli.errors import DataError, MissingSignalError
 from cwcli.export.ros.messages import ROS_MESSAGES, stamps_fit, unknown_fields
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import LeftOut, annotate
@@ -25,6 +25,9 @@ FOLDER = f"{OWN_PREFIX}ros/"
 """Of the topics that are made: no command takes what lies there for a measurement, or for a result of a stage."""
 RECORD = "cwcli.export.ros2"
 NOT_IN_A_TOPIC = re.compile("[^A-Za-z0-9_/]")
+
+
+OWN_SCHEMAS = "cwcli."
 
 
 @dataclass(frozen=True)
@@ -65,11 +68,17 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
         )
     estimated = run_records(log).get("estimate", {})
     local_map = map_of(estimated)
-    known = dict.fromkeys(each.topic for each in foreign if each.schema_name in ROS_MESSAGES)
-    made, left_messages, left_fields = [], {}, {}
+    known = {each.topic: each.schema_name for each in foreign if each.schema_name in ROS_MESSAGES}
+    made, left_messages, left_fields, unreadable = [], {}, {}, {}
     for topic, name in topic_names(known).items():
-        channel, left_messages[topic], left_fields[topic] = _converted(log, topic, name, local_map)
-        made.append(channel)
+        try:
+            channel, left_messages[topic], left_fields[topic] = _converted(log, topic, name, local_map)
+        except DataError as error:
+            if known[topic].startswith(OWN_SCHEMAS):
+                raise
+            unreadable[topic] = f"{known[topic]}: {error.what}"
+        else:
+            made.append(channel)
     made_topics = {each.topic for each in made}
     foreign_ids = {each.id for each in foreign}
     replaced = [each.topic for each in log.channels if each.id not in foreign_ids and each.topic in made_topics]
@@ -86,7 +95,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
         ),
         profile=PROFILE,
     )
-    left_out = {each.topic: each.schema_name for each in foreign if each.topic not in known}
+    left_out = {each.topic: each.schema_name for each in foreign if each.topic not in known} | unreadable
     return RosLog(
         report.n_messages_copied,
         report.n_messages_added,

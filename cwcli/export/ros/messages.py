@@ -45,7 +45,11 @@ CLEARED = 3  # cwcli.v1.Warning.State
 OK, WARN = 0, 1  # diagnostic_msgs/DiagnosticStatus
 LOG_LEVEL_STEP = 10
 """rcl_interfaces/Log counts 10, 20, ... where foxglove.Log counts 1, 2, ..."""
+MAX_LOG_LEVEL = 25
+"""More of it than a byte holds, ten times."""
 SERVICE_GPS = 1
+COVARIANCE_TYPES = (0, 1, 2, 3)
+"""Of sensor_msgs/NavSatFix."""
 MAX_SECONDS = 1 << 31
 """Of a ROS time: an int32."""
 TOLD_OF_WARNING = ("time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability")
@@ -243,7 +247,7 @@ def _diagnostics(columns: Columns, _map: LocalMap | None) -> Fields:
 def _log(columns: Columns, _map: LocalMap | None) -> Fields:
     return {
         "stamp": stamps(columns)[0],
-        "level": LOG_LEVEL_STEP * whole_numbers(columns, "level", required=True)[0],
+        "level": LOG_LEVEL_STEP * np.clip(whole_numbers(columns, "level", required=True)[0], 0, MAX_LOG_LEVEL),
         "name": texts(columns, "name", required=True),
         "msg": texts(columns, "message", required=True),
     }
@@ -251,7 +255,8 @@ def _log(columns: Columns, _map: LocalMap | None) -> Fields:
 
 def _fix(columns: Columns, _map: LocalMap | None) -> Fields:
     covariance = matrix(columns, "position_covariance", 9)
-    kind = np.where(np.isfinite(covariance).all(axis=1), numbers(columns, "position_covariance_type"), 0)
+    kind = numbers(columns, "position_covariance_type").copy()
+    kind[~(np.isfinite(covariance).all(axis=1) & np.isin(kind, COVARIANCE_TYPES))] = 0.0
     return {
         **_header(stamps(columns)[0], texts(columns, "frame_id", required=True)),
         "status.service": np.full(len(columns), SERVICE_GPS),
