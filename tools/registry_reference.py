@@ -78,17 +78,17 @@ implementation of one case at a time, written anew from the definitions (`tests/
 
 ## Speed
 
-Processor time by `python tests/bench/bench_measures.py`, on two virtual cores that were busy with other work:
+Processor time by `python tests/bench/bench_measures.py`, on two virtual cores, one of them busy with other work:
 
 | what | measured | limit |
 |---|---|---|
-| 36 measures, all that are quick, of a pair and step | 4.9 us | 3 us |
-| TTC of a pair and step | 0.46 us | 0.3 us |
-| TTB, TTK, TTS on a collision course, a step | 15 us | 50 us |
-| `cwcli measure` of 20 cars, ten minutes at 20 Hz | 5.7 s | 5 s |
-| its peak memory | 366 MB | 400 MB |
+| 36 measures, all that are quick, of a pair and step | 3.8 us | 3 us |
+| TTC of a pair and step | 0.35 us | 0.3 us |
+| TTB, TTK, TTS on a collision course, a step | 11 us | 50 us |
+| `cwcli measure` of 20 cars, ten minutes at 20 Hz | 3.9 s | 5 s |
+| its peak memory | 380 MB | 400 MB |
 
-The first two and the fourth are above their limits. CommonRoad-CriMe 0.4.5 took 66 ms for 24 obstacles at one step.
+The first two are above their limits. CommonRoad-CriMe 0.4.5 took 66 ms for 24 obstacles at one step.
 
 ## Differences from other tools
 
