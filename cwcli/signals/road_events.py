@@ -76,7 +76,8 @@ def joined_events(parts: Sequence[RoadEvents]) -> RoadEvents:
 
 
 def _texts(parts: Sequence[Strings]) -> Strings:
-    return strings_from([(*part.values, "")[code] for part in parts for code in part.codes.tolist()])
+    named = [((*part.values, ""), part.codes.tolist()) for part in parts]
+    return strings_from([values[code] for values, codes in named for code in codes])
 
 
 def says_hard_braking(
