@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.estimation import EstimatorConfig
+from cwcli.evaluation.truth import PER_AXIS
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
 from cwcli.simulate.sensor_log import write_log
@@ -29,7 +30,8 @@ from cwcli.stages.estimate import EstimateConfig
 from cwcli.stages.inputs.sources import SourceConfig
 
 SCENARIOS = ("straight", "curve", "rear-end", "intersection", "city", "following", "cut-in", "brake-and-release")
-QUANTITIES = ("position", "speed", "heading")
+QUANTITIES = {PER_AXIS["position"]: "position", "speed": "speed", "heading": "heading"}
+"""What the summary calls an error -> what the table here does."""
 FIRST_SEED = 2000
 WORSE, MAX_SHARE = 1.02, 0.05
 RAW, NONE = "raw sensor", "--latency none"
@@ -64,7 +66,7 @@ def _errors(path: Path, config: EstimateConfig) -> dict[str, tuple[float, float]
     errors = next(section for section in summary.sections if section.key == "errors")
     rows = [dict(zip(errors.columns, row, strict=True)) for row in errors.rows]
     return {
-        str(row["error of"]): (float(row["estimated"]), float(row["measured"]))
+        QUANTITIES[row["error of"]]: (float(row["estimated"]), float(row["measured"]))
         for row in rows
         if row["error of"] in QUANTITIES
     }
