@@ -15,8 +15,8 @@ from cwcli.signals.quality import RowLedger
 from cwcli.signals.road_events import HARD_BRAKING, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, nothing_told
-from cwcli.signals.v2x_elements import decode
-from cwcli.signals.v2x_time import stamp_from_timestamp_its
+from cwcli.signals.v2x_elements import STATION_ID, Element, decode, decode_whole
+from cwcli.signals.v2x_time import ITS_MS_MAX, NO_TIME, stamp_from_timestamp_its
 
 CAUSES: dict[int, str] = {
     1: "traffic condition",
@@ -73,6 +73,18 @@ PATHS: dict[str, str] = {
     "validity_s": _MANAGEMENT + "validity_duration.value",
 }
 """Leaf fields of the ROS message."""
+CODES: dict[str, Element] = {
+    "station": STATION_ID,
+    "action_station": STATION_ID,
+    "action_number": Element("SequenceNumber", 1.0, 1, 0, 65_535),
+    "cause": Element("CauseCodeType", 1.0, 1, 0, 255),
+    "sub_cause": Element("SubCauseCodeType", 1.0, 1, 0, 255),
+    "termination": Element("Termination", 1.0, 1, 0, 1),
+    "relevance": Element("RelevanceDistance", 1.0, 1, 0, OVER_10_KM),
+    "validity_s": Element("ValidityDuration", 1.0, 1, 0, 86_400),
+    "reference_time_ms": Element("TimestampIts", 1.0, 1, 0, ITS_MS_MAX - 1),
+}
+"""Whole numbers, whatever the encoding of the message could hold besides."""
 
 
 def ros_fields() -> tuple[str, ...]:
@@ -82,12 +94,19 @@ def ros_fields() -> tuple[str, ...]:
 
 def ros_events(columns: Columns) -> RoadEvents:
     """The events of a ROS channel."""
+    return events_of(_codes(columns), columns.log_time_ns)
+
+
+def _codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
+    """The codes of `PATHS`, NaN where absent or none of the standard's, which the ledger counts."""
     raw = {name: numbers(columns, path) for name, path in PATHS.items()}
     for flag, names in (("has_situation", ("cause", "sub_cause")), ("has_termination", ("termination",))):
         for name in names:
             raw[name] = np.where(raw[flag] == 0, np.nan, raw[name])
     raw["relevance"] = np.where(raw["has_relevance"] == 0, np.nan, raw["relevance"])
-    return events_of(raw, columns.log_time_ns)
+    for name, element in CODES.items():
+        raw[name] = decode_whole(element, raw[name], ledger)
+    return raw
 
 
 def events_of(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
@@ -150,7 +169,11 @@ def told(events: RoadEvents) -> str:
 
 
 def _set_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    said = told(ros_events(columns))
+    raw = _codes(columns, ledger)
+    for name in ("latitude_deg", "longitude_deg"):
+        decode(ELEMENTS[name], raw[name], ledger)
+    ledger.repair(np.isnan(raw["reference_time_ms"]), NO_TIME)
+    said = told(events_of(raw, columns.log_time_ns))
     if said:
         ledger.note(said)
     ledger.set_aside(np.ones(len(columns), np.bool_), "DENM, an event")

@@ -8,16 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.angles import heading_from_compass_deg, wrap_angle
-from cwcli.signals.columns import Columns, FloatArray, strings_from
+from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import (
     SIGMAS_PER_95_PERCENT,
     SIGMAS_PER_95_PERCENT_ELLIPSE,
     covariance_from_ellipse,
 )
-from cwcli.signals.leaf_fields import numbers, texts
+from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
-from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_elements import Element, decode, station_ids
 from cwcli.signals.v2x_time import or_log_time, stamp_from_generation_delta_time
 
 ELEMENTS: dict[str, Element] = {
@@ -38,6 +38,7 @@ ELEMENTS: dict[str, Element] = {
     "length_m": Element("VehicleLengthValue", 0.1, 1, 1, 1021, (1023,), (1022,)),
     "width_m": Element("VehicleWidth", 0.1, 1, 1, 60, (62,), (61,)),
 }
+STATION_PATHS = ("header.station_id.value", "header.station_id")
 YAW_RATE_CONFIDENCE_DEGPS: dict[int, float] = {0: 0.01, 1: 0.05, 2: 0.1, 3: 1.0, 4: 5.0, 5: 10.0, 6: 100.0}
 """YawRateConfidence: code -> 95 % bound. 7 is out of range, 8 unavailable."""
 YAW_RATE_OUT_OF_RANGE = 7
@@ -123,7 +124,7 @@ def identify_cam(columns: Columns) -> Senders:
     station_type = numbers(columns, EN_PATHS["station_type"], VAM_PATHS["station_type"])
     container = numbers(columns, EN_PATHS["container"])
     return Senders(
-        station=texts(columns, EN_PATHS["station"], "header.station_id") or strings_from([""] * len(columns)),
+        station=station_ids(columns, *STATION_PATHS),
         is_own=np.zeros(len(columns), dtype=np.bool_),
         is_roadside=(station_type == ROAD_SIDE_UNIT) | (container > VEHICLE_CONTAINER),
     )
@@ -149,6 +150,7 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     paths = {name: (path, TS_PATHS[name], VAM_PATHS.get(name, path)) for name, path in EN_PATHS.items()}
     raw = {name: numbers(columns, *own) for name, own in paths.items() if name != "station"}
     value = {name: decode(element, raw[name], ledger) for name, element in ELEMENTS.items()}
+    station_ids(columns, *STATION_PATHS, ledger=ledger)
 
     for name, confidence in (
         ("heading_compass_deg", "heading_95_deg"),

@@ -7,6 +7,7 @@ so are read the channels that cwcli itself has published.
 from __future__ import annotations
 
 from itertools import pairwise
+from math import isfinite
 from typing import Literal, overload
 
 import numpy as np
@@ -27,6 +28,9 @@ _NANOSECONDS = (
     "timestamp.nanosec",
     "stamp.nanosec",
 )
+
+LARGEST_WHOLE = 2.0**53
+"""Up to it a double holds every whole number."""
 
 
 def find(columns: Columns, *paths: str) -> Field | None:
@@ -102,9 +106,18 @@ def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | No
         return strings_from(octets[i:j].hex() for i, j in pairwise(bounds))
     if field.ndim == 2:
         return strings_from(row.tobytes().hex() for row in field.astype(np.uint8))
-    distinct, codes = np.unique(field.astype(np.float64), return_inverse=True)
-    spelled = strings_from([str(int(value)) if np.isfinite(value) else "" for value in distinct])
-    return Strings(codes=spelled.codes[codes].astype(np.int32), values=spelled.values)
+    return spelled(field.astype(np.float64))
+
+
+def spelled(values: FloatArray) -> Strings:
+    """Numbers (n,) as texts, whole ones as integers; absent where not finite. No two numbers get the same text."""
+    distinct, codes = np.unique(values, return_inverse=True)
+    is_whole = (distinct == np.floor(distinct)) & (np.abs(distinct) < LARGEST_WHOLE)
+    each = zip(distinct.tolist(), is_whole.tolist(), strict=True)
+    words = strings_from(
+        [str(int(value)) if whole else repr(value) if isfinite(value) else "" for value, whole in each]
+    )
+    return Strings(codes=words.codes[codes].astype(np.int32), values=words.values)
 
 
 def unusable(columns: Columns, name: str) -> DataError:

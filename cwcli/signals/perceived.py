@@ -14,15 +14,17 @@ import numpy as np
 
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, strings_from
 from cwcli.signals.elements import ragged
-from cwcli.signals.leaf_fields import numbers, texts
+from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, nothing_told
+from cwcli.signals.v2x_elements import Element, decode_whole, station_ids
 
 EQUATOR_M = 6_378_137.0
 FLATTENING = 1.0 / 298.257223563
 """WGS84."""
 NO_NUMBER = "object without a number"
+OBJECT_ID = Element("ObjectId", 1.0, 1, 0, 65_535)
 
 
 def object_columns(columns: Columns, rows: Int64Array, made: dict[str, Field]) -> Columns:
@@ -65,8 +67,8 @@ def of_objects(columns: Columns, path: str, counts: Int64Array) -> FloatArray:
 def identify(columns: Columns) -> Senders:
     """Who each object is: its sender's id and its number there. A column `station` and one `object` tell it."""
     n = len(columns)
-    sender = texts(columns, "station") or strings_from([""] * n)
-    number = numbers(columns, "object")
+    sender = station_ids(columns, "station")
+    number = decode_whole(OBJECT_ID, numbers(columns, "object"))
     names = (*sender.values, "unknown")
     told = [
         f"{names[code]}:{int(k)}" if np.isfinite(k) else ""
@@ -79,7 +81,8 @@ def object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2xCodec
     """The codec of objects, one a row; who one without a number is, from message to message, can't be told."""
 
     def decode_numbered(columns: Columns, ledger: RowLedger) -> RemoteRows:
-        ledger.set_aside(~np.isfinite(numbers(columns, "object")), NO_NUMBER)
+        station_ids(columns, "station", ledger=ledger)
+        ledger.set_aside(~np.isfinite(decode_whole(OBJECT_ID, numbers(columns, "object"), ledger)), NO_NUMBER)
         return decode(columns, ledger)
 
     return V2xCodec(identify, decode_numbered)

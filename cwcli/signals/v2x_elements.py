@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.leaf_fields import find, numbers, spelled, texts
 from cwcli.signals.quality import RowLedger
 
 
@@ -32,6 +33,9 @@ class Element:
     out_of_range: tuple[int, ...] = ()
 
 
+STATION_ID = Element("StationID", 1.0, 1, 0, 0xFFFF_FFFF)
+
+
 def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """Turn codes into values.
 
@@ -46,5 +50,22 @@ def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -
     is_special = np.isin(raw, element.unavailable + element.out_of_range)
     in_range = (raw >= element.low) & (raw <= element.high) & ~is_special
     if ledger is not None:
-        ledger.repair(np.isfinite(raw) & ~in_range & ~is_special, f"{element.element} outside its range, left out")
+        ledger.repair(~np.isnan(raw) & ~in_range & ~is_special, f"{element.element} outside its range, left out")
     return np.where(in_range, element.sign * element.unit * raw, np.nan)
+
+
+def decode_whole(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+    """`decode` of codes that name something (a cause, a station): half a code is outside the range, too."""
+    is_whole = np.isfinite(raw) & (raw == np.floor(raw))
+    return decode(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
+
+
+def station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = None) -> Strings:
+    """ETSI's station ids (n,), in the first of the fields that is there.
+
+    A number that is none of the standard's is no id, which the ledger counts.
+    """
+    field = find(columns, *paths)
+    if isinstance(field, np.ndarray) and field.ndim == 1:
+        return spelled(decode_whole(STATION_ID, numbers(columns, *paths), ledger))
+    return texts(columns, *paths) or Strings(np.full(len(columns), -1, np.int32), ())

@@ -13,12 +13,14 @@ from cwcli.logs.read.reader import Log
 from cwcli.signals import denm
 from cwcli.signals.build import build
 from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.etsi import CAM
 from cwcli.signals.quality import Quality
 from cwcli.signals.road_events import HARD_BRAKING, RoadEvents, no_events, says_hard_braking
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, stamp_of
 from tests.laws.perceived_messages import MS, nested
+from tests.unit.signals.signal_columns import columns_of
 from tests.unit.signals.v2x_messages import LOG_NS, radio
 
 ITS_EPOCH_MS = 1_072_915_200_000
@@ -158,3 +160,47 @@ def test_no_car_brakes_hard_for_ten_minutes(tmp_path: Path) -> None:
     said = says_hard_braking(events, "1001", state_ns, state_ns)
     assert said is not None
     assert said.tolist() == [True, True, False, False]
+
+
+NO_CODES: dict[str, tuple[float, str]] = {
+    "station": (2.0**32, "StationID"),
+    "action_station": (-1.0, "StationID"),
+    "action_number": (65_536.0, "SequenceNumber"),
+    "cause": (256.0, "CauseCodeType"),
+    "sub_cause": (1.5, "SubCauseCodeType"),
+    "termination": (2.0, "Termination"),
+    "relevance": (8.0, "RelevanceDistance"),
+    "validity_s": (86_401.0, "ValidityDuration"),
+    "reference_time_ms": (float("inf"), "TimestampIts"),
+    "latitude_deg": (1e300, "Latitude"),
+}
+"""Quantity -> what a JSON message can hold there that no DENM can, and the element."""
+
+
+@pytest.mark.parametrize("name", NO_CODES)
+def test_a_number_that_is_no_code_tells_nothing_and_is_counted(name: str) -> None:
+    code, element = NO_CODES[name]
+    codes = {"station": 7, "cause": 94, "sub_cause": 0, "reference_time_ms": 0, "has_situation": 1, "validity_s": 60}
+    codes |= {"action_station": 7, "action_number": 1, "termination": np.nan, "relevance": 3, "has_relevance": 1}
+    codes |= {"has_termination": 1, "latitude_deg": 500_000_000, "longitude_deg": 80_000_000}
+    rows = {denm.PATHS[each]: [float(value), code if each == name else float(value)] for each, value in codes.items()}
+    signal, quality = build(Role.REMOTE, columns_of("etsi_its_denm_msgs/DENM", rows, message_encoding="json"))
+    assert isinstance(signal, RemoteSignal)
+    events = signal.events
+    assert events is not None
+    assert len(events) == 2
+    assert quality.repaired[f"{element} outside its range, left out"] == 1
+    assert not np.isin(code, [events.cause, events.sub_cause]).any()
+    assert [events.station.values[k] for k in events.station.codes] == ["7", "unknown" if name == "station" else "7"]
+    held_s = (events.until_ns - events.stamp_ns)[1] / S
+    assert held_s == {"validity_s": 600.0}.get(name, 60.0)  # also where the cancellation is none
+
+
+def test_no_two_senders_become_one_where_numbers_are_no_station_ids() -> None:
+    paths = {"header.station_id.value": [7.0, 7.25, 2.0**32, -7.0]}
+    columns = columns_of("etsi_its_cam_msgs/CAM", paths, message_encoding="json")
+    senders = CAM.identify(columns)
+    assert senders.station.values == ("7",)
+    assert senders.station.codes.tolist() == [0, -1, -1, -1]
+    _, quality = build(Role.REMOTE, columns)
+    assert quality.repaired["StationID outside its range, left out"] == 3

@@ -39,6 +39,24 @@ def test_objects_without_a_number_are_no_road_user(encoding: str, tmp_path: Path
     assert quality.objects.set_aside == {"object without a number": 1}
 
 
+@pytest.mark.parametrize("number", [7.25, 65_536.0, -7.0])
+def test_no_two_objects_become_one_where_a_number_is_no_object_id(number: float, tmp_path: Path) -> None:
+    messages = [ros_cpm(k, stamp_of(k))[0] for k in range(2)]
+    container = messages[1]["payload"]["cpm_containers"]["value"]["array"][0]
+    told = container["container_data_perceived_object_container"]["perceived_objects"]["array"][0]
+    told["object_id"]["value"] = number
+    messages[1]["header"]["station_id"]["value"] = 2.0**32
+    with Log.open(write_log(tmp_path / "log.mcap", SCHEMA, "json", "/cpm", messages)) as log:
+        signal, quality = build(Role.REMOTE, log.columns("/cpm", fields=cpm.ros_fields()))
+    assert isinstance(signal, RemoteSignal)
+    assert signal.station.values == ("1201:7",)
+    assert len(signal.stamp_ns) == 1
+    assert quality.objects is not None
+    left_out = "outside its range, left out"
+    assert quality.objects.repaired == {f"StationID {left_out}": 1, f"ObjectId {left_out}": 1}
+    assert quality.objects.set_aside == {"object without a number": 1}
+
+
 @pytest.mark.parametrize("delta_s", [float("inf"), 1e12, -1.6])
 def test_units_outside_the_range_of_their_element_are_left_out(delta_s: float, tmp_path: Path) -> None:
     schema = "carma_v2x_msgs/SensorDataSharingMessage"
