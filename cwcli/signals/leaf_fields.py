@@ -72,7 +72,9 @@ def whole_numbers(columns: Columns, *paths: str, required: bool = False) -> tupl
     """
     field = find(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1 and np.issubdtype(field.dtype, np.integer):
-        return field.astype(np.int64), np.ones(len(columns), dtype=np.bool_)
+        largest = np.iinfo(np.int64).max
+        beyond = field.view(np.int64) < 0 if field.dtype == np.uint64 else np.zeros(len(field), np.bool_)
+        return np.where(beyond, largest, field.astype(np.int64)), ~beyond
     values = numbers(columns, *paths, required=required)
     is_valid = np.isfinite(values) & (np.abs(values) < 9e18)
     return np.where(is_valid, values, 0.0).astype(np.int64), is_valid

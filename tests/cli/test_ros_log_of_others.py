@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from cwcli.errors import DataError
@@ -69,7 +72,10 @@ def test_times_beyond_those_of_ros_are_left_out_and_counted(tmp_path: Path) -> N
     many = {"stamp_ns": stamps, "frame_id": strings_from(["map"] * 4), "step_s": np.array([0.0, 0.0, 0.0, 1.0])}
     points = {name: ragged(2, 2, 2, 2) for name in ("x_m", "y_m", "heading_rad")}
     made = ros_log(tmp_path, path_channel(**many, **points))
-    assert (made.n_messages_made, made.left_messages) == (1, {"/p": 3})
+    assert (made.n_messages_made, made.left_messages) == (
+        1,
+        {"/p": {"header.stamp": 2, "poses.header.stamp": 1}},
+    )
     with AnyReader([tmp_path / "ros.mcap"]) as reader:
         [message] = [reader.deserialize(data, each.msgtype) for each, _, data in reader.messages()]
     assert [each.header.stamp.sec for each in message.poses] == [2**31 - 1] * 2
@@ -107,3 +113,34 @@ def test_what_is_replaced_is_told(cwcli: Run, tmp_path: Path) -> None:
     done = cwcli("export", both, "--format", "ros2", "-o", tmp_path / "again.mcap", "--json")
     assert json.loads(done.stdout)["replaced"] == ["/cwcli/ros/p"]
     assert b"/cwcli/ros/p: recorded, and replaced" in b" ".join(done.stderr.split())
+
+
+def test_numbers_that_a_ros_message_cannot_hold_are_left_out_and_counted(cwcli: Run, tmp_path: Path) -> None:
+    """By a version that wrote whole numbers as doubles: no image is 2^32 wide, and half a state is none."""
+    times = np.arange(5) + 1
+    states = [{"stamp_ns": int(each), "search_width_px": 640.0, "state": 1.0} for each in times]
+    states[1]["search_width_px"] = 2.0**32
+    states[2]["search_width_px"] = -1.0
+    states[3]["state"] = 1.5
+    with (tmp_path / "log.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("cwcli.v1.Lanes", "jsonschema", b"{}")
+        channel = writer.register_channel("/lanes", "json", schema)
+        for each in states:
+            writer.add_message(channel, int(each["stamp_ns"]), json.dumps(each).encode(), int(each["stamp_ns"]))
+        writer.finish()
+    done = cwcli("export", tmp_path / "log.mcap", "--format", "ros2", "-o", tmp_path / "ros.mcap", "--json")
+    assert done.returncode == 0
+    told = json.loads(done.stdout)
+    assert told["rows"] == 2
+    assert told["left_messages"] == {"/lanes": {"search_width_px": 2, "state": 1}}
+    assert b"2 whose search_width_px it can't hold" in b" ".join(done.stderr.split())
+    assert read_ros(tmp_path / "ros.mcap", "state") == [1, 1]
+
+
+def read_ros(path: Path, field: str) -> list[Any]:
+    """One field of the messages, by the official reader."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return [getattr(message, field) for *_, message in reader.iter_decoded_messages()]

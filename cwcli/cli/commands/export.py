@@ -118,8 +118,9 @@ def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[
     made = write_ros_log(opened, output, force=force)
     if made.left_out:
         console.note(f"no ROS message can be made of {join_names(list(made.left_out))}: left out")
-    for topic, n in made.left_messages.items():
-        console.note(f"{topic}: {n} messages with a time that ROS can't hold (before 1901, or after 2038): left out")
+    for topic, counts in made.left_messages.items():
+        said = join_names([f"{n} whose {field} it can't hold" for field, n in counts.items()])
+        console.note(f"{topic}: the ROS message does without messages: {said}")
     for topic, fields in made.left_fields.items():
         console.note(f"{topic}: the ROS message has no field {join_names(fields)}: left out")
     if made.replaced:

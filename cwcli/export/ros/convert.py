@@ -12,9 +12,10 @@ import numpy as np
 from cwcli import __version__
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.export.ros.messages import ROS_MESSAGES, stamps_fit, unknown_fields
+from cwcli.export.ros.messages import ROS_MESSAGES, unknown_fields
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import LeftOut, annotate
+from cwcli.logs.write.cdr_fit import unfit_rows
 from cwcli.logs.write.profile import is_of_profile
 from cwcli.pipeline.records import ORIGIN_NAMES, PREFIX, map_of, run_records
 from cwcli.signals.columns import OutputChannel, column_at
@@ -37,7 +38,8 @@ class RosLog:
     Attributes:
         n_messages_kept, n_messages_made: ROS messages of the source, and those made of others.
         left_out: Topic -> schema of each channel for which there is no ROS message.
-        left_messages: Topic -> number of messages with a time that ROS can't hold (int32 seconds), where there are any.
+        left_messages: Topic -> field -> number of messages with something there that the ROS message can't hold (a time
+            beyond int32 seconds, elements that differ in number), where there are any. A message counts once.
         left_fields: Topic -> fields that the ROS message does not have, where another version wrote any.
         replaced: Recorded ROS channels whose topic is that of one that was made.
     """
@@ -45,7 +47,7 @@ class RosLog:
     n_messages_kept: int
     n_messages_made: int
     left_out: dict[str, str]
-    left_messages: dict[str, int]
+    left_messages: dict[str, dict[str, int]]
     left_fields: dict[str, list[str]]
     replaced: list[str]
 
@@ -100,7 +102,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
         report.n_messages_copied,
         report.n_messages_added,
         left_out,
-        {topic: n for topic, n in left_messages.items() if n},
+        {topic: counts for topic, counts in left_messages.items() if counts},
         {topic: names for topic, names in left_fields.items() if names},
         replaced,
     )
@@ -116,13 +118,19 @@ def topic_names(topics: Iterable[str]) -> dict[str, str]:
     return names
 
 
-def _converted(log: Log, topic: str, name: str, local_map: LocalMap | None) -> tuple[OutputChannel, int, list[str]]:
-    """The channel, the number of messages that are left out of it, and the names of the fields that are."""
+def _converted(
+    log: Log, topic: str, name: str, local_map: LocalMap | None
+) -> tuple[OutputChannel, dict[str, int], list[str]]:
+    """The channel, the messages that are left out of it (by field, counted), and the names of the fields that are."""
     columns = log.columns(topic)
     message = ROS_MESSAGES[columns.schema_name]
-    n = len(columns)
     fields = message.fields(columns, local_map)
-    fit = stamps_fit(fields, n)
+    fit = np.ones(len(columns), np.bool_)
+    left_out = {}
+    for path, is_unfit in unfit_rows(message.schema, fields, len(columns)).items():
+        if n := int(np.count_nonzero(fit & is_unfit)):
+            left_out[path] = n
+        fit &= ~is_unfit
     if not fit.all():
         rows = np.flatnonzero(fit)
         columns = replace(
@@ -134,4 +142,4 @@ def _converted(log: Log, topic: str, name: str, local_map: LocalMap | None) -> t
         )
         fields = message.fields(columns, local_map)
     channel = OutputChannel(name, message.schema, columns.log_time_ns, fields)
-    return channel, n - len(columns), unknown_fields(columns)
+    return channel, left_out, unknown_fields(columns)

@@ -32,7 +32,6 @@ from cwcli.signals.columns import (
 )
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.leaf_fields import find, matrix, numbers, stamps, texts, unusable, vector, whole_numbers
-from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import BODY_FRAME, EGO_ID, HEADING, MAP_FRAME, SPEED, YAW_RATE, X, Y
 
@@ -202,19 +201,6 @@ def _ragged(columns: Columns, name: str) -> Ragged:
     if isinstance(field, np.ndarray) and field.ndim == 2:
         return Ragged(field.ravel(), np.arange(n + 1, dtype=np.int64) * field.shape[1])
     raise unusable(columns, name)
-
-
-def stamps_fit(fields: Fields, n: int) -> BoolArray:
-    """Shape (n,): whether every ROS time of a message is within its 32 bits of seconds."""
-    fit = np.ones(n, np.bool_)
-    for path, column in fields.items():
-        if isinstance(column, Repeated):
-            inside = stamps_fit(column.fields, int(column.offsets[-1]))
-            fit[np.repeat(np.arange(n), np.diff(column.offsets))[~inside]] = False
-        elif isinstance(column, np.ndarray) and path.rpartition(".")[2] == "stamp":
-            seconds = column.astype(np.int64) // NS_PER_S
-            fit &= (seconds >= -MAX_SECONDS) & (seconds < MAX_SECONDS)
-    return fit
 
 
 def _diagnostics(columns: Columns, _map: LocalMap | None) -> Fields:

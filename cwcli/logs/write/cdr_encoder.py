@@ -15,6 +15,7 @@ import numpy as np
 
 from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, Definitions, MessageField, find_definition, parse_definitions
 from cwcli.logs.write.byte_rows import ByteRows, join_rows
+from cwcli.logs.write.cdr_fit import SECONDS, TIMES, unfit_numbers
 from cwcli.logs.write.column_tree import ColumnError, Tree, elements, tree_of
 from cwcli.logs.write.ros_schemas import ros_schema
 from cwcli.logs.write.row_assembly import Fixed, Piece, Varying, assemble, constant
@@ -22,7 +23,6 @@ from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged,
 from cwcli.signals.units import NS_PER_S
 
 CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-TIMES = ("builtin_interfaces/Time", "builtin_interfaces/Duration")
 MAX_ALIGNMENT = 8
 NO_BYTES = np.zeros(MAX_ALIGNMENT, np.uint8)
 
@@ -40,7 +40,8 @@ def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> B
 
     Raises:
         KeyError: There is no such message.
-        ColumnError: A path names no field, or a column has the wrong kind for it.
+        ColumnError: A path names no field, or a column has the wrong kind for it or holds a number that does not fit
+            (`unfit_rows` tells which rows do).
     """
     root, definitions = _definitions(schema_name)
     body = _Rows(np.zeros(n, np.int64))
@@ -133,8 +134,15 @@ def _inner(name: str, column: OutputField | Tree | None) -> Tree:
         return column
     if name in TIMES and isinstance(column, np.ndarray):
         seconds, nanos = np.divmod(column, NS_PER_S)
-        return {"sec": seconds, "nanosec": nanos}
+        return {"sec": _fitting(SECONDS, seconds), "nanosec": nanos}
     raise ColumnError("it is a message: name the fields inside")
+
+
+def _fitting(type_name: str, values: NumericArray) -> NumericArray:
+    n_unfit = int(np.count_nonzero(unfit_numbers(type_name, values)))
+    if n_unfit:
+        raise ColumnError(f"{n_unfit} of {values.size} numbers are none of {type_name}")
+    return values
 
 
 def _add_number(rows: _Rows, field: MessageField, column: OutputField | Tree | None) -> None:
@@ -142,7 +150,7 @@ def _add_number(rows: _Rows, field: MessageField, column: OutputField | Tree | N
         column = np.zeros(len(rows))
     if not isinstance(column, np.ndarray) or column.ndim != 1:
         raise ColumnError("it holds one number")
-    rows.numbers(PRIMITIVES[field.type], column)
+    rows.numbers(PRIMITIVES[field.type], _fitting(field.type, column))
 
 
 def _add_array(rows: _Rows, field: MessageField, column: OutputField | Tree | None) -> None:
@@ -152,13 +160,13 @@ def _add_array(rows: _Rows, field: MessageField, column: OutputField | Tree | No
     if field.length is not None:
         if not isinstance(column, np.ndarray) or column.shape != (len(rows), field.length):
             raise ColumnError(f"it holds {field.length} numbers")
-        rows.numbers(code, column)
+        rows.numbers(code, _fitting(field.type, column))
         return
     if isinstance(column, np.ndarray) and column.ndim == 2:
         column = Ragged(column.ravel(), np.arange(len(column) + 1, dtype=np.int64) * column.shape[1])
     if not isinstance(column, Ragged):
         raise ColumnError("it needs an (n, k) array or a ragged column")
-    values = np.ascontiguousarray(column.values, f"<{code}")
+    values = np.ascontiguousarray(_fitting(field.type, column.values), f"<{code}")
     counts = np.diff(column.offsets)
     rows.counts(counts)
     rows.align(values.itemsize, counts > 0)  # nothing is aligned for numbers that are not there

@@ -42,10 +42,10 @@ def elements(column: OutputField | Tree) -> Repeated:
     Raises:
         ColumnError: They don't, or are not ragged.
     """
-    leaves = dict(_leaves(column)) if isinstance(column, Mapping) else {}
+    inside = dict(leaves(column)) if isinstance(column, Mapping) else {}
     offsets: Int64Array | None = None
     fields: dict[str, OutputField] = {}
-    for path, leaf in leaves.items():
+    for path, leaf in inside.items():
         if not isinstance(leaf, Ragged):
             raise ColumnError(f"{path} must be ragged: it lies inside a repeated message")
         if offsets is not None and not np.array_equal(offsets, leaf.offsets):
@@ -57,8 +57,9 @@ def elements(column: OutputField | Tree) -> Repeated:
     return Repeated(offsets, fields)
 
 
-def _leaves(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
-    leaves: list[tuple[str, OutputField]] = []
+def leaves(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
+    """Dotted path and column of each leaf."""
+    found: list[tuple[str, OutputField]] = []
     for name, node in tree.items():
-        leaves += _leaves(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]
-    return leaves
+        found += leaves(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]
+    return found

@@ -15,6 +15,7 @@ from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, MessageField, parse_de
 from cwcli.logs.write import cdr_encoder
 from cwcli.logs.write.byte_rows import ByteRows
 from cwcli.logs.write.cdr_encoder import encode_cdr
+from cwcli.logs.write.cdr_fit import unfit_numbers, unfit_rows
 from cwcli.logs.write.column_tree import ColumnError
 from cwcli.logs.write.ros_schemas import ros_schema
 from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, column_rows
@@ -197,3 +198,41 @@ def test_columns_that_do_not_fit(fields: dict[str, OutputField], said: str) -> N
     inside = {f"header.{name}": column for name, column in fields.items()}
     with pytest.raises(ColumnError, match=said):
         encode_cdr("geometry_msgs/msg/PoseStamped", inside, 2)
+
+
+@pytest.mark.parametrize(
+    ("type_name", "values", "unfit"),
+    [
+        ("uint8", np.array([0, 255, 256, -1]), [False, False, True, True]),
+        ("uint8", np.array([0.0, 255.0, 255.5, np.nan]), [False, False, True, True]),
+        ("bool", np.array([0, 1, 2], np.uint8), [False, False, True]),
+        ("int32", np.array([2**31 - 1, 2**31, -(2**31), -(2**31) - 1]), [False, True, False, True]),
+        ("int64", np.array([2.0**62, 2.0**63, -(2.0**63), np.inf]), [False, True, False, True]),
+        ("int64", np.array([2**63 - 1, 2**63], np.uint64), [False, True]),
+        ("uint64", np.array([0, -1]), [False, True]),
+        ("uint64", np.array([2.0**63, 2.0**64]), [False, True]),
+        ("float32", np.array([1e38, 1e39, np.inf, np.nan]), [False, True, False, False]),
+        ("float64", np.array([2**63 - 1]), [False]),
+    ],
+)
+def test_numbers_of_a_type(type_name: str, values: Any, unfit: list[bool]) -> None:
+    assert unfit_numbers(type_name, values).tolist() == unfit
+
+
+def test_no_number_becomes_another() -> None:
+    fields: dict[str, OutputField] = {"level": np.array([10, 300, -1]), "stamp": np.array([0, 1, 2**31]) * 10**9}
+    found = {path: rows.tolist() for path, rows in unfit_rows("rcl_interfaces/msg/Log", fields, 3).items()}
+    assert found == {"level": [False, True, True], "stamp": [False, False, True]}
+    for path, said in (("level", "2 of 3 numbers are none of uint8"), ("stamp", "1 of 3 numbers are none of int32")):
+        with pytest.raises(ColumnError, match=said):
+            encode_cdr("rcl_interfaces/msg/Log", {path: fields[path]}, 3)
+
+
+def test_elements_of_unequal_number_are_named() -> None:
+    """Rows of two, one and no elements; the second leaf has one too few in the first row, and 2^31 s in the second."""
+    stamps = Ragged(np.array([1, 2, 2**31]) * 1.0, np.array([0, 2, 3, 3]))
+    x_m = Ragged(np.zeros(2), np.array([0, 1, 2, 2]))
+    path = "poses.pose.position.x"
+    fields: dict[str, OutputField] = {"poses.header.stamp.sec": stamps, path: x_m}
+    found = {name: rows.tolist() for name, rows in unfit_rows("nav_msgs/msg/Path", fields, 3).items()}
+    assert found == {"poses.header.stamp.sec": [False, True, False], path: [True, False, False]}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cwcli.signals.columns import Field, Ragged, Strings
-from cwcli.signals.leaf_fields import row_of
+from cwcli.signals.leaf_fields import row_of, texts, whole_numbers
+from tests.unit.signals.signal_columns import columns_of
 
 LISTS: dict[str, tuple[Field | None, list[float]]] = {
     "of different lengths": (Ragged(np.array([1.0, 2.0, 3.0]), np.array([0, 0, 2, 3])), [1.0, 2.0]),
@@ -24,3 +25,16 @@ def test_numbers_of_one_message(kind: str) -> None:
     found = row_of(field, 1)
     assert found.dtype == np.float64
     assert found.tolist() == expected
+
+
+def test_an_unsigned_number_never_becomes_a_negative_one() -> None:
+    field = np.array([2**63 - 1, 2**63, 2**64 - 1], np.uint64)
+    values, is_there = whole_numbers(columns_of("T", {"stamp_ns": field}), "stamp_ns")
+    assert values.tolist() == [2**63 - 1] * 3
+    assert is_there.tolist() == [True, False, False]
+
+
+def test_no_two_numbers_are_spelled_alike() -> None:
+    found = texts(columns_of("T", {"id": np.array([7.0, 7.25, 1e300, np.nan, 7.0])}), "id")
+    assert found is not None
+    assert [found.values[code] if code >= 0 else None for code in found.codes] == ["7", "7.25", "1e+300", None, "7"]

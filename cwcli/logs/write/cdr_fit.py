@@ -1,0 +1,101 @@
+"""Which rows of columns a ROS 2 message can hold: numbers within their types, elements that agree in their number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.logs.codecs.ros2msg import PRIMITIVES, Definitions, find_definition, parse_definitions
+from cwcli.logs.write.column_tree import Tree, leaves, tree_of
+from cwcli.logs.write.ros_schemas import ros_schema
+from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated
+from cwcli.signals.units import NS_PER_S
+
+BoolArray = npt.NDArray[np.bool_]
+BOOL = "bool"
+TIMES = ("builtin_interfaces/Time", "builtin_interfaces/Duration")
+SECONDS = "int32"
+"""Of a time."""
+
+
+def unfit_rows(schema_name: str, fields: Mapping[str, OutputField], n: int) -> dict[str, BoolArray]:
+    """Field path -> rows (n,) that hold what the field can't; the fields of which some row does.
+
+    Args:
+        schema_name, fields, n: As of `encode_cdr`. Columns of another kind than the field's are not looked at.
+    """
+    root, definitions = parse_definitions(schema_name, ros_schema(schema_name))
+    found = _unfit(definitions, root, tree_of(fields), n)
+    return {path: is_unfit for path, is_unfit in found.items() if is_unfit.any()}
+
+
+def unfit_numbers(type_name: str, numbers: NumericArray) -> BoolArray:
+    """Which numbers (of any shape) a primitive type can't hold as they are; a float32 rounds what is in its range."""
+    values: npt.NDArray[Any] = numbers
+    target = np.dtype(PRIMITIVES[type_name])
+    if type_name != BOOL and np.can_cast(values.dtype, target, "safe"):
+        return np.zeros(values.shape, np.bool_)
+    if target.kind == "f":
+        with np.errstate(over="ignore"):
+            beyond: BoolArray = np.isfinite(values) & ~np.isfinite(values.astype(target))
+        return beyond
+    low, high = (0, 1) if type_name == BOOL else (np.iinfo(target).min, np.iinfo(target).max)
+    if values.dtype.kind in "bui":
+        outside: BoolArray = (values < low) | (values > high)
+        return outside
+    # In doubles the end of 64 bits is the next power of two, which the type does not hold.
+    no_integer: BoolArray = ~((values >= low) & (values < float(high) + 1.0) & (values == np.floor(values)))
+    return no_integer
+
+
+def _unfit(definitions: Definitions, name: str, tree: Tree, n: int) -> dict[str, BoolArray]:
+    found: dict[str, BoolArray] = {}
+    for field in find_definition(definitions, name):
+        column = tree.get(field.name)
+        if column is None:
+            continue
+        if field.type in PRIMITIVES:
+            inner = {"": _of_leaf(field.type, column, n)}
+        elif field.type in TIMES and isinstance(column, np.ndarray):
+            inner = {"": _of_leaf(SECONDS, column // NS_PER_S, n)}
+        elif field.type not in definitions:
+            continue
+        elif field.is_sequence:
+            inner = _of_elements(definitions, field.type, column, n)
+        else:
+            inner = _unfit(definitions, field.type, column, n) if isinstance(column, Mapping) else {}
+        found |= {".".join(filter(None, (field.name, path))): rows for path, rows in inner.items()}
+    return found
+
+
+def _of_leaf(type_name: str, column: OutputField | Tree, n: int) -> BoolArray:
+    if isinstance(column, Ragged):
+        return _in_rows(unfit_numbers(type_name, column.values), column.offsets)
+    if isinstance(column, np.ndarray) and len(column) == n:
+        return np.asarray(unfit_numbers(type_name, column).reshape(n, -1).any(axis=1))
+    return np.zeros(n, np.bool_)
+
+
+def _of_elements(definitions: Definitions, name: str, column: OutputField | Tree, n: int) -> dict[str, BoolArray]:
+    """Of a sequence of messages; one of whose leaves there are more or fewer than of the first is unfit."""
+    if isinstance(column, Repeated):
+        inner = _unfit(definitions, name, tree_of(column.fields), int(column.offsets[-1]))
+        return {path: _in_rows(is_unfit, column.offsets) for path, is_unfit in inner.items()}
+    if not isinstance(column, Mapping):
+        return {}
+    found = _unfit(definitions, name, column, n)
+    ragged = {path: np.diff(leaf.offsets) for path, leaf in leaves(column) if isinstance(leaf, Ragged)}
+    counts = next(iter(ragged.values()), np.zeros(n, np.int64))
+    for path, own in ragged.items():
+        found[path] = found.get(path, np.zeros(n, np.bool_)) | (own != counts)
+    return found
+
+
+def _in_rows(is_unfit: BoolArray, offsets: Int64Array) -> BoolArray:
+    """Whether any element of each row is."""
+    rows = np.zeros(len(offsets) - 1, np.bool_)
+    rows[np.repeat(np.arange(len(rows)), np.diff(offsets))[is_unfit]] = True
+    return rows
