@@ -23,7 +23,7 @@ from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
 from cwcli.report.page import Page, Renderer, Row
 from cwcli.report.section import Detail, log_view
-from cwcli.report.sensors import doubts
+from cwcli.report.sensors import doubts, first_remark
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
 from cwcli.report.system import judged_system, system_sentences
@@ -49,8 +49,10 @@ COLUMNS = (
     ("lanes.found_share", "lanes found [share]"),
     ("data.rejected_count", "messages rejected"),
 )
-FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, has_all_metrics=False)
-TIGHT = Detail(n_pieces=150, n_events=1, n_frame_events=1, n_frames=2, has_all_metrics=False)
+FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)
+TIGHT = Detail(
+    n_pieces=150, n_events=1, n_frame_events=1, n_frames=2, n_moments=0, has_all_metrics=False, has_residuals=False
+)
 Progress = Callable[[str], None]
 
 
@@ -306,7 +308,7 @@ def _view(
     drive = replace(read_drive(log), system=judged_system(log, system))
     meetings = find_meetings(drive)
     story: Story = tell(drive, meetings, entry.left_out.get("warn", ""), doubts(drive))
-    story = replace(story, more=(*story.more, *system_sentences(drive)))
+    story = replace(story, more=(*story.more, *filter(None, (first_remark(drive),)), *system_sentences(drive)))
     return log_view(
         log,
         entry,

@@ -128,7 +128,7 @@ def _environment() -> Environment:
     macros = _asset("macros.html")
 
     def load(name: str) -> str:
-        imports = "{% from 'macros.html' import badge, badge_list, plot, frames, table, gate_table %}\n"
+        imports = "{% from 'macros.html' import badge, badge_list, plot, frames, player, table, gate_table %}\n"
         return macros if name == "macros.html" else imports + _asset(name)
 
     def visible(value: Any) -> Any:
@@ -143,6 +143,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters["listed"] = lambda value: Markup(json.dumps(value, separators=(",", ":"), allow_nan=False))
     environment.filters["packed"] = lambda value: Markup(packed_json(value))
     return environment
 

@@ -19,6 +19,8 @@ from cwcli.report.encounters import Encounter, Meetings
 from cwcli.report.frames import Thumbnail, thumbnails
 from cwcli.report.map_figure import map_figure
 from cwcli.report.pairs import conflicts_table, link_texts, pairs_table, warning_marks
+from cwcli.report.player import moments, player_of
+from cwcli.report.residuals import residual_plots
 from cwcli.report.sensors import error_figure, sensors_view
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import Entry
@@ -51,14 +53,18 @@ class Detail:
         n_events: Warnings with figures of their own.
         n_frame_events: Warnings with camera pictures.
         n_frames: Pictures of a drive without warnings.
+        n_moments: Pictures of which the one at the marked moment is shown.
         has_all_metrics: Every metric is listed, not only those that runs are compared by.
+        has_residuals: Each source's residuals are drawn.
     """
 
     n_pieces: int = 700
     n_events: int = 8
     n_frame_events: int = 4
     n_frames: int = 8
+    n_moments: int = 100
     has_all_metrics: bool = True
+    has_residuals: bool = True
 
 
 def log_view(
@@ -77,7 +83,7 @@ def log_view(
     """Everything that is shown of a log."""
     notes = [*drive.notes, *(drive.system.notes if drive.system is not None else ())]
     chosen = sorted(most_critical(meetings)[: detail.n_events], key=lambda each: (each.raised_ns, each.event_id))
-    pictures, why = _pictures(log, drive, chosen[: detail.n_frame_events], detail)
+    pictures, over_all, why = _pictures(log, drive, chosen[: detail.n_frame_events], detail)
     if why:
         notes.append(why)
     first: list[Plot] = []
@@ -104,6 +110,9 @@ def log_view(
             title = f"How near {meetings.nearest.other.kind} {meetings.nearest.other.id} came"
             first.append(_plot(anchor, "distance", title, "from the estimated tracks", near))
     signals = _signals(drive, meetings, anchor, detail, with_first=first)
+    sensors = sensors_view(drive)
+    if sensors is not None and detail.has_residuals:
+        sensors = replace(sensors, plots=tuple(residual_plots(drive, anchor, detail.n_pieces)))
     return LogView(
         anchor=anchor,
         name=entry.name,
@@ -120,7 +129,8 @@ def log_view(
         signals=tuple(signals),
         system=tuple(system_tables(drive, entry.metrics)),
         frames=tuple(_evenly(drive, pictures)) if not chosen else (),
-        sensors=sensors_view(drive),
+        player=player_of(drive, over_all),
+        sensors=sensors,
         tables=tuple(log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
         links=(
             *((event.mark, f"warning {event.number}") for event in events),
@@ -247,14 +257,19 @@ def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, w
     return plots
 
 
-def _pictures(log: Log, drive: Drive, chosen: Sequence[Encounter], detail: Detail) -> tuple[dict[int, Thumbnail], str]:
+def _pictures(
+    log: Log, drive: Drive, chosen: Sequence[Encounter], detail: Detail
+) -> tuple[dict[int, Thumbnail], list[Thumbnail], str]:
+    """Pictures by the times that are shown beside each other, those over the whole log, and why some are missing."""
     if not drive.camera:
-        return {}, ""
+        return {}, [], ""
     wanted = [each.raised_ns + round(offset_s * NS_PER_S) for each in chosen for offset_s in FRAME_OFFSETS_S]
     if not wanted:
         span = drive.end_ns - drive.start_ns
         wanted = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]
-    return thumbnails(log, drive, wanted)
+    over_all = moments(drive, detail.n_moments)
+    found, why = thumbnails(log, drive, [*wanted, *over_all])
+    return {at: found[at] for at in wanted if at in found}, [found[at] for at in over_all if at in found], why
 
 
 def _evenly(drive: Drive, pictures: dict[int, Thumbnail]) -> list[Picture]:

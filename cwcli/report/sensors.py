@@ -20,7 +20,7 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
-from cwcli.text import number
+from cwcli.text import join_names, number
 
 SHOWN = ("sources", "parameters", "noise", "errors", "nees", "link", "reception")
 """Tables of `estimate` that are about the sensors, in this order."""
@@ -57,26 +57,49 @@ def sensors_view(drive: Drive) -> SensorsView | None:
 
 def _remarks(found: Mapping[str, Section]) -> Iterator[str]:
     """What explains the figures: why blue lies beside grey, and a bias that is a pitch."""
+    for source, quantity, late_s in _late(found):
+        word, side = ("late", "ahead of") if late_s > 0.0 else ("early", "behind")
+        yield (
+            f"The {quantity} of {source} came {abs(late_s):.2f} s {word} by its stamps; that is corrected, so the "
+            f"estimate (blue) lies as far {side} what was measured (grey)."
+        )
+    for source, bias_mps2, pitch_deg in _pitched(found):
+        yield (
+            f"The acceleration of {source} is off by {bias_mps2:.2f} m/s²: that of an IMU pitched by "
+            f"{pitch_deg:.0f} degrees."
+        )
+
+
+def first_remark(drive: Drive) -> str:
+    """The same in a sentence for the top of the page; "" where nothing is odd."""
+    found = {section.key: section for section in told_by(drive.records.get("estimate", {})).sections}
+    said = [
+        f"the {quantity} of {source} came {abs(late_s):.2f} s {'late' if late_s > 0.0 else 'early'} (corrected)"
+        for source, quantity, late_s in _late(found)
+    ]
+    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _pitched(found)]
+    return f"Of the sensors {join_names(said)}." if said else ""
+
+
+def _late(found: Mapping[str, Section]) -> Iterator[tuple[str, str, float]]:
+    """Source, quantity and latency [s] of those whose corrected latency shows in the figures."""
     for row in found["sources"].rows if "sources" in found else ():
-        source, quantity, latency, status = row[0], row[1], _leading(row[-2]), row[-1]
-        if status == "applied" and abs(latency) >= LATE_MS:
-            word, side = ("late", "ahead of") if latency > 0.0 else ("early", "behind")
-            yield (
-                f"The {quantity} of {source} came {abs(latency) / 1000.0:.2f} s {word} by its stamps; that is "
-                f"corrected, so the estimate (blue) lies as far {side} what was measured (grey)."
-            )
+        latency_ms = leading_number(row[-2])
+        if row[-1] == "applied" and abs(latency_ms) >= LATE_MS:
+            yield str(row[0]), str(row[1]), latency_ms / 1000.0
+
+
+def _pitched(found: Mapping[str, Section]) -> Iterator[tuple[str, float, float]]:
+    """Source, bias of the acceleration [m/s^2] and the pitch that would give it [deg], where that is no road's."""
     for row in found["parameters"].rows if "parameters" in found else ():
-        source, quantity, parameter, value = row[0], row[1], row[2], _leading(row[3])
-        if (quantity, parameter) == ("accel", "bias") and abs(value) < GRAVITY_MPS2:
-            pitch_deg = math.degrees(math.asin(abs(value) / GRAVITY_MPS2))
+        source, quantity, parameter, bias = row[0], row[1], row[2], leading_number(row[3])
+        if (quantity, parameter) == ("accel", "bias") and abs(bias) < GRAVITY_MPS2:
+            pitch_deg = math.degrees(math.asin(abs(bias) / GRAVITY_MPS2))
             if pitch_deg >= TILTED_DEG:
-                yield (
-                    f"The acceleration of {source} is off by {value:.2f} m/s²: that of an IMU pitched by "
-                    f"{pitch_deg:.0f} degrees."
-                )
+                yield str(source), bias, pitch_deg
 
 
-def _leading(cell: Cell) -> float:
+def leading_number(cell: Cell) -> float:
     """The number at the beginning of `1013 +- 88`; NaN where there is none."""
     try:
         return float(str(cell).partition(" ")[0])
@@ -87,7 +110,12 @@ def _leading(cell: Cell) -> float:
 def _table(section: Section) -> TableView:
     numeric = [any(_is_number(row[k]) for row in section.rows) for k in range(len(section.columns))]
     rows = tuple(tuple(map(_text, row)) for row in section.rows[:MAX_ROWS])
-    return TableView(section.title, tuple(zip(section.columns, numeric, strict=True)), rows)
+    return TableView(section.title, tuple(zip(map(_heading, section.columns), numeric, strict=True)), rows)
+
+
+def _heading(column: str) -> str:
+    """`loss_share` as `loss share`."""
+    return column.replace("_", " ")
 
 
 def _is_number(cell: Cell) -> bool:

@@ -74,7 +74,7 @@ def motion_curves(drive: Drive) -> list[Curve]:
             raw = replace(raw, values=_near(raw.stamp_ns, raw.values, ego.stamp_ns, ego.state[:, 3]))
         scaled = None if raw is None else (raw.stamp_ns, raw.values * scale)
         values, spread = ego.state[:, state] * scale, sigma[:, state] * scale
-        gated = None if raw is None else _is_gated(raw, drive.gated)
+        gated = None if raw is None else is_gated(raw.topic, raw.quantity.name.lower(), raw.stamp_ns, drive.gated)
         curves.append(Curve(title, unit, decimals, ego.stamp_ns, values, spread, scaled, gated))
     return curves
 
@@ -123,14 +123,14 @@ def _raw(measured: tuple[Measurements, ...], kind: Kind) -> _Raw | None:
     return None
 
 
-def _is_gated(raw: _Raw, gated: Gated) -> BoolArray:
-    """Which of the measurements the estimator did not believe, (n,)."""
+def is_gated(topic: str, quantity: str, stamp_ns: Int64Array, gated: Gated) -> BoolArray:
+    """Which of a source's measurements, by their stamps (n,), the estimator did not believe, (n,)."""
     is_own = np.zeros(len(gated), bool)
-    if raw.topic in gated.topic.values and raw.quantity.name.lower() in gated.quantity.values:
-        topics = [name == raw.topic for name in gated.topic.values]
-        quantities = [name == raw.quantity.name.lower() for name in gated.quantity.values]
+    if topic in gated.topic.values and quantity in gated.quantity.values:
+        topics = [name == topic for name in gated.topic.values]
+        quantities = [name == quantity for name in gated.quantity.values]
         is_own = np.array(topics)[gated.topic.codes] & np.array(quantities)[gated.quantity.codes]
-    return np.asarray(np.isin(raw.stamp_ns, gated.stamp_ns[is_own]))
+    return np.asarray(np.isin(stamp_ns, gated.stamp_ns[is_own]))
 
 
 def _near(stamp_ns: Int64Array, heading: FloatArray, track_ns: Int64Array, track: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from cwcli.metrics.headline import metric_of
@@ -139,10 +140,17 @@ def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
     texts = ("metric", "unit", "states", "95 % interval")
     names = ("metric", "value", "unit", "states", "95 % interval", "samples")
     columns = tuple((name, name not in texts) for name in names)
-    tables = [TableView("Headline metrics", columns, tuple(main))] if main else []
+    tables = [without_empty(TableView("Headline metrics", columns, tuple(main)))] if main else []
     if rest and has_all_metrics:
-        tables.append(TableView("Further metrics", columns, tuple(rest), is_folded=True))
+        tables.append(without_empty(TableView("Further metrics", columns, tuple(rest), is_folded=True)))
     return tables
+
+
+def without_empty(table: TableView) -> TableView:
+    """The table without columns in which no row holds anything."""
+    kept = [k for k in range(len(table.columns)) if any(row[k] not in ("", "-") for row in table.rows)]
+    rows = tuple(tuple(row[k] for k in kept) for row in table.rows)
+    return replace(table, columns=tuple(table.columns[k] for k in kept), rows=rows)
 
 
 def value_text(name: str, value: float) -> str:

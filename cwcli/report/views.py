@@ -10,13 +10,14 @@ from cwcli.report.story import Badge, Story
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure in the page."""
+    """A figure in the page; height_px: 0 where its kind says."""
 
     id: str
     kind: str
     title: str
     hint: str
     figure: Figure
+    height_px: int = 0
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,25 @@ class Picture:
     alt: str
     caption: str
     at_s: float
+
+
+@dataclass(frozen=True)
+class Player:
+    """The camera's frames, of which the one at the marked moment is shown.
+
+    Attributes:
+        first: The first picture, as a data address.
+        width_px, height_px: Of each.
+        start_s, end_s: What the slider covers, since the log began.
+        moments: Time of each frame since the log began, and its JPEG file in base64.
+    """
+
+    first: str
+    width_px: int
+    height_px: int
+    start_s: float
+    end_s: float
+    moments: tuple[tuple[float, str], ...]
 
 
 @dataclass(frozen=True)
@@ -52,12 +72,14 @@ class SensorsView:
         tables: What it found.
         notes: What each stage remarked, as on the terminal.
         remarks: What explains the figures, a sentence each.
+        plots: Each source's residuals.
     """
 
     verdict: str
     tables: tuple[TableView, ...]
     notes: tuple[str, ...]
     remarks: tuple[str, ...] = ()
+    plots: tuple[Plot, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -90,6 +112,7 @@ class LogView:
     others: tuple[TableView, ...] = ()
     signals: tuple[Plot, ...] = ()
     frames: tuple[Picture, ...] = ()
+    player: Player | None = None
     tables: tuple[TableView, ...] = ()
     sensors: SensorsView | None = None
     system: tuple[TableView, ...] = ()

@@ -76,7 +76,7 @@ def test_story_says_what_happened(page: Path) -> None:
 def test_page_is_drawn_without_network_and_without_a_word_on_the_console(page: Path, tmp_path: Path) -> None:
     shot = tmp_path / "first-screen.png"
     visited = visit(page, tmp_path, screenshot=shot)
-    assert drawn(visited) == 5  # map, fan, distance, motion, errors
+    assert drawn(visited) == 10  # map, fan, distance, motion, errors, residuals of five quantities
     assert visited.dom.count("main-svg") >= 5
     assert visited.console == ()
     assert visited.urls == ()
@@ -92,7 +92,8 @@ def test_first_screen_holds_verdict_map_and_warning(page: Path) -> None:
 
 def test_figures_show_what_the_tracks_say(page: Path) -> None:
     found = figures(page.read_text())
-    assert set(found) == {"log-1-map", "log-1-fan-1", "log-1-distance-1", "log-1-motion", "log-1-errors"}
+    residuals = {f"log-1-residuals-{n}" for n in range(1, 6)}  # position, heading, speed, and the IMU's two
+    assert set(found) == {"log-1-map", "log-1-fan-1", "log-1-distance-1", "log-1-motion", "log-1-errors", *residuals}
     names = [trace["name"] for trace in found["log-1-map"]["data"]]  # type: ignore[attr-defined]
     assert names[:3] == ["raw position fixes", "the truth", "the car, estimated"]
     assert {"vehicle d9583520", "warning given", "nearest approach"} <= set(names)
@@ -256,7 +257,7 @@ def test_camera_frames_around_the_warning_have_their_lanes(annotated: Path, cwcl
     with_camera(annotated, tmp_path / "seen.mcap")
     assert cwcli("report", "seen.mcap", "-o", "r.html").returncode == 0
     html = (tmp_path / "r.html").read_text()
-    pictures = Elements(html).of("img")
+    pictures = [each for each in Elements(html).of("img") if "marked moment" not in each["alt"]]
     # the warning came at 4.700 s: frames 27, 37, 47, 57, 67
     assert [each["alt"].split(":")[0] for each in pictures] == [
         f"Camera frame at {at} s" for at in ("2.70", "3.70", "4.70", "5.70", "6.70")

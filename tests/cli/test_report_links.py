@@ -189,7 +189,9 @@ def test_pointing_at_a_moment_marks_it_on_the_map_and_in_all_curves(annotated: P
     (tmp_path / "pointed.html").write_text(policy.sub("", page).replace("</body>", f"{POINT}</body>"), encoding="utf-8")
     seen = visit(tmp_path / "pointed.html", tmp_path)
     (body,) = Elements(seen.dom).of("body")
-    over_time = [kind for name in figures(page) for kind in ("motion", "errors", "distance") if f"-{kind}" in name]
+    over_time = [
+        kind for name in figures(page) for kind in ("motion", "errors", "distance", "residuals") if f"-{kind}" in name
+    ]
     assert int(body["data-lines"]) == len(over_time) >= 2
     here = [tuple(map(float, pair)) for pair in re.findall(r"\[([-\d.e]+),([-\d.e]+)\]", body["data-here"])]
     # The ego drives north at 9 m/s, the other comes from the east towards the crossing at (0, 67), by the scenario

@@ -125,14 +125,40 @@
     for (const each of all) { each.classList.toggle("now", each === nearest && far(each) < 0.5); }
   };
 
+  // The camera's frame at the moment: the last one before it. Out of sight it comes into the corner while one points.
+  const movePlayer = (log, at, from) => {
+    const player = log.querySelector(".player");
+    if (!player) { return; }
+    player.frames = player.frames || JSON.parse(player.querySelector("script").textContent);
+    let row = player.frames.findIndex((each) => each[0] > at) - 1;
+    if (row === -2) { row = player.frames.length - 1; }
+    const [stamp, picture] = player.frames[Math.max(row, 0)], image = player.querySelector("img");
+    image.src = "data:image/jpeg;base64," + picture;
+    player.dataset.at = stamp;
+    player.querySelector("output").textContent = "marked: " + at.toFixed(2) + " s, frame of " + stamp.toFixed(2) + " s";
+    const slider = player.querySelector("input"), screen = player.querySelector(".screen");
+    if (from !== slider) { slider.value = at; }
+    const box = player.getBoundingClientRect();
+    const isOut = from !== slider && (box.bottom < 80 || box.top > window.innerHeight - 80);
+    if (isOut && !screen.classList.contains("corner")) { player.style.minHeight = box.height + "px"; }
+    screen.classList.toggle("corner", isOut);
+  };
+
+  const leave = (place) => {
+    const screen = (place.closest(".log") || document.body).querySelector(".player .screen");
+    if (screen) { screen.classList.remove("corner"); }
+  };
+
   const setTime = (from, at) => {
     const log = from.closest(".log") || document.body;
     for (const place of log.querySelectorAll(".plot[data-state='drawn']")) { markTime(place, at); }
     markFrames(log, at);
+    movePlayer(log, at, from);
     log.dataset.at = at.toFixed(2);
   };
 
   const listen = (place) => {
+    place.addEventListener("mouseleave", () => leave(place));
     if (isOverTime(place)) {
       place.addEventListener("mousemove", (event) => {
         const size = place._fullLayout._size;
@@ -208,7 +234,11 @@
   };
 
   const start = async () => {
+    document.documentElement.dataset.script = "on";
     document.querySelectorAll("table.logs").forEach(arrange);
+    for (const slider of document.querySelectorAll(".player input")) {
+      slider.addEventListener("input", () => setTime(slider, Number(slider.value)));
+    }
     try {
       open();
       if (typeof DecompressionStream === "undefined") { throw new Error("DecompressionStream"); }

@@ -1,0 +1,262 @@
+"""Each source's residuals over time: what it measured minus the estimate, once what was found of it is taken off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cwcli.estimation.imu import level_imu
+from cwcli.estimation.latency import DRIFT_REACH_S
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.parameter import ParameterStatus
+from cwcli.pipeline.records import json_entry, number, told_by
+from cwcli.report.decimate import spot_rows
+from cwcli.report.drawing import ALERT, EGO, RAW, Figure, Trace, axis, dots, polygon, rounded, words
+from cwcli.report.drive import Drive
+from cwcli.report.sensors import INTERVAL_95, leading_number
+from cwcli.report.signal_figures import is_gated
+from cwcli.report.views import Plot
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.quality import BoolArray
+from cwcli.signals.resample import resample
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE
+
+MAX_SOURCES = 8
+MAX_GAP_S = 0.5
+MAX_LINES = 60
+ROW_PX, AROUND_PX = 130, 110
+SHOWN_SIGMAS = 4.0
+"""The axis covers so many sigmas of the noise at least, and all but one residual in 500 that was believed."""
+DEG = math.degrees(1.0)
+PARTS: Mapping[Kind, tuple[tuple[str, str, float], ...]] = {
+    Kind.POSITION: (("ahead", "m", 1.0), ("left", "m", 1.0)),
+    Kind.VELOCITY: (("ahead", "m/s", 1.0), ("left", "m/s", 1.0)),
+    Kind.SPEED: (("speed", "m/s", 1.0),),
+    Kind.HEADING: (("heading", "deg", DEG),),
+    Kind.ACCEL: (("acceleration", "m/s²", 1.0),),
+    Kind.YAW_RATE: (("yaw rate", "deg/s", DEG),),
+}
+"""What is drawn of a quantity: name, unit, and the factor that makes it."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Of one source and quantity.
+
+    Attributes:
+        source, kind: Whose they are.
+        stamp_ns: Shape (n,): as measured.
+        values: Shape (n, d), one column for each of `PARTS`, in its unit; NaN where nothing was estimated.
+        is_gated: Shape (n,): which the estimator did not believe.
+        sigma: One sigma of the white noise that the filter took, in the same unit; NaN where it is not told.
+        hint: What was found of the source, in words.
+    """
+
+    source: str
+    kind: Kind
+    stamp_ns: Int64Array
+    values: FloatArray
+    is_gated: BoolArray
+    sigma: float
+    hint: str
+
+
+def residual_plots(drive: Drive, anchor: str, n_pieces: int) -> list[Plot]:
+    """A figure for each source and quantity of the ego; none from records that do not tell of the sources."""
+    plots = []
+    for index, each in enumerate(residuals(drive)):
+        if index == MAX_SOURCES:
+            break
+        title = f"Residuals of {each.source}: {each.kind.name.lower().replace('_', ' ')}"
+        height_px = AROUND_PX + ROW_PX * each.values.shape[1]
+        figure = residual_figure(drive, each, n_pieces)
+        plots.append(
+            Plot(f"{anchor}-residuals-{index + 1}", "residuals", title, each.hint, figure, height_px=height_px)
+        )
+    return plots
+
+
+def residuals(drive: Drive) -> Iterator[Residuals]:
+    """The residuals of each of the ego's sources, in the order of the record's table.
+
+    They are taken against the estimate by hindsight at the corrected time: stamps less the latency, speeds by their
+    scale, biases off. Slow errors, and what a lever arm or a road's grade does to a source, stay in them.
+    """
+    if drive.ego is None:
+        return
+    states = drive.ego.by_stamp()
+    record = drive.records.get("estimate", {})
+    found = {section.key: section.rows for section in told_by(record).sections}
+    measured = {(each.source, each.kind): each for source in drive.measured for each in _levelled(drive, source)}
+    for report in json_entry(record, "sources", list):
+        if not isinstance(report, dict) or report.get("vehicle") != EGO_ID:
+            continue
+        source = str(report.get("source"))
+        kind = next((kind for kind in PARTS if kind.name.lower() == report.get("quantity")), None)
+        if kind is None or (source, kind) not in measured:
+            continue
+        rows = measured[source, kind]
+        own = (source, kind.name.lower().replace("_", " "))
+        told = [row for row in found.get("parameters", ()) if tuple(row[:2]) == own]
+        noise = next((row for row in found.get("noise", ()) if tuple(row[:2]) == own), None)
+        scale = PARTS[kind][0][2]
+        estimated = resample(states.stamp_ns, states.state, _corrected(rows.stamp_ns, report), max_gap_s=MAX_GAP_S)
+        values = _differences(rows, estimated, bias=_found(told, "bias", 0.0), factor=_found(told, "scale", 1.0))
+        if not np.isfinite(values).any():
+            continue
+        sigma = math.nan if noise is None else leading_number(noise[2])
+        gated = is_gated(source, kind.name.lower(), rows.stamp_ns, drive.gated)
+        yield Residuals(source, kind, rows.stamp_ns, values * scale, gated, sigma * scale, _hint(report, told, noise))
+
+
+def _levelled(drive: Drive, measured: Measurements) -> list[Measurements]:
+    """The measurements in the order of their stamps; an IMU as the acceleration and the yaw rate that it gives."""
+    order = np.argsort(measured.stamp_ns, kind="stable")
+    stamp_ns, values = measured.stamp_ns[order], np.asarray(measured.values, np.float64)[order]
+    if values.ndim == 1:
+        values = values[:, None]
+    if measured.kind is not Kind.IMU:
+        return [Measurements(measured.source, measured.kind, stamp_ns, values)]
+    known = np.isfinite(values).all(axis=1)
+    stamp_ns, values = stamp_ns[known], values[known]
+    if not len(values):
+        return []
+    levelled = level_imu(drive.seconds(stamp_ns), values, None)
+    kept = stamp_ns[np.isin(drive.seconds(stamp_ns), levelled.time_s)]
+    if len(kept) != len(levelled.time_s):  # equal stamps, one of which was left out
+        return []
+    return [
+        Measurements(measured.source, kind, kept, each[:, None])
+        for kind, each in ((Kind.ACCEL, levelled.accel_mps2), (Kind.YAW_RATE, levelled.yaw_rate_radps))
+    ]
+
+
+def _corrected(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
+    """The stamps without the latency that was taken off them."""
+    latency_s, drift = number(report, "latency_s"), number(report, "latency_drift")
+    taken_s = np.full(len(stamp_ns), latency_s if math.isfinite(latency_s) else 0.0)
+    if math.isfinite(drift) and drift and len(stamp_ns):
+        middle_ns = (int(stamp_ns[0]) + int(stamp_ns[-1])) // 2
+        taken_s += drift * np.clip((stamp_ns - middle_ns) / NS_PER_S, -DRIFT_REACH_S, DRIFT_REACH_S)
+    return np.asarray(stamp_ns - np.rint(taken_s * NS_PER_S).astype(np.int64))
+
+
+def _differences(measured: Measurements, estimated: FloatArray, *, bias: float, factor: float) -> FloatArray:
+    """Measured minus estimated, shape (n, d): of vectors the parts along the estimated heading and to its left."""
+    values, heading = measured.values, estimated[:, HEADING]
+    along, left = (
+        np.column_stack([np.cos(heading), np.sin(heading)]),
+        np.column_stack([-np.sin(heading), np.cos(heading)]),
+    )
+    match measured.kind:
+        case Kind.POSITION:
+            off = values - estimated[:, :2]
+        case Kind.VELOCITY:
+            off = values - estimated[:, SPEED, None] * along
+        case Kind.HEADING:
+            return np.asarray(wrap_angle(values - estimated[:, HEADING, None] - bias))
+        case _:
+            column = {Kind.SPEED: SPEED, Kind.ACCEL: ACCEL, Kind.YAW_RATE: YAW_RATE}[measured.kind]
+            return np.asarray(values - factor * estimated[:, column, None] - bias)
+    return np.column_stack([np.einsum("ni,ni->n", off, along), np.einsum("ni,ni->n", off, left)])
+
+
+def _found(told: list[tuple[Any, ...]], parameter: str, otherwise: float) -> float:
+    """A parameter that the estimator used."""
+    for _, _, name, value, _, status in told:
+        if (
+            name == parameter
+            and status in (ParameterStatus.USED, ParameterStatus.GIVEN)
+            and math.isfinite(leading_number(value))
+        ):
+            return leading_number(value)
+    return otherwise
+
+
+def _hint(report: Mapping[str, Any], told: list[tuple[Any, ...]], noise: tuple[Any, ...] | None) -> str:
+    """`latency 1013 ± 88 ms (applied); bias -1.8 m/s² (used); white noise 0.2 m; 75 of 2117 gated`."""
+    said = []
+    status, found = report.get("latency_status"), 1e3 * number(report, "latency_found_s")
+    if math.isfinite(found):
+        sigma = 1e3 * number(report, "latency_sigma_s")
+        said.append(f"latency {found:.0f}{f' +- {sigma:.0f}' if math.isfinite(sigma) else ''} ms ({status})")
+    elif status:
+        said.append(f"latency: {status}")
+    said += [
+        f"{name} {_with_unit(str(value), str(unit))} ({status})" for _, _, name, value, unit, status in told if value
+    ]
+    if noise is not None:
+        said.append(f"white noise {noise[2]}")
+    nis, inside = number(report, "nis_per_dof"), report.get("nis_inside")
+    if math.isfinite(nis):
+        where = f", {'inside' if inside else 'outside'} its 95 % bounds" if isinstance(inside, bool) else ""
+        said.append(f"NIS per degree of freedom {nis:.2f}{where}")
+    gated, used = number(report, "gated"), number(report, "used")
+    if gated > 0.0 and math.isfinite(used):
+        said.append(f"{gated:.0f} of {gated + used:.0f} gated")
+    return "; ".join(said).replace("+-", "±").replace("^2", "²")
+
+
+def _with_unit(value: str, unit: str) -> str:
+    """`2.02 m for 90 s`, `-1.82 +- 0.096 m/s^2`."""
+    first, parts, rest = value.partition(" for ")
+    return f"{first} {unit}".rstrip() + parts + rest
+
+
+def residual_figure(drive: Drive, found: Residuals, n_pieces: int) -> Figure:
+    """The residuals as dots, gated ones as crosses, in the 95 % band of the white noise; what is beyond the axis stands
+    at its edge."""
+    data: list[Trace] = []
+    layout: dict[str, Any] = {}
+    parts = PARTS[found.kind]
+    n = len(parts)
+    at = drive.seconds(found.stamp_ns)
+    span = rounded(np.array([at.min(), at.max()]), 2)
+    for index, (name, unit, _) in enumerate(parts):
+        key = "y" if index == 0 else f"y{index + 1}"
+        values = found.values[:, index]
+        limit = _limit(values[~found.is_gated], found.sigma)
+        top = 1.0 - index * (1.0 / n)
+        layout[f"yaxis{key[1:]}"] = axis(
+            f"{name}<br>[{unit}]", domain=[round(top - 1.0 / n + (0.06 if n > 1 else 0.0), 4), round(top, 4)],
+            range=rounded(np.array([-limit, limit]), 6), zeroline=True,
+        )  # fmt: skip
+        more = {"yaxis": key, "showlegend": index == 0}
+        if math.isfinite(found.sigma):
+            edge = rounded(np.array([-1.0, 1.0]) * INTERVAL_95 * found.sigma, 6)
+            x, y = [span[0], span[1], span[1], span[0]], [edge[0], edge[0], edge[1], edge[1]]
+            data.append(polygon(x, y, "95 % of the noise", EGO, alpha=0.15, legendgroup="noise", **more))
+        for rows, label, colour, style in (
+            (~found.is_gated, "residual", RAW, {"size": 3, "opacity": 0.6}),
+            (found.is_gated, "gated", ALERT, {"size": 5, "symbol": "x"}),
+        ):
+            data += _dots(at[rows], values[rows], limit, n_pieces, label, colour, {**style, **more}, unit)
+    layout["xaxis"] = axis("time since the log began [s]", anchor=f"y{n}" if n > 1 else "y", range=span)
+    return {"data": data, "layout": layout}
+
+
+def _limit(believed: FloatArray, sigma: float) -> float:
+    """Half the height of the axis."""
+    known = np.abs(believed[np.isfinite(believed)])
+    most = float(np.quantile(known, 0.998)) if len(known) else 0.0
+    return 1.1 * max(most, SHOWN_SIGMAS * sigma if math.isfinite(sigma) else 0.0) or 1.0
+
+
+def _dots(
+    at: FloatArray, values: FloatArray, limit: float, n_pieces: int, label: str, colour: str, style: dict[str, Any],
+    unit: str,
+) -> list[Trace]:  # fmt: skip
+    shown = np.clip(values, -limit, limit)
+    rows = spot_rows(at, shown, n_pieces, MAX_LINES)
+    if not len(rows):
+        return []
+    x, y = rounded(at[rows], 2), rounded(shown[rows], 4)
+    text = [f"{value:.3g} {words(unit)}" for value in values[rows].tolist()] if label == "gated" else None
+    hover = {"text": text, "hovertemplate": "%{x} s: %{text}, gated"} if text else {"hoverinfo": "skip"}
+    return [dots(x, y, label, colour, legendgroup=label, **hover, **style)]

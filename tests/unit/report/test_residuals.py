@@ -1,0 +1,138 @@
+"""Residuals of the sources: what was planted comes back, what was found is taken off, gated ones are marked."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.result import Gated
+from cwcli.report.drive import Drive
+from cwcli.report.residuals import residual_figure, residual_plots, residuals
+from cwcli.report.sensors import first_remark
+from cwcli.signals.columns import strings_from
+from cwcli.signals.vehicle_state import HEADING, SPEED
+from cwcli.warning.types import WarningConfig
+
+S = 1_000_000_000
+ATOL = 1e-6
+
+
+def report(source: str, quantity: str, **more: Any) -> dict[str, Any]:
+    return {"vehicle": "ego", "source": source, "quantity": quantity, "read": 9, "used": 8, "gated": 1, **more}
+
+
+def drive(*measured: Measurements, reports: Any = (), rows: Any = (), noise: Any = (), gated_ns: int = -1) -> Drive:
+    """A car that drives north at 10 m/s for 9 s, its measurements and what the record tells of them."""
+    stamp_ns = np.arange(10) * S
+    state = np.zeros((10, 8))
+    state[:, 1], state[:, SPEED], state[:, HEADING] = 10.0 * np.arange(10), 10.0, np.pi / 2.0
+    states = VehicleStates.of_ego(stamp_ns, state, np.tile(np.eye(8), (10, 1, 1)))
+    columns = ["source", "quantity", "parameter", "value", "unit", "status"]
+    sections = [
+        {"key": "parameters", "title": "", "columns": columns, "rows": list(rows)},
+        {"key": "noise", "title": "", "columns": ["source", "quantity", "white noise"], "rows": list(noise)},
+    ]
+    record = {"sources": json.dumps(reports), "summary": json.dumps({"sections": sections})}
+    made = Drive("d.mcap", 0, 9 * S, states, (), measured, None, None, WarningConfig(), {"estimate": record}, "")
+    if gated_ns < 0:
+        return made
+    quantity = measured[0].kind.name.lower()
+    one = np.array([20.0])
+    topic = strings_from([measured[0].source])
+    return replace(made, gated=Gated(np.array([gated_ns]), topic, strings_from([quantity]), one, one))
+
+
+def test_positions_are_split_ahead_and_left_after_their_latency() -> None:
+    """Stamped 0.5 s late, the fix of y = 40 m (t = 4 s) carries 4.5 s; it lies 2 m ahead and 3 m to the east."""
+    fix = Measurements("/gps", Kind.POSITION, np.array([4_500_000_000]), np.array([[3.0, 42.0]]))
+    (found,) = residuals(drive(fix, reports=[report("/gps", "position", latency_s=0.5)]))
+    np.testing.assert_allclose(found.values, [[2.0, -3.0]], atol=ATOL)  # east is right of north
+    assert not found.is_gated.any()
+
+
+def test_speeds_lose_their_scale_and_headings_whole_turns() -> None:
+    speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[11.7]]))
+    heading = Measurements("/gps", Kind.HEADING, np.array([3 * S]), np.array([[np.pi / 2.0 + 4.0 * np.pi + 0.1]]))
+    told = [["/wheel", "speed", "scale", "1.1 +- 0.01", "", "used"], ["/wheel", "speed", "bias", "0.5", "m/s", "used"]]
+    reports = [report("/wheel", "speed"), report("/gps", "heading")]
+    of_speed, of_heading = residuals(drive(speed, heading, reports=reports, rows=told))
+    np.testing.assert_allclose(of_speed.values, [[11.7 - 1.1 * 10.0 - 0.5]], atol=ATOL)
+    np.testing.assert_allclose(of_heading.values, [[np.degrees(0.1)]], atol=ATOL)
+
+
+def test_a_parameter_that_was_not_used_is_not_taken_off() -> None:
+    speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[11.0]]))
+    told = [["/wheel", "speed", "scale", "1.1", "", "not better"]]
+    (found,) = residuals(drive(speed, reports=[report("/wheel", "speed")], rows=told))
+    np.testing.assert_allclose(found.values, [[1.0]], atol=ATOL)
+
+
+def test_velocities_are_split_likewise_and_gated_ones_marked() -> None:
+    stamps = np.array([2 * S, 3 * S])
+    velocity = Measurements("/gps", Kind.VELOCITY, stamps, np.array([[0.0, 10.0], [-1.0, 12.0]]))
+    noise = [["/gps", "velocity", "0.2 m/s"]]
+    made = drive(velocity, reports=[report("/gps", "velocity")], noise=noise, gated_ns=3 * S)
+    (found,) = residuals(made)
+    np.testing.assert_allclose(found.values, [[0.0, 0.0], [2.0, 1.0]], atol=ATOL)
+    assert found.is_gated.tolist() == [False, True]
+    figure = residual_figure(made, found, 100)
+    assert figure["layout"]["yaxis"]["range"] == [-0.88, 0.88]  # 1.1 times four sigmas of 0.2 m/s
+    crosses = [trace for trace in figure["data"] if trace["name"] == "gated"]
+    assert [(trace["x"], trace["y"], trace["text"]) for trace in crosses] == [
+        ([3], [0.88], ["2 m/s"]),  # beyond the axis: at its edge
+        ([3], [0.88], ["1 m/s"]),
+    ]
+    assert "1 of 9 gated" in found.hint and "white noise 0.2 m/s" in found.hint
+
+
+def test_a_level_imu_is_split_into_its_acceleration_and_yaw_rate() -> None:
+    values = np.tile([0.3, 0.0, 9.81, 0.0, 0.0, 0.02], (9, 1))
+    imu = Measurements("/imu", Kind.IMU, np.arange(9) * S, values)
+    reports = [report("/imu", "accel"), report("/imu", "yaw_rate")]
+    told = [["/imu", "yaw rate", "bias", "0.005 +- 0.001", "rad/s", "used"]]
+    of_accel, of_rate = residuals(drive(imu, reports=reports, rows=told))
+    np.testing.assert_allclose(of_accel.values, np.full((9, 1), 0.3), atol=ATOL)
+    # The vertical is that of the specific force, which leans 0.3 m/s^2 ahead
+    upright = 9.81 / np.hypot(0.3, 9.81)
+    np.testing.assert_allclose(of_rate.values, np.full((9, 1), np.degrees(0.02 * upright - 0.005)), atol=ATOL)
+
+
+@pytest.mark.parametrize(
+    "reports",
+    [[], [7], {"a": 1}, [report("/other", "speed")], [{"vehicle": "ego", "source": None, "quantity": []}]],
+)
+def test_records_that_tell_nothing_of_the_source_give_no_figure(reports: Any) -> None:
+    speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[10.0]]))
+    assert residual_plots(drive(speed, reports=reports), "log-1", 100) == []
+
+
+def test_odd_numbers_in_a_record_are_taken_as_not_told() -> None:
+    speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[10.5]]))
+    odd = report("/wheel", "speed", latency_s="late", latency_drift=None, nis_per_dof="x", nis_inside="<b>")
+    (found,) = residuals(drive(speed, reports=[odd], rows=[["/wheel", "speed", "scale", "?", "", "used"]]))
+    np.testing.assert_allclose(found.values, [[0.5]], atol=ATOL)
+
+
+def test_the_top_of_the_page_tells_late_sources_and_a_pitched_imu() -> None:
+    """9.80665 sin(11 degrees) = 1.871."""
+    sources = {
+        "key": "sources",
+        "title": "",
+        "columns": ["source", "quantity", "latency [ms]", "latency status"],
+        "rows": [["/gps", "velocity", "1013 +- 88", "applied"], ["/fix", "position", "90 +- 9", "applied"]],
+    }
+    columns = ["source", "quantity", "parameter", "value", "unit", "status"]
+    row = ["/imu", "accel", "bias", "-1.871 +- 0.1", "m/s^2", "used"]
+    parameters = {"key": "parameters", "title": "", "columns": columns, "rows": [row]}
+    record = {"estimate": {"summary": json.dumps({"sections": [sources, parameters]})}}
+    made = replace(drive(), records=record)
+    assert first_remark(made) == (
+        "Of the sensors the velocity of /gps came 1.01 s late (corrected) and /imu is pitched by 11 degrees."
+    )
+    assert first_remark(drive()) == ""
