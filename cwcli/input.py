@@ -33,6 +33,8 @@ CLOCK_TICK_NS = 10_000_000
 """Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
 MAX_CHUNK_BYTES = 256_000_000
 MAX_RATIO = 64.0
+NO_LIMIT_BYTES = 1 << 62
+"""More than any file has."""
 STANDARD_STREAMS = (1, 2)
 NOT_OF_INPUT = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
@@ -115,7 +117,11 @@ class InputFile:
     @property
     def max_unpacked_bytes(self) -> int:
         """What all of it may unpack to."""
-        return self.max_chunk_bytes + int(self.max_ratio * len(self))
+        return self.max_chunk_bytes + self.unpacked_from(len(self))
+
+    def unpacked_from(self, n_bytes: int) -> int:
+        """What so many of its bytes may unpack to, by `max_ratio` alone."""
+        return int(min(self.max_ratio * n_bytes, NO_LIMIT_BYTES))
 
     @property
     def files(self) -> Sequence[InputFile]:

@@ -104,9 +104,10 @@ class CdrDecoder:
 
     def add(self, payloads: Payloads) -> None:
         """Decode a batch."""
-        if not len(payloads):
-            return
-        payloads = unpacked(payloads)
+        for part in unpacked(payloads) if len(payloads) else ():
+            self._add(part)
+
+    def _add(self, payloads: Payloads) -> None:
         is_long_enough = payloads.ends - payloads.starts >= self._row_bytes
         self._is_long_enough.append(is_long_enough)
         n_short = len(payloads) - int(is_long_enough.sum())
@@ -148,7 +149,10 @@ class CdrDecoder:
             self._reasons[reason] = self._reasons.get(reason, 0) + count
 
     def blobs(self, path: str) -> list[bytes | memoryview]:
-        """A blob field of each message of the last batch; b"" for one that is too short to have got a row."""
+        """A blob field of each message of the last batch; b"" for one that is too short to have got a row.
+
+        Of messages that are packed one by one those of the last part alone: they are to be added one by one.
+        """
         for leaf, slot in zip(self._program.slots, self._slots, strict=True):
             if leaf.path == path and isinstance(slot, SpanSlot):
                 is_long_enough = self._is_long_enough[-1]

@@ -6,27 +6,56 @@ https://github.com/ros2/rosbag2/tree/rolling/rosbag2_compression
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.logs.codecs.slots import Payloads
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 MAX_MESSAGE_BYTES = 1 << 26
 """What a message may unpack to, 64 MB; one of 4K pixels and three colours has 25 MB."""
-MAX_BYTES = 1 << 28
-"""What the messages that are decoded at once may unpack to. The others stay packed, and are counted as undecodable."""
+MAX_BYTES, MAX_TIMES = 1 << 28, 64
+"""The messages of a chunk may unpack to 256 MB and so many times their size. The others stay packed, and are counted as
+undecodable."""
+PART_BYTES = 1 << 24
+"""Of unpacked messages that are there at once: 16 MB, and one message."""
 
 
-def unpacked(payloads: Payloads) -> Payloads:
-    """The messages with those unpacked that are zstd frames; what can't be unpacked stays as it is."""
-    if not len(payloads.data) or not (payloads.data.take(payloads.starts, mode="clip") == ZSTD_MAGIC[0]).any():
-        return payloads
-    left_bytes = MAX_BYTES
+def unpacked(payloads: Payloads) -> Iterator[Payloads]:
+    """The messages in parts, with those unpacked that are zstd frames; what can't be unpacked stays as it is.
+
+    Messages of which none is packed are one part.
+    """
+    if not is_packed(payloads).any():
+        yield payloads
+        return
+    left_bytes = MAX_BYTES + MAX_TIMES * payloads.n_bytes
     pieces: list[bytes] = []
+    n_bytes = 0
     data = payloads.data.data
     for start, end in zip(payloads.starts.tolist(), payloads.ends.tolist(), strict=True):
-        pieces.append(unpacked_message(data[start:end], min(left_bytes, MAX_MESSAGE_BYTES)))
-        left_bytes = max(left_bytes - len(pieces[-1]), 0)
+        piece = unpacked_message(data[start:end], min(left_bytes, MAX_MESSAGE_BYTES))
+        left_bytes = max(left_bytes - len(piece), 0)
+        pieces.append(piece)
+        n_bytes += len(piece)
+        if n_bytes >= PART_BYTES:
+            yield _joined(pieces)
+            pieces, n_bytes = [], 0
+    if pieces:
+        yield _joined(pieces)
+
+
+def is_packed(payloads: Payloads) -> npt.NDArray[np.bool_]:
+    """Which messages (n,) begin as a zstd frame does."""
+    packed = np.ones(len(payloads), np.bool_)
+    for k, octet in enumerate(ZSTD_MAGIC) if len(payloads.data) else ():
+        packed &= payloads.data.take(payloads.starts + k, mode="clip") == octet
+    return packed & (payloads.ends - payloads.starts >= len(ZSTD_MAGIC))
+
+
+def _joined(pieces: list[bytes]) -> Payloads:
     ends = np.cumsum([len(piece) for piece in pieces])
     starts = ends - np.array([len(piece) for piece in pieces])
     return Payloads(np.frombuffer(b"".join(pieces), np.uint8), starts, ends)

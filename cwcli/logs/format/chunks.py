@@ -99,7 +99,7 @@ def bound_chunks(file: InputFile, chunks: Sequence[ChunkIndex], cut: Collection[
 
 def _most_of_cut(file: InputFile, chunk: ChunkIndex) -> int:
     """What may come out of a chunk that is cut off; what it declares may be damaged."""
-    return min(max(chunk.uncompressed_size, int(file.max_ratio * chunk.compressed_size)), file.max_chunk_bytes)
+    return min(max(chunk.uncompressed_size, file.unpacked_from(chunk.compressed_size)), file.max_chunk_bytes)
 
 
 def check_messages(file: InputFile, n_messages: int) -> None:

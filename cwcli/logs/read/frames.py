@@ -15,6 +15,7 @@ import numpy as np
 from cwcli.errors import InputError
 from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.ros2msg import short_name
+from cwcli.logs.codecs.unpacked import is_packed
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.read.columns import decoder_for, single_schema
 from cwcli.logs.read.message_reader import Batch, MessageReader
@@ -167,17 +168,30 @@ def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _
     ids = [channel.id for channel in channels]
     reader.check_indexes(ids)
     tally = reader.counts.tally(ids)
-    waiting: list[tuple[int, int, int, int, Frame]] = []
+    waiting: list[tuple[int, int, int, int, Frame | Batch]] = []
+
+    def first() -> Iterator[Frame]:
+        found = heapq.heappop(waiting)[-1]
+        if isinstance(found, Frame):
+            yield found
+        else:
+            yield from (frame for _, _, frame in decoding.frames(found))
+
     for start_ns, part, batches in reader.in_time_order(ids):
         while waiting and waiting[0][0] < start_ns:
-            yield heapq.heappop(waiting)[-1]
+            yield from first()
         for batch in batches:
             tally.add(batch.channel_id)
-            for log_time_ns, place, frame in decoding.frames(batch):
+            packed = is_packed(batch.payloads)
+            for row in np.flatnonzero(packed):  # unpacked when its turn comes: a chunk of them may be any size
+                place = int(batch.payloads.starts[row])
+                one = batch.take(np.array([row]))
+                heapq.heappush(waiting, (int(batch.log_time_ns[row]), part, place, len(waiting), one))
+            for log_time_ns, place, frame in decoding.frames(batch.take(np.flatnonzero(~packed))):
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
     tally.end()
     while waiting:
-        yield heapq.heappop(waiting)[-1]
+        yield from first()
 
 
 def _stamps(fields: dict[str, Field], n: int) -> list[int | None]:

@@ -141,7 +141,10 @@ class Log:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
             OutputError: The temporary copy of standard input can't be written.
             UsageError: Standard input is a terminal.
+            ValueError: `max_ratio` is negative or no number.
         """
+        if not max_ratio >= 0.0:
+            raise ValueError(f"max_ratio is {max_ratio}: it is a number of times, at least 0")
         file = source if isinstance(source, InputFile) else open_source(source, max_pipe_bytes=max_pipe_bytes)
         file.max_chunk_bytes, file.max_ratio = max_chunk_bytes, max_ratio
         try:
