@@ -28,7 +28,8 @@ PARABOLA = ("a", "b", "c")
 ROAD_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
 """A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
 IMAGE_ROAD = ("far_px", "near", "bend_px2")
-"""The same in the image: x = far + near h + bend / h, h rows below the horizon."""
+"""The same in the image: x = far + near h + bend / h, h rows below the horizon, or the circle that this touches."""
+PINHOLE = ("road_centre_px", "road_focal_px")
 PREVIEW = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
 PREVIEW_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
 ROAD_FIELDS = ("stamp_ns", "state", "steady_s", *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)))
@@ -51,6 +52,7 @@ class LaneFrames:
         fits: n rows.
         roads: Shape (n, 2, 3): the boundaries as roads (`ground.image_roads`).
         top_px: Shape (n,): row in the search image at which boundaries end.
+        pinhole: Shape (n, 2): `BoundaryLines.pinhole`.
         geometry: n rows.
         preview_m: Distance of the preview point.
         rectified_from: Width and height of an image -> the camera whose frames were rectified before the search; None:
@@ -68,6 +70,7 @@ class LaneFrames:
     fits: FitColumns
     roads: FloatArray
     top_px: FloatArray
+    pinhole: FloatArray
     geometry: LaneGeometry
     preview_m: float
     rectified_from: Callable[[int, int], Camera] | None = None
@@ -107,6 +110,7 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
         "camera_yaw_sigma_rad": np.full(n, GeometrySigmas().yaw_rad),
         "horizon_px": frames.horizon_px,
         "top_px": frames.top_px,
+        **{name: frames.pinhole[:, k] for k, name in enumerate(PINHOLE)},
         "state": fits.state.astype(np.int32),
         "steady_s": fits.steady_s,
         "lane_change": fits.lane_change.astype(np.int32),
@@ -218,11 +222,13 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
 
 
 def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> BoundaryLines:
-    """What is drawn; logs of older versions know no roads and no tops."""
+    """What is drawn; logs of older versions know no roads, no tops and no circles."""
     horizon_px, height_px = numbers(columns, "horizon_px"), numbers(columns, "search_height_px")
     older_px = np.fmax((1.0 - HIGHEST) * height_px, horizon_px + MIN_DEPTH * height_px)
     top_px = numbers(columns, "top_px")
-    return BoundaryLines(parabolas, roads, horizon_px, np.where(np.isnan(top_px), older_px, top_px))
+    pinhole = np.stack([numbers(columns, name) for name in PINHOLE], axis=-1)
+    pinhole = np.where(pinhole[:, 1:] > 0.0, pinhole, np.nan)
+    return BoundaryLines(parabolas, roads, horizon_px, np.where(np.isnan(top_px), older_px, top_px), pinhole)
 
 
 def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
@@ -272,7 +278,7 @@ def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.b
     """`line_points` of some rows, whatever their image sizes."""
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_POINTS, 2)), np.zeros((len(sizes), 2, N_POINTS), np.bool_)
-    drawn = BoundaryLines(frames.fits.parabolas, frames.roads, frames.horizon_px, frames.top_px)[at]
+    drawn = BoundaryLines(frames.fits.parabolas, frames.roads, frames.horizon_px, frames.top_px, frames.pinhole)[at]
     for size in np.unique(sizes, axis=0):
         rows = np.flatnonzero((sizes == size).all(axis=1))
         search_w, search_h, image_w, image_h = size.tolist()

@@ -17,6 +17,7 @@ from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, 
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaf_fields import row_of, stamps
 from cwcli.signals.row_order import Rows
+from cwcli.vision.arcs import arc_places_m
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
@@ -92,14 +93,14 @@ def _add_places(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows,
     for k, side in enumerate(SIDES):
         if "ground_x_m" not in truth.fields or f"ground_{side}_y_m" not in truth.fields:
             return
-        places, slope, bend = lanes.road[:, k].T
         is_found = lanes.found[mine, k]
         for row, label in zip(mine[is_found].tolist(), other[is_found].tolist(), strict=True):
             x_m, y_m = (row_of(truth.fields[name], label) for name in ("ground_x_m", f"ground_{side}_y_m"))
-            for distance_m, true_m in zip(x_m.tolist(), y_m.tolist(), strict=False):
+            n = min(len(x_m), len(y_m))
+            places_m = arc_places_m(lanes.road[row, k], x_m[:n])
+            for distance_m, error_m in zip(x_m[:n].tolist(), (places_m - y_m[:n]).tolist(), strict=True):
                 if distance_m in errors:
-                    place_m = places[row] + (slope[row] + 0.5 * bend[row] * distance_m) * distance_m
-                    errors[distance_m].append(place_m - true_m)
+                    errors[distance_m].append(error_m)
     for distance_m, found_errors in errors.items():
         headline.errors(f"lanes.lateral_{distance_m:g}m_rmse_m", np.array(found_errors))
 

@@ -27,6 +27,8 @@ class Scoring(TypedDict):
     beside: float
     half: float
     segment: int
+    centre: float
+    focal: float
 
 def scan(
     evidence: _E, prior: _F, scoring: Scoring, *, depths: _F, step: int, vanishing: _F, bends: _F, places: _F
@@ -36,7 +38,7 @@ def scan(
     Args:
         evidence: Shape (n, width).
         prior: Shape (5, 4).
-        scoring: Its `min_h` is not used.
+        scoring: Of `min_h` the smallest of the rows that count.
         depths: Shape (n,): rows below the horizon; not positive: not used.
         step: Only every so many-th row is used.
         vanishing, bends, places: What is tried for u0, k and m; places increase evenly and are symmetrical to 0.
@@ -72,10 +74,10 @@ def refine(
     far_v, and the horizon, by the five steps, which are halved `halvings` - 1 times.
     """
 
-def along(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float) -> _F:
+def along(evidence: _E, rows: _I, lane: _F, places: _F, scoring: Scoring) -> _F:
     """Evidence in each of n rows along the lines at `places` (k,), (k, n); -1 outside the image or the road."""
 
-def crowd(evidence: _E, rows: _I, lane: _F, places: _F, min_h: float) -> float:
+def crowd(evidence: _E, rows: _I, lane: _F, places: _F, scoring: Scoring) -> float:
     """Share of the samples along the lines at `places` (k,), one in each row, whose evidence is above zero; 0 if there
     are none in the image and at least min_h below the horizon.
     """
@@ -87,10 +89,10 @@ def supports(evidence: _E, rows: _I, lane: _F, scoring: Scoring) -> _F:
     segment lie in the image and at least min_h below the horizon.
     """
 
-def parabolas(lane: _F, *, top_y: float, height: float, width: float) -> _F:
+def parabolas(lane: _F, *, top_y: float, height: float, width: float, min_h: float, centre: float, focal: float) -> _F:
     """a, b, c of the best parabola of each boundary of a lane, shape (2, 3); NaN where it can't be seen.
 
     x = a y^2 + b y + c with x and y as in `cwcli.vision.boundary`, fitted with least squares at sixteen heights, as
     many as `ground.N_SAMPLES`, spread evenly from 0.5 to 0.5 + top_y: those in the image, or all below the horizon if
-    fewer than five are.
+    fewer than five are. `min_h`, `centre` and `focal` as in `Scoring`.
     """

@@ -1,21 +1,23 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The pair of parallel boundaries that the stripes of a frame (`lane_stripes`) support best.
 
-A boundary of a flat road of constant curvature is, h rows below the horizon, u = u0 + m h + k / h: u0 is the vanishing
-point, m the lateral place over the camera's height (right positive), k the curvature; u0, k and the horizon are common
-to both boundaries. The evidence is a table over sampled rows and columns, 0 to 1.
+A boundary of a flat road of constant curvature is, h rows below the horizon, u = u0 + m h + k / h in a gentle bend, and
+an arc concentric with the other boundary's in a tight one (cwcli/vision/arcs.py): u0 is the vanishing point, m the lateral
+place over the camera's height (right positive), k the curvature; u0, k and the horizon are common to both boundaries. The
+evidence is a table over sampled rows and columns, 0 to 1.
 
-Arithmetic is +, -, *, / and comparisons in a fixed order (compiled with -ffp-contract=off): the same bits everywhere. The plain
+Arithmetic is +, -, *, /, square roots and comparisons in a fixed order (compiled with -ffp-contract=off): the same bits everywhere. The plain
 NumPy twin is in tests/unit/vision/naive_ridge.py.
 """
 
-from libc.math cimport NAN, fabs
+from libc.math cimport NAN, fabs, sqrt
 from libc.stdlib cimport free, malloc
 
 import numpy as np
 
 from cwcli.kernels.lane_objective cimport (
-    BEND_TAIL, SCRATCH, Scoring, Scratch, at, judge, natural, place_line, scratch_of, set_horizon
+    BEND_TAIL, SCRATCH, Arc, Scoring, Scratch, arc_of, at, column_of, judge, natural, place, place_base, scratch_of,
+    set_horizon, turned
 )
 
 cdef enum:
@@ -38,7 +40,8 @@ def scan(
     cdef Py_ssize_t n_rows = evidence.shape[0], width = evidence.shape[1], n = places.shape[0]
     cdef Py_ssize_t i, p, q, r, j, left, right, n_pairs = 0
     cdef const float* row
-    cdef double h, base, x, value, z, penalty, middle, wide
+    cdef double h, base, x, value, z, penalty, middle, wide, sine, cosine
+    cdef Arc arc
     cdef double* sums = <double*>malloc(n * sizeof(double))
     cdef double* stretch = <double*>malloc(n * sizeof(double))
     cdef double* broad = <double*>malloc(n * sizeof(double))
@@ -72,17 +75,24 @@ def scan(
                     pair.penalty = weight * (penalty + z * z)
         for p in range(vanishing.shape[0]):
             for q in range(bends.shape[0]):
+                arc = arc_of(vanishing[p], bends[q], scoring.min_h, scoring.centre, scoring.focal)
                 for j in range(n):
                     sums[j] = 0.0
                     stretch[j] = 0.0
                 for i in range(used):
                     r = i * step
                     h = depths[r]
-                    if h > 0.0:
-                        base = vanishing[p] + bends[q] / h + 0.5
+                    base = vanishing[p] + bends[q] / h + 0.5
+                    wide = h
+                    if h > 0.0 and not arc.is_gentle:  # of concentric circles: the first two terms in the place
+                        base = column_of(&arc, 0.0, h) + 0.5
+                        sine = arc.start + arc.rate / h
+                        cosine = sqrt(1.0 - sine * sine) if fabs(sine) < turned() else -1.0
+                        wide = h / cosine
+                    if wide > 0.0 and base == base:
                         row = &evidence[r, 0]
                         for j in range(n):
-                            x = base + places[j] * h
+                            x = base + places[j] * wide
                             if x >= width:
                                 break
                             if x >= 0.0:
@@ -152,7 +162,7 @@ def refine(
     cdef Py_ssize_t i
     cdef int k, j, level, sign, rounds
     cdef double code[N], trial[N], base[N], values[N], step[N]
-    cdef double best, found, before, near_h, far_h
+    cdef double best, found, before, near_h, far_h, far_at
     cdef double* room = <double*>malloc(SCRATCH * (rows.shape[0] + 1) * sizeof(double))
     if not room:
         raise MemoryError
@@ -160,7 +170,9 @@ def refine(
     with nogil:
         for i in range(lanes.shape[0]):
             near_h = near_v - lanes[i, HORIZON]
-            far_h = far_v - lanes[i, HORIZON]
+            # not where an arc turns back
+            far_at = max(far_v, lanes[i, HORIZON] + 2.5 * fabs(lanes[i, BEND]) / scoring.focal)
+            far_h = far_at - lanes[i, HORIZON]
             if far_h < 1.0:
                 far_h = 1.0
             if near_h < far_h + 1.0:
@@ -170,7 +182,7 @@ def refine(
             code[2] = lanes[i, VANISHING] + lanes[i, MIDDLE] * far_h + lanes[i, BEND] / far_h
             code[3] = lanes[i, BEND] / far_h
             code[4] = lanes[i, HORIZON]
-            natural(code, near_v, far_v, values)
+            natural(code, near_v, far_at, values)
             best = judge(evidence, broad, rows, values, prior, &scoring, &scratch)
             for k in range(N):
                 step[k] = steps[k]
@@ -186,7 +198,7 @@ def refine(
                             for j in range(N):
                                 trial[j] = code[j]
                             trial[k] += step[k] if sign == 0 else -step[k]
-                            natural(trial, near_v, far_v, values)
+                            natural(trial, near_v, far_at, values)
                             found = judge(evidence, broad, rows, values, prior, &scoring, &scratch)
                             if found > best:
                                 best = found
@@ -196,7 +208,7 @@ def refine(
                         break
                     for k in range(N):
                         trial[k] = 2.0 * code[k] - base[k]
-                    natural(trial, near_v, far_v, values)
+                    natural(trial, near_v, far_at, values)
                     found = judge(evidence, broad, rows, values, prior, &scoring, &scratch)
                     if found > best:
                         best = found
@@ -204,7 +216,7 @@ def refine(
                             code[k] = trial[k]
                 for k in range(N):
                     step[k] *= 0.5
-            natural(code, near_v, far_v, values)
+            natural(code, near_v, far_at, values)
             for k in range(N):
                 lanes[i, k] = values[k]
             value[i] = best
@@ -213,28 +225,28 @@ def refine(
 
 
 def along(
-    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h
+    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, Scoring scoring
 ):
     values_array = np.empty((places.shape[0], rows.shape[0]))
     cdef double[:, ::1] values = values_array
     cdef Py_ssize_t r, p, width = evidence.shape[1]
-    cdef double h, x, base
+    cdef double h, x
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], scoring.min_h, scoring.centre, scoring.focal)
     with nogil:
         for r in range(evidence.shape[0]):
             h = rows[r] - lane[HORIZON]
-            base = lane[VANISHING] + lane[BEND] / h
             for p in range(places.shape[0]):
                 values[p, r] = -1.0
-                if h < min_h:
+                if h < scoring.min_h:
                     continue
-                x = base + places[p] * h
+                x = column_of(&arc, places[p], h)
                 if 0.0 <= x <= width - 1.0:
                     values[p, r] = at(&evidence[r, 0], width, x)
     return values_array
 
 
 def crowd(
-    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, double min_h
+    const float[:, ::1] evidence, const int[::1] rows, const double[::1] lane, const double[::1] places, Scoring scoring
 ):
     cdef Py_ssize_t n = evidence.shape[0], width = evidence.shape[1], r, p, n_seen = 0, n_striped = 0
     cdef const float* pixel
@@ -242,13 +254,12 @@ def crowd(
     if not room:
         raise MemoryError
     cdef Scratch scratch = scratch_of(room, n)
-    cdef float origin = <float>lane[VANISHING], bend = <float>lane[BEND]
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], scoring.min_h, scoring.centre, scoring.focal)
     with nogil:
-        set_horizon(&scratch, rows, lane[HORIZON], min_h)
-        for r in range(scratch.start, n):
-            scratch.base[r] = origin + bend * scratch.inverse[r]
+        set_horizon(&scratch, rows, lane[HORIZON], scoring.min_h)
+        place_base(&arc, &scratch, n)
         for p in range(places.shape[0]):
-            place_line(scratch.h, scratch.base, <float>places[p], scratch.start, n, scratch.line)
+            place(&arc, &scratch, places[p], n)
             for r in range(scratch.start, n):
                 if <unsigned int>scratch.line.column[r] < <unsigned int>(width - 1):
                     pixel = &evidence[r, 0] + scratch.line.column[r]
@@ -264,11 +275,12 @@ def supports(const float[:, ::1] evidence, const int[::1] rows, const double[::1
     cdef double min_h = scoring.min_h, half = scoring.half
     cdef int segment = scoring.segment
     cdef Py_ssize_t r, k, side, width = evidence.shape[1], n = rows.shape[0] // segment
-    cdef double h, x, place, painted, part, total
-    cdef int seen, n_seen
+    cdef double h, x, across, painted, part, total
+    cdef int seen
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], min_h, scoring.centre, scoring.focal)
     with nogil:
         for side in range(2):
-            place = lane[MIDDLE] + (side - 0.5) * lane[WIDTH]
+            across = lane[MIDDLE] + (side - 0.5) * lane[WIDTH]
             total = part = 0.0
             for k in range(n):
                 painted = 0.0
@@ -277,7 +289,7 @@ def supports(const float[:, ::1] evidence, const int[::1] rows, const double[::1
                     h = rows[r] - lane[HORIZON]
                     if h < min_h:
                         continue
-                    x = lane[VANISHING] + lane[BEND] / h + place * h
+                    x = column_of(&arc, across, h)
                     if 0.0 <= x <= width - 1.0:
                         painted += at(&evidence[r, 0], width, x)
                         seen += 1
@@ -287,7 +299,9 @@ def supports(const float[:, ::1] evidence, const int[::1] rows, const double[::1
     return value_array
 
 
-def parabolas(const double[::1] lane, *, double top_y, double height, double width):
+def parabolas(
+    const double[::1] lane, *, double top_y, double height, double width, double min_h, double centre, double focal
+):
     made_array = np.empty((2, 3))
     cdef double[:, ::1] made = made_array
     cdef double normal[3][4]
@@ -297,6 +311,7 @@ def parabolas(const double[::1] lane, *, double top_y, double height, double wid
     cdef Py_ssize_t side, k, i, j
     cdef int n_in, n_below
     cdef bint inside
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], min_h, centre, focal)
     with nogil:
         for side in range(2):
             n_in = n_below = 0
@@ -304,8 +319,8 @@ def parabolas(const double[::1] lane, *, double top_y, double height, double wid
                 h = height - (0.5 + (k + 0.5) / SAMPLES * top_y) - lane[HORIZON]
                 x[k] = NAN
                 if h > 0.0:
-                    x[k] = lane[VANISHING] + lane[MIDDLE] * h + lane[BEND] / h + (side - 0.5) * lane[WIDTH] * h + 1.0
-                    n_below += 1
+                    x[k] = column_of(&arc, lane[MIDDLE] + (side - 0.5) * lane[WIDTH], h) + 1.0
+                    n_below += x[k] == x[k]
                     n_in += 1.0 <= x[k] <= width
             for j in range(3):
                 made[side, j] = NAN

@@ -35,7 +35,7 @@ from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
 from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, decode_frames
-from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
+from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops, pinholes
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, check_method, chosen_method
 from cwcli.vision.mounting import MountingChoice, check_mounting
@@ -343,6 +343,7 @@ class _Run:
         horizon_px = np.full(len(fits), np.nan)
         turned_rad = np.full((len(fits), 2), np.nan)
         roads, top_px = np.full((len(fits), 2, 3), np.nan), np.full(len(fits), np.nan)
+        pinhole = np.full((len(fits), 2), np.nan)
         parts: list[tuple[Rows, LaneGeometry]] = []
         sizes = numbers[:, 4:8]
         for size in np.unique(sizes, axis=0):
@@ -351,6 +352,7 @@ class _Run:
             camera = self._search_camera((image_w, image_h), (search_w, search_h))
             parts.append((rows, lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
             roads[rows] = image_roads(fits[rows], camera)
+            pinhole[rows] = pinholes(camera, len(rows))
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]
             if is_known:
@@ -373,6 +375,7 @@ class _Run:
             fits=fits,
             roads=roads,
             top_px=top_px,
+            pinhole=pinhole,
             geometry=geometry,
             preview_m=config.preview_m,
             rectified_from=self._source.camera if self._is_rectified else None,

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.arcs import arc_columns
 
 MIN_GAP_PX = 4.0
 """Boundaries end where they come nearer to each other than this, in search pixels."""
@@ -19,24 +20,28 @@ class BoundaryLines:
 
     Attributes:
         parabolas: Shape (n, 2, 3): a, b, c of x = a y^2 + b y + c, y up from the bottom; NaN where not found.
-        roads: Shape (n, 2, 3): far, near, bend of x = far + near h + bend / h, h rows below the horizon
-            (`ground.image_roads`); NaN where they are not known: then the parabolas are the lines.
+        roads: Shape (n, 2, 3): far, near, bend of circles on the ground, h rows below the horizon
+            (`ground.image_roads`, `arcs.arc_columns`); NaN where they are not known: then the parabolas are the lines.
         horizon_px: Shape (n,): row of the horizon from the top; NaN where it is not known.
         top_px: Shape (n,): row from the top at which lines end (`ground.line_tops`).
+        pinhole: Shape (n, 2): column of the principal point, counted from 1, and fx, both in pixels; NaN where they
+            are not known: then roads are x = far + near h + bend / h. None: nowhere known.
     """
 
     parabolas: FloatArray
     roads: FloatArray
     horizon_px: FloatArray
     top_px: FloatArray
+    pinhole: FloatArray | None = None
 
     def __getitem__(self, rows: slice | npt.NDArray[np.intp]) -> BoundaryLines:
-        return BoundaryLines(self.parabolas[rows], self.roads[rows], self.horizon_px[rows], self.top_px[rows])
+        pinhole = None if self.pinhole is None else self.pinhole[rows]
+        return BoundaryLines(self.parabolas[rows], self.roads[rows], self.horizon_px[rows], self.top_px[rows], pinhole)
 
     def columns_px(self, y_px: FloatArray, height_px: float) -> FloatArray:
         """Shape (n, 2, k): x at heights above the bottom (n, k); NaN where a boundary is not found or has ended.
 
-        It ends above `top_px`, and where both boundaries meet.
+        It ends above `top_px`, where both boundaries meet, and where it turns back.
 
         Args:
             y_px: Shape (n, k).
@@ -47,7 +52,9 @@ class BoundaryLines:
         parabola_px = (a * y + b) * y + c
         far, near, bend = np.moveaxis(self.roads[..., None], 2, 0)
         h = height_px - y - self.horizon_px[:, None, None]
-        road_px = far + near * h + bend / np.where(h > 0.0, h, np.nan)
+        pinhole = np.full((len(self.roads), 2), np.nan) if self.pinhole is None else self.pinhole
+        centre, focal = pinhole.T[:, :, None, None]
+        road_px = arc_columns(far, near, bend, h, centre, focal)
         x_px = np.where(np.isfinite(self.roads).all(axis=2, keepdims=True), road_px, parabola_px)
         with np.errstate(invalid="ignore"):
             meet = x_px[:, 1] - x_px[:, 0] <= MIN_GAP_PX

@@ -110,7 +110,8 @@ def lane_geometry(
 def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
     """The boundaries as images of a flat road of constant curvature: x = far + near h + bend / h.
 
-    h is in rows below the horizon. Where the method tells its road, that is it. Else, as on the ground, the road is
+    h is in rows below the horizon; in a tight bend that is the parabola that touches the road beside the camera
+    (`arcs`). Where the method tells its road, that is it. Else, as on the ground, the road is
     sought whose best parabola is the given one. It holds
     near the horizon too, where a parabola is off by lanes.
 
@@ -141,6 +142,11 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
         seen_px = (roads[:, :, None] * terms).sum(axis=-1)
     roads = roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px])
     return np.where(np.isfinite(fits.roads), fits.roads, roads)
+
+
+def pinholes(camera: Camera, n: int) -> FloatArray:
+    """Shape (n, 2): `BoundaryLines.pinhole` of n frames of one camera."""
+    return np.tile([camera.cx + 1.0, camera.fx], (n, 1))
 
 
 def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:

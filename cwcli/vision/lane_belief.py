@@ -39,7 +39,7 @@ def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
 def crowd(evidence: Evidence, lane: FloatArray) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a bright stripe, 0 to 1."""
     places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
-    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.min_h)
+    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.scoring())
 
 
 def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.arcs import Pinhole
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH
 from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, SIGMA, VANISHING, WIDTH, LanePrior
@@ -67,6 +68,7 @@ class Evidence:
         sharp, wide, broad: Shape (n, width), 0 to 1; `wide` and `broad` are the greatest values near by.
         horizon_px: For which stripes' widths were taken.
         min_h: Rows less than this below a lane's horizon are not judged.
+        pinhole: Of the camera.
     """
 
     rows: Int32Array
@@ -75,6 +77,7 @@ class Evidence:
     broad: Float32Array
     horizon_px: float
     min_h: float
+    pinhole: Pinhole
 
     def scoring(self, *, beside: float = BESIDE) -> lane_ridge.Scoring:
         """How lanes are judged on it; `beside`: weight of the neighbouring lanes' boundaries."""
@@ -85,6 +88,8 @@ class Evidence:
             "beside": beside,
             "half": HALF * segment,
             "segment": segment,
+            "centre": self.pinhole.centre_px,
+            "focal": self.pinhole.focal_px,
         }
 
 
@@ -105,7 +110,7 @@ class Look(Protocol):
         grey: GreyImage,
         rows: Int32Array,
         horizon_px: float,
-        stretch: float,
+        pinhole: Pinhole,
         room: Float32Array | None = None,
         *,
         with_joints: bool = False,
@@ -122,7 +127,7 @@ def evidence_of(
     grey: GreyImage,
     rows: Int32Array,
     horizon_px: float,
-    stretch: float,
+    pinhole: Pinhole,
     room: Float32Array | None = None,
     *,
     with_joints: bool = False,
@@ -132,14 +137,14 @@ def evidence_of(
     Args:
         grey, rows: The frame, and the rows that are judged.
         horizon_px: For which stripes' widths are taken.
-        stretch: fx / fy.
+        pinhole: Of the camera.
         room: Shape (3 `MAX_ROWS` width,): filled and looked into by the result; None: new memory.
         with_joints: Joints count as well.
     """
     height, width = grey.shape
     size = 3 * len(rows) * width
     evidence = (np.empty(size, np.float32) if room is None else room[:size]).reshape(3, len(rows), width)
-    inner, gap, side = (stretch * each for each in WINDOWS)
+    inner, gap, side = (pinhole.stretch * each for each in WINDOWS)
     stripe: lane_stripes.Stripe = {
         "inner": inner,
         "gap": gap,
@@ -151,7 +156,7 @@ def evidence_of(
         "dead": DEAD,
         "crowded": CROWDED,
     }
-    inner, gap, side = (stretch * each for each in JOINT_WINDOWS)
+    inner, gap, side = (pinhole.stretch * each for each in JOINT_WINDOWS)
     joint: lane_stripes.Stripe = {**stripe, "inner": inner, "gap": gap, "side": side, "crowded": JOINT_CROWDED}
     reach, broad_reach = reaches(width)
     grey = np.ascontiguousarray(grey)
@@ -162,12 +167,12 @@ def evidence_of(
         stripe,
         joint,
         joint_weight=JOINT_WEIGHT if with_joints else 0.0,
-        joint_reach=JOINT_REACH * stretch,
+        joint_reach=JOINT_REACH * pinhole.stretch,
         reach=reach,
         broad_reach=broad_reach,
         evidence=evidence,
     )
-    return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height)
+    return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height, pinhole)
 
 
 def scan(
@@ -315,19 +320,19 @@ def acquire(
     starts: list[FloatArray] = []
     values: list[FloatArray] = []
     for horizon in horizons.tolist():
-        evidence = look(grey, rows, horizon, prior.stretch)
+        evidence = look(grey, rows, horizon, prior.pinhole)
         lanes, _ = scan(evidence, prior, width, height)
         lanes, value = refined(evidence, distinct(lanes[:60], 4), prior.table, (width, height), wide=True)
         starts.append(lanes)
         values.append(value)
     lanes, value = np.concatenate(starts), np.concatenate(values)
     lanes = distinct(lanes[np.argsort(-value, kind="stable")], N_KEPT)
-    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.stretch, with_joints=True)
+    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.pinhole, with_joints=True)
     for wide in (True, False):
         lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=wide, scale=1.0 if wide else 0.5)
     lanes = innermost(evidence, lanes, prior, (width, height))
     order = np.argsort(-judged(evidence, lanes, prior.table), kind="stable")
-    evidence = look(grey, rows, float(lanes[order[0], HORIZON]), prior.stretch)
+    evidence = look(grey, rows, float(lanes[order[0], HORIZON]), prior.pinhole)
     return lanes[order], judged(evidence, lanes[order], prior.table), evidence
 
 
@@ -358,12 +363,12 @@ def _unknown(lanes: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
 
 def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:
     """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
-    shifts = INNER_SHIFTS * prior.stretch
+    shifts = INNER_SHIFTS * prior.pinhole.stretch
     made = np.array(lanes)
     for lane in made:
         for sign in (1.0, -1.0):
             own = lane[MIDDLE] - 0.5 * sign * lane[WIDTH]
-            values = lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.min_h)
+            values = lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.scoring())
             mean = np.maximum(values, 0.0).mean(axis=1)
             k = 1 + int(mean[1:].argmax())
             if mean[k] > INNER_SHARE * max(mean[0], INNER_LEAST) and mean[: k + 1].min() < 0.5 * mean[k]:

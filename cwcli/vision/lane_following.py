@@ -182,7 +182,7 @@ def predicted(
         made[BEND] += (lane[BEND] - here) * min(abs(way_m) / lead_m(lane, camera), 1.0)
         if prior.is_mounted:
             straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
-            made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.stretch / height_m
+            made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.pinhole.stretch / height_m
     return made
 
 

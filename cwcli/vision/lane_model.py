@@ -1,15 +1,15 @@
 """The lane in the image as five numbers, what is known of them beforehand, and the parabolas that they become.
 
 A flat road of constant curvature, seen by a camera without roll: h = v - v0 rows below the horizon v0, a boundary is in
-column u = u0 + m h + k / h, where
+column u = u0 + m h + k / h as long as the bend is gentle, else on a circle (`arcs`) that this parabola touches, where
 
 - u0 is the column in which a straight lane would vanish: the camera's yaw and the car's heading,
 - m = lateral place / camera height, to the right, times fx / fy: `middle` - `width` / 2 for the left boundary,
   `middle` + `width` / 2 for the right one,
 - k = curvature (to the right) fx fy H / 2.
 
-So both boundaries have five numbers in common, and no calibration is needed to find them: it enters through the prior
-alone.
+So both boundaries have five numbers in common, and no calibration is needed to find them: it enters through the prior,
+and through fx where a bend is tight.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ import numpy as np
 
 from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.arcs import Pinhole, arc_columns, own_arc
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX
+from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX, MIN_DEPTH
 
 VANISHING, MIDDLE, WIDTH = lane_ridge.VANISHING, lane_ridge.MIDDLE, lane_ridge.WIDTH
 BEND, HORIZON = lane_ridge.BEND, lane_ridge.HORIZON
@@ -64,14 +65,14 @@ class LanePrior:
     Attributes:
         table: Shape (5, 4): mean, sigma, lowest and highest of the five numbers.
         is_mounted: The horizon is known from the camera's mounting.
-        stretch: fx / fy.
+        pinhole: Of the camera.
         drift: Shape (5,): what the prediction of a followed lane may miss, sigmas for a root second.
         per_m: Of `middle` and `width`, one metre.
     """
 
     table: FloatArray
     is_mounted: bool
-    stretch: float
+    pinhole: Pinhole
     drift: FloatArray
     per_m: float
 
@@ -108,7 +109,12 @@ def prior_of(camera: Camera) -> LanePrior:
     else:
         table[HORIZON] = np.array(UNKNOWN_HORIZON) * camera.height_px
     unit = np.array([camera.fx, per_m, per_m, camera.fx * camera.fy * height_m / 2.0, camera.fy])
-    return LanePrior(table, is_mounted, stretch, DRIFT * unit, per_m)
+    return LanePrior(table, is_mounted, pinhole_of(camera), DRIFT * unit, per_m)
+
+
+def pinhole_of(camera: Camera) -> Pinhole:
+    """What of the camera the shape of a road takes."""
+    return Pinhole(camera.cx, camera.fx, camera.fx / camera.fy)
 
 
 def pitch_of(lane: FloatArray, camera: Camera) -> float:
@@ -116,18 +122,19 @@ def pitch_of(lane: FloatArray, camera: Camera) -> float:
     return math.atan((camera.cy - float(lane[HORIZON])) / camera.fy)
 
 
-def columns_of_lane(lane: FloatArray, v_px: FloatArray) -> FloatArray:
-    """Shape (2, n): u of both boundaries in n rows; NaN at and above the horizon."""
-    h = v_px - lane[HORIZON]
-    h = np.where(h > 0.0, h, np.nan)
-    centre = lane[VANISHING] + lane[MIDDLE] * h + lane[BEND] / h
-    return np.stack([centre - 0.5 * lane[WIDTH] * h, centre + 0.5 * lane[WIDTH] * h])
+def columns_of_lane(lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
+    """Shape (2, n): u of both boundaries in n rows; NaN at and above the horizon, and where they have turned back."""
+    far, near, bend = roads_of_lane(lane, pinhole).T[..., None]
+    centre, focal = np.array(pinhole.centre_px + 1.0), np.array(pinhole.focal_px)
+    return arc_columns(far, near, bend, v_px - lane[HORIZON], centre, focal) - 1.0
 
 
-def roads_of_lane(lane: FloatArray) -> FloatArray:
-    """Shape (2, 3): far (px), near, bend (px^2) of both boundaries, x = far + near h + bend / h counted from 1."""
+def roads_of_lane(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
+    """Shape (2, 3): far (px), near, bend (px^2) of both boundaries (`arcs.arc_columns`), columns counted from 1."""
     u0, middle, width, bend, _ = lane.tolist()
-    return np.array([[u0 + 1.0, middle + sign * 0.5 * width, bend] for sign in (-1.0, 1.0)])
+    made = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, pinhole) for sign in (-1.0, 1.0)])
+    made[:, 0] += 1.0
+    return made
 
 
 def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
@@ -160,4 +167,12 @@ def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
     It is fitted at the samples from which `ground` takes the road back.
     """
     top_px = top_row_px(lane, camera)
-    return lane_ridge.parabolas(lane, top_y=top_px, height=camera.height_px, width=camera.width_px)
+    return lane_ridge.parabolas(
+        lane,
+        top_y=top_px,
+        height=camera.height_px,
+        width=camera.width_px,
+        min_h=MIN_DEPTH * camera.height_px,
+        centre=camera.cx,
+        focal=camera.fx,
+    )

@@ -159,7 +159,7 @@ class LaneTracker:
         rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
         if len(self._room) != 3 * MAX_ROWS * size[0]:
             self._room = np.empty(3 * MAX_ROWS * size[0], np.float32)
-        evidence = self._look(frame.grey, rows, float(lead[HORIZON]), self._prior.stretch, self._room)
+        evidence = self._look(frame.grey, rows, float(lead[HORIZON]), self._prior.pinhole, self._room)
         self._evidence = evidence
         prior = opened(self._prior, camera, frame.speed_mps)
         is_told = self._prior.is_mounted and math.isfinite(frame.speed_mps)
@@ -289,7 +289,7 @@ class LaneTracker:
             sides[0],
             sides[1],
             pitch_rad=pitch_of(best.lane, camera),
-            roads=roads_of_lane(best.lane),
+            roads=roads_of_lane(best.lane, self._prior.pinhole),
             state=LaneState.FOUND if is_seen else LaneState.HELD,
             steady_s=self._steady_s,
             lane_change=change,

@@ -65,7 +65,8 @@ class LaneFit:
             mounting's.
         yaw_rad: Likewise the yaw, counter-clockwise positive.
         roads: Shape (2, 3), left and right: far (px), near, bend (px^2) of x = far + near h + bend / h, h rows below
-            the horizon that belongs to `pitch_rad`, where that is the method's model and the parabolas the best ones
+            the horizon that belongs to `pitch_rad`: the parabola on the ground that touches the boundary, a circle
+            (`arcs`), beside the camera, where that is the method's model and the parabolas the best ones
             for it. None: the method has parabolas alone.
         state: Whether this frame shows the lane, or it is carried on.
         steady_s: For how long the lane has been followed without a jump; NaN: not told, or lost.

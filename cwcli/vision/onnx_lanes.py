@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.vision.arcs import Pinhole
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.ground import MIN_DEPTH
 from cwcli.vision.lane_detect import DEAD, Evidence, Float32Array, Int32Array, reaches
@@ -44,7 +45,7 @@ class OnnxSearch:
         grey: GreyImage,
         rows: Int32Array,
         horizon_px: float,
-        stretch: float,
+        pinhole: Pinhole,
         room: Float32Array | None = None,
         *,
         with_joints: bool = False,
@@ -57,7 +58,7 @@ class OnnxSearch:
         wide, broad = (
             np.asarray(cv2.dilate(sharp, np.ones((1, 2 * reach + 1), np.uint8)), np.float32) for reach in reaches(width)
         )
-        return Evidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH * height)
+        return Evidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH * height, pinhole)
 
 
 def _without_probability(boundary: Boundary) -> Boundary:

@@ -251,6 +251,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         fits=fits,
         roads=np.where(found[..., None], rng.normal(size=(n, 2, 3)), np.nan),
         top_px=rng.uniform(100.0, 120.0, n),
+        pinhole=rng.uniform(100.0, 120.0, (n, 2)),
         geometry=geometry,
         preview_m=33.5,
         rectified_from=(lambda width_px, height_px: Camera(width_px, height_px, 500.0, 501.0, 320.0, 240.0))
@@ -275,6 +276,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         "roads": frames.roads,
         "horizon_px": frames.horizon_px,
         "top_px": frames.top_px,
+        "pinhole": frames.pinhole,
         "focal_length_px": [500.0] * n,
         "state": state,
         "steady_s": steady_s,
@@ -284,7 +286,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
     def read(columns: Columns) -> dict[str, Any]:
         back: LaneRows = read_lanes(columns)
         found: dict[str, Any] = {name: getattr(back, name, None) for name in given}
-        found |= {name: getattr(back.drawn, name) for name in ("parabolas", "roads", "horizon_px", "top_px")}
+        found |= {name: getattr(back.drawn, name) for name in ("parabolas", "roads", "horizon_px", "top_px", "pinhole")}
         focal_px = [getattr(back.lenses.camera(row), "fx", None) for row in range(n)]
         return found | {"focal_length_px": focal_px}
 

@@ -40,9 +40,10 @@ from cwcli.simulation.road.car import OFFSET, YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
 from cwcli.simulation.road.render import RoadFrame
 from cwcli.simulation.streams import stream, to_ns
+from cwcli.vision.arcs import arc_places_m
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitColumns, FitRecorder
-from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops
+from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops, pinholes
 from cwcli.vision.method import LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureResult, evaluate_lane_departure
@@ -141,7 +142,8 @@ def watched(
         recorder.append(search.step(frame))
     fits = recorder.columns()
     horizon_px = np.asarray(camera.horizon_v_px(fits.pitch_rad))
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, line_tops(fits, camera, horizon_px))
+    top_px = line_tops(fits, camera, horizon_px)
+    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px, pinholes(camera, len(fits)))
     rows = np.arange(SIZE[1], dtype=np.float64)
     u_px = lines.columns_px(np.tile(SIZE[1] - rows, (n, 1)), SIZE[1]) - 1.0
     offset_m = drive.states_at(drive.time_s)[:, OFFSET]
@@ -174,7 +176,7 @@ def watched(
 def places_m(seen: Seen) -> tuple[FloatArray, FloatArray]:
     """Shape (n, 2) each: the boundaries' places `JUMP_AT_M` ahead, found and true, left positive."""
     ahead = np.array([JUMP_AT_M])
-    found = np.stack([road @ [1.0, JUMP_AT_M, 0.5 * JUMP_AT_M**2] for road in _bodies(seen)], axis=1)
+    found = np.stack([arc_places_m(road, ahead) for road in _bodies(seen)], axis=1)
     true = np.array(
         [
             [float(truth.boundary_y_m(side, ahead)[0]) for side in ("left", "right")]

@@ -27,7 +27,7 @@ from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, SizeOf, decode_frames
-from cwcli.vision.ground import image_roads, line_tops
+from cwcli.vision.ground import image_roads, line_tops, pinholes
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS, ready_methods
@@ -81,7 +81,8 @@ def drawn(fit: LaneFit, camera: Camera, rows_px: FloatArray, height_px: int) -> 
     fits = recorder.columns()
     pitch = np.where(np.isfinite(fits.pitch_rad), fits.pitch_rad, camera.mounting.pitch_rad)
     horizon_px = np.asarray(camera.horizon_v_px(pitch))
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, line_tops(fits, camera, horizon_px))
+    top_px = line_tops(fits, camera, horizon_px)
+    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px, pinholes(camera, len(fits)))
     scale = height_px / camera.height_px
     x_px = lines.columns_px(camera.height_px + 0.5 - (rows_px[None] + 0.5) / scale, camera.height_px)[0]
     with np.errstate(invalid="ignore"):

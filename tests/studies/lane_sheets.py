@@ -34,7 +34,7 @@ from cwcli.simulation.road.sets import SETS
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitRecorder
-from cwcli.vision.ground import image_roads, line_tops
+from cwcli.vision.ground import image_roads, line_tops, pinholes
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS, ready_methods
 from tests.studies.road_sheets import DOCS, sheet, write
@@ -122,7 +122,7 @@ def drawn(fit: LaneFit, width_px: int, height_px: int) -> np.ndarray:
     is_found = np.isfinite(fits.pitch_rad)
     horizon_px = camera.horizon_v_px(np.where(is_found, fits.pitch_rad, camera.mounting.pitch_rad))
     top_px = line_tops(fits, camera, horizon_px)
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px)
+    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px, pinholes(camera, len(fits)))
     return lines.columns_px(height_px - np.arange(float(height_px))[None], height_px)[0] - 1.0
 
 

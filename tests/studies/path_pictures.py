@@ -17,7 +17,7 @@ from cwcli.reproduction.zhang2011.rendered import Look, sense_rendered
 from cwcli.simulation.lane_drive import Road, Runs, drive_lane
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.vision.boundary_lines import BoundaryLines
-from cwcli.vision.ground import image_roads, line_tops
+from cwcli.vision.ground import image_roads, line_tops, pinholes
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.overlay import burn_in, line_points
 from cwcli.vision.path_overlay import BodyPath, paint_path, path_lines
@@ -50,8 +50,8 @@ def picture(
     search = METHODS[method].search_size(*SIZE)
     fits, searched_by = seen.fits[slice(row, row + 1)], camera.resized(*search)
     horizon_px = searched_by.horizon_v_px(fits.pitch_rad)
-    top_px = line_tops(fits, searched_by, horizon_px)
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, searched_by), horizon_px, top_px)
+    roads, pinhole = image_roads(fits, searched_by), pinholes(searched_by, len(fits))
+    lines = BoundaryLines(fits.parabolas, roads, horizon_px, line_tops(fits, searched_by, horizon_px), pinhole)
     points, is_in = line_points(lines, search, SIZE)
     image = cv2.cvtColor(seen.drive.frame(row).grey, cv2.COLOR_GRAY2BGR)
     image = burn_in(image, [points[0, side][is_in[0, side]] for side in range(2)])

@@ -29,7 +29,7 @@ def lanes_channel(*, right_found: list[bool], width_m: list[float]) -> OutputCha
     }
     sizes = {"search_width_px": 160, "search_height_px": 120, "image_width_px": 320, "image_height_px": 240}
     fields |= {name: np.full(n, size) for name, size in sizes.items()}
-    fields |= {name: np.full(n, math.nan) for name in ("horizon_px", "top_px")}
+    fields |= {name: np.full(n, math.nan) for name in ("horizon_px", "top_px", "road_centre_px", "road_focal_px")}
     # the searched image's column x, counted from 1, is the camera's u = 2 (x - 0.5) - 0.5, counted from 0
     for side, u_px, is_found in (("left", 100.0, [True] * n), ("right", 200.0, right_found)):
         fields |= {
@@ -68,9 +68,13 @@ def test_lanes_against_labels_and_a_rendered_truth(tmp_path: Path) -> None:
     assert found["lanes.lateral_deviation_rmse_m"] == pytest.approx(math.sqrt((0.1**2 + 0.3**2) / 2.0))
     assert found["lanes.heading_deviation_rmse_deg"] == pytest.approx(math.degrees(0.02))
     assert found["lanes.curvature_rmse_1pm"] == pytest.approx(0.001)
-    # left in both frames: 0.01 x + 0.002 x^2 / 2 beside the truth; right in the first one only, and exact
+    # left in both frames: the circle that 0.01 x + 0.002 x^2 / 2 touches beside the truth, whose centre is 5 m behind
+    # and 500 m aside; right in the first one only, and exact
+    radius_m = 500.0 * 1.0001**1.5
     for distance_m, error_m in ((5, 0.075), (10, 0.2), (20, 0.6), (30, 1.2)):
-        expected = pytest.approx(error_m * math.sqrt(2.0 / 3.0))
+        circle_m = radius_m / math.sqrt(1.0001) - math.sqrt(radius_m**2 - (distance_m + 5.0 * 1.0001) ** 2)
+        assert circle_m == pytest.approx(error_m, rel=2e-3)
+        expected = pytest.approx(circle_m * math.sqrt(2.0 / 3.0))
         assert found[f"lanes.lateral_{distance_m}m_rmse_m"] == expected
 
 

@@ -66,6 +66,26 @@ def with_joints(
     return made
 
 
+def column(lane: FloatArray, place: float, h: float, *, min_h: float, centre: float, focal: float) -> float:
+    """A line of a lane h rows below the horizon: a parabola in gentle bends, else a circle, by Pythagoras.
+
+    On the road in units in which x = 1 / h and y = (u - centre) x / focal, to the right.
+    """
+    slope = (lane[0] - centre) / focal
+    curvature = 2.0 * lane[3] / focal / (1.0 + slope**2) ** 1.5
+    if abs(curvature) <= 0.1 * min_h:
+        return float(lane[0] + place * h + lane[3] / h)
+    x, y0 = 1.0 / h, place / focal
+    centre_x = -slope / math.hypot(1.0, slope) / curvature  # of all lines
+    radius = abs(1.0 / curvature - y0)
+    if max(abs(x - centre_x), abs(centre_x)) >= 0.97 * radius:
+        return math.nan
+    y = y0 + math.copysign(1.0, curvature) * (
+        math.sqrt(radius**2 - centre_x**2) - math.sqrt(radius**2 - (x - centre_x) ** 2)
+    )
+    return centre + focal * y / x
+
+
 def objective(
     evidence: FloatArray,
     broad: FloatArray,
@@ -78,8 +98,10 @@ def objective(
     beside: float,
     half: float,
     segment: int,
+    pinhole: tuple[float, float],
 ) -> float:
     """The objective of one lane (u0, middle, width, k, v0)."""
+    centre, focal = pinhole
     if (lane < prior[:, 2]).any() or (lane > prior[:, 3]).any():
         return -1e30
     z = ((lane - prior[:, 0]) / prior[:, 1]) ** 2
@@ -92,7 +114,8 @@ def objective(
                 for r in range(start, min(start + segment, len(rows))):
                     h = rows[r] - lane[4]
                     if h >= min_h:
-                        e += at(table[r], lane[0] + lane[3] / h + (lane[1] + sign * scale * lane[2]) * h)
+                        place = lane[1] + sign * scale * lane[2]
+                        e += at(table[r], column(lane, place, h, min_h=min_h, centre=centre, focal=focal))
                 total += share * e / (e + half)
     return float(total * segment / len(rows) - weight * z.sum())
 
@@ -112,7 +135,14 @@ def widened(evidence: FloatArray, reach: int) -> FloatArray:
 
 
 def supports(
-    evidence: FloatArray, rows: npt.NDArray[np.int32], lane: FloatArray, *, min_h: float, half: float, segment: int
+    evidence: FloatArray,
+    rows: npt.NDArray[np.int32],
+    lane: FloatArray,
+    *,
+    min_h: float,
+    half: float,
+    segment: int,
+    pinhole: tuple[float, float],
 ) -> list[float]:
     """How much of each boundary shows paint."""
     made = []
@@ -120,7 +150,8 @@ def supports(
         total = weight = 0.0
         for start in range(0, len(rows) // segment * segment, segment):
             h = rows[start : start + segment] - lane[4]
-            u = lane[0] + lane[3] / h + place * h
+            centre, focal = pinhole
+            u = np.array([column(lane, place, each, min_h=min_h, centre=centre, focal=focal) for each in h])
             seen = (h >= min_h) & (u >= 0.0) & (u <= evidence.shape[1] - 1.0)
             e = sum(at(evidence[start + k], u[k]) for k in np.flatnonzero(seen))
             total += e / (e + half) * seen.mean()
@@ -129,13 +160,15 @@ def supports(
     return made
 
 
-def parabola(lane: FloatArray, side: int, top_y: float, height: int, width: int) -> FloatArray:
+def parabola(
+    lane: FloatArray, side: int, top_y: float, height: int, width: int, *, min_h: float, centre: float, focal: float
+) -> FloatArray:
     """a, b, c with NumPy's least squares."""
     y = 0.5 + (np.arange(16) + 0.5) / 16 * top_y
     h = height - y - lane[4]
-    below = h > 0.0
-    h = np.where(below, h, 1.0)
-    x = lane[0] + (lane[1] + (side - 0.5) * lane[2]) * h + lane[3] / h + 1.0
+    place = lane[1] + (side - 0.5) * lane[2]
+    x = np.array([column(lane, place, max(each, 1e-9), min_h=min_h, centre=centre, focal=focal) for each in h]) + 1.0
+    below = (h > 0.0) & np.isfinite(x)
     use = below & (x >= 1.0) & (x <= width)
     if use.sum() < 5:
         use = below

@@ -9,15 +9,15 @@ from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import image_roads, line_tops
-from cwcli.vision.lane_model import columns_of_lane, parabolas_of_lane
+from cwcli.vision.lane_model import parabolas_of_lane
 from cwcli.vision.method import LaneFit
 from tests.unit.vision.fit_lists import columns_of
 
 CAMERA = Camera(640, 360, 500.0, 500.0, 319.5, 179.5, mounting=Mounting(height_m=1.2, pitch_rad=0.05))
 LEVEL = np.array([315.0, 0.1, 2.9, 0.0, 100.0])
 """u0, middle, width, bend, horizon (`lane_model`): straight, a horizon in row 100."""
-BENDS_PX2 = (0.0, 150.0, -300.0, 450.0)
-"""500 x 500 x 1.2 / 2 = 150,000 px^2 m: radii of 1000, 500 and 333 m."""
+BENDS_PX2 = (0.0, 150.0, -250.0)
+"""500 x 500 x 1.2 / 2 = 150,000 px^2 m: radii of 1000 and 600 m."""
 ATOL_PX = 1e-6
 
 
@@ -39,7 +39,9 @@ def test_road_comes_back_from_its_parabola(bend_px2: float) -> None:
     lane[3] = bend_px2
     lines = lines_of(lane)
     rows_px = np.arange(113.0, 340.0)
-    expected = columns_of_lane(lane, rows_px) + 1.0
+    u0, middle, width, _, horizon = lane
+    h = rows_px - horizon
+    expected = np.stack([u0 + (middle + side * width) * h + bend_px2 / h for side in (-0.5, 0.5)]) + 1.0
     np.testing.assert_allclose(lines.columns_px(360.0 - rows_px[None], 360.0)[0], expected, rtol=0, atol=ATOL_PX)
     parabolas = BoundaryLines(lines.parabolas, lines.roads * np.nan, lines.horizon_px, lines.top_px)
     off_px = np.abs(parabolas.columns_px(360.0 - rows_px[None], 360.0)[0] - expected).max()

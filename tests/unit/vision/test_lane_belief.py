@@ -10,6 +10,7 @@ import pytest
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.sets import frame
+from cwcli.vision.arcs import Pinhole
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.lane_belief import COEFFICIENTS, LAPSE, boundary_probabilities, crowd, features, supports
 from cwcli.vision.lane_detect import Evidence
@@ -25,7 +26,8 @@ LANE = np.array([159.5, 0.0, 1.0, 0.0, 80.0])
 
 def evidence(sharp: FloatArray) -> Evidence:
     table = np.ascontiguousarray(sharp, np.float32)
-    return Evidence(np.arange(100, 100 + len(table), dtype=np.int32), table, table, table, 80.0, 7.0)
+    rows = np.arange(100, 100 + len(table), dtype=np.int32)
+    return Evidence(rows, table, table, table, 80.0, 7.0, Pinhole(159.5, 300.0, 1.0))
 
 
 def test_crowd_by_hand() -> None:

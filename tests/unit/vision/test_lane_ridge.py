@@ -13,7 +13,7 @@ from cwcli.vision import lane_detect
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.lane_belief import supports
 from cwcli.vision.lane_detect import PRIOR_WEIGHT, Evidence, acquire, evidence_of, judged
-from cwcli.vision.lane_model import HIGH, HORIZON, LOW, MEAN, SIGMA, LanePrior, prior_of
+from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, SIGMA, LanePrior, prior_of
 from tests.unit.vision import naive_ridge
 from tests.unit.vision.lane_scene import mounted
 
@@ -57,6 +57,10 @@ def stripes(
         evidence=made,
     )
     return made
+
+
+PINHOLE = {"min_h": 7.0, "centre": 160.0, "focal": 300.0}
+SCORING: lane_ridge.Scoring = {"prior_weight": 0.0, "beside": 0.5, "half": 3.0, "segment": 9, **PINHOLE}
 
 
 def test_evidence_equals_the_plain_twin() -> None:
@@ -107,6 +111,9 @@ def test_objective_equals_the_plain_twin() -> None:
     prior = prior_of(camera)
     lanes, _, evidence = acquire(grey, camera, prior)
     lanes = np.vstack([lanes, lanes[0] + np.array([3.0, 0.02, 0.05, 30.0, 1.0])])
+    prior.table[BEND, LOW:] = -9e3, 9e3
+    tight = [lanes[0] + np.array([-9.0, 0.02, 0.05, bend, 1.0]) for bend in (-7e3, -2e3, 700.0, 4e3)]
+    lanes = np.vstack([lanes, tight])  # circles that leave the image, or turn back in it
     segment = len(evidence.rows) // lane_detect.N_SEGMENTS
     for lane, value in zip(lanes, judged(evidence, lanes, prior.table), strict=True):
         plain = naive_ridge.objective(
@@ -120,6 +127,7 @@ def test_objective_equals_the_plain_twin() -> None:
             beside=lane_detect.BESIDE,
             half=lane_detect.HALF * segment,
             segment=segment,
+            pinhole=evidence.pinhole[:2],
         )
         assert value == pytest.approx(plain, abs=1e-5)
 
@@ -134,7 +142,7 @@ def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None
     best = lane_ridge.scan(
         np.ones((n, 160), np.float32),
         prior,
-        {"prior_weight": 0.0, "min_h": 0.0, "beside": 0.0, "half": half, "segment": segment},
+        {**SCORING, "beside": 0.0, "half": half, "segment": segment},
         depths=np.arange(n) * 0.1 + 5.0,
         step=2,
         vanishing=np.array([80.0]),
@@ -150,7 +158,8 @@ def test_supports_equal_the_plain_twin() -> None:
     lanes, _, evidence = acquire(grey, camera, prior_of(camera))
     aside = lanes[0] + np.array([0.0, 1.5, 0.0, 0.0, 0.0])  # one boundary leaves the image
     segment = len(evidence.rows) // lane_detect.N_SEGMENTS
-    for lane in (*lanes, aside):
+    tight = [lanes[0] + np.array([0.0, 0.0, 0.0, bend, 0.0]) for bend in (-6e3, 2e3)]
+    for lane in (*lanes, aside, *tight):
         plain = naive_ridge.supports(
             evidence.sharp,
             evidence.rows,
@@ -158,6 +167,7 @@ def test_supports_equal_the_plain_twin() -> None:
             min_h=evidence.min_h,
             half=lane_detect.HALF * segment,
             segment=segment,
+            pinhole=evidence.pinhole[:2],
         )
         assert supports(evidence, lane) == pytest.approx(plain, abs=1e-6)
 
@@ -168,20 +178,21 @@ def test_supports_equal_the_plain_twin() -> None:
         (150.0, 0.1, 2.2, 0.0, 80.0),
         (150.0, 0.1, 2.2, 900.0, 80.0),
         (150.0, 2.5, 2.2, -400.0, 80.0),  # one boundary outside the image
-        (150.0, 0.1, 2.2, 900.0, 236.0),  # two samples below the horizon
+        (150.0, 0.1, 2.2, 100.0, 236.0),  # two samples below the horizon
+        (150.0, 0.1, 2.2, 3000.0, 80.0),  # turns back within the image
     ],
 )
 def test_parabolas_are_those_of_least_squares(lane: tuple[float, ...]) -> None:
-    made = lane_ridge.parabolas(np.array(lane), top_y=120.0, height=240.0, width=320.0)
+    made = lane_ridge.parabolas(np.array(lane), top_y=120.0, height=240.0, width=320.0, **PINHOLE)
     for side in range(2):
-        plain = naive_ridge.parabola(np.array(lane), side, 120.0, 240, 320)
+        plain = naive_ridge.parabola(np.array(lane), side, 120.0, 240, 320, **PINHOLE)
         np.testing.assert_allclose(made[side], plain, rtol=1e-7, atol=1e-9)
 
 
 def test_outside_the_prior_nothing_counts() -> None:
     camera = mounted()
     prior = prior_of(camera)
-    evidence = evidence_of(frame("good", 2).grey, np.arange(100, 238, dtype=np.int32), 80.0, 1.0)
+    evidence = evidence_of(frame("good", 2).grey, np.arange(100, 238, dtype=np.int32), 80.0, prior.pinhole)
     lane = prior.table[:, MEAN].copy()
     lane[2] = prior.table[2, HIGH] + 0.1
     assert judged(evidence, lane[None], prior.table)[0] == -1e30

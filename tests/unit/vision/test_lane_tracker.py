@@ -25,6 +25,7 @@ from cwcli.vision.lane_model import (
     coincide,
     columns_of_lane,
     parabolas_of_lane,
+    pinhole_of,
     pitch_of,
     prior_of,
 )
@@ -131,7 +132,8 @@ def test_parabolas_of_a_straight_lane_are_its_lines() -> None:
     for side, (a, b, c) in enumerate(parabolas_of_lane(lane, camera)):
         y = 240.0 - v
         assert a == pytest.approx(0.0, abs=1e-9)
-        np.testing.assert_allclose(a * y**2 + b * y + c - 1.0, columns_of_lane(lane, v)[side], atol=1e-6)
+        columns = columns_of_lane(lane, v, pinhole_of(camera))[side]
+        np.testing.assert_allclose(a * y**2 + b * y + c - 1.0, columns, atol=1e-6)
     assert camera.horizon_v_px(np.array(pitch_of(lane, camera))) == pytest.approx(80.0)
 
 

@@ -1,0 +1,79 @@
+"""Circles in the image: by hand, concentric, against the renderer's truth, and how they differ from parabolas."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cwcli.simulation.road.camera import wide_camera
+from cwcli.simulation.road.geometry import GRID_M, RoadAhead
+from cwcli.simulation.road.truth import lane_truth
+from cwcli.vision.arcs import TURNED, Pinhole, arc_columns, arc_places_m
+from cwcli.vision.lane_model import columns_of_lane
+
+NOWHERE = np.array(math.nan)
+ATOL_PX = 1.5
+"""Of 480: the camera looks down a little, and is not quite above the point in which its rows begin."""
+
+
+def test_a_circle_by_hand() -> None:
+    # Radius 25 m to the left, tangent to the car's axis 2 m beside it: y = 2 + 25 - sqrt(25^2 - x^2); 7, 15, 20 and 24
+    # are sides of right triangles with a hypotenuse of 25.
+    places_m = arc_places_m(np.array([2.0, 0.0, 1.0 / 25.0]), np.array([7.0, 15.0, 20.0, 24.0, 24.5, 30.0]))
+    np.testing.assert_allclose(places_m[:4], [3.0, 7.0, 12.0, 20.0])
+    assert np.isnan(places_m[4:]).all()  # past 0.97 of the radius it is about to turn back
+    # the other way round, pointed 3 in 4 aside: sin 0.6, so it begins 15 m before its top, which is 5 m farther out
+    inward = np.array([0.0, 0.75, -1.0 / 25.0 * 1.25**3])
+    np.testing.assert_allclose(arc_places_m(inward, np.array([15.0, 30.0])), [5.0, 0.0], atol=1e-9)
+
+
+def test_columns_of_a_circle_by_hand() -> None:
+    # 500 px of focal length, camera 1.2 m high: 600 / h metres ahead in row h. The circle above is 7 m to the left at
+    # 15 m (h = 40): 500 * 7 / 15 columns. near = -2 / 1.2, bend = -500 * 500 * 1.2 / 25 / 2.
+    far, near, bend = (np.array(each) for each in (319.5, -2.0 / 1.2, -6000.0))
+    centre, focal = np.array(319.5), np.array(500.0)
+    h = np.array([40.0, 30.0, 24.0, 0.0])
+    made = arc_columns(far, near, bend, h, centre, focal)
+    np.testing.assert_allclose(made[:2], [319.5 - 500.0 * 7.0 / 15.0, 319.5 - 500.0 * 12.0 / 20.0])
+    assert np.isnan(made[2:]).all()
+    touching = arc_columns(far, near, bend, h, NOWHERE, NOWHERE)
+    np.testing.assert_allclose(touching[:1], 319.5 - 2.0 / 1.2 * 40.0 - 6000.0 / 40.0)
+
+
+@pytest.mark.parametrize("radius_m", [23.0, -40.0, 400.0])
+@pytest.mark.parametrize("heading_rad", [0.0, 0.06, -0.06])
+def test_both_boundaries_are_those_that_the_renderer_draws(radius_m: float, heading_rad: float) -> None:
+    drawn = wide_camera(480, 270)
+    road = RoadAhead(np.full(len(GRID_M), 1.0 / radius_m), offset_m=0.4, heading_rad=heading_rad)
+    truth = lane_truth(drawn, road, 3.6, (0.15, 0.15), "")
+    rows_px = np.arange(270.0)
+    horizon_px = drawn.cy - drawn.fy * math.tan(drawn.pitch_rad)
+    # the circle through the camera's foot: the lane's direction there is -heading, its middle 0.4 m to the right
+    curvature = -1.0 / (radius_m - 0.4) * math.cos(heading_rad) ** -3
+    bend = curvature * drawn.fx * drawn.fy * drawn.height_m / 2.0
+    places = 0.4 / drawn.height_m, 3.6 / drawn.height_m
+    lane = np.array([drawn.cx + drawn.fx * math.tan(heading_rad), *places, bend, horizon_px])
+    lane[1:3] *= drawn.fx / drawn.fy / math.cos(heading_rad)
+    made = columns_of_lane(lane, rows_px, Pinhole(drawn.cx, drawn.fx, drawn.fx / drawn.fy))
+    for columns, true_px, is_visible in (
+        (made[0], truth.left_u_px, truth.left_visible),
+        (made[1], truth.right_u_px, truth.right_visible),
+    ):
+        both = is_visible & np.isfinite(columns)
+        assert both.sum() > 60
+        assert np.abs(columns - true_px)[both].max() < ATOL_PX
+    h = rows_px - horizon_px
+    is_far = truth.right_visible & (h < 45.0)
+    parabola = lane[0] + (lane[1] + 0.5 * lane[2]) * h[is_far] + lane[3] / h[is_far]
+    off_px = np.abs(parabola - truth.right_u_px[is_far]).max()
+    assert (off_px > 9.0) == (abs(radius_m) < 100.0)
+
+
+def test_a_gentle_bend_is_a_parabola() -> None:
+    pinhole, lane = Pinhole(319.5, 500.0, 1.0), np.array([315.0, 0.1, 2.9, 150.0, 100.0])
+    h = np.linspace(11.0, 200.0, 50)
+    parabola = 315.0 + np.array([[0.1 - 1.45], [0.1 + 1.45]]) * h + 150.0 / h
+    np.testing.assert_allclose(columns_of_lane(lane, h + 100.0, pinhole), parabola, atol=0.15)
+    assert TURNED < 1.0
