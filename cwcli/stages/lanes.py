@@ -25,7 +25,7 @@ from cwcli.option import Option
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.clocks import NO_STAMP
+from cwcli.signals.clocks import LOG_TIME_APART, LOG_TIME_OUT, MAX_STAMP_NS, NO_STAMP, usual_log_times
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.camera import CameraSource, camera_source, mounting_source
@@ -147,7 +147,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     is_rectified = method.is_rectified and source.needs_rectifying()
     run = _Run(method, config.seed, source, motion, is_rectified=is_rectified)
     images = decode_frames(
-        _frames(log, topic, config),
+        _frames(log, topic, config, run.reject),
         size_of=method.search_size,
         prepare=_prepare_with(method, Rectifier(source.camera) if is_rectified else None),
         where=f"{log.name}: {topic}",
@@ -163,7 +163,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     if config.render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
-            frames_of_topic = _frames(log, topic, config)
+            frames_of_topic = _frames(log, topic, config, lambda reason: None)
             return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(write_lane_frames(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))
@@ -239,10 +239,17 @@ def _prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[Deco
     return prepare
 
 
-def _frames(log: Log, topic: str, config: LanesConfig) -> Iterator[Frame]:
-    """The frames of the span; video from its beginning, because later pictures are made from earlier ones."""
+def _frames(log: Log, topic: str, config: LanesConfig, reject: Callable[[str], None]) -> Iterator[Frame]:
+    """The frames of the span; video from its beginning, because later pictures are made from earlier ones.
+
+    One whose log time is far from all others' came at no time that is known, and is rejected.
+    """
+    logged = log.log_times(topic).view(np.int64)
+    first_ns, last_ns = usual_log_times([logged[[config.holds(each) for each in logged.tolist()]]])
     for frame in log.frames(topic):
-        if config.holds(frame.log_time_ns):
+        if config.holds(frame.log_time_ns) and not first_ns <= frame.log_time_ns <= last_ns:
+            reject(LOG_TIME_APART if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT)
+        elif config.holds(frame.log_time_ns):
             yield frame
         elif config.end_ns is not None and frame.log_time_ns >= config.end_ns:
             return
@@ -280,12 +287,17 @@ class _Run:
         self.rejected: Counter[str] = Counter()
         self.notes: list[str] = []
 
+    def reject(self, reason: str) -> None:
+        """Count a frame that can't be used."""
+        self.n_read += 1
+        self.rejected[reason] += 1
+
     def take(self, decoded: DecodedFrame) -> None:
         """Search the next frame, or count why it can't be used."""
-        self.n_read += 1
         if decoded.image is None:
-            self.rejected[decoded.rejected] += 1
+            self.reject(decoded.rejected)
             return
+        self.n_read += 1
         size = (decoded.width_px, decoded.height_px)
         gap_ns = decoded.stamp_ns - self._last_ns
         if self._search is None or size != self._size or not 0 <= gap_ns <= MAX_GAP_NS:

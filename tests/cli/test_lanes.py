@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -11,8 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
+from cwcli.signals.clocks import LOG_TIME_APART, LOG_TIME_OUT
+from tests.cli.rewritten_logs import read, write
 from tests.unit.vision.fake_frames import encoded, gradient, png_header
-from tests.unit.vision.lane_logs import calibration, road_frames, write_log
+from tests.unit.vision.lane_logs import START_NS, STEP_NS, calibration, road_frames, write_log
 
 Run = Callable[..., CompletedProcess[bytes]]
 DEVELOPMENT_LOG = Path(__file__).parents[2].parent / "shared" / "logs" / "udacity-solid-white-right.mcap"
@@ -53,6 +56,23 @@ def test_lanes_tells_what_it_assumed(cwcli: Run, tmp_path: Path) -> None:
     )
     assert "calibration" not in quiet.stderr.decode()
     assert "mounting" not in quiet.stderr.decode()
+
+
+@pytest.mark.parametrize("log_time_ns", [0, 1, 10**18, 3 * 10**18, 2**63 + 5, 2**64 - 1])
+def test_a_frame_with_a_log_time_that_is_none_is_left_out_and_counted(
+    cwcli: Run, tmp_path: Path, log_time_ns: int
+) -> None:
+    """The frames are of 1.7e18 ns; every other one is found as without it."""
+    messages = read(write_log(tmp_path / "road.mcap", road_frames(8)))
+    messages[5] = replace(messages[5], log_time_ns=log_time_ns)
+    write(tmp_path / "stray.mcap", messages)
+    done = cwcli("lanes", "stray.mcap", "--metrics", "lanes.parquet", "-o", "out.mcap", "--json")
+    assert done.returncode == 0, done.stderr.decode()
+    camera = json.loads(done.stdout)["stages"]["lanes"]["inputs"][0]
+    reason = LOG_TIME_OUT if log_time_ns >= 2**63 else LOG_TIME_APART
+    assert (camera["read"], camera["used"], camera["rejected"]) == (8, 7, {reason: 1})
+    stamps = pq.read_table(tmp_path / "lanes.parquet")["stamp_ns"].to_pylist()
+    assert stamps == [START_NS + k * STEP_NS for k in (0, 1, 2, 3, 4, 6, 7)]
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,7 @@ class MessageReader:
 
     Attributes:
         counts: What the summary counts, to compare with what is read.
+        trusts_indexes: Chunks whose index does not list a channel are not opened for it.
     """
 
     def __init__(self, file: InputFile, index: Index, faults: Faults, *, recover: bool, verify: bool) -> None:
@@ -100,7 +101,7 @@ class MessageReader:
         self._verify = verify
         self._counted: set[int] = set()
         self._verified: set[int] = set()
-        self._trusts_indexes = index.is_counted
+        self.trusts_indexes = index.is_counted
         self._checked: set[int] = set()
         self.counts = MessageCounts(index.statistics, faults)
         self._n_found_in: Counter[int] = Counter()
@@ -125,7 +126,7 @@ class MessageReader:
 
     def distrust_indexes(self) -> bool:
         """Open every chunk from now on, whatever its index says is in it; returns whether that is new."""
-        was_trusted, self._trusts_indexes = self._trusts_indexes, False
+        was_trusted, self.trusts_indexes = self.trusts_indexes, False
         return was_trusted
 
     def check_indexes(self, channel_ids: Collection[int]) -> None:
@@ -134,7 +135,7 @@ class MessageReader:
         Who reads whole channels at once finds that when they have been read, and reads them again; who
         takes one message after the other, or some of them, has to know before.
         """
-        if not self._trusts_indexes or self._checked >= set(channel_ids):
+        if not self.trusts_indexes or self._checked >= set(channel_ids):
             return
         self._checked |= set(channel_ids)
         listed = dict.fromkeys(channel_ids, 0)
@@ -151,7 +152,7 @@ class MessageReader:
         return [
             chunk
             for chunk in self._chunks
-            if not self._trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids)
+            if not self.trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids)
         ]
 
     def _wanted(self, channel_ids: Collection[int]) -> ByteArray:

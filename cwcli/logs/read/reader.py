@@ -44,6 +44,9 @@ from cwcli.logs.read.source import MAX_PIPE_BYTES, Source, open_source
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
+    import numpy as np
+    import numpy.typing as npt
+
     from cwcli.logs.read.frames import Frame
     from cwcli.logs.read.message_reader import MessageReader
     from cwcli.signals.columns import Columns, OutputChannel
@@ -237,6 +240,18 @@ class Log:
         from cwcli.logs.read.frames import stream_frames
 
         return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
+
+    def log_times(self, topic: str) -> npt.NDArray[np.uint64]:
+        """The log times of a topic's messages in the file, in order; nothing is decoded.
+
+        Raises:
+            MissingSignalError: There is no such topic.
+            InputError: The file is damaged and `recover` is off.
+        """
+        from cwcli.logs.read.log_times import log_times
+
+        ids = [channel.id for channel in self._file_channels(topic)]
+        return log_times(self.file, self._index, self._message_reader(), ids)
 
     def trees(self, topic: str) -> Iterator[tuple[int, object]]:
         """Log time and content of each message of a topic (`cwcli.logs.codecs.tree`), in file order.

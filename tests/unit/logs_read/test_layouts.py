@@ -118,6 +118,15 @@ def test_projection_gives_the_same_columns_as_everything(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
+def test_log_times_are_those_of_the_messages(tmp_path: Path, name: str) -> None:
+    (tmp_path / "log.mcap").write_bytes(small_log(**LAYOUTS[name]))
+    with Log.open(tmp_path / "log.mcap") as log:
+        for topic in ("/fix", "/notes"):
+            assert log.log_times(topic).tolist() == log.columns(topic).log_time_ns.tolist()
+            assert len(log.log_times(topic)) == 60
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_a_span_is_the_whole_topic_cut(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "log.mcap").write_bytes(small_log(**LAYOUTS[name]))
     span = (T0_NS + 20_000_000, T0_NS + 22_500_000)  # from a message of /fix to before one of /notes

@@ -1,0 +1,33 @@
+"""The log times of channels, from the message indexes: no message is decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.input import InputFile
+from cwcli.logs.format.index import Index, Span
+from cwcli.logs.read.message_reader import MessageReader, message_index
+
+
+def log_times(
+    file: InputFile, index: Index, reader: MessageReader, channel_ids: Collection[int]
+) -> npt.NDArray[np.uint64]:
+    """The log times of the messages of some channels, in order; chunks that list theirs are not opened.
+
+    Raises:
+        InputError: A chunk that lists none is damaged, and `recover` is off.
+    """
+    reader.check_indexes(channel_ids)
+    found = [np.zeros(0, np.uint64)]
+    n_unlisted = 0
+    for chunk in reader.chunks(channel_ids):
+        own = chunk.index_offsets.keys() & set(channel_ids)
+        listed = [entries for each in own if (entries := message_index(file, index, chunk, each)) is not None]
+        found += [entries[:, 0] for entries in listed]
+        n_unlisted += not chunk.index_offsets or len(listed) < len(own)
+    if n_unlisted or not reader.trusts_indexes or index.items_of(Span):
+        found = [np.zeros(0, np.uint64), *(batch.log_time_ns.view(np.uint64) for batch in reader.batches(channel_ids))]
+    return np.sort(np.concatenate(found))
