@@ -38,6 +38,7 @@ from cwcli.stages.inputs.sources import Sources, read_sources
 
 MAX_GAP_S = 0.5
 MAX_FIX_GAP_S = 1.5
+DRIVEN_GAP_S = 1.0
 MIN_TRUTH_ROWS = 10
 ELLIPSE_95 = -2.0 * float(np.log(0.05))
 """Chi-square quantile with two degrees of freedom."""
@@ -80,11 +81,18 @@ def add_metrics(subject: Subject) -> None:
         stamp_ns, fix_xy = fixes
         at_fix = resample(states.stamp_ns, states.state[:, :2], stamp_ns, max_gap_s=MAX_GAP_S)
         headline.errors("ego.fix_residual_rmse_m", np.hypot(*(fix_xy - at_fix).T))
+    headline.count("ego.distance_km", driven_m(states) / 1000.0)
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
     headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
     _add_consistency(headline, reports)
     add_link(headline, json_entry(record, "link", dict))
     subject.ego = Ego(states, found, _truth_notes(read))
+
+
+def driven_m(states: VehicleStates) -> float:
+    """The way between states that are less than DRIVEN_GAP_S apart."""
+    steps = np.hypot(*np.diff(states.state[:, :2], axis=0).T)
+    return float(steps[np.diff(states.stamp_ns) < DRIVEN_GAP_S * NS_PER_S].sum())
 
 
 def _truth_notes(read: Sources) -> tuple[str, ...]:

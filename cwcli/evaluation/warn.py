@@ -9,6 +9,7 @@ from dataclasses import replace
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.warning import WITHOUT_WORDS, WarningEvent, read_warnings, warning_events
 from cwcli.evaluation.conflicts import judge
+from cwcli.evaluation.estimate import driven_m
 from cwcli.evaluation.happened import Happened, recorded_tracks, what_happened
 from cwcli.evaluation.knowledge import against, estimated, read_by
 from cwcli.evaluation.preventable import add_preventable
@@ -85,6 +86,9 @@ def add_metrics(subject: Subject) -> None:
         with headline.of(against(read_by(records, record), estimated(records))):
             if k == 0:
                 add_scores(headline, "warnings", scores)
+                if subject.ego.states is not None:
+                    driven_km = driven_m(subject.ego.states) / 1000.0
+                    headline.add("warnings.raised_per_100km", scores.n_events, driven_km / 100.0, n=scores.n_events)
             if len(collision_rules) > 1 and metric_of(f"warnings.{rule}.precision") is not None:
                 add_scores(headline, f"warnings.{rule}", scores)
         n_withheld = whole(withheld.get(rule)) if k == 0 else None
@@ -126,6 +130,8 @@ def add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
     if is_whole and found.lead_times_s:
         headline.add(f"{prefix}.lead_time_min_s", min(found.lead_times_s), 1.0, n=len(found.lead_times_s))
     headline.add(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
+    if is_whole:
+        headline.add(f"{prefix}.raised_per_hour", found.n_events, found.host_hours, n=found.n_events)
 
 
 def judge_warnings(real: Happened, events: Sequence[WarningEvent], rules: Sequence[str]) -> dict[str, WarningScores]:

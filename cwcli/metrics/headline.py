@@ -140,6 +140,8 @@ WARNING_METRICS: tuple[Metric, ...] = (
     Metric("warnings.false_alarms_per_hour", "warn", "1/h", "mean", "lower",
            "false warnings per hour of the host's track, with the exact Poisson interval", interval="rate",
            is_compared=True),
+    Metric("warnings.raised_per_hour", "warn", "1/h", "mean", "", "warnings per hour of the host's track, likewise",
+           interval="rate"),
 )  # fmt: skip
 """Of the warnings of collisions: of cwcli's first rule, or of another system."""
 
@@ -160,6 +162,7 @@ METRICS: tuple[Metric, ...] = (
            "share of the truth inside the estimated 95 % ellipse", 0.95),
     Metric("ego.fix_residual_rmse_m", "estimate", "m", "rms", "",
            "position fixes minus the estimate; says nothing of who is right"),
+    Metric("ego.distance_km", "estimate", "km", "sum", "", "the way that the ego drove, by its estimate"),
     Metric("ego.sigma_median_m", "estimate", "m", "mean", "", "median of the position's one sigma per axis"),
     Metric("ego.<quantity>_nis", "estimate", "", "mean", "near",
            "normalised innovation squared per degree of freedom: 1 if the noise is right", 1.0),
@@ -185,6 +188,8 @@ METRICS: tuple[Metric, ...] = (
     *_of("ego", "the ego's"),
     *_of("remote", "a remote vehicle's"),
     *WARNING_METRICS,
+    Metric("warnings.raised_per_100km", "warn", "1/100 km", "mean", "",
+           "warnings per 100 km of the host's way, with the exact Poisson interval", interval="rate"),
     Metric("warnings.preventable_share", "warn", "", "mean", "",
            "share of the real conflicts that a careful human would have avoided, in control from 8 s before",
            interval="share"),

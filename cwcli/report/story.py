@@ -12,6 +12,7 @@ import numpy as np
 
 from cwcli.estimation.known import THIS_LOG
 from cwcli.evaluation.conflicts import FALSE, LATE, TRUE, UNDECIDED
+from cwcli.evaluation.estimate import driven_m
 from cwcli.evaluation.preventable import careful_driver
 from cwcli.evaluation.records import warn_record
 from cwcli.pipeline.records import configuration_of
@@ -276,11 +277,8 @@ def _length(drive: Drive) -> str:
     """How long the drive was, in time and way."""
     text = f"The log is {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} long"
     if drive.ego is not None and len(drive.ego) > 1:
-        steps = np.hypot(*np.diff(drive.ego.state[:, :2], axis=0).T)
-        apart_s = np.diff(drive.ego.stamp_ns) / NS_PER_S
-        metres = float(steps[apart_s < 1.0].sum())
         top = float(np.nanmax(np.abs(drive.ego.state[:, 2])))
-        text += f"; the car drove {metres:.0f} m, at most {3.6 * top:.0f} km/h"
+        text += f"; the car drove {driven_m(drive.ego):.0f} m, at most {3.6 * top:.0f} km/h"
     heard = sum(other.kind == "vehicle" for other in drive.others)
     seen = sum(other.kind == "target" for other in drive.others)
     if heard:

@@ -212,9 +212,18 @@ def test_warnings_agree_with_the_stages_own_scores(name: str, rule: str) -> None
         "warnings.timeliness": share(own["n_conflicts_warned"], warned),
         "warnings.lead_time_mean_s": own["lead_time_mean_s"],
         "warnings.false_alarms_per_hour": own["n_false"] / own["host_hours"],
+        "warnings.raised_per_hour": own["n_events"] / own["host_hours"],
     }
     assert {key: found[key] for key in expected} == pytest.approx(expected, nan_ok=True)
     assert own["n_conflicts"] == 1
+
+
+def test_warnings_are_counted_by_the_way_driven() -> None:
+    """The host of the scenario drives straight on at 9 m/s for 10 s and is warned once: 1 / 0.09 km."""
+    found = values(annotated("intersection")[0])
+    assert found["ego.distance_km"] == pytest.approx(0.090, abs=0.001)
+    assert found["warnings.raised_per_100km"] == pytest.approx(100.0 / 0.090, rel=0.01)
+    assert found["warnings.raised_per_hour"] == pytest.approx(3600.0 / 10.0, rel=0.01)
 
 
 def test_several_rules_are_judged_by_themselves() -> None:

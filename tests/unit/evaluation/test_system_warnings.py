@@ -75,6 +75,7 @@ def test_a_made_up_second_system_is_scored_exactly(tmp_path: Path) -> None:
         "system.warnings.lead_time_mean_s": lead_s,
         "system.warnings.lead_time_min_s": lead_s,
         "system.warnings.false_alarms_per_hour": 5 / hours,
+        "system.warnings.raised_per_hour": 23 / hours,
     }
     assert found == pytest.approx(expected, abs=1e-6)
 

@@ -33,6 +33,8 @@ def test_every_name_finds_its_metric_and_ends_in_its_unit(metric: Metric) -> Non
     ending = metric.name.rpartition("_")[2]
     if metric.unit == "1/h":
         assert metric.name.endswith("_per_hour")
+    elif metric.unit == "1/100 km":
+        assert metric.name.endswith("_per_100km")
     elif metric.unit:
         assert UNITS[ending] == metric.unit
     else:
