@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cwcli import __version__
 from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
-from cwcli.errors import CwcliError, InputError
+from cwcli.errors import CwcliError
 from cwcli.evaluation.system.topics import System
 from cwcli.fleet.results import read_metrics
 from cwcli.logs.read.reader import Log
@@ -21,19 +19,16 @@ from cwcli.metrics.pooling import LogMetrics, MetricRow, rows_of
 from cwcli.report.drive import read_drive, require_results
 from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
-from cwcli.report.page import Page, Renderer, Row
+from cwcli.report.overview import MAX_BYTES, Candidate, Report, assemble, footer
+from cwcli.report.page import Page, Renderer
 from cwcli.report.section import Detail, log_view
 from cwcli.report.sensors import doubts, first_remark
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
 from cwcli.report.system import judged_system, system_sentences
-from cwcli.report.tables import value_text
 from cwcli.report.views import LogView
-from cwcli.text import count, printable
 from cwcli.warning.rows import RAISED
 
-MAX_BYTES = 5_900_000
-"""Of the page."""
 OPEN_LOGS = 3
 """In a run of no more logs than this, all are shown unfolded; in larger ones the first."""
 FEW_LOGS = 5
@@ -42,50 +37,11 @@ MAX_PATHS = 20_000
 MAX_MISFITS = 5
 """After so many logs that do not fit any more, the others are not tried."""
 MAX_STORY = 400
-COLUMNS = (
-    ("data.duration_s", "duration [s]"),
-    ("warnings.count", "warnings"),
-    ("ego.position_rmse_m", "position RMSE [m]"),
-    ("lanes.found_share", "lanes found [share]"),
-    ("data.rejected_count", "messages rejected"),
-)
 FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)
 TIGHT = Detail(
     n_pieces=150, n_events=1, n_frame_events=1, n_frames=2, n_moments=0, has_all_metrics=False, has_residuals=False
 )
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Report:
-    """The finished page.
-
-    Attributes:
-        html: The file's content.
-        n_logs: In the run.
-        n_detailed: Of them with figures.
-        n_failed: That the run or a gate failed.
-        left_out: Names of the logs without figures.
-    """
-
-    html: bytes
-    n_logs: int
-    n_detailed: int
-    n_failed: int
-    left_out: tuple[str, ...]
-
-
-@dataclass
-class _Candidate:
-    """A log, as far as it is known before its figures are made."""
-
-    entry: Entry
-    badges: list[Badge]
-    rank: int
-    n_warnings: int
-    story: str = ""
-    anchor: str = ""
-    links: tuple[tuple[str, str], ...] = ()
 
 
 def build_report(
@@ -141,7 +97,7 @@ def build_report(
         budget -= len(made.encode())
         if budget < PER_ROW_BYTES:
             break
-    return _assemble(run, candidates, results, sections, renderer)
+    return assemble(run, candidates, results, sections, renderer)
 
 
 def _of_one_log(
@@ -182,7 +138,7 @@ def _of_one_log(
         gates=tuple(gate_views(results)),
         columns=(),
         rows=(),
-        footer=_footer(),
+        footer=footer(),
     )
     html = renderer.page(page, [section]).encode()
     n_failed = int(any(result.failed for result in results))
@@ -224,7 +180,7 @@ def _evaluated(log: Log, system: System | None, *, is_needed: bool) -> dict[str,
         return {}
 
 
-def _candidate(entry: Entry, results: Sequence[GateResult]) -> _Candidate:
+def _candidate(entry: Entry, results: Sequence[GateResult]) -> Candidate:
     """What the run tells of a log, and how many warnings its channel holds."""
     badges: list[Badge] = []
     n_warnings, rank = 0, 3
@@ -248,7 +204,7 @@ def _candidate(entry: Entry, results: Sequence[GateResult]) -> _Candidate:
             badges.append(Badge("the annotated log can't be read", "bad"))
     if n_warnings:
         rank = min(rank, 2)
-    return _Candidate(entry, badges, rank, n_warnings, story[:MAX_STORY])
+    return Candidate(entry, badges, rank, n_warnings, story[:MAX_STORY])
 
 
 def _count_warnings(path: str) -> int:
@@ -259,13 +215,13 @@ def _count_warnings(path: str) -> int:
     return int(np.count_nonzero(warnings.state == RAISED))
 
 
-def _order(candidate: _Candidate) -> tuple[Any, ...]:
+def _order(candidate: Candidate) -> tuple[Any, ...]:
     """What went wrong comes first, then what was warned of, then the rest."""
     return candidate.rank, candidate.n_warnings == 0, candidate.entry.id
 
 
 def _section(
-    candidate: _Candidate,
+    candidate: Candidate,
     anchor: str,
     renderer: Renderer,
     budget: int,
@@ -320,80 +276,4 @@ def _view(
         detail=detail,
         is_alone=is_alone,
         is_open=is_open,
-    )
-
-
-def _assemble(
-    run: Run, candidates: list[_Candidate], results: Sequence[GateResult], sections: list[str], renderer: Renderer
-) -> Report:
-    columns = [(name, title) for name, title in COLUMNS if any(name in each.entry.metrics for each in candidates)]
-    rows = []
-    for each in candidates:
-        known = each.entry.metrics
-        shown = tuple(value_text(name, known[name].value if name in known else math.nan) for name, _ in columns)
-        story = each.story or (count(each.n_warnings, "warning") if each.n_warnings else "no warning")
-        rows.append(Row(each.anchor, each.entry.name, tuple(each.badges), story, shown, each.links))
-    failed = [each for each in candidates if each.rank <= 1]
-    left_out = tuple(each.entry.name for each in candidates if not each.anchor and each.entry.log is not None)
-    page = Page(
-        title=run.name,
-        headline=_headline(candidates),
-        sentences=tuple(_sentences(left_out, len(candidates))),
-        badges=tuple(_run_badges(candidates, results)),
-        gates=tuple(gate_views(results)),
-        columns=tuple(title for _, title in columns),
-        rows=tuple(rows),
-        footer=_footer(),
-    )
-    html = renderer.page(page, sections).encode()
-    if len(html) > MAX_BYTES * 1.5:
-        raise InputError(f"the run has so many logs ({len(candidates)}) that the page would be {len(html)} bytes long")
-    return Report(html, len(candidates), len(sections), len(failed), left_out)
-
-
-def _headline(candidates: Sequence[_Candidate]) -> str:
-    """What happened in the run, in a sentence or two."""
-    n = len(candidates)
-    warned = [each for each in candidates if each.n_warnings]
-    n_warnings = sum(each.n_warnings for each in warned)
-    broken = [each for each in candidates if each.entry.has_failed]
-    text = f"{count(n, 'drive')}: cwcli gave {count(n_warnings, 'warning')}"
-    if warned:
-        text += f" in {len(warned)} of them" if n > 1 else ""
-    text += f"; {len(broken)} could not be processed." if broken else "."
-    if len(warned) == 1 and warned[0].story and n > 1:
-        text += f" {warned[0].story}"
-    elif n == 1 and candidates[0].story:
-        text = candidates[0].story
-    return text
-
-
-def _sentences(left_out: Sequence[str], n: int) -> list[str]:
-    if not left_out:
-        return []
-    names = ", ".join(printable(name) for name in left_out[:10])
-    more = f" and {len(left_out) - 10} more" if len(left_out) > 10 else ""
-    return [
-        f"To keep the page small, {len(left_out)} of the {n} logs are in the table only, without figures: "
-        f"{names}{more}. "
-        "`cwcli report` on such a log's annotated.mcap makes a page of its own."
-    ]
-
-
-def _run_badges(candidates: Sequence[_Candidate], results: Sequence[GateResult]) -> list[Badge]:
-    badges = []
-    n_failed = sum(each.entry.has_failed for each in candidates)
-    if n_failed:
-        badges.append(Badge(f"{count(n_failed, 'log')} failed", "bad"))
-    else:
-        badges.append(Badge(f"all {len(candidates)} logs processed" if len(candidates) > 1 else "processed", "good"))
-    return [*badges, badge_of_run(results)]
-
-
-def _footer() -> tuple[str, ...]:
-    return (
-        f"Made by cwcli {__version__} from annotated logs. Positions are in metres east and north of the first fix; "
-        "headings count counter-clockwise from east; bands and ellipses are one standard deviation. What `really` "
-        "happened is what the estimated tracks say.",
-        "This page needs no network. Plots by plotly.js (MIT licence), which is inside.",
     )

@@ -18,7 +18,7 @@ from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_
 from cwcli.logs.read.added_channels import memory_columns
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
-from cwcli.report.build import MAX_BYTES
+from cwcli.report.overview import MAX_BYTES
 from cwcli.signals.columns import OutputChannel, Ragged, Strings
 from cwcli.vision.overlay import encode_jpeg
 from tests.cli.browser import Elements, Visit, figures, visit
