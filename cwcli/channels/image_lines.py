@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.channels.published import Channel
-from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, StreamedChannel
+from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, StreamedChannel, strings_from
 
 LINE_LOOP, LINE_STRIP = 2, 3  # foxglove.PointsAnnotation.Type
 PIXELS_PER_THICKNESS = 320.0
@@ -35,6 +35,23 @@ class Shape:
     thickness_px: float
 
 
+@dataclass(frozen=True)
+class Label:
+    """A word on the image.
+
+    Attributes:
+        text: What it says.
+        at: u, v of its lower left corner, pixels.
+        colour: Of its letters.
+        size_px: Height of its letters.
+    """
+
+    text: str
+    at: tuple[float, float]
+    colour: Colour
+    size_px: float
+
+
 def line_thickness_px(width_px: float) -> float:
     """Of a line that is seen well on an image of this width."""
     return max(float(width_px) / PIXELS_PER_THICKNESS, MIN_THICKNESS_PX)
@@ -46,6 +63,7 @@ def write_image_lines(
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
     shapes: Callable[[int, int], Sequence[Sequence[Shape]]],
+    labels: Callable[[int, int], Sequence[Sequence[Label]]] | None = None,
 ) -> StreamedChannel:
     """One message a frame, made while it is written.
 
@@ -53,6 +71,7 @@ def write_image_lines(
         channel: Where they are published.
         stamp_ns, log_time_ns: Shape (n,), those of the frames, by which viewers put both together.
         shapes: What is drawn on the frames `start` to `stop`; either all shapes of a channel have a fill or none.
+        labels: What is written on them, likewise; None: nothing.
     """
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
@@ -69,9 +88,26 @@ def write_image_lines(
             "thickness": np.array([shape.thickness_px for _, shape in flat], np.float64),
         }
         counts = np.cumsum([0, *(len(each) for each in drawn)]).astype(np.int64)
-        return {"points": Repeated(counts, lines)}
+        made: dict[str, OutputField] = {"points": Repeated(counts, lines)}
+        if labels is not None:
+            made["texts"] = _texts(stamp_ns[start:stop], labels(start, stop))
+        return made
 
     return StreamedChannel(channel.topic, channel.schema, log_time_ns, rows=rows)
+
+
+def _texts(stamp_ns: Int64Array, labels: Sequence[Sequence[Label]]) -> Repeated:
+    flat = [label for each in labels for label in each]
+    counts = [len(each) for each in labels]
+    fields: dict[str, OutputField] = {
+        "timestamp": np.repeat(stamp_ns, counts),
+        "position.x": np.array([label.at[0] for label in flat], np.float64),
+        "position.y": np.array([label.at[1] for label in flat], np.float64),
+        "text": strings_from(label.text for label in flat),
+        "font_size": np.array([label.size_px for label in flat], np.float64),
+        **_colour("text_color", [label.colour for label in flat]),
+    }
+    return Repeated(np.cumsum([0, *counts]).astype(np.int64), fields)
 
 
 def _colour(name: str, values: Sequence[Colour]) -> dict[str, OutputField]:

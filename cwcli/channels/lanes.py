@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.image_lines import LINE_STRIP, Shape, line_thickness_px, write_image_lines
+from cwcli.channels.image_lines import LINE_STRIP, Label, Shape, line_thickness_px, write_image_lines
 from cwcli.channels.lens import Lenses, lens_fields
 from cwcli.channels.output import output
 from cwcli.channels.painted_frames import StartImages, painted_channel
@@ -21,7 +21,16 @@ from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import HIGHEST, MIN_DEPTH, GeometrySigmas, LaneGeometry
 from cwcli.vision.method import LaneState
-from cwcli.vision.overlay import LEFT_RGB, N_POINTS, RIGHT_RGB, burn_in, line_points
+from cwcli.vision.overlay import (
+    LEFT_RGB,
+    N_POINTS,
+    RIGHT_RGB,
+    burn_in,
+    label_place,
+    label_size_px,
+    line_names,
+    line_points,
+)
 
 SIDES = ("left", "right")
 PARABOLA = ("a", "b", "c")
@@ -91,6 +100,8 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
             f"{side}.score": fits.score[:, k],
             f"{side}.probability": fits.probability[:, k],
             f"{side}.found": fits.found[:, k],
+            f"{side}.kind": fits.kind[:, k].astype(np.int32),
+            f"{side}.colour": fits.colour[:, k].astype(np.int32),
         }
     fields |= {
         "lateral_deviation_m": geometry.lateral_deviation_m,
@@ -245,7 +256,25 @@ def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
             for lines, insides, width_px in zip(points, is_in, frames.image_size[start:stop, 0], strict=True)
         ]
 
-    return write_image_lines(LANE_LINES, stamp_ns=frames.stamp_ns, log_time_ns=frames.log_time_ns, shapes=shapes)
+    def labels(start: int, stop: int) -> list[list[Label]]:
+        texts = line_names(frames.fits[slice(start, stop)])
+        if not any(any(pair) for pair in texts):
+            return [[] for _ in texts]
+        points, is_in = _points(frames, slice(start, stop))
+        return [
+            [
+                Label(text, label_place(line[inside], width_px), (*colour, 1.0), label_size_px(width_px))
+                for text, line, inside, colour in zip(pair, lines, insides, (LEFT_RGB, RIGHT_RGB), strict=True)
+                if text and inside.sum() > 1
+            ]
+            for pair, lines, insides, width_px in zip(
+                texts, points, is_in, frames.image_size[start:stop, 0].tolist(), strict=True
+            )
+        ]
+
+    return write_image_lines(
+        LANE_LINES, stamp_ns=frames.stamp_ns, log_time_ns=frames.log_time_ns, shapes=shapes, labels=labels
+    )
 
 
 def write_lane_frames(frames: LaneFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
@@ -261,7 +290,8 @@ def write_lane_frames(frames: LaneFrames, topic: str, *, frame_id: str, images: 
 
     def paint(row: int, image: Image) -> Image:
         points, is_in = _points(frames, slice(row, row + 1))
-        return burn_in(image, [points[0, side][is_in[0, side]] for side in range(2)])
+        lines = [points[0, side][is_in[0, side]] for side in range(2)]
+        return burn_in(image, lines, line_names(frames.fits[slice(row, row + 1)])[0])
 
     return painted_channel(
         topic,

@@ -32,13 +32,13 @@ from cwcli.stages.inputs.camera import CameraSource, camera_source, mounting_sou
 from cwcli.stages.inputs.frame_motion import Motion, read_motion
 from cwcli.stages.summaries.lanes import lanes_section, lanes_table
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
-from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitRecorder
 from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops, pinholes
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, check_method, chosen_method
 from cwcli.vision.mounting import MountingChoice, check_mounting
+from cwcli.vision.prepared_frame import PreparedFrame, prepare_with
 from cwcli.vision.rectify import Rectifier, rectified
 from cwcli.vision.video import VIDEO_FORMATS
 
@@ -51,6 +51,8 @@ PREVIEW_M = 33.5
 """Distance of the paper's preview point."""
 MAX_PREVIEW_M = 1000.0
 FIELD_OF_VIEW_RAD = (np.radians(1.0), np.radians(175.0))
+COLOUR_EVERY_NS = 1_000_000_000
+"""A frame in so long is decoded in colour, too: a colour picture costs twice as much as a grey one."""
 MAX_GAP_NS = 500_000_000
 """A longer gap between two frames starts a new search."""
 NUMBERS_PER_FRAME = 8
@@ -149,7 +151,8 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     images = decode_frames(
         _frames(log, topic, config, run.reject),
         size_of=method.search_size,
-        prepare=_prepare_with(method, Rectifier(source.camera) if is_rectified else None),
+        prepare=prepare_with(method, Rectifier(source.camera) if is_rectified else None),
+        colour_every_ns=COLOUR_EVERY_NS if method.uses_colour else None,
         where=f"{log.name}: {topic}",
     )
     for decoded in images:
@@ -215,28 +218,6 @@ def _frame_id(log: Log, topic: str) -> str:
     """Of the camera's images, "" if it has none."""
     first = next(iter(log.frames(topic)), None)
     return "" if first is None else first.frame_id
-
-
-@dataclass(frozen=True)
-class _Prepared:
-    """What the decoding threads made of a frame: the image to be searched, and what the method computed of it."""
-
-    grey: Image
-    made: object = None
-
-
-def _prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[DecodedFrame], object] | None:
-    if method.prepare is None and rectifier is None:
-        return None
-
-    def prepare(decoded: DecodedFrame) -> _Prepared:
-        assert decoded.image is not None
-        grey = decoded.image
-        if rectifier is not None:
-            grey = rectifier.image(grey, (decoded.width_px, decoded.height_px))
-        return _Prepared(grey, None if method.prepare is None else method.prepare(grey))
-
-    return prepare
 
 
 def _frames(log: Log, topic: str, config: LanesConfig, reject: Callable[[str], None]) -> Iterator[Frame]:
@@ -305,7 +286,9 @@ class _Run:
         assert self._search is not None
         assert self._camera is not None
         self._last_ns = decoded.stamp_ns
-        prepared = decoded.prepared if isinstance(decoded.prepared, _Prepared) else _Prepared(decoded.image)
+        prepared = decoded.prepared
+        if not isinstance(prepared, PreparedFrame):
+            prepared = PreparedFrame(decoded.image, colour=decoded.colour)
         frame = LaneFrame(
             grey=prepared.grey,
             camera=self._camera,
@@ -314,6 +297,7 @@ class _Run:
             speed_mps=self._motion.speed_mps.at(decoded.stamp_ns),
             yaw_rate_radps=self._motion.yaw_rate_radps.at(decoded.stamp_ns),
             prepared=prepared.made,
+            colour=prepared.colour,
         )
         begin = time.perf_counter()
         fit = self._search.step(frame)

@@ -8,9 +8,28 @@ y = height_px - v.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from math import nan
 
 from cwcli.signals.columns import FloatArray
+
+
+class LineKind(IntEnum):
+    """What is painted along a boundary: `cwcli.v1.LaneBoundary.Kind`."""
+
+    UNKNOWN = 0
+    SOLID = 1
+    DASHED = 2
+    DOTS = 3
+    DOUBLE = 4
+
+
+class LineColour(IntEnum):
+    """Its colour: `cwcli.v1.LaneBoundary.Colour`."""
+
+    UNKNOWN = 0
+    WHITE = 1
+    YELLOW = 2
 
 
 @dataclass(frozen=True)
@@ -25,6 +44,7 @@ class Boundary:
         probability: That this is a boundary, 0 to 1; NaN if the method makes no such statement.
         found: Whether the method says that there is a boundary.
         covariance: Shape (3, 3) of (a, b, c); None if the method gives none: then the camera geometry assumes one.
+        kind, colour: What is painted along it, as far as the frames tell.
     """
 
     a: float
@@ -34,6 +54,8 @@ class Boundary:
     probability: float
     found: bool
     covariance: FloatArray | None = None
+    kind: LineKind = LineKind.UNKNOWN
+    colour: LineColour = LineColour.UNKNOWN
 
     def x_px(self, y_px: FloatArray) -> FloatArray:
         """x at the given y, both in pixels as above."""

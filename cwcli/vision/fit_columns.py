@@ -13,7 +13,7 @@ from cwcli.vision.boundary import Boundary
 from cwcli.vision.method import LaneFit
 
 SIDES = 2
-_PER_SIDE = 6 + 9
+_PER_SIDE = 8 + 9
 _ROADS = SIDES * 3
 _ALONE = 5 + _ROADS
 _PER_FIT = SIDES * _PER_SIDE + _ALONE
@@ -29,6 +29,7 @@ class FitColumns:
         parabolas: Shape (n, 2, 3): a, b, c; NaN where not found.
         score, probability: Shape (n, 2).
         found: Shape (n, 2).
+        kind, colour: Shape (n, 2): values of `LineKind` and `LineColour`.
         covariance: Shape (n, 2, 3, 3); NaN where the method gives none.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
         roads: Shape (n, 2, 3): `LaneFit.roads`; NaN where not found, or not told.
@@ -48,6 +49,8 @@ class FitColumns:
     steady_s: FloatArray
     lane_change: npt.NDArray[np.int8]
     roads: FloatArray
+    kind: npt.NDArray[np.int8]
+    colour: npt.NDArray[np.int8]
 
     def __len__(self) -> int:
         return len(self.parabolas)
@@ -65,11 +68,13 @@ class FitColumns:
             self.steady_s[rows],
             self.lane_change[rows],
             self.roads[rows],
+            self.kind[rows],
+            self.colour[rows],
         )
 
 
 class FitRecorder:
-    """Collects fits, 330 bytes each."""
+    """Collects fits, 360 bytes each."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
@@ -94,7 +99,9 @@ class FitRecorder:
             score=sides[..., 3],
             probability=sides[..., 4],
             found=sides[..., 5] > 0.0,
-            covariance=sides[..., 6:].reshape(-1, SIDES, 3, 3),
+            kind=sides[..., 6].astype(np.int8),
+            colour=sides[..., 7].astype(np.int8),
+            covariance=sides[..., 8:].reshape(-1, SIDES, 3, 3),
             pitch_rad=alone[:, 0],
             yaw_rad=alone[:, 1],
             state=alone[:, 2].astype(np.int8),
@@ -108,4 +115,4 @@ def _numbers(side: Boundary) -> tuple[float, ...]:
     nan = float("nan")
     abc = (side.a, side.b, side.c) if side.found else (nan, nan, nan)
     covariance = _NO_COVARIANCE if side.covariance is None else tuple(side.covariance.reshape(-1).tolist())
-    return (*abc, side.score, side.probability, 1.0 if side.found else 0.0, *covariance)
+    return (*abc, side.score, side.probability, 1.0 if side.found else 0.0, side.kind, side.colour, *covariance)

@@ -21,7 +21,7 @@ from cwcli.vision.depth_images import DepthImageError, depth_picture, is_compres
 from cwcli.vision.encoded import FrameLike, Image
 from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
 from cwcli.vision.ordered_threads import in_order
-from cwcli.vision.raw_images import RawImageError, raw_colour, raw_grey
+from cwcli.vision.raw_images import GREY, RawImageError, raw_colour, raw_grey
 from cwcli.vision.video import NOT_DECODED, VIDEO_FORMATS, decode_video
 
 MIN_SIDE_PX = 32
@@ -48,6 +48,8 @@ class DecodedFrame:
         rejected: The reason, else "".
         has_stamp: The message has a stamp that is a time.
         prepared: What `prepare` made of the frame.
+        colour: Of some frames of a camera in colour, beside the grey image and of its size: shape (height, width, 3),
+            blue, green, red; else None.
     """
 
     index: int
@@ -59,6 +61,7 @@ class DecodedFrame:
     rejected: str = ""
     prepared: object = None
     has_stamp: bool = True
+    colour: Image | None = None
 
 
 SizeOf = Callable[[int, int], tuple[int, int]]
@@ -78,6 +81,7 @@ def decode_frames(
     size_of: SizeOf | None,
     prepare: Callable[[DecodedFrame], object] | None = None,
     n_threads: int | None = None,
+    colour_every_ns: int | None = None,
     where: str = "",
 ) -> Iterator[DecodedFrame]:
     """Decode frames in threads; they come out in the order in which they went in.
@@ -87,6 +91,7 @@ def decode_frames(
         size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
         n_threads: Of decoding, the calling one included; None: as many as there are processors, at most `MAX_THREADS`.
+        colour_every_ns: Of log time: a frame in so long comes in colour, too (`DecodedFrame.colour`); None: none does.
         where: File and topic, for messages.
 
     Raises:
@@ -98,7 +103,7 @@ def decode_frames(
     cv2.setNumThreads(1)  # the threads are ours: one frame each
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # damaged frames are counted, not warned of
 
-    jobs = _decoding_jobs(frames, size_of, where)
+    jobs = _decoding_jobs(frames, size_of, _ColourClock(colour_every_ns), where)
     batches = (partial(_decode_batch, batch, prepare) for batch in _in_batches(jobs, MAX_BATCH if size_of else 1))
     for decoded in in_order(batches, n):
         yield from decoded
@@ -125,19 +130,41 @@ def _decode_batch(jobs: list[DecodingJob], prepare: Callable[[DecodedFrame], obj
     return [each if each.image is None else replace(each, prepared=prepare(each)) for each in decoded]
 
 
-def _decoding_jobs(frames: Iterable[FrameLike], size_of: SizeOf | None, where: str) -> Iterator[DecodingJob]:
+class _ColourClock:
+    """Tells which frames are wanted in colour: the first, then one in so long."""
+
+    def __init__(self, every_ns: int | None) -> None:
+        self._every_ns = every_ns
+        self._last_ns: int | None = None
+
+    def is_due(self, time_ns: int) -> bool:
+        """Whether the next frame is."""
+        if self._every_ns is None:
+            return False
+        if self._last_ns is not None and 0 <= time_ns - self._last_ns < self._every_ns:
+            return False
+        self._last_ns = time_ns
+        return True
+
+
+def _decoding_jobs(
+    frames: Iterable[FrameLike], size_of: SizeOf | None, colour: _ColourClock, where: str
+) -> Iterator[DecodingJob]:
     """One job a frame. Video is decoded here, in order, because a picture is made from earlier ones."""
     index = 0
     for video_format, group in groupby(frames, key=_video_format):
         if not video_format:
             for frame in group:
-                yield DecodingJob(len(frame.data), partial(decode_frame, index, frame, size_of))
+                in_colour = colour.is_due(frame.log_time_ns)
+                yield DecodingJob(len(frame.data), partial(decode_frame, index, frame, size_of, in_colour=in_colour))
                 index += 1
             continue
         decoded = decode_video(group, video_format, max_pixels=MAX_PIXELS, where=where)
         for frame, image, size in decoded:
             n_bytes = 0 if image is None else image.nbytes
-            yield DecodingJob(n_bytes, partial(_video_frame, index, frame, image, size, size_of))
+            in_colour = colour.is_due(frame.log_time_ns)
+            work = partial(_video_frame, index, frame, image, size, size_of, in_colour=in_colour)
+            yield DecodingJob(n_bytes, work)
             index += 1
 
 
@@ -147,8 +174,14 @@ def _video_format(frame: FrameLike) -> str:
     return name if name in VIDEO_FORMATS else ""
 
 
-def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> DecodedFrame:
-    """Decode one frame; `size_of` as in `decode_frames`. Never raises for what the data holds."""
+def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_colour: bool = False) -> DecodedFrame:
+    """Decode one frame; `size_of` as in `decode_frames`. Never raises for what the data holds.
+
+    Args:
+        index, frame: The frame and its number.
+        size_of: As in `decode_frames`.
+        in_colour: In colour too, beside grey, if the camera has colour.
+    """
     if not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
         return _rejected(index, frame, LOG_TIME_OUT)
     is_depth = not frame.encoding and is_compressed_depth(frame.format)
@@ -175,7 +208,23 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None) -> Decode
             image = _decoded(frame.data, header, wanted)
     except (RawImageError, DepthImageError) as error:
         return _rejected(index, frame, str(error))
-    return _finished(index, frame, image, (width_px, height_px), wanted)
+    made = _finished(index, frame, image, (width_px, height_px), wanted)
+    return replace(made, colour=_colour(frame, header, made)) if in_colour and not is_depth else made
+
+
+def _colour(frame: FrameLike, header: ImageHeader | None, decoded: DecodedFrame) -> Image | None:
+    """The picture in colour, as large as the grey one; None where there is none."""
+    if decoded.image is None:
+        return None
+    height_px, width_px = decoded.image.shape
+    if header is None:
+        return None if frame.encoding.lower() in GREY else _scaled(raw_colour(frame), (width_px, height_px))
+    if header.is_grey:
+        return None
+    try:
+        return _scaled(_decoded(frame.data, header, (width_px, height_px), in_colour=True), (width_px, height_px))
+    except RawImageError:
+        return None
 
 
 def _as_wanted(grey: Image, *, is_grey: bool) -> Image:
@@ -193,14 +242,16 @@ def _no_image(frame: FrameLike) -> str:
     return f"the video format {frame.format[:MAX_NAME]!r} is not known (known: {known})"
 
 
-def _decoded(data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, int] | None) -> Image:
+def _decoded(
+    data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, int] | None, *, in_colour: bool = False
+) -> Image:
     import cv2
 
     flags = cv2.IMREAD_IGNORE_ORIENTATION
     if wanted is None:
         flags |= cv2.IMREAD_COLOR
     else:
-        flags |= _reduced(header, wanted)
+        flags |= _reduced(header, wanted, "COLOR" if in_colour else "GRAYSCALE")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -210,19 +261,25 @@ def _decoded(data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, i
     return np.asarray(image, np.uint8)
 
 
-def _reduced(header: ImageHeader, wanted: tuple[int, int]) -> int:
+def _reduced(header: ImageHeader, wanted: tuple[int, int], kind: str) -> int:
     """The flag of the strongest reduction that leaves at least the wanted size; only JPEG decodes faster by it."""
     import cv2
 
     if header.kind == "jpeg":
         for factor in REDUCTIONS:
             if header.width_px >= factor * wanted[0] and header.height_px >= factor * wanted[1]:
-                return int(getattr(cv2, f"IMREAD_REDUCED_GRAYSCALE_{factor}"))
-    return int(cv2.IMREAD_GRAYSCALE)
+                return int(getattr(cv2, f"IMREAD_REDUCED_{kind}_{factor}"))
+    return int(getattr(cv2, f"IMREAD_{kind}"))
 
 
 def _video_frame(
-    index: int, frame: FrameLike, image: Image | None, size: tuple[int, int], size_of: SizeOf | None
+    index: int,
+    frame: FrameLike,
+    image: Image | None,
+    size: tuple[int, int],
+    size_of: SizeOf | None,
+    *,
+    in_colour: bool,
 ) -> DecodedFrame:
     import cv2
 
@@ -230,23 +287,30 @@ def _video_frame(
     reason = reason if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT
     if reason or image is None:
         return _rejected(index, frame, reason)
-    wanted = size_of(*size) if size_of else None
-    if size_of:
-        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-    return _finished(index, frame, image, size, wanted)
+    if size_of is None:
+        return _finished(index, frame, image, size, None)
+    wanted = size_of(*size)
+    made = _finished(index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted)
+    return replace(made, colour=_scaled(image, wanted)) if in_colour else made
 
 
 def _finished(
     index: int, frame: FrameLike, image: Image, size: tuple[int, int], wanted: tuple[int, int] | None
 ) -> DecodedFrame:
     """The frame, scaled to the wanted size by the mean of the pixels that fall together."""
-    if wanted is not None and image.shape[1::-1] != wanted:
-        import cv2
-
-        shrinks = image.shape[1] >= wanted[0] and image.shape[0] >= wanted[1]
-        scaled = cv2.resize(image, wanted, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
-        image = np.asarray(scaled, np.uint8)
+    if wanted is not None:
+        image = _scaled(image, wanted)
     return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), *size, image, has_stamp=_is_time(frame.stamp_ns))
+
+
+def _scaled(image: Image, wanted: tuple[int, int]) -> Image:
+    if image.shape[1::-1] == wanted:
+        return image
+    import cv2
+
+    shrinks = image.shape[1] >= wanted[0] and image.shape[0] >= wanted[1]
+    scaled = cv2.resize(image, wanted, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+    return np.asarray(scaled, np.uint8)
 
 
 def _unfit(width_px: int, height_px: int) -> str:

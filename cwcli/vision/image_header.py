@@ -11,17 +11,20 @@ PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_START = b"\xff\xd8\xff"
 JPEG_END = b"\xff\xd9"
 PNG_END = b"IEND"
+_GREY_PNG = (b"\x00", b"\x04")
+"""Colour types: without and with transparency."""
 _SOF_MARKERS = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 _MARKERS_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
 
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Kind (`jpeg`, `png`, `webp`) and size in pixels as the file declares it."""
+    """Kind (`jpeg`, `png`, `webp`) and size in pixels as the file declares it; whether it is known to be grey."""
 
     kind: str
     width_px: int
     height_px: int
+    is_grey: bool = False
 
 
 TAIL_BYTES = 256
@@ -34,7 +37,8 @@ def read_image_header(data: Bytes) -> ImageHeader | None:
     if head.startswith(JPEG_START):
         return _jpeg(data)
     if head.startswith(PNG_MAGIC) and head[12:16] == b"IHDR" and len(head) >= 24:
-        return ImageHeader("png", *struct.unpack(">II", head[16:24]))
+        width_px, height_px = struct.unpack(">II", head[16:24])
+        return ImageHeader("png", width_px, height_px, is_grey=head[25:26] in _GREY_PNG)
     if head[:4] == b"RIFF" and head[8:12] == b"WEBP" and len(head) >= 30:
         return _webp(head)
     return None
@@ -64,7 +68,7 @@ def _jpeg(data: Bytes) -> ImageHeader | None:
             if at + 9 > len(data):
                 return None
             height_px, width_px = struct.unpack(">HH", bytes(data[at + 5 : at + 9]))
-            return ImageHeader("jpeg", width_px, height_px)
+            return ImageHeader("jpeg", width_px, height_px, is_grey=data[at + 9 : at + 10] == b"\x01")
         else:
             length = int.from_bytes(data[at + 2 : at + 4], "big")
             if length < 2:

@@ -61,6 +61,7 @@ from cwcli.vision.lane_model import (
     prior_of,
     roads_of_lane,
 )
+from cwcli.vision.line_watch import LineWatch
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
 MAX_PIXELS = 256_000
@@ -133,6 +134,7 @@ class LaneTracker:
         self._n_lost = 0
         self._lost_s = 0.0
         self._pause = 0
+        self._lines = LineWatch() if look is evidence_of else None  # of a net's map it is not known what it shows
 
     def step(self, frame: LaneFrame) -> LaneFit:
         """Find both boundaries in the next frame."""
@@ -149,7 +151,11 @@ class LaneTracker:
             self._hypotheses = self._found_afresh(frame, camera)
             self._steady_s, self._odds = 0.0, None
         self._n_frames += 1
-        return self._publish(camera, dt_s)
+        fit = self._publish(camera, dt_s)
+        if self._lines is None:
+            return fit
+        lane = self._hypotheses[0].lane if self._hypotheses else None
+        return self._lines.named(fit, frame, self._evidence, lane)
 
     def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
         """Every hypothesis, predicted and improved on the new frame; the published one first."""
@@ -319,4 +325,5 @@ METHOD = Method(
     make=LaneTracker,
     uses_motion=True,
     is_rectified=True,
+    uses_colour=True,
 )

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera
+from cwcli.vision.encoded import Image
 
 GreyImage = npt.NDArray[np.uint8]
 
@@ -35,6 +36,8 @@ class LaneFrame:
         number: 0, 1, 2, ... over the frames that could be decoded; seeds of random searches derive from it.
         speed_mps, yaw_rate_radps: The ego's motion at that time, NaN where the log does not hold it.
         prepared: What the method's `prepare` made of `grey`; None if it was not called.
+        colour: Shape (height, width, 3), blue, green, red, of some frames of a camera in colour, for a method that
+            wants them (`Method.uses_colour`), else None.
     """
 
     grey: GreyImage
@@ -44,6 +47,7 @@ class LaneFrame:
     speed_mps: float = nan
     yaw_rate_radps: float = nan
     prepared: object = None
+    colour: Image | None = None
 
 
 class LaneState(IntEnum):
@@ -103,6 +107,7 @@ class Method:
         uses_motion: Whether the search wants the ego's speed and yaw rate.
         is_rectified: Whether the search wants frames without the lens's distortion and the mounting's roll
             (`vision.rectify`); False: as the camera made them.
+        uses_colour: Whether the search wants a frame in colour now and then.
         with_model: The file that `--model` names -> the method with it; None: it takes none. One that takes a model
             can't be used without.
     """
@@ -113,6 +118,7 @@ class Method:
     prepare: Callable[[GreyImage], object] | None = None
     uses_motion: bool = False
     is_rectified: bool = False
+    uses_colour: bool = False
     with_model: Callable[[Path], Method] | None = None
 
 

@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
+from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
 BoolArray = npt.NDArray[np.bool_]
@@ -22,6 +24,17 @@ DENSER = 1.5
 LEFT_RGB = (0.1, 0.9, 0.2)
 RIGHT_RGB = (1.0, 0.55, 0.0)
 JPEG_QUALITY = 85
+LABEL_POINT = 4
+"""Of a line's points, from the bottom: names stand beside it."""
+LABEL_LETTERS = 7.5
+"""Room for the longest name, in heights of a letter."""
+LETTERS_PX = 22.0
+"""Height of a letter of OpenCV's font at scale 1."""
+_NAMES = {
+    (kind, colour): " ".join(each.name.lower() for each in (kind, colour) if each)
+    for kind in LineKind
+    for colour in LineColour
+}
 
 
 def line_points(
@@ -56,22 +69,50 @@ def line_points(
     return points, is_in_image(points, camera)
 
 
-def burn_in(image: Image, lines: Sequence[FloatArray]) -> Image:
+def line_names(fits: FitColumns) -> list[tuple[str, str]]:
+    """What is written beside the left and the right boundary of each frame: `dashed white`; "": nothing is known."""
+    sides = []
+    for kinds, colours in zip(fits.kind.T.tolist(), fits.colour.T.tolist(), strict=True):
+        sides.append([_NAMES[kind, colour] for kind, colour in zip(kinds, colours, strict=True)])
+    return list(zip(*sides, strict=True))
+
+
+def label_size_px(image_width_px: float) -> float:
+    """Height of letters."""
+    return max(image_width_px / 45.0, 9.0)
+
+
+def label_place(line: FloatArray, image_width_px: float) -> tuple[float, float]:
+    """Where a boundary's name begins: towards the image's middle, above the foot of its line, shape (k, 2)."""
+    u, v = line[min(LABEL_POINT, len(line) - 1)].tolist()
+    size_px = label_size_px(image_width_px)
+    is_left = u < 0.5 * image_width_px
+    return (u + size_px if is_left else u - LABEL_LETTERS * size_px), v
+
+
+def burn_in(image: Image, lines: Sequence[FloatArray], names: Sequence[str] = ("", "")) -> Image:
     """The image with lines drawn on it.
 
     Args:
         image: Shape (height, width, 3), blue, green, red.
         lines: The left and the right one, shape (k, 2) each: u, v.
+        names: What is written beside them.
     """
     import cv2
 
     drawn = image.copy()
     thickness = max(2, round(image.shape[1] / 320))
-    for points, colour in zip(lines, (LEFT_RGB, RIGHT_RGB), strict=True):
+    for points, colour, name in zip(lines, (LEFT_RGB, RIGHT_RGB), names, strict=True):
         if len(points) > 1:
             fixed = np.round(points * 16).astype(np.int32).reshape(-1, 1, 2)
             blue_green_red = tuple(round(255 * part) for part in reversed(colour))
             cv2.polylines(drawn, [fixed], False, blue_green_red, thickness, cv2.LINE_AA, 4)
+            if name:
+                u, v = label_place(points, image.shape[1])
+                scale = label_size_px(image.shape[1]) / LETTERS_PX
+                corner = (round(u), round(v))
+                weight = max(1, thickness // 2)
+                cv2.putText(drawn, name, corner, cv2.FONT_HERSHEY_SIMPLEX, scale, blue_green_red, weight, cv2.LINE_AA)
     return drawn
 
 

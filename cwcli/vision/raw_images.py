@@ -30,6 +30,8 @@ NV = {"nv12": "NV12", "nv21": "NV21"}
 """Encoding -> OpenCV's name: the luminance of all pixels, then the colours of four by four, side by side."""
 FLOAT32 = "32fc1"
 
+GREY = ("mono8", "8uc1", *MONO16, FLOAT32)
+
 
 class RawImageError(ValueError):
     """The raw image can't be read; the text is the reason by which it is counted."""

@@ -96,11 +96,11 @@ class Rectifier:
         self._camera_of = camera_of
         self._maps: dict[tuple[Size, Size], tuple[Image, Image]] = {}
 
-    def image(self, grey: Image, image_size: Size) -> Image:
-        """The search image of a frame of `image_size` (width, height), rectified; same shape."""
+    def image(self, image: Image, image_size: Size) -> Image:
+        """The search image, grey or in colour, of a frame of `image_size` (width, height), rectified; same shape."""
         import cv2
 
-        height_px, width_px = grey.shape
+        height_px, width_px = image.shape[:2]
         key = image_size, (width_px, height_px)
         maps = self._maps.get(key)
         if maps is None:  # two threads at once make the same map
@@ -108,7 +108,7 @@ class Rectifier:
             if len(self._maps) >= MAX_SIZES:
                 self._maps.clear()
             self._maps[key] = maps
-        return np.asarray(cv2.remap(grey, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT), np.uint8)
+        return np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT), np.uint8)
 
 
 def fixed_map(camera: Camera) -> tuple[Image, Image]:

@@ -236,6 +236,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         steady_s,
         change,
         nothing[:, :, 0],
+        *(rng.integers(0, 3, (2, n, 2)).astype(np.int8)),
     )
     road, numbers = rng.normal(size=(n, 2, 3)), rng.normal(size=(7, n))
     geometry = LaneGeometry(road[:, 0], road[:, 1], *numbers)

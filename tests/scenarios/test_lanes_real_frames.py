@@ -41,3 +41,6 @@ def test_video_without_calibration() -> None:
     for side in ("left", "right"):
         assert max_jump(np.asarray(table[f"{side}_lateral_m"], float)) <= 0.15
     assert max_jump(np.asarray(table["lateral_deviation_m"], float)) <= 0.15
+    for side, kind in (("left", "dashed"), ("right", "solid")):  # what a look at the video tells
+        assert set(table[f"{side}_kind"]) == {kind}
+        assert set(table[f"{side}_colour"]) == {"white"}

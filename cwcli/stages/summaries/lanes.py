@@ -8,6 +8,7 @@ from cwcli.channels.lanes import LaneFrames
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section
 from cwcli.stages.summaries import median
+from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.method import LaneState
 
 SIDES = ("left", "right")
@@ -35,6 +36,10 @@ def lanes_table(frames: LaneFrames) -> Table:
         columns[f"{name}_score"] = frames.fits.score[:, side]
         columns[f"{name}_probability"] = frames.fits.probability[:, side]
         columns[f"{name}_found"] = frames.fits.found[:, side]
+        columns[f"{name}_kind"] = [LineKind(kind).name.lower() for kind in frames.fits.kind[:, side].tolist()]
+        columns[f"{name}_colour"] = [LineColour(each).name.lower() for each in frames.fits.colour[:, side].tolist()]
+        docs[f"{name}_kind"] = ColumnDoc(doc="of its paint: solid, dashed, dots (raised ones), double, unknown")
+        docs[f"{name}_colour"] = ColumnDoc(doc="white, yellow, unknown (as in grey frames)")
         for k, parameter in enumerate(("lateral_m", "slope", "ground_curvature_1pm")):
             columns[f"{name}_{parameter}"] = body[:, k]
             docs[f"{name}_{parameter}"] = ColumnDoc(frame="body", doc="y = lateral + slope x + curvature x^2 / 2")

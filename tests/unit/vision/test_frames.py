@@ -39,6 +39,39 @@ def test_header_of_a_progressive_jpeg_with_a_comment() -> None:
     assert (header.width_px, header.height_px) == (64, 48)
 
 
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_header_tells_what_is_grey(suffix: str) -> None:
+    for image, is_grey in ((gradient(), False), (gradient()[..., 0], True)):
+        header = read_image_header(encoded(image, suffix))
+        assert header is not None
+        assert header.is_grey is is_grey
+
+
+def test_a_frame_a_second_comes_in_colour_too() -> None:
+    """At 0, 0.4, ... 2 s: the first, that at 1.2 s, and none before 2.2 s."""
+    image = gradient(640, 480)
+    data = encoded(image, ".jpg")
+    frames = [FakeFrame(data, log_time_ns=k * 400_000_000) for k in range(6)]
+    made = list(decode_frames(frames, size_of=lambda *_: (320, 240), colour_every_ns=10**9))
+    assert [each.colour is not None for each in made] == [True, False, False, True, False, False]
+    assert made[0].colour is not None
+    expected = cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
+    np.testing.assert_allclose(made[0].colour.astype(float), expected, atol=6.0)
+    plain = list(decode_frames(frames, size_of=lambda *_: (320, 240)))
+    assert all(each.colour is None for each in plain)
+    np.testing.assert_array_equal(made[0].image, plain[0].image)
+
+
+def test_raw_images_and_grey_ones_in_colour() -> None:
+    image = gradient()
+    raw = FakeFrame(image.tobytes(), encoding="bgr8", width=64, height=48, step=192)
+    colour = decode_frame(0, raw, same_size, in_colour=True).colour
+    np.testing.assert_array_equal(colour, image)
+    grey = FakeFrame(image[..., 0].tobytes(), encoding="mono8", width=64, height=48, step=64)
+    for frame in (grey, FakeFrame(encoded(image[..., 0], ".jpg"))):
+        assert decode_frame(0, frame, same_size, in_colour=True).colour is None
+
+
 @pytest.mark.parametrize("data", [b"", b"\xff\xd8\xff", b"\xff\xd8\xff\xe0\x00\x01", b"hello", b"\x89PNG\r\n\x1a\n"])
 def test_header_of_rubbish_is_none(data: bytes) -> None:
     assert read_image_header(data) is None

@@ -1,0 +1,69 @@
+"""Whether a found boundary is white or yellow, from a picture in colour."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import LineColour
+from cwcli.vision.encoded import Image
+from cwcli.vision.lane_detect import Evidence
+from cwcli.vision.lane_model import HORIZON, WIDTH, columns_of_lane
+
+LEAST_DEPTH_PX = 22.0
+"""Rows in which a stripe of 12 cm, 1.3 m below the camera, is at least two pixels wide."""
+ROAD_BESIDE = 0.4
+"""Over the camera's height, towards the lane's middle: there the road is looked at, half a metre beside the line."""
+PAINTED = 0.3
+"""Evidence from which a row counts as painted."""
+LEAST_ROWS = 3
+LEAST_CONTRAST = 8.0
+"""Grey levels by which paint must be brighter than the road, in the mean of red and green."""
+YELLOW_BELOW, WHITE_ABOVE = 0.6, 0.75
+"""By how much paint is brighter than the road in blue, over the same in red and green, each over that of the road. It
+is 1 for white however much road a pixel shows beside the paint, about 0 for yellow. Between both nothing is told."""
+
+
+def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[LineColour, LineColour]:
+    """The colours of the left and the right boundary in one frame.
+
+    Args:
+        picture: Shape (height, width, 3): blue, green, red, of the size of the frame that was searched.
+        evidence, lane: Where the frame shows stripes, and the lane (5,).
+    """
+    pinhole = evidence.pinhole
+    first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + LEAST_DEPTH_PX / pinhole.stretch))
+    rows, sharp = evidence.rows[first:], evidence.sharp[first:]
+    inner = np.array(lane)
+    inner[WIDTH] -= 2.0 * ROAD_BESIDE * pinhole.stretch
+    lines = zip(*(columns_of_lane(each, rows.astype(np.float64), pinhole) for each in (lane, inner)), strict=True)
+    made = []
+    for paint_px, road_px in lines:
+        both = np.stack([paint_px, road_px])
+        with np.errstate(invalid="ignore"):
+            at = np.flatnonzero(((both >= 0.0) & (both <= picture.shape[1] - 1.0)).all(axis=0))
+        paint_u, road_u = np.rint(both[:, at]).astype(np.intp)
+        is_painted = sharp[at, paint_u] > PAINTED
+        paint, road = (picture[rows[at], u][is_painted] for u in (paint_u, road_u))
+        made.append(_colour(paint.astype(np.float64), road.astype(np.float64)))
+    return made[0], made[1]
+
+
+def _colour(paint: FloatArray, road: FloatArray) -> LineColour:
+    """The colour of paint beside that of the road, shape (n, 3) each."""
+    if len(paint) < LEAST_ROWS or not np.ptp(np.concatenate([paint, road]), axis=1).any():
+        return LineColour.UNKNOWN  # grey pictures have no colour
+    blue, others = _parts(paint)
+    road_blue, road_others = _parts(road)
+    if others - road_others < LEAST_CONTRAST:
+        return LineColour.UNKNOWN
+    ratio = (blue - road_blue) / (others - road_others) / (road_blue / road_others)
+    if ratio < YELLOW_BELOW:
+        return LineColour.YELLOW
+    return LineColour.WHITE if ratio > WHITE_ABOVE else LineColour.UNKNOWN
+
+
+def _parts(pixels: FloatArray) -> tuple[float, float]:
+    """Blue, and the mean of red and green; no less than a grey level."""
+    blue, green, red = pixels.mean(axis=0).tolist()
+    return max(blue, 1.0), max(0.5 * (green + red), 1.0)

@@ -1,0 +1,182 @@
+"""What kind of line a found boundary is: solid, dashed, raised dots, double.
+
+It is measured along the line, after the search: where its rows show paint, how long the painted stretches and the gaps
+are on the ground, and whether a second stripe runs beside it. Lengths are in lane widths, so that neither the camera's
+height nor its focal length has to be known well. One frame sees a few dashes at most, so frames vote
+(`line_watch.LineWatch`).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from cwcli.kernels import lane_ridge
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import LineKind
+from cwcli.vision.lane_detect import Evidence
+from cwcli.vision.lane_model import HORIZON
+
+PAINTED, LEAST_PAINTED, BEST_ROW = 0.5, 0.2, 3
+"""A row counts as painted with this share of the evidence of the line's third best row, but not with less than 0.2."""
+ROW_LENGTH, FINE_ROW_LENGTH = 0.35, 0.1
+"""In lane widths: rows that are farther apart on the ground are not judged, and are too far apart for dots."""
+LONG = 2.5
+"""In lane widths, 9 m: painted so long, a line is solid. The longest dashes of motorways have 6 m."""
+LEAST_SEEN = 1.2
+"""In lane widths: of a line of which less is seen nothing is told."""
+HOLE = 0.3
+"""In lane widths: less is wear, no gap."""
+GAP = 0.45
+"""In lane widths, 1.6 m: the shortest gap of dashes."""
+DASH = 0.2
+"""In lane widths, 0.7 m: the shortest dash."""
+BLOB = 0.09
+"""In lane widths, 0.3 m: the longest raised dot."""
+SOLID_SHARE = 0.9
+SECOND = np.arange(0.12, 0.41, 0.02)
+"""Over the camera's height: where the second stripe of a double line may be, 16 to 53 cm from the first."""
+SECOND_PLACES = np.concatenate([-SECOND[::-1], [0.0], SECOND])
+SECOND_DEPTH_PX, SECOND_ROWS = 12.0, 5
+"""Rows nearer to the horizon can't show two stripes; and the least number of rows."""
+SECOND_SHARE, SECOND_LEAST = 0.15, 0.1
+"""Of the first stripe's mean evidence, and evidence: a dashed stripe beside a solid one has little more."""
+VALLEY_SHARE = 0.5
+"""Of the second stripe's evidence there is no more between both."""
+
+
+@dataclass(frozen=True)
+class SeenLine:
+    """What one frame tells of a line.
+
+    Attributes:
+        kind: `LineKind.UNKNOWN`: nothing; never `DOUBLE`.
+        is_double: Whether a second stripe runs beside it; None: it could not be seen.
+    """
+
+    kind: LineKind
+    is_double: bool | None
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A painted or bare stretch of a line: its length in lane widths and in rows, from the car on."""
+
+    is_painted: bool
+    length: float
+    n_rows: int
+
+    @property
+    def least(self) -> float:
+        """The least that it may measure: its first and its last row may show what lies in the next one."""
+        return self.length * max(self.n_rows - 2, 0) / self.n_rows
+
+
+def seen_lines(evidence: Evidence, lane: FloatArray) -> tuple[SeenLine, SeenLine]:
+    """What a frame tells of the left and the right boundary.
+
+    Args:
+        evidence: Of the frame.
+        lane: Shape (5,), see `lane_model`.
+    """
+    _, middle, width, _, horizon = lane.tolist()
+    rows = evidence.rows[::-1]
+    h: FloatArray = rows - horizon
+    ahead = evidence.pinhole.focal_px / (np.maximum(h, 1.0) * width)
+    lengths = np.diff(ahead, append=np.inf)
+    n = int(np.searchsorted(lengths, ROW_LENGTH))
+    sides = [middle - 0.5 * width, middle + 0.5 * width]
+    along = lane_ridge.along(evidence.wide, evidence.rows, lane, np.array(sides), evidence.scoring())[:, ::-1][:, :n]
+    made = []
+    for values, place in zip(along, sides, strict=True):
+        kind = LineKind.UNKNOWN
+        if n >= BEST_ROW:
+            least = max(PAINTED * float(np.partition(values, -BEST_ROW)[-BEST_ROW]), LEAST_PAINTED)
+            is_seen = values >= 0.0
+            kind = kind_of((values[is_seen] > least).tolist(), lengths[:n][is_seen].tolist())
+        made.append(SeenLine(kind, _is_double(evidence, lane, place)))
+    return made[0], made[1]
+
+
+def kind_of(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
+    """The kind of a line from its rows, the nearest first.
+
+    Args:
+        painted: Whether each row shows paint.
+        lengths: Of each row on the ground, in lane widths; they grow.
+    """
+    total = sum(lengths)
+    if total < LEAST_SEEN:
+        return LineKind.UNKNOWN
+    line = stretches(painted, lengths)
+    whole = without_holes(line)
+    longest = max((each.length for each in whole if each.is_painted), default=0.0)
+    if longest >= LONG:
+        return LineKind.SOLID
+    n_fine = bisect_right(lengths, FINE_ROW_LENGTH)
+    n_dots = _n_dots(stretches(painted[:n_fine], lengths[:n_fine]))
+    has_dash = any(each.is_painted and each.least >= DASH for each in whole)
+    if n_dots >= (2 if has_dash else 1):  # far away, four dots at arm's length look like a dash
+        return LineKind.DOTS
+    if has_dash and any(not each.is_painted and each.length >= GAP for each in whole[:-1]):
+        return LineKind.DASHED
+    if has_dash and total < LONG and longest >= SOLID_SHARE * total:
+        return LineKind.SOLID
+    return LineKind.UNKNOWN
+
+
+def stretches(painted: Sequence[bool], lengths: Sequence[float]) -> list[Stretch]:
+    """The painted and the bare stretches of a line in turn, the nearest first."""
+    made: list[Stretch] = []
+    at = 0
+    for is_painted, group in groupby(painted):
+        n = sum(1 for _ in group)
+        made.append(Stretch(is_painted, sum(lengths[at : at + n]), n))
+        at += n
+    return made
+
+
+def without_holes(line: Sequence[Stretch]) -> list[Stretch]:
+    """The same with bare stretches of up to `HOLE` between painted ones painted."""
+    made: list[Stretch] = []
+    for k, each in enumerate(line):
+        is_hole = not each.is_painted and each.length <= HOLE and 0 < k < len(line) - 1
+        if is_hole or (made and made[-1].is_painted and each.is_painted):
+            before = made.pop()
+            made.append(Stretch(True, before.length + each.length, before.n_rows + each.n_rows))
+        else:
+            made.append(each)
+    return made
+
+
+def _n_dots(line: Sequence[Stretch]) -> int:
+    """How many blobs with bare road on both sides a line shows; 0 if it shows anything else."""
+    if any(each.is_painted and each.least > BLOB for each in line):
+        return 0
+    return sum(
+        each.is_painted and min(before.length, after.length) > BLOB
+        for before, each, after in zip(line, line[1:], line[2:], strict=False)
+    )
+
+
+def _is_double(evidence: Evidence, lane: FloatArray, place: float) -> bool | None:
+    """Whether a second stripe runs beside a line at a place over the camera's height; None: it can't be seen."""
+    stretch = evidence.pinhole.stretch
+    first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + max(SECOND_DEPTH_PX / stretch, evidence.min_h)))
+    rows, sharp = evidence.rows[first:], evidence.sharp[first:]
+    values = lane_ridge.along(sharp, rows, lane, place + stretch * SECOND_PLACES, evidence.scoring())
+    seen = values[:, values.min(axis=0, initial=0.0) >= 0.0]
+    if seen.shape[1] < SECOND_ROWS:
+        return None
+    mean: list[float] = seen.mean(axis=1).tolist()
+    middle = len(SECOND)
+    for side in (mean[middle::-1], mean[middle:]):
+        most = max(side[1:])
+        between = min(side[: side.index(most, 1)])
+        if most > max(SECOND_SHARE * side[0], SECOND_LEAST) and between < VALLEY_SHARE * most:
+            return True
+    return False

@@ -1,0 +1,120 @@
+"""The kind and the colour of both boundaries over time: what single frames tell (`line_kind`, `line_colour`), as votes.
+
+Frames are asked a few times a second, and their votes are forgotten slowly, so that a change from solid to dashed is
+told after about two seconds. A lane that is found anew, or takes the place of another one, begins without votes; in a
+lane change the line that is crossed keeps its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.boundary import Boundary, LineColour, LineKind
+from cwcli.vision.lane_detect import Evidence
+from cwcli.vision.line_colour import seen_colours
+from cwcli.vision.line_kind import SeenLine, seen_lines
+from cwcli.vision.method import LaneFit, LaneFrame
+
+ASKED_S = 0.25
+"""Frames are asked no more often."""
+MEMORY_S = 1.5
+"""In this time all but 37 % of the votes are forgotten; colours are asked for once a second, and kept longer."""
+COLOUR_MEMORY_S = 4.0
+LEAST_VOTES = 0.3
+CLEAR_SHARE = 0.6
+"""Of the votes: with less, no kind and no colour is told."""
+DOUBLE_SHARE = 0.4
+
+Name = TypeVar("Name", LineKind, LineColour)
+
+
+@dataclass
+class _Votes:
+    """Of one boundary."""
+
+    kinds: dict[LineKind, float] = field(default_factory=dict)
+    doubles: dict[bool, float] = field(default_factory=dict)
+    colours: dict[LineColour, float] = field(default_factory=dict)
+
+    def forget(self, dt_s: float) -> None:
+        """What has been said so far counts less."""
+        kept = math.exp(-dt_s / MEMORY_S)
+        self.kinds = {kind: kept * votes for kind, votes in self.kinds.items()}
+        self.doubles = {is_double: kept * votes for is_double, votes in self.doubles.items()}
+        kept = math.exp(-dt_s / COLOUR_MEMORY_S)
+        self.colours = {colour: kept * votes for colour, votes in self.colours.items()}
+
+    def add(self, seen: SeenLine, colour: LineColour) -> None:
+        """What a frame tells."""
+        if seen.kind is not LineKind.UNKNOWN:
+            self.kinds[seen.kind] = self.kinds.get(seen.kind, 0.0) + 1.0
+        if seen.is_double is not None:
+            self.doubles[seen.is_double] = self.doubles.get(seen.is_double, 0.0) + 1.0
+        if colour is not LineColour.UNKNOWN:
+            self.colours[colour] = self.colours.get(colour, 0.0) + 1.0
+
+    def kind(self) -> LineKind:
+        """What they say together."""
+        total = sum(self.doubles.values())
+        if total >= LEAST_VOTES and self.doubles.get(True, 0.0) > DOUBLE_SHARE * total:
+            return LineKind.DOUBLE
+        return _clearest(self.kinds, LineKind.UNKNOWN)
+
+    def colour(self) -> LineColour:
+        """What they say together."""
+        return _clearest(self.colours, LineColour.UNKNOWN)
+
+
+def _clearest(votes: dict[Name, float], unknown: Name) -> Name:
+    total = sum(votes.values())
+    best = max(votes, key=votes.__getitem__, default=unknown)
+    return best if total >= LEAST_VOTES and votes[best] > CLEAR_SHARE * total else unknown
+
+
+class LineWatch:
+    """Names the lines of a lane that is followed."""
+
+    def __init__(self) -> None:
+        self._votes = _Votes(), _Votes()
+        self._asked_ns: int | None = None
+
+    def named(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence | None, lane: FloatArray | None) -> LaneFit:
+        """The fit with the kind and the colour of its boundaries.
+
+        Args:
+            fit: Of this frame.
+            frame, evidence: The frame, and where it shows stripes.
+            lane: Shape (5,): what was fitted; None: nothing.
+        """
+        if fit.lane_change:
+            crossed, beyond = self._votes if fit.lane_change > 0 else self._votes[::-1]
+            beyond = _Votes()
+            self._votes = (beyond, crossed) if fit.lane_change > 0 else (crossed, beyond)
+        elif fit.steady_s == 0.0 or lane is None:
+            self._votes, self._asked_ns = (_Votes(), _Votes()), None
+        if evidence is None or lane is None or not (fit.left.found or fit.right.found):
+            return fit
+        since_s = math.inf if self._asked_ns is None else (frame.stamp_ns - self._asked_ns) / 1e9
+        if since_s >= ASKED_S or frame.colour is not None:
+            self._asked_ns = frame.stamp_ns
+            self._ask(fit, frame, evidence, lane, 0.0 if math.isinf(since_s) else max(since_s, 0.0))
+        left, right = (_named(side, votes) for side, votes in zip((fit.left, fit.right), self._votes, strict=True))
+        return replace(fit, left=left, right=right)
+
+    def _ask(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence, lane: FloatArray, since_s: float) -> None:
+        seen = seen_lines(evidence, lane)
+        colours = (LineColour.UNKNOWN, LineColour.UNKNOWN)
+        if frame.colour is not None:
+            colours = seen_colours(frame.colour, evidence, lane)
+        sides = zip((fit.left, fit.right), self._votes, seen, colours, strict=True)
+        for side, votes, line, colour in sides:
+            votes.forget(since_s)
+            if side.found:
+                votes.add(line, colour)
+
+
+def _named(side: Boundary, votes: _Votes) -> Boundary:
+    return replace(side, kind=votes.kind(), colour=votes.colour()) if side.found else side
