@@ -85,11 +85,14 @@ def stdout_or_file(target: str | None) -> str | None:
     return "-" if is_same else target
 
 
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether somebody reads it as it comes."""
+    return stream is not None and stream.isatty()
+
+
 def uses_style(stream: TextIO | None) -> bool:
     """Whether escape sequences may be written: a terminal that is not dumb, and no `NO_COLOR`."""
-    return bool(
-        stream is not None and stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    )
+    return is_terminal(stream) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def bold(text: str, stream: TextIO | None) -> str:

@@ -1,13 +1,14 @@
-"""A progress line for anything longer than a second: on stderr, and only on a terminal."""
+"""A progress line for anything longer than a second: on stderr, and only on a terminal that can wipe it again."""
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
 from types import TracebackType
 
-from cwcli.cli.text import WIDTH, printable
+from cwcli.cli.text import WIDTH, display_width, printable
 
 SHOW_AFTER_S = 1.0
 REFRESH_S = 0.2
@@ -21,7 +22,9 @@ class Progress:
     """
 
     def __init__(self, *, quiet: bool = False) -> None:
-        self._enabled = not quiet and sys.stderr is not None and sys.stderr.isatty()
+        self._enabled = (
+            not quiet and sys.stderr is not None and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        )
         self._what = ""
         self._fraction: float | None = None
         self._begin = time.monotonic()
@@ -51,19 +54,35 @@ class Progress:
             self._thread.join()
             self._thread = None
 
-    def line(self, elapsed_s: float) -> str:
-        """The line as it is shown, at most 79 cells."""
+    def line(self, elapsed_s: float, width: int = WIDTH) -> str:
+        """The line as it is shown, narrower than the terminal: a line that wraps can't be wiped.
+
+        Args:
+            elapsed_s: Since the beginning.
+            width: Columns of the terminal.
+        """
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
-        return f"{self._what}{done} ({elapsed_s:.0f} s)"[: WIDTH - 1]
+        line = f"{self._what}{done} ({elapsed_s:.0f} s)"
+        while display_width(line) >= width:
+            line = line[:-1]
+        return line
 
     def _draw(self) -> None:
         drawn = False
         while not self._stop.wait(REFRESH_S):
             elapsed_s = time.monotonic() - self._begin
             if elapsed_s >= SHOW_AFTER_S and self._what:
-                sys.stderr.write(f"\r{self.line(elapsed_s)}\x1b[K")
+                sys.stderr.write(f"\r{self.line(elapsed_s, _columns())}\x1b[K")
                 sys.stderr.flush()
                 drawn = True
         if drawn:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
+
+
+def _columns() -> int:
+    """Of the terminal on standard error, which may have been made narrower meanwhile."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns or WIDTH
+    except (OSError, ValueError):
+        return WIDTH

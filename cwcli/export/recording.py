@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,27 +43,51 @@ def require_rerun() -> None:
         raise UsageError("the viewer needs rerun-sdk", hint="pip install 'cwcli[view]'")
 
 
-def record(log: Log, path: str, target: Path | None) -> None:
-    """Send a log to a recording.
+def show(log: Log, path: str) -> None:
+    """Open the viewer with a log; arguments and errors as those of `recorded`."""
+    there = _topics(log)
+    import rerun as rr
+
+    recording = rr.RecordingStream("cwcli")
+    recording.spawn(default_blueprint=_views())
+    _send(recording, log, path, there)
+    recording.flush()
+    recording.disconnect()
+
+
+def recorded(log: Log, path: str) -> bytes:
+    """A log as the content of an `.rrd` file.
+
+    It is made in memory: where a disk is full, Rerun's own writer of files waits forever.
 
     Args:
         log: The annotated log.
         path: Where it lies; Rerun opens it by itself.
-        target: The `.rrd` file to write; None: the viewer is opened.
 
     Raises:
         MissingSignalError: The log holds no states.
     """
-    there = {channel.topic for channel in log.channels}
-    if not there & {EGO_STATE.topic, REMOTE_STATE.topic}:
-        raise MissingSignalError("the log holds no states", where=log.name, hint="run `cwcli run` first")
+    there = _topics(log)
     import rerun as rr
 
     recording = rr.RecordingStream("cwcli")
-    if target is None:
-        recording.spawn(default_blueprint=_views())
-    else:
-        recording.save(target, default_blueprint=_views())
+    memory = recording.memory_recording()
+    recording.send_blueprint(_views(), make_active=False)
+    _send(recording, log, path, there)
+    return bytes(memory.drain_as_bytes())
+
+
+def _topics(log: Log) -> set[str]:
+    there = {channel.topic for channel in log.channels}
+    if not there & {EGO_STATE.topic, REMOTE_STATE.topic}:
+        raise MissingSignalError("the log holds no states", where=log.name, hint="run `cwcli run` first")
+    return there
+
+
+def _send(recording: Any, log: Log, path: str, there: Container[str]) -> None:
+    """All that is shown of a log."""
+    import rerun as rr
+
     recording.log_file_from_path(path)
     # The frame of paths and poses: a view draws what a chain of transforms leads from to its own.
     recording.log("/", rr.CoordinateFrame(MAP_FRAME), static=True)
@@ -74,8 +98,6 @@ def record(log: Log, path: str, target: Path | None) -> None:
     for channel in (EGO_PATH, REMOTE_PATH):
         if channel.topic in there:
             _paths(recording, log, channel.topic)
-    recording.flush()
-    recording.disconnect()
 
 
 def _views() -> Any:

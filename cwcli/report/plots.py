@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -171,7 +172,8 @@ def draw(drive: Drive, what: str, file_format: str) -> bytes:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context({"svg.hashsalt": "cwcli"}):
+    with mpl.rc_context({"svg.hashsalt": "cwcli"}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from")  # names with such letters are drawn as boxes
         if what == MAP:
             figure = Figure(figsize=(WIDTH_IN, MAP_IN), layout="constrained")
             _draw_map(figure, drive)

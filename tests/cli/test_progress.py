@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import os
 import pty
+import struct
 import sys
+import termios
 import time
 
 import pytest
 
 from cwcli.cli import progress as progress_module
 from cwcli.cli.progress import Progress
+
+
+@pytest.fixture(autouse=True)
+def terminal_can_wipe_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
 
 
 def test_line_tells_what_how_much_and_how_long() -> None:
@@ -22,6 +30,8 @@ def test_line_tells_what_how_much_and_how_long() -> None:
     assert progress.line(61.0) == "reading drive\\x1b.mcap  25 % (61 s)"
     progress.step("x" * 200)
     assert len(progress.line(2.0)) == 79
+    progress.step("日" * 200)  # two cells each
+    assert progress.line(2.0) == "日" * 39
 
 
 def test_nothing_is_drawn_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -35,11 +45,14 @@ def test_nothing_is_drawn_without_a_terminal(monkeypatch: pytest.MonkeyPatch) ->
     assert drawn.getvalue() == ""
 
 
-def drawn_on_a_terminal(monkeypatch: pytest.MonkeyPatch, *, show_after_s: float, quiet: bool = False) -> str:
-    """What a terminal gets from a step of 0.2 s."""
+def drawn_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, *, show_after_s: float, quiet: bool = False, n_columns: int = 0
+) -> str:
+    """What a terminal gets from a step of 0.2 s; one of 0 columns does not know how many it has."""
     monkeypatch.setattr(progress_module, "SHOW_AFTER_S", show_after_s)
     monkeypatch.setattr(progress_module, "REFRESH_S", 0.02)
     master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, n_columns, 0, 0))
     with os.fdopen(slave, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
         with Progress(quiet=quiet) as progress:
@@ -66,3 +79,12 @@ def test_short_work_draws_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_quiet_draws_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert drawn_on_a_terminal(monkeypatch, show_after_s=0.0, quiet=True) == "end"
+
+
+def test_a_narrow_terminal_gets_a_line_that_does_not_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert drawn_on_a_terminal(monkeypatch, show_after_s=0.0, n_columns=10).startswith("\rworking (\x1b[K")
+
+
+def test_a_terminal_that_can_not_wipe_a_line_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "dumb")
+    assert drawn_on_a_terminal(monkeypatch, show_after_s=0.0) == "end"

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.console import Console, is_terminal, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_log
 from cwcli.cli.report import print_written
 from cwcli.errors import UsageError
 from cwcli.export.formats import TRACK_FORMATS
-from cwcli.text import join_names
+from cwcli.text import join_names, printable
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -101,8 +102,8 @@ def command(
                 require_content(opened, name)
             content, n = _encode(opened, names, form, vehicle)
             said = {"what": ",".join(names), "rows": n}
-            if output == "-" and is_text:
-                console.data(bytes(content).decode().removesuffix("\n"))
+            if output == "-" and is_text and is_terminal(sys.stdout):
+                console.data("\n".join(map(printable, bytes(content).decode().removesuffix("\n").split("\n"))))
             else:
                 write_file(output, content, force=force)
     if talk.json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -32,8 +31,7 @@ def command(
 
     Needs rerun-sdk, the extra `view`.
     """
-    from cwcli.export.recording import record, require_rerun
-    from cwcli.input import read_file
+    from cwcli.export.recording import recorded, require_rerun, show
     from cwcli.logs.read.reader import Log
     from cwcli.output import check_targets, write_file
 
@@ -47,12 +45,9 @@ def command(
     require_rerun()
     with Log.open(path) as opened:
         if output is None:
-            record(opened, path, None)
+            show(opened, path)
             return
-        with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
-            made = Path(folder) / "recording.rrd"
-            record(opened, path, made)
-            write_file(output, read_file(str(made)), force=force)
+        write_file(output, recorded(opened, path), force=force)
     console = Console(quiet=talk.quiet)
     if talk.json:
         console.document("view", {"output": output})
