@@ -15,12 +15,14 @@ from cwcli.evaluation.system.topics import System
 from cwcli.fleet.results import read_metrics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateResult, check_gates
-from cwcli.metrics.pooling import LogMetrics, MetricRow, rows_of
+from cwcli.metrics.pooling import MetricRow, rows_of
+from cwcli.pipeline.records import run_records
 from cwcli.report.drive import read_drive, require_results
 from cwcli.report.encounters import find_meetings
 from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
-from cwcli.report.overview import MAX_BYTES, Candidate, Report, assemble, footer
+from cwcli.report.overview import MAX_BYTES, Candidate, Report, assemble, footer, log_metrics
 from cwcli.report.page import Page, Renderer
+from cwcli.report.pooled import FoundSource, sources_in
 from cwcli.report.section import Detail, log_view
 from cwcli.report.sensors import doubts, first_remark
 from cwcli.report.source import Entry, Run, read_run
@@ -76,7 +78,7 @@ def build_report(
     if len(run.entries) == 1 and not run.entries[0].has_failed and run.entries[0].log is not None:
         source = source if not run.is_folder else str(run.entries[0].log)
         return _of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
-    results = check_gates(gates, [_log_metrics(each) for each in run.entries])
+    results = check_gates(gates, [log_metrics(each) for each in run.entries])
     candidates = sorted((_candidate(each, results) for each in run.entries), key=_order)
     is_few = len(candidates) <= FEW_LOGS
     budget = MAX_BYTES - renderer.fixed_bytes - PER_ROW_BYTES * len(candidates) - 20_000
@@ -118,7 +120,7 @@ def _of_one_log(
         if not run.is_folder:
             name = log.name.rpartition("/")[2]
             entry = Entry(entry.id, name, log.name, entry.log, metrics=_evaluated(log, system, is_needed=bool(gates)))
-        results = check_gates(gates, [_log_metrics(entry)])
+        results = check_gates(gates, [log_metrics(entry)])
         section, story, badges = "", None, []
         for detail in (Detail(), Detail(n_pieces=400), FOLDED, TIGHT):
             view = _view(log, entry, "log-1", [], detail, system, is_alone=True, is_open=True)
@@ -143,12 +145,6 @@ def _of_one_log(
     html = renderer.page(page, [section]).encode()
     n_failed = int(any(result.failed for result in results))
     return Report(html, n_logs=1, n_detailed=1, n_failed=n_failed, left_out=())
-
-
-def _log_metrics(entry: Entry) -> LogMetrics:
-    """The log for the gates."""
-    error = entry.error.get("what", "it failed") if entry.has_failed else ""
-    return LogMetrics(entry.id, entry.metrics, error)
 
 
 def _scored_again(run: Run, source: str, system: System, say: Progress) -> Run:
@@ -196,22 +192,24 @@ def _candidate(entry: Entry, results: Sequence[GateResult]) -> Candidate:
         story = ": ".join(entry.error[key] for key in ("where", "what") if entry.error.get(key))
         if entry.error.get("hint"):
             story += f" (hint: {entry.error['hint']})"
+    sources: list[FoundSource] = []
     if entry.log is not None:
         try:
-            n_warnings = _count_warnings(str(entry.log))
+            with Log.open(str(entry.log)) as log:
+                n_warnings = _count_warnings(log)
+                sources = sources_in(entry.id, run_records(log).get("estimate", {}))
         except CwcliError as error:
             story, rank = story or f"{error.what}", 0
             badges.append(Badge("the annotated log can't be read", "bad"))
     if n_warnings:
         rank = min(rank, 2)
-    return Candidate(entry, badges, rank, n_warnings, story[:MAX_STORY])
+    return Candidate(entry, badges, rank, n_warnings, story[:MAX_STORY], sources=tuple(sources))
 
 
-def _count_warnings(path: str) -> int:
-    with Log.open(path) as log:
-        if WARNINGS.topic not in {channel.topic for channel in log.channels}:
-            return 0
-        warnings = read_warnings(log.columns(WARNINGS.topic, ["state"]))
+def _count_warnings(log: Log) -> int:
+    if WARNINGS.topic not in {channel.topic for channel in log.channels}:
+        return 0
+    warnings = read_warnings(log.columns(WARNINGS.topic, ["state"]))
     return int(np.count_nonzero(warnings.state == RAISED))
 
 

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from cwcli import __version__
 from cwcli.errors import InputError
 from cwcli.metrics.gates import GateResult
+from cwcli.metrics.pooling import LogMetrics
 from cwcli.report.gates import badge_of_run, gate_views
 from cwcli.report.page import Page, Renderer, Row
+from cwcli.report.pooled import FoundSource, pooled_metrics, pooled_sources
 from cwcli.report.source import Entry, Run
 from cwcli.report.story import Badge
 from cwcli.report.tables import value_text
@@ -21,7 +23,10 @@ MAX_BYTES = 5_900_000
 COLUMNS = (
     ("data.duration_s", "duration [s]"),
     ("warnings.count", "warnings"),
+    ("warnings.missed_count", "missed"),
     ("ego.position_rmse_m", "position RMSE [m]"),
+    ("ego.position_nees", "NEES"),
+    ("ego.gated_share", "gated [share]"),
     ("lanes.found_share", "lanes found [share]"),
     ("data.rejected_count", "messages rejected"),
 )
@@ -57,6 +62,13 @@ class Candidate:
     story: str = ""
     anchor: str = ""
     links: tuple[tuple[str, str], ...] = ()
+    sources: tuple[FoundSource, ...] = ()
+
+
+def log_metrics(entry: Entry) -> LogMetrics:
+    """The log for gates and pooling."""
+    error = entry.error.get("what", "it failed") if entry.has_failed else ""
+    return LogMetrics(entry.id, entry.metrics, error)
 
 
 def assemble(
@@ -81,6 +93,7 @@ def assemble(
         rows.append(Row(each.anchor, each.entry.name, tuple(each.badges), story, shown, each.links))
     failed = [each for each in candidates if each.rank <= 1]
     left_out = tuple(each.entry.name for each in candidates if not each.anchor and each.entry.log is not None)
+    anchors = {each.entry.id: each.anchor for each in candidates if each.anchor}
     page = Page(
         title=run.name,
         headline=_headline(candidates),
@@ -89,6 +102,8 @@ def assemble(
         gates=tuple(gate_views(results)),
         columns=tuple(title for _, title in columns),
         rows=tuple(rows),
+        metrics=pooled_metrics([log_metrics(each.entry) for each in candidates], anchors),
+        sources=pooled_sources([source for each in candidates for source in each.sources], anchors),
         footer=footer(),
     )
     html = renderer.page(page, sections).encode()

@@ -17,6 +17,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import UsageError
+from cwcli.report.pooled import PooledMetric, PooledSource
 from cwcli.report.story import Badge
 from cwcli.report.views import LogView
 from cwcli.text import printable
@@ -60,6 +61,8 @@ class Page:
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
     footer: tuple[str, ...]
+    metrics: tuple[PooledMetric, ...] = ()
+    sources: tuple[PooledSource, ...] = ()
 
 
 class Renderer:
@@ -128,7 +131,9 @@ def _environment() -> Environment:
     macros = _asset("macros.html")
 
     def load(name: str) -> str:
-        imports = "{% from 'macros.html' import badge, badge_list, plot, frames, player, table, gate_table %}\n"
+        imports = (
+            "{% from 'macros.html' import badge, badge_list, plot, frames, player, table, odd_logs, gate_table %}\n"
+        )
         return macros if name == "macros.html" else imports + _asset(name)
 
     def visible(value: Any) -> Any:

@@ -156,15 +156,33 @@ ARRANGE = """
   told.push(names());
   const find = document.querySelector("input.find");
   find.value = "vehicle  D9583520";
-  find.dispatchEvent(new Event("input"));
+  find.dispatchEvent(new Event("input", { bubbles: true }));
   told.push(names());
+  const set = (name, value) => {
+    const field = document.querySelector(".filters " + name);
+    field.value = value;
+    field.dispatchEvent(new Event("input", { bubbles: true }));
+    return field;
+  };
+  set(".find", "");
+  const verdict = document.querySelector(".filters .verdict");
+  document.body.dataset.verdicts = [...verdict.options].map((each) => each.textContent).join(";");
+  set(".verdict", [...verdict.options].find((each) => each.value.includes("no warnings computed")).value);
+  told.push(names());
+  set(".verdict", "");
+  set(".column", String(duration));
+  set(".least", "15");
+  told.push(names());
+  set(".most", "30");
+  told.push(names());
+  document.body.dataset.shown = document.querySelector(".filters output").textContent;
   document.body.dataset.told = told.join(";");
 })();
 </script>
 """
 
 
-def test_the_table_of_all_logs_is_sorted_and_searched(tmp_path: Path) -> None:
+def test_the_table_of_all_logs_is_sorted_searched_and_filtered(tmp_path: Path) -> None:
     """Of 10, 22 and 36 s; one could not be processed, and has no duration: it comes last both ways."""
     (tmp_path / "broken.mcap").write_bytes(b"no log")
     logs = [str(SAMPLES / f"{name}.mcap") for name in ("curve", "intersection", "straight")]
@@ -175,11 +193,15 @@ def test_the_table_of_all_logs_is_sorted_and_searched(tmp_path: Path) -> None:
     changed = policy.sub("", page).replace("</body>", f"{ARRANGE}</body>")
     (tmp_path / "arranged.html").write_text(changed, encoding="utf-8")
     (body,) = Elements(visit(tmp_path / "arranged.html", tmp_path).dom).of("body")
-    first, up, down, found = body["data-told"].split(";")
+    first, up, down, found, of_verdict, long, middling = body["data-told"].split(";")
     assert first == "broken,intersection,curve,straight"
     assert up == "intersection,straight,curve,broken"
     assert down == "curve,straight,intersection,broken"
     assert found == "intersection"
+    assert "✗ the run failed" in body["data-verdicts"].split(";")
+    assert of_verdict == "curve,straight"  # in the order that the table was sorted to
+    assert (long, middling) == ("curve,straight", "straight")
+    assert body["data-shown"] == "1 of 4 logs"
 
 
 def test_pointing_at_a_moment_marks_it_on_the_map_and_in_all_curves(annotated: Path, tmp_path: Path) -> None:

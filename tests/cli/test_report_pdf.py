@@ -54,12 +54,12 @@ def test_the_printed_page_holds_its_figures(annotated: Path, tmp_path: Path) -> 
 
 
 def test_what_a_reader_would_use_is_not_printed() -> None:
-    """The field that finds rows: its placeholder is drawn, and its frame, unless the page's style leaves it out."""
+    """The fields that find rows: their words and frames are drawn, unless the page's style leaves them out."""
     style = files("cwcli.report").joinpath("assets", "report.css").read_text(encoding="utf-8")
-    page = f"<!doctype html><style>{style}</style><p>x</p>"
+    page, field = f"<!doctype html><style>{style}</style><p>x</p>", '<input value="y">'
     alone, found, other = (
         page_contents(printed((page + field).encode(), browser()))
-        for field in ("", '<input class="find" value="y">', '<input value="y">')
+        for field in ("", f'<div class="filters">{field}</div>', f"<div>{field}</div>")
     )
     assert found == alone != other
 

@@ -221,16 +221,49 @@
         head.parentNode.append(...sorted([...table.rows].slice(1), column, isUp));
       });
     });
-    const find = document.createElement("input");
-    find.type = "search";
-    find.className = "find";
-    find.placeholder = `find in ${rows.length} logs`;
-    find.setAttribute("aria-label", "find logs");
-    find.addEventListener("input", () => {
+    const bar = document.createElement("div"), told = document.createElement("output");
+    bar.className = "filters";
+    const field = (kind, label, more) => {
+      const made = document.createElement(kind);
+      Object.assign(made, more);
+      made.setAttribute("aria-label", label);
+      bar.append(made);
+      return made;
+    };
+    const options = (select, words) => {
+      for (const [value, text] of words) {
+        const made = document.createElement("option");
+        made.value = value;
+        made.textContent = text;
+        select.append(made);
+      }
+    };
+    const find = field("input", "find logs", { type: "search", className: "find", placeholder: `find in ${rows.length} logs` });
+    const verdicts = (row) => [...row.querySelectorAll(".badge")].map((each) => each.textContent.trim());
+    const verdict = field("select", "only logs with this verdict", { className: "verdict" });
+    options(verdict, [["", "any verdict"], ...[...new Set(rows.flatMap(verdicts))].sort().map((each) => [each, each])]);
+    const numeric = [...head.cells].map((cell, k) => [k, cell.textContent]).filter(([k]) => head.cells[k].classList.contains("number"));
+    const column = field("select", "column of the range", { className: "column" });
+    options(column, [["", "any value"], ...numeric]);
+    const least = field("input", "least value", { type: "number", step: "any", placeholder: "from", className: "least" });
+    const most = field("input", "largest value", { type: "number", step: "any", placeholder: "to", className: "most" });
+    bar.append(told);
+    const isWithin = (row) => {
+      if (!column.value || (least.value === "" && most.value === "")) { return true; }
+      const text = row.cells[column.value].textContent.trim(), value = text === "-" ? NaN : Number(text);
+      return !(least.value !== "" && !(value >= Number(least.value))) && !(most.value !== "" && !(value <= Number(most.value)));
+    };
+    const filter = () => {
       const words = find.value.toLowerCase().split(/\s+/).filter(Boolean);
-      for (const row of rows) { row.hidden = !words.every((word) => row.textContent.toLowerCase().includes(word)); }
-    });
-    table.parentNode.before(find);
+      for (const row of rows) {
+        row.hidden = !(words.every((word) => row.textContent.toLowerCase().includes(word)) &&
+          (!verdict.value || verdicts(row).includes(verdict.value)) && isWithin(row));
+      }
+      const n = rows.filter((row) => !row.hidden).length;
+      told.textContent = n < rows.length ? `${n} of ${rows.length} logs` : "";
+    };
+    bar.addEventListener("input", filter);
+    table.parentNode.before(bar);
   };
 
   const start = async () => {

@@ -1,0 +1,265 @@
+"""All logs of a run together: pooled metrics, how they spread over the logs, and the logs that stand out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.metrics.headline import metric_of
+from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pooled_rows
+from cwcli.pipeline.records import Record, json_entry, number
+from cwcli.report.tables import value_text
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.text import interval
+from cwcli.text import number as shown
+
+MORE = (
+    "data.duration_s",
+    "ego.distance_km",
+    "ego.position_nees",
+    "ego.online_delay_mean_s",
+    "link.latency_p95_s",
+    "link.age_p95_s",
+    "warnings.count",
+    "warnings.missed_count",
+    "warnings.raised_per_hour",
+    "warnings.raised_per_100km",
+)
+"""What is shown beside the metrics that runs are compared by."""
+MAX_ODD = 3
+MAX_SOURCES = 20
+N_BINS = 24
+WIDTH_PX, HEIGHT_PX = 192, 26
+FAR_MADS = 5.0
+"""A log stands out that is so many sigmas (by the median deviation) from the median: one in 1.7 million by chance."""
+MAD_TO_SIGMA = 1.4826
+LEAST_SPREAD = 0.05
+"""Of the median: values that nearly agree have no outliers."""
+REACH = 3.0
+"""The axis goes so many interquartile ranges beyond the quartiles; what is farther stands at its ends."""
+
+
+@dataclass(frozen=True)
+class OddLog:
+    """A log that stands out: its name, its anchor ("" where it has no figures), its value, and where it is drawn."""
+
+    name: str
+    anchor: str
+    value: str
+    at_px: float
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar of a histogram, in pixels, and how many logs it stands for."""
+
+    x_px: float
+    height_px: float
+    n: int
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How the logs' values lie: bars of a histogram from `low` to `high`."""
+
+    bars: tuple[Bar, ...]
+    low: str
+    high: str
+    words: str
+
+
+@dataclass(frozen=True)
+class PooledMetric:
+    """A metric over all logs.
+
+    Attributes:
+        name, unit, doc: Which.
+        value, between: Pooled by samples, hours or ways, and its 95 % interval.
+        n_logs, n_samples: Behind it.
+        median: Of the logs' own values.
+        spread: How these lie.
+        odd: The logs that stand out, the farthest first.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    value: str
+    between: str
+    n_logs: int
+    n_samples: int
+    median: str
+    spread: Spread
+    odd: tuple[OddLog, ...]
+
+
+@dataclass(frozen=True)
+class FoundSource:
+    """What the estimator found of a source in one log; NaN where nothing is told."""
+
+    log: str
+    source: str
+    quantity: str
+    latency_s: float
+    nis: float
+    is_inside: bool | None
+    gated: float
+    used: float
+
+
+@dataclass(frozen=True)
+class PooledSource:
+    """A source over all logs, in words and numbers as they are shown."""
+
+    source: str
+    quantity: str
+    n_logs: int
+    latency: str
+    latency_between: str
+    nis: str
+    outside: str
+    gated: str
+    odd: tuple[OddLog, ...]
+
+
+def pooled_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tuple[PooledMetric, ...]:
+    """The metrics over all logs that have them; none of fewer than two logs.
+
+    Args:
+        logs: Of the run.
+        anchors: Log -> where its part of the page is.
+    """
+    known = [log for log in logs if log.rows]
+    if len(known) < 2:
+        return ()
+    names = [name for name in metric_names(known) if _is_shown(name)]
+    of_interest = [LogMetrics(log.id, {name: log.rows[name] for name in names if name in log.rows}) for log in known]
+    found = []
+    for name, row in pooled_rows(of_interest).items():
+        values = {log.id: log.rows[name].value for log in of_interest if name in log.rows}
+        finite = {log: value for log, value in values.items() if math.isfinite(value)}
+        if len(finite) > 1 and math.isfinite(row.value):
+            found.append(_pooled(row, finite, anchors))
+    return tuple(found)
+
+
+def _is_shown(name: str) -> bool:
+    metric = metric_of(name)
+    return metric is not None and (metric.is_compared or name in MORE)
+
+
+def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, str]) -> PooledMetric:
+    metric = metric_of(row.metric)
+    told = np.array(list(values.values()))
+    spread, low, high = spread_of(told, row.metric)
+    return PooledMetric(
+        name=row.metric,
+        unit=row.unit,
+        doc="" if metric is None else metric.doc,
+        value=value_text(row.metric, row.value),
+        between=interval(row.low, row.high),
+        n_logs=len(values),
+        n_samples=row.n,
+        median=shown(float(np.median(told))),
+        spread=spread,
+        odd=odd_logs(row.metric, values, anchors, low, high),
+    )
+
+
+def spread_of(values: FloatArray, name: str) -> tuple[Spread, float, float]:
+    """The histogram of at least one finite value (n,), and the span that it covers."""
+    first, third = np.quantile(values, [0.25, 0.75])
+    reach = REACH * (third - first)
+    low, high = max(float(values.min()), first - reach), min(float(values.max()), third + reach)
+    if not high > low:  # all but a few agree
+        low, high = float(values.min()), float(values.max())
+    edges = np.linspace(low, high, N_BINS + 1) if high > low else np.linspace(low - 0.5, high + 0.5, N_BINS + 1)
+    counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
+    step = WIDTH_PX / N_BINS
+    bars = tuple(
+        Bar(round(k * step, 1), round(max(2.0, HEIGHT_PX * float(n) / float(counts.max())), 1), int(n))
+        for k, n in enumerate(counts.tolist())
+        if n
+    )
+    ends = value_text(name, float(values.min())), value_text(name, float(values.max()))
+    words = f"{len(values)} logs from {ends[0]} to {ends[1]}"
+    return Spread(bars, *ends, words), float(edges[0]), float(edges[-1])
+
+
+def odd_logs(
+    name: str, values: Mapping[str, float], anchors: Mapping[str, str], low: float, high: float
+) -> tuple[OddLog, ...]:
+    """The logs whose value is far from the others', the farthest first; none of fewer than four."""
+    told = np.array(list(values.values()))
+    if len(told) < 4:
+        return ()
+    median = float(np.median(told))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(told - median)))
+    least = FAR_MADS * max(spread, LEAST_SPREAD * abs(median), 1e-9)
+    far = sorted(
+        (log for log, value in values.items() if abs(value - median) > least),
+        key=lambda log: (-abs(values[log] - median), log),
+    )
+    return tuple(
+        OddLog(
+            log,
+            anchors.get(log, ""),
+            value_text(name, values[log]),
+            round(float(np.clip((values[log] - low) / (high - low), 0.0, 1.0)) * WIDTH_PX, 1),
+        )
+        for log in far[:MAX_ODD]
+    )
+
+
+def sources_in(log: str, record: Record) -> list[FoundSource]:
+    """What a record of `estimate` tells of the ego's sources; what does not fit is left out."""
+    found = []
+    for entry in json_entry(record, "sources", list):
+        if isinstance(entry, dict) and entry.get("vehicle") == EGO_ID:
+            inside = entry.get("nis_inside")
+            found.append(
+                FoundSource(
+                    log,
+                    str(entry.get("source")),
+                    str(entry.get("quantity")).replace("_", " "),
+                    number(entry, "latency_found_s"),
+                    number(entry, "nis_per_dof"),
+                    inside if isinstance(inside, bool) else None,
+                    number(entry, "gated"),
+                    number(entry, "used"),
+                )
+            )
+    return found
+
+
+def pooled_sources(found: Sequence[FoundSource], anchors: Mapping[str, str]) -> tuple[PooledSource, ...]:
+    """Each source and quantity over the logs that have it, the most frequent first; none that only one log has."""
+    groups: dict[tuple[str, str], list[FoundSource]] = {}
+    for each in found:
+        groups.setdefault((each.source, each.quantity), []).append(each)
+    shown_groups = sorted((group for group in groups.values() if len(group) > 1), key=lambda group: -len(group))
+    return tuple(_source(group, anchors) for group in shown_groups[:MAX_SOURCES])
+
+
+def _source(group: Sequence[FoundSource], anchors: Mapping[str, str]) -> PooledSource:
+    latencies = {each.log: 1e3 * each.latency_s for each in group if math.isfinite(each.latency_s)}
+    nis = [each.nis for each in group if math.isfinite(each.nis)]
+    judged = [each.is_inside for each in group if each.is_inside is not None]
+    gated = math.fsum(each.gated for each in group if math.isfinite(each.gated))
+    used = math.fsum(each.used for each in group if math.isfinite(each.used))
+    told = np.array(list(latencies.values()))
+    return PooledSource(
+        source=group[0].source,
+        quantity=group[0].quantity,
+        n_logs=len(group),
+        latency=f"{np.median(told):.0f}" if len(told) else "-",
+        latency_between=f"{told.min():.0f} to {told.max():.0f}" if len(told) else "",
+        nis=f"{np.median(nis):.2f}" if nis else "-",
+        outside=f"{judged.count(False)} of {len(judged)}" if judged else "-",
+        gated=f"{100.0 * gated / (gated + used):.2g} %" if gated + used > 0.0 else "-",
+        odd=odd_logs("", latencies, anchors, 0.0, 1.0) if latencies else (),
+    )

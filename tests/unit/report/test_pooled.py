@@ -1,0 +1,84 @@
+"""The metrics of all logs together: pooled by samples and ways, spread as bars, with the logs that stand out."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cwcli.metrics.headline import Headline
+from cwcli.metrics.pooling import LogMetrics, rows_of
+from cwcli.report.pooled import N_BINS, WIDTH_PX, odd_logs, pooled_metrics, pooled_sources, sources_in, spread_of
+
+
+def log(name: str, errors_m: list[float], *, n_warnings: int = 0, distance_km: float = 1.0) -> LogMetrics:
+    headline = Headline()
+    headline.errors("ego.position_rmse_m", np.array(errors_m))
+    headline.add("warnings.raised_per_100km", n_warnings, distance_km / 100.0, n=n_warnings)
+    headline.count("data.read_count", 7)  # is not shown
+    return LogMetrics(name, rows_of(headline.table()))
+
+
+def test_errors_are_pooled_by_their_samples_and_rates_by_their_ways() -> None:
+    """sqrt((3 x 1 + 9) / 4) m, not the mean of 1 and 3 m; 3 warnings in 30 km are 10 in 100 km."""
+    logs = [log("a", [1.0, -1.0, 1.0], n_warnings=3, distance_km=10.0), log("b", [3.0], distance_km=20.0)]
+    error, rate = pooled_metrics(logs, {})
+    assert (error.name, rate.name) == ("ego.position_rmse_m", "warnings.raised_per_100km")
+    assert float(error.value) == pytest.approx(math.sqrt(3.0), abs=1e-3)
+    assert (error.n_logs, error.n_samples, error.median) == (2, 4, "2.000")
+    assert float(rate.value) == pytest.approx(10.0)
+    assert rate.between == "2.062 to 29.22"  # the exact Poisson interval of 3, 0.6187 to 8.7673, per 30 km
+
+
+def test_one_log_and_failed_ones_are_not_pooled() -> None:
+    assert pooled_metrics([log("a", [1.0]), LogMetrics("b", error="it failed")], {}) == ()
+
+
+def test_bars_hold_every_log_and_far_ones_stand_at_the_ends() -> None:
+    values = np.array([1.0, 1.1, 1.2, 1.3, 1.4, 500.0])
+    spread, low, high = spread_of(values, "ego.position_rmse_m")
+    assert sum(bar.n for bar in spread.bars) == 6
+    # Quartiles by linear interpolation at places 1.25 and 3.75: 1.125 and 1.375; the axis ends at 1.375 + 3 x 0.25
+    assert (low, high) == (1.0, pytest.approx(2.125))
+    assert spread.bars[-1].x_px == pytest.approx((N_BINS - 1) * WIDTH_PX / N_BINS) and spread.bars[-1].n == 1
+    assert (spread.low, spread.high) == ("1.000", "500.0")
+
+
+@pytest.mark.parametrize("values", [[2.0, 2.0, 2.0], [0.0, 0.0], [5.0], [1.0, 1.0, 1.0, 1.0, 9.0]])
+def test_values_that_agree_have_bars_too(values: list[float]) -> None:
+    spread, low, high = spread_of(np.array(values), "ego.position_rmse_m")
+    assert sum(bar.n for bar in spread.bars) == len(values) and low < high
+
+
+def test_the_farthest_logs_stand_out_with_their_places() -> None:
+    """Median 1.0, median deviation 0.1: what is beyond 5 x 0.148 = 0.74 is far."""
+    values = {"a": 0.9, "b": 1.0, "c": 1.1, "d": 1.0, "e": 0.9, "f": 1.7, "g": 1.8, "h": -3.0}
+    odd = odd_logs("ego.position_rmse_m", values, {"g": "log-7"}, 0.0, 2.0)
+    assert [(each.name, each.anchor, each.value) for each in odd] == [("h", "", "-3.000"), ("g", "log-7", "1.800")]
+    assert [each.at_px for each in odd] == [0.0, pytest.approx(0.9 * WIDTH_PX, abs=0.1)]
+    assert odd_logs("x", {"a": 0.0, "b": 0.0, "c": 99.0}, {}, 0.0, 1.0) == ()  # three tell nothing
+    assert odd_logs("x", dict.fromkeys("abcd", 1.0), {}, 0.0, 1.0) == ()
+
+
+def test_sources_are_put_together_over_the_logs() -> None:
+    def record(latency_s: float | None, nis: float, *, is_inside: bool, gated: int) -> dict[str, str]:
+        entry = {
+            "vehicle": "ego", "source": "/gps", "quantity": "yaw_rate", "latency_found_s": latency_s,
+            "nis_per_dof": nis, "nis_inside": is_inside, "gated": gated, "used": 100 - gated,
+        }  # fmt: skip
+        other = {**entry, "vehicle": "17", "source": "/v2x"}
+        return {"sources": json.dumps([entry, other, 3, "x"])}
+
+    found = [
+        *sources_in("a", record(0.1, 1.0, is_inside=True, gated=0)),
+        *sources_in("b", record(0.3, 2.0, is_inside=False, gated=6)),
+        *sources_in("c", record(None, 4.0, is_inside=False, gated=0)),
+        *sources_in("d", {"sources": "{not json"}),
+    ]
+    (source,) = pooled_sources(found, {})
+    assert (source.source, source.quantity, source.n_logs) == ("/gps", "yaw rate", 3)
+    assert (source.latency, source.latency_between, source.nis) == ("200", "100 to 300", "2.00")
+    assert (source.outside, source.gated) == ("2 of 3", "2 %")
+    assert pooled_sources(found[:1], {}) == ()
