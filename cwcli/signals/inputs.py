@@ -181,15 +181,18 @@ def _cam_fields(paths: str) -> Callable[[], Fields]:
 
 def _ros_bsm_fields() -> Fields:
     from cwcli.signals import j2735
+    from cwcli.signals.bsm_flags import ros_fields
 
-    leaves = tuple(j2735.ROS.values())
+    leaves = (*j2735.ROS.values(), *ros_fields())
     return {"cdr": leaves, "json": leaves}
 
 
 def _carma_bsm_fields() -> Fields:
     from cwcli.signals import j2735
+    from cwcli.signals.bsm_flags import ros_fields
 
-    leaves = (*j2735.ROS.values(), *dict.fromkeys(path for path, _ in j2735.CARMA_PRESENCE.values()))
+    presence = dict.fromkeys(path for path, _ in j2735.CARMA_PRESENCE.values())
+    leaves = (*j2735.ROS.values(), *presence, *ros_fields())
     return {"cdr": leaves, "json": leaves}
 
 

@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
-from cwcli.signals.columns import Columns, FloatArray, Strings, strings_from
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, strings_from
 from cwcli.signals.covariances import covariance_from_ellipse
 from cwcli.signals.leaf_fields import is_one_of, numbers, texts
 from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
@@ -121,12 +123,15 @@ CARMA_PRESENCE: dict[str, tuple[str, int]] = {
 }
 """`carma_v2x_msgs`: quantity -> field of the flags, bit that is set when the value is there."""
 M_PER_ODE_SIZE = 0.01
+PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
+"""Of a flag."""
 
 
 def json_fields() -> tuple[str, ...]:
     """Every leaf that a JSON BSM can have its data in."""
     leaves = (*JSON_RAW.values(), *JSON_ODE.values(), *REVERSE_LEAVES)
-    return (ODE_SOURCE, *dict.fromkeys(prefix + leaf for prefix in JSON_PREFIXES for leaf in leaves))
+    core = dict.fromkeys(prefix + leaf for prefix in JSON_PREFIXES for leaf in leaves)
+    return (ODE_SOURCE, *core, *bsm_flags.json_fields(JSON_PREFIXES))
 
 
 def identify_json(columns: Columns) -> Senders:
@@ -141,6 +146,7 @@ def identify_ros(columns: Columns) -> Senders:
 
 def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a JSON channel: raw units or decoded ones, by the names that it has (`lat`, or `position.latitude`)."""
+    _note_braking(ledger, bsm_flags.json_flags(columns, JSON_PREFIXES), identify_json(columns).station)
     for prefix in JSON_PREFIXES:
         if prefix + JSON_ODE["latitude_deg"] in columns.fields:
             return _from_ode(columns, ledger, prefix)
@@ -151,17 +157,66 @@ def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 def decode_ros(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `j2735_v2x_msgs/BSM` channel (raw integers)."""
+    _note_braking(ledger, bsm_flags.ros_flags(columns), identify_ros(columns).station)
     return _from_raw(columns, ledger, ROS, "")
 
 
 def decode_carma(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `carma_v2x_msgs/BSM` channel: degrees, metres, m/s, degrees/s, J2735's signs, and presence flags."""
+    _note_braking(ledger, bsm_flags.ros_flags(columns), identify_ros(columns).station)
+    return _rows(columns, ledger, _signed(_carma_values(columns)), ROS, "")
+
+
+def _carma_values(columns: Columns) -> dict[str, FloatArray]:
+    """What the flags say is there."""
     value = {name: numbers(columns, ROS[name]) for name in (*ELEMENTS, "dsecond_ms")}
     for name, (path, bit) in CARMA_PRESENCE.items():
         flags = numbers(columns, path)
         is_there = (np.nan_to_num(flags, nan=0.0).astype(np.int64) & bit) != 0
         value[name] = np.where(is_there, value[name], np.nan)
-    return _rows(columns, ledger, _signed(value), ROS, "")
+    return value
+
+
+def json_events(columns: Columns) -> RoadEvents:
+    """The flags of a JSON channel, where and when its messages say."""
+    paths = JSON_RAW
+    for prefix in JSON_PREFIXES:
+        for each in (JSON_RAW, JSON_ODE):
+            if prefix + each["latitude_deg"] in columns.fields:
+                paths = {name: prefix + leaf for name, leaf in each.items()}
+    value = {name: numbers(columns, paths[name]) for name in PLACE_AND_TIME}
+    if paths["latitude_deg"].endswith(JSON_RAW["latitude_deg"]):
+        value = _decoded_place(value)
+    return _flag_events(columns, bsm_flags.json_flags(columns, JSON_PREFIXES), identify_json(columns).station, value)
+
+
+def ros_events(columns: Columns) -> RoadEvents:
+    """The flags of a `j2735_v2x_msgs/BSM` channel."""
+    value = _decoded_place({name: numbers(columns, ROS[name]) for name in PLACE_AND_TIME})
+    return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, value)
+
+
+def carma_events(columns: Columns) -> RoadEvents:
+    """The flags of a `carma_v2x_msgs/BSM` channel."""
+    return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, _carma_values(columns))
+
+
+def _decoded_place(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    return {name: decode(ELEMENTS[name], raw) if name in ELEMENTS else raw for name, raw in value.items()}
+
+
+def _flag_events(columns: Columns, codes: Int64Array, station: Strings, value: dict[str, FloatArray]) -> RoadEvents:
+    """One event a flag, at its message's own time (log time where it has none) and place (degrees)."""
+    stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
+    stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
+    place = value["latitude_deg"], value["longitude_deg"]
+    return bsm_flags.flag_events(codes, station, stamp_ns, columns.log_time_ns, *place)
+
+
+def _note_braking(ledger: RowLedger, codes: Int64Array, station: Strings) -> None:
+    note = bsm_flags.hard_braking_note(codes, station)
+    if note:
+        ledger.note(note)
 
 
 def _from_ode(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
@@ -255,6 +310,6 @@ def _is_reverse(columns: Columns, path: str, prefix: str) -> BoolArray:
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 
 
-JSON_BSM = V2xCodec(identify_json, decode_json)
-ROS_BSM = V2xCodec(identify_ros, decode_ros)
-CARMA_BSM = V2xCodec(identify_ros, decode_carma)
+JSON_BSM = V2xCodec(identify_json, decode_json, events=json_events)
+ROS_BSM = V2xCodec(identify_ros, decode_ros, events=ros_events)
+CARMA_BSM = V2xCodec(identify_ros, decode_carma, events=carma_events)

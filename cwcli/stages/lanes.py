@@ -18,17 +18,16 @@ from cwcli.channels.lanes import LaneFrames, write_lane_frames, write_lane_lines
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.calibration import UNKNOWN, Calibration, calibration_entry
-from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputCount, StageResult, Summary
 from cwcli.pipeline.run_record import run_record
-from cwcli.signals.clocks import LOG_TIME_APART, LOG_TIME_OUT, MAX_STAMP_NS, NO_STAMP, usual_log_times
+from cwcli.signals.clocks import NO_STAMP
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.camera import CameraSource, camera_source, mounting_source
+from cwcli.stages.inputs.camera import CameraSource, camera_frames, camera_source, mounting_source
 from cwcli.stages.inputs.frame_motion import Motion, read_motion
 from cwcli.stages.summaries.lanes import lanes_section, lanes_table
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
@@ -40,7 +39,6 @@ from cwcli.vision.methods import DEFAULT_METHOD, check_method, chosen_method
 from cwcli.vision.mounting import MountingChoice, check_mounting
 from cwcli.vision.prepared_frame import PreparedFrame, prepare_with
 from cwcli.vision.rectify import Rectifier, rectified
-from cwcli.vision.video import VIDEO_FORMATS
 
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
@@ -149,7 +147,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     is_rectified = method.is_rectified and source.needs_rectifying()
     run = _Run(method, config.seed, source, motion, is_rectified=is_rectified)
     images = decode_frames(
-        _frames(log, topic, config, run.reject),
+        camera_frames(log, topic, config, run.reject),
         size_of=method.search_size,
         prepare=prepare_with(method, Rectifier(source.camera) if is_rectified else None),
         colour_every_ns=COLOUR_EVERY_NS if method.uses_colour else None,
@@ -166,7 +164,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     if config.render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
-            frames_of_topic = _frames(log, topic, config, lambda reason: None)
+            frames_of_topic = camera_frames(log, topic, config)
             return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(write_lane_frames(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))
@@ -218,24 +216,6 @@ def _frame_id(log: Log, topic: str) -> str:
     """Of the camera's images, "" if it has none."""
     first = next(iter(log.frames(topic)), None)
     return "" if first is None else first.frame_id
-
-
-def _frames(log: Log, topic: str, config: LanesConfig, reject: Callable[[str], None]) -> Iterator[Frame]:
-    """The frames of the span; video from its beginning, because later pictures are made from earlier ones.
-
-    One whose log time is far from all others' came at no time that is known, and is rejected.
-    """
-    logged = log.log_times(topic).view(np.int64)
-    first_ns, last_ns = usual_log_times([logged[[config.holds(each) for each in logged.tolist()]]])
-    for frame in log.frames(topic):
-        if config.holds(frame.log_time_ns) and not first_ns <= frame.log_time_ns <= last_ns:
-            reject(LOG_TIME_APART if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT)
-        elif config.holds(frame.log_time_ns):
-            yield frame
-        elif config.end_ns is not None and frame.log_time_ns >= config.end_ns:
-            return
-        elif frame.format.lower() in VIDEO_FORMATS:
-            yield frame
 
 
 def _nothing_usable(where: str, rejected: Mapping[str, int]) -> DataError:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import json_walk as kernel
 from cwcli.logs.codecs.decoder import Outcome
-from cwcli.logs.codecs.json_columns import ABSENT, ARRAY, STRING, Elements, JsonSlot, Room, scalar
+from cwcli.logs.codecs.json_columns import ABSENT, ARRAY, CODED, Elements, JsonSlot, Room, scalar
 from cwcli.logs.codecs.json_tree import Key, KeyTree, Tables, elements
 from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity
 from cwcli.signals.columns import Field, Int64Array
@@ -235,7 +235,7 @@ class JsonDecoder:
             return
         elif in_array:
             tags, values = instead[key.slot].setdefault(row, ([], []))
-            tag, number = (STRING, 0) if isinstance(value, str) else scalar(value)
+            tag, number = (CODED, slot.code(value)) if isinstance(value, str) else scalar(value)
             tags.append(tag)
             values.append(number)
         elif isinstance(value, str):

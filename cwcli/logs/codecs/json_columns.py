@@ -6,7 +6,8 @@
 - arrays of numbers: (n, k) if all messages have k of them, else `Ragged`; nested arrays are flattened; leaves of
   objects in arrays are `Ragged`, and an object that lacks the leaf adds nothing; null and strings in arrays are NaN.
 
-Arrays of nothing but strings, and arrays that are always empty, are left out.
+An array that holds one string at most in every message is that string. Other arrays of nothing but strings, and arrays
+that are always empty, are left out.
 """
 
 from __future__ import annotations
@@ -155,7 +156,7 @@ class JsonSlot:
             no_counts: As many zeros as there are messages in the batch.
         """
         if used or instead:
-            self._keep_elements(used, instead)
+            self._keep_elements(payloads, used, instead)
         else:  # most names that a role may have are in no message of the file
             self._counts.append(no_counts)
         largest = self.tags[first_row : first_row + len(payloads)].max()
@@ -163,10 +164,12 @@ class JsonSlot:
         if largest >= STRING:
             self._code_strings(payloads, first_row)
 
-    def _keep_elements(self, used: int, instead: Mapping[int, Elements]) -> None:
+    def _keep_elements(self, payloads: Payloads, used: int, instead: Mapping[int, Elements]) -> None:
         counts = np.diff(self._room.cursors[self._leaf], prepend=0)
         tags = self._room.element_tags[self._leaf][:used].copy()
         values = self._room.element_values[self._leaf][:used].copy()
+        if counts.max(initial=0) <= 1:
+            self._code_elements(payloads, np.flatnonzero(counts), tags, values)
         rows = sorted(row for row, (inner, _) in instead.items() if inner)
         if rows:
             sizes = [len(instead[row][0]) for row in rows]
@@ -180,11 +183,17 @@ class JsonSlot:
 
     def put_string(self, row: int, text: str) -> None:
         """Set one row."""
-        octets = text.encode(errors="surrogatepass")
+        self.tags[row], self.values[row] = CODED, self.code(text)
+
+    def code(self, text: str) -> int:
+        """The code of a string."""
+        return self._code(text.encode(errors="surrogatepass"))
+
+    def _code(self, octets: bytes) -> int:
         code = self._known.setdefault(octets, len(self._strings))
         if code == len(self._strings):
             self._strings.append(octets)
-        self.tags[row], self.values[row] = CODED, code
+        return code
 
     def take_places(self, payloads: Payloads, first_row: int) -> list[bytes | memoryview]:
         """The strings of the batch as they stand in the messages; they are not kept."""
@@ -214,14 +223,16 @@ class JsonSlot:
         counts = np.concatenate([np.zeros(0, np.int64), *self._counts])
         offsets = np.concatenate([[0], np.cumsum(counts)])
         if counts[rows].any():
-            element_tags = np.concatenate([np.zeros(0, np.uint8), *self._element_tags])
-            element_values = np.concatenate([np.zeros(0, np.int64), *self._element_values])
-            return _sequence(
-                tags,
-                values,
-                take_ragged(Ragged(element_tags, offsets), rows),
-                take_ragged(Ragged(element_values, offsets), rows).values.view(np.int64),
-            )
+            all_tags = np.concatenate([np.zeros(0, np.uint8), *self._element_tags])
+            all_values = np.concatenate([np.zeros(0, np.int64), *self._element_values])
+            element_tags = take_ragged(Ragged(all_tags, offsets), rows)
+            element_values = take_ragged(Ragged(all_values, offsets), rows).values.view(np.int64)
+            no_numbers = np.isin(tags, (ABSENT, NULL, ARRAY, STRING)).all()
+            if no_numbers and (counts[rows] <= 1).all() and (element_tags.values == CODED).all():
+                codes = np.where(tags == STRING, values, -1)
+                codes[counts[rows] == 1] = element_values
+                return self._strings_column(np.where(codes < 0, ABSENT, STRING).astype(np.uint8), codes)
+            return _sequence(tags, values, element_tags, element_values)
         if not tags.any():
             return None
         return self._strings_column(tags, values) if STRING in tags else _numbers(tags, values)
@@ -233,6 +244,16 @@ class JsonSlot:
             codes[row] = len(texts)
             texts.append(_spelled(int(tags[row]), values[row : row + 1]))
         return first_seen(merge_equal(Strings(codes, tuple(texts))))
+
+    def _code_elements(
+        self, payloads: Payloads, rows: npt.NDArray[np.intp], tags: TagArray, values: Int64Array
+    ) -> None:
+        """Turn places of strings into codes; one element a row."""
+        for k in np.flatnonzero(np.isin(tags, (STRING, ESCAPED))).tolist():
+            begin = int(payloads.starts[rows[k]]) + (int(values[k]) >> 32)
+            text = payloads.data[begin : begin + (int(values[k]) & 0xFFFFFFFF)].tobytes()
+            values[k] = self.code(json.loads(b'"' + text + b'"')) if tags[k] == ESCAPED else self._code(text)
+            tags[k] = CODED
 
     def _code_strings(self, payloads: Payloads, first_row: int) -> None:
         """Turn places in the messages into codes."""
@@ -273,7 +294,7 @@ def _sequence(tags: TagArray, values: Int64Array, element_tags: Ragged, element_
     inner = element_tags.values.astype(np.uint8)
     sizes = np.diff(element_tags.offsets)
     alone = np.flatnonzero(np.isin(tags, (NULL, BOOL, INT, FLOAT)) & (sizes == 0))
-    if np.isin(inner, (STRING, ESCAPED)).all() and not len(alone):
+    if np.isin(inner, (STRING, ESCAPED, CODED)).all() and not len(alone):
         return None
     alone = alone[tags[alone] != NULL]
     if len(alone):

@@ -39,6 +39,7 @@ def remote_builder(codec: V2xCodec) -> Build:
             quality.notes += its.notes
             signal = joined_remotes([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
         events = codec.events(columns)
+        events = _of_others(events, codec.identify(columns), reading) if len(events) else events
         return replace(signal, events=_at_their_states(events, signal)) if len(events) else signal, quality
 
     def build_one(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
@@ -127,6 +128,14 @@ def _own_builder(
         return make(decoded, rows, {"source": columns.topic, **times}), ledger.quality
 
     return build
+
+
+def _of_others(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
+    """Without the flags of the ego's own messages: what it notifies is no news to it."""
+    own_codes = np.unique(senders.station.codes[_is_own(senders, reading)])
+    own = {senders.station.values[code] for code in own_codes if code >= 0}
+    is_own = np.array([*(name in own for name in events.station.values), False])
+    return events.rows(np.flatnonzero(~is_own[events.station.codes]))
 
 
 def _at_their_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from cwcli.signals.bsm_flags import CODED, N_FLAGS
 from cwcli.signals.columns import Field, Strings
 from cwcli.signals.j2735 import JSON_RAW
 from cwcli.signals.radio.messages import MISSING, Decoded
@@ -14,26 +15,6 @@ from cwcli.signals.radio.types import Enum, Int, ListOf, Open, Sized, bits, sequ
 
 MESSAGE_ID = 20
 VEHICLE_SAFETY_EXTENSIONS = 0
-EVENT_FLAGS = (
-    "eventHazardLights",
-    "eventStopLineViolated",
-    "eventABSactivated",
-    "eventTractionControlLoss",
-    "eventStabilityControlactivated",
-    "eventHazardousMaterials",
-    "eventReserved1",
-    "eventHardBraking",
-    "eventLightsChanged",
-    "eventWipersChanged",
-    "eventFlatTire",
-    "eventDisabledVehicle",
-    "eventAirBagDeployment",
-)
-"""Of VehicleEventFlags, the first one in the highest of the 13 bits."""
-HARD_BRAKING_NAME = "eventHardBraking"
-HARD_BRAKING = 1 << (len(EVENT_FLAGS) - 1 - EVENT_FLAGS.index(HARD_BRAKING_NAME))
-"""The sender brakes with more than 0.4 g."""
-
 LATITUDE = Int(-900_000_000, 900_000_001)
 LONGITUDE = Int(-1_799_999_999, 1_800_000_001)
 ELEVATION = Int(-4096, 61_439)
@@ -106,7 +87,7 @@ _CRUMB = sequence(
     extensible=True,
 )
 _SAFETY = sequence(
-    ("events", bits(len(EVENT_FLAGS), extensible=True), True),
+    ("events", bits(N_FLAGS, extensible=True), True),
     (
         "pathHistory",
         sequence(
@@ -148,7 +129,7 @@ CORE_PATHS = tuple(
     )
 )
 STATION = JSON_RAW["station"]
-EVENTS = "partII.partII-Value.events"
+EVENTS = CODED[0]
 PREDICTION = "partII.partII-Value.pathPrediction"
 CRUMBS = "partII.partII-Value.pathHistory.crumbData"
 

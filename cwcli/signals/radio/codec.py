@@ -16,16 +16,13 @@ from cwcli.signals import cpm as cpm_objects
 from cwcli.signals import denm as denm_events
 from cwcli.signals import etsi, j2735, perceived
 from cwcli.signals import sdsm as sdsm_objects
-from cwcli.signals.columns import Columns, Field, Strings, constant_strings
+from cwcli.signals.columns import Columns, Field, Strings
 from cwcli.signals.denm import told
-from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.radio import bsm, cam, cpm, denm, frames, messages, sdsm, vam
 from cwcli.signals.radio.program import Program
-from cwcli.signals.road_events import HARD_BRAKING, RoadEvents, joined_events, no_events
+from cwcli.signals.road_events import RoadEvents, joined_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, nothing_told
-from cwcli.signals.v2x_elements import decode
-from cwcli.signals.v2x_time import stamp_from_dsecond
 
 SIGNED_NOTE = "are signed (IEEE 1609.2): they were unwrapped, and their signatures not verified"
 
@@ -106,11 +103,6 @@ def radio_codec(form: str) -> V2xCodec:
                 decoded = kind.codec.decode(part, inner)
             for entry in fields(RemoteRows):
                 getattr(made, entry.name)[rows] = getattr(decoded, entry.name)
-            braking = _flagged(part)
-            braking = braking.rows(np.flatnonzero(braking.kind.codes == _code_of(braking.kind, HARD_BRAKING)))
-            if len(braking):
-                n_stations = len(np.unique(braking.station.codes))
-                ledger.note(f"{len(braking)} messages of {n_stations} stations flag hard braking (over 0.4 g)")
         rows, denms, notified = _denms(columns, found, form)
         _reject_some(ledger, rows, denms.status)
         if len(notified):
@@ -136,7 +128,7 @@ def radio_codec(form: str) -> V2xCodec:
 
     def events(columns: Columns) -> RoadEvents:
         found = frames.unwrap(columns, form)
-        flags = [_flagged(part) for _, part, _, _ in _parts(columns, found, form)]
+        flags = [kind.codec.events(part) for kind, part, _, _ in _parts(columns, found, form)]
         return joined_events([*flags, _denms(columns, found, form)[2]])
 
     return V2xCodec(identify, decode_all, objects, events)
@@ -180,29 +172,6 @@ def _denms(
     return rows, decoded, denm.events(decoded, columns.log_time_ns[rows])
 
 
-def _flagged(part: Columns) -> RoadEvents:
-    """The flags of BSMs, one row a flag and message."""
-    flags = part.fields.get(bsm.EVENTS)
-    station = part.fields.get(bsm.STATION)
-    if not isinstance(flags, np.ndarray) or not isinstance(station, Strings):
-        return no_events()
-    codes = np.nan_to_num(flags.astype(np.float64)).astype(np.int64)
-    stamp_ns, has_time = stamp_from_dsecond(numbers(part, j2735.JSON_RAW["dsecond_ms"]), part.log_time_ns)
-    stamp_ns = np.where(has_time, stamp_ns, part.log_time_ns)
-    of_flags = []
-    for k, name in enumerate(bsm.EVENT_FLAGS):
-        rows = np.flatnonzero(codes & (1 << (len(bsm.EVENT_FLAGS) - 1 - k)))
-        kind = constant_strings(HARD_BRAKING if name == bsm.HARD_BRAKING_NAME else name, len(rows))
-        latitude, longitude = (
-            decode(j2735.ELEMENTS[each], numbers(part, j2735.JSON_RAW[each])[rows])
-            for each in ("latitude_deg", "longitude_deg")
-        )
-        nothing = np.full(len(rows), np.nan)
-        times = stamp_ns[rows], part.log_time_ns[rows], stamp_ns[rows]
-        of_flags.append(RoadEvents(station.rows(rows), kind, *times, nothing, nothing, latitude, longitude, nothing))
-    return joined_events(of_flags)
-
-
 def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[int, ...]) -> messages.UInt8Array:
     """Which messages their header says to be others: their status, 0 for the rest."""
     status = np.zeros(len(octets), np.uint8)
@@ -214,11 +183,6 @@ def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[in
         status[has_header & ~np.isin(version, versions)] = OTHER_VERSION
         status[has_header & (said_id != message_id)] = OTHER_MESSAGE
     return status
-
-
-def _code_of(texts: Strings, value: str) -> int:
-    """The code of a text, one that there is not where it is absent."""
-    return texts.values.index(value) if value in texts.values else len(texts.values)
 
 
 def _reject_some(ledger: RowLedger, rows: npt.NDArray[np.intp], status: messages.UInt8Array) -> None:

@@ -7,17 +7,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+
+import numpy as np
 
 from cwcli.channels.binding import bind, is_truth_topic
 from cwcli.channels.published import LANES, OWN_PREFIX
 from cwcli.channels.transforms import read_tree
+from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
 from cwcli.pipeline.result import InputCount
 from cwcli.signals.canonical import CameraInfoSignal
+from cwcli.signals.clocks import LOG_TIME_APART, LOG_TIME_OUT, MAX_STAMP_NS, usual_log_times
 from cwcli.signals.inputs import input_for
 from cwcli.signals.role import Role
 from cwcli.signals.transforms import BODY_FRAMES, CameraPose, Transform, body_from_frame, camera_pose
@@ -25,6 +29,7 @@ from cwcli.stages.inputs.sources import read_sources
 from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, calibrated_camera, default_camera
 from cwcli.vision.mounting import HEIGHTS_M, MAX_OFFSET_M, MAX_TURN_RAD, OPTIONS, MountingChoice
 from cwcli.vision.rectify import needs_rectifying
+from cwcli.vision.video import VIDEO_FORMATS
 
 UNKNOWN_MODEL = "calibration with an unknown distortion model"
 RECORDED = ("mounting", "topics")
@@ -256,3 +261,23 @@ def _fault(pose: CameraPose | None, frame_id: str, body: str) -> str:
 
 def _is_left_out(topic: str) -> bool:
     return topic.startswith(OWN_PREFIX) or is_truth_topic(topic)
+
+
+def camera_frames(
+    log: Log, topic: str, span: Selection, reject: Callable[[str], None] = lambda reason: None
+) -> Iterator[Frame]:
+    """The frames of the span; video from its beginning, because later pictures are made from earlier ones.
+
+    One whose log time is far from all others' came at no time that is known, and is rejected, with a reason.
+    """
+    logged = log.log_times(topic).view(np.int64)
+    first_ns, last_ns = usual_log_times([logged[[span.holds(each) for each in logged.tolist()]]])
+    for frame in log.frames(topic):
+        if span.holds(frame.log_time_ns) and not first_ns <= frame.log_time_ns <= last_ns:
+            reject(LOG_TIME_APART if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT)
+        elif span.holds(frame.log_time_ns):
+            yield frame
+        elif span.end_ns is not None and frame.log_time_ns >= span.end_ns:
+            return
+        elif frame.format.lower() in VIDEO_FORMATS:
+            yield frame

@@ -174,6 +174,18 @@ def test_objects_in_arrays_become_ragged_leaves() -> None:
     assert columns["r.k"].offsets.tolist() == [0, 2, 2, 2]
 
 
+def test_one_string_in_arrays_is_that_string() -> None:
+    columns = columns_of(
+        {"r": [{"x": 1.5}, {"s": "a", "t": "a"}], "w": ["\u00e9"]},
+        {"r": [{"s": "b"}]},
+        {"r": {"s": "c", "t": "a"}, "w": []},
+        {"r": [{"t": "a"}, {"t": "b"}]},
+    )
+    for path, expected in (("r.s", ["a", "b", "c", None]), ("w", ["\u00e9", None, None, None])):
+        assert _comparable(columns[path]) == expected
+    assert "r.t" not in columns
+
+
 @pytest.mark.parametrize(
     "text",
     ["0", "-0", "0.0", "-0.0", "1e5", "1E+5", "1.5e-3", "123456789012345678", "-999999999999999999", "0.1", "1e400",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cwcli.signals.bsm_flags import HARD_BRAKING_FLAG
 from cwcli.signals.radio import bsm
 from cwcli.signals.radio.messages import FAULTS, MISSING, Decoded, Octets, decode
 from tests.unit.signals.radio import packing
@@ -114,7 +115,7 @@ def test_broken_messages_are_decoded_or_counted() -> None:
 
 
 def test_hard_braking_is_the_eighth_flag() -> None:
-    assert bsm.HARD_BRAKING == 0b0000000100000
+    assert HARD_BRAKING_FLAG == 0b0000000100000
 
 
 @pytest.mark.parametrize("n_octets", range(37))
