@@ -28,6 +28,7 @@ from cwcli.report.sensors import doubts, first_remark
 from cwcli.report.source import Entry, Run, read_run
 from cwcli.report.story import Badge, Story, tell
 from cwcli.report.system import judged_system, system_sentences
+from cwcli.report.tiles import Tiles
 from cwcli.report.views import LogView
 from cwcli.warning.rows import RAISED
 
@@ -51,6 +52,7 @@ def build_report(
     *,
     gates: Sequence[str] = (),
     system: System | None = None,
+    tiles: Tiles | None = None,
     recover: bool = False,
     progress: Progress | None = None,
 ) -> Report:
@@ -60,6 +62,7 @@ def build_report(
         source: An output folder of `cwcli run -d`, or one annotated log.
         gates: Gate expressions beside those of the pipeline.
         system: Another system in the logs, which is judged too, or None.
+        tiles: What is drawn below the maps, or None.
         recover: Read what is intact of a single damaged log.
         progress: Told which log is worked on.
 
@@ -70,7 +73,7 @@ def build_report(
             there.
     """
     say = progress or (lambda text: None)
-    renderer = Renderer()
+    renderer = Renderer(tiles)
     run = read_run(source)
     if system is not None and run.is_folder:
         run = _scored_again(run, source, system, say)
@@ -140,7 +143,7 @@ def _of_one_log(
         gates=tuple(gate_views(results)),
         columns=(),
         rows=(),
-        footer=footer(),
+        footer=footer(renderer.tiles),
     )
     html = renderer.page(page, [section]).encode()
     n_failed = int(any(result.failed for result in results))

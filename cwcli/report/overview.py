@@ -16,6 +16,7 @@ from cwcli.report.pooled import FoundSource, pooled_metrics, pooled_sources
 from cwcli.report.source import Entry, Run
 from cwcli.report.story import Badge
 from cwcli.report.tables import value_text
+from cwcli.report.tiles import Tiles
 from cwcli.text import count, printable
 
 MAX_BYTES = 5_900_000
@@ -104,7 +105,7 @@ def assemble(
         rows=tuple(rows),
         metrics=pooled_metrics([log_metrics(each.entry) for each in candidates], anchors),
         sources=pooled_sources([source for each in candidates for source in each.sources], anchors),
-        footer=footer(),
+        footer=footer(renderer.tiles),
     )
     html = renderer.page(page, sections).encode()
     if len(html) > MAX_BYTES * 1.5:
@@ -151,11 +152,17 @@ def _run_badges(candidates: Sequence[Candidate], results: Sequence[GateResult]) 
     return [*badges, badge_of_run(results)]
 
 
-def footer() -> tuple[str, ...]:
+def footer(tiles: Tiles | None) -> tuple[str, ...]:
     """What stands below every page."""
+    network = "This page needs no network."
+    if tiles is not None:
+        network = (
+            f"This page needs no network but for the map below the tracks ({tiles.attribution}), whose tiles it asks "
+            f"{tiles.origin} for, and so tells it where the drive was."
+        )
     return (
         f"Made by cwcli {__version__} from annotated logs. Positions are in metres east and north of the first fix; "
         "headings count counter-clockwise from east; bands and ellipses are one standard deviation. What `really` "
         "happened is what the estimated tracks say.",
-        "This page needs no network. Plots by plotly.js (MIT licence), which is inside.",
+        f"{network} Plots by plotly.js (MIT licence), which is inside.",
     )

@@ -1,7 +1,8 @@
 """The whole page: one HTML file that needs nothing else, and takes nothing from the network.
 
 The plotting library and the figures are inside, compressed; the browser unpacks them. A content security policy allows
-the two scripts of the page by their hashes, pictures inside the page, and nothing else. Same input, same bytes: no
+the two scripts of the page by their hashes, pictures inside the page (and of one server of map tiles, where the user
+names it), and nothing else. Same input, same bytes: no
 times of day, no random ids.
 """
 
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from cwcli.errors import UsageError
 from cwcli.report.pooled import PooledMetric, PooledSource
 from cwcli.report.story import Badge
+from cwcli.report.tiles import Tiles
 from cwcli.report.views import LogView
 from cwcli.text import printable
 
@@ -72,7 +74,13 @@ class Renderer:
         UsageError: The extra `report` is not installed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, tiles: Tiles | None = None) -> None:
+        """Read the templates.
+
+        Args:
+            tiles: What may be drawn below the maps, or None.
+        """
+        self.tiles = tiles
         self._environment = _environment()
         self._css = _asset("report.css")
         self._script = _asset("report.js")
@@ -83,7 +91,7 @@ class Renderer:
                 "default-src 'none'",
                 f"script-src '{_hash(self._script)}' '{_hash(library)}'",
                 "style-src 'unsafe-inline'",
-                "img-src data: blob:",
+                "img-src data: blob:" + (f" {tiles.origin}" if tiles is not None else ""),
                 "base-uri 'none'",
                 "form-action 'none'",
             )
@@ -109,6 +117,7 @@ class Renderer:
         return self._render(
             "page.html",
             page=page,
+            tiles=self.tiles,
             sections=[Markup(section) for section in sections],
             policy=Markup(self._policy),
             css=Markup(self._css),

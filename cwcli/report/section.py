@@ -11,6 +11,7 @@ from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH
 from cwcli.errors import CwcliError
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import map_of
 from cwcli.prediction.paths import Paths
 from cwcli.report.drawing import Figure
 from cwcli.report.drive import Drive
@@ -90,7 +91,8 @@ def log_view(
     drawn = map_figure(drive, meetings)
     if drawn is not None:
         figure, left_out = drawn
-        first.append(_plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure))
+        plot = _plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure)
+        first.append(replace(plot, origin=_origin(drive)))
         notes += left_out
     named = warning_marks(entry.name, meetings)
     mark = dict(zip((each.event_id for each in meetings.encounters), named, strict=True))
@@ -142,6 +144,13 @@ def log_view(
 
 def _plot(anchor: str, kind: str, title: str, hint: str, figure: Figure, suffix: str = "") -> Plot:
     return Plot(f"{anchor}-{kind}{suffix}", kind, title, hint, figure)
+
+
+def _origin(drive: Drive) -> str:
+    local_map = map_of(drive.records.get("estimate", {}))
+    if local_map is None:
+        return ""
+    return f"{local_map.origin_lat_deg!r},{local_map.origin_lon_deg!r},{local_map.origin_alt_m!r}"
 
 
 def _event(

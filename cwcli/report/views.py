@@ -10,7 +10,12 @@ from cwcli.report.story import Badge, Story
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure in the page; height_px: 0 where its kind says."""
+    """A figure in the page.
+
+    Attributes:
+        height_px: 0 where its kind says.
+        origin: Of a map that lies on the earth: latitude and longitude [deg] and altitude [m], else "".
+    """
 
     id: str
     kind: str
@@ -18,6 +23,7 @@ class Plot:
     hint: str
     figure: Figure
     height_px: int = 0
+    origin: str = ""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ EXAMPLES = (
     "cwcli report out/ -o report.html",
     "cwcli report drive.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
     "cwcli report annotated.mcap -o report.pdf --pdf",
+    "cwcli report a.mcap -o r.html --tiles 'https://tiles.example.org/{z}/{x}/{y}.png' --tiles-attribution '© them'",
     "cwcli report annotated.mcap -o r.html --topic warning=/adas/fcw:data==true",
 )
 
@@ -35,6 +36,19 @@ PageOption = Annotated[
         "--output", "-o", metavar="FILE", show_default=False, help="Write the page here; - is standard output."
     ),
 ]
+TilesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--tiles",
+        metavar="URL",
+        show_default=False,
+        help="Map tiles below the tracks: their address with {z}, {x} and {y}. Else nothing is requested.",
+    ),
+]
+AttributionOption = Annotated[
+    str | None,
+    typer.Option("--tiles-attribution", metavar="TEXT", show_default=False, help="Whose map the tiles are."),
+]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Print the page to a PDF instead, by Chromium.")]
 RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
 
@@ -45,23 +59,27 @@ def command(
     talk: TalkOptions,
     topics: SystemOption = None,
     gates: GatesOption = None,
+    tiles: TilesOption = None,
+    tiles_attribution: AttributionOption = None,
     pdf: PdfOption = False,
     recover: RecoverOption = False,
     force: ForceOption = False,
 ) -> None:
     """Make one HTML page of a run, or of one annotated log.
 
-    The page needs no network: what happened in a sentence, the map, the warnings with the predicted paths, the signals
-    with their 1-sigma bands, camera frames with lanes, and what became of the messages. It stays under 6 MB: of many
-    logs the failed and the warned ones come first, and the page says what is left out. A failed gate is shown; the
-    exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
+    The page needs no network (but for --tiles): what happened in a sentence, the map, the warnings with the predicted
+    paths, the signals with their 1-sigma bands, camera frames with lanes, and what became of the messages. It stays
+    under 6 MB: of many logs the failed and the warned ones come first, and the page says what is left out. A failed
+    gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.system.topics import parse_system
     from cwcli.output import check_targets, write_file
     from cwcli.report.build import build_report
     from cwcli.report.pdf import find_browser, printed
+    from cwcli.report.tiles import parse_tiles
 
+    basemap = parse_tiles(tiles, tiles_attribution)
     browser = find_browser() if pdf else None
     system = parse_system(topics) if topics else None
     target = str(stdout_or_file(output))
@@ -73,6 +91,7 @@ def command(
             source,
             gates=gates or (),
             system=system,
+            tiles=basemap,
             recover=recover,
             progress=lambda name: progress.step(f"report {name}"),
         )

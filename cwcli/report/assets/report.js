@@ -47,14 +47,91 @@
     }
   };
 
+  // Map tiles below the tracks, where the page names a server of them. East and north are those of the plane that
+  // touches WGS84 at the origin; a tile is put where its corners lie on it.
+  const MOST_TILES = 64, MOST_ZOOM = 19, EQUATOR_M = 156543.034;
+  const DEG = Math.PI / 180, A = 6378137.0, E2 = 0.00669437999014;
+  const earth = (lat, lon, alt) => {
+    const n = A / Math.sqrt(1 - E2 * Math.sin(lat) ** 2);
+    return [(n + alt) * Math.cos(lat) * Math.cos(lon), (n + alt) * Math.cos(lat) * Math.sin(lon),
+      (n * (1 - E2) + alt) * Math.sin(lat)];
+  };
+  const onPlane = (lat0, lon0, alt0) => {
+    const zero = earth(lat0, lon0, alt0);
+    return (lat, lon) => {
+      const d = earth(lat, lon, alt0).map((value, k) => value - zero[k]);
+      return [-Math.sin(lon0) * d[0] + Math.cos(lon0) * d[1],
+        -Math.sin(lat0) * (Math.cos(lon0) * d[0] + Math.sin(lon0) * d[1]) + Math.cos(lat0) * d[2]];
+    };
+  };
+  const rowOf = (lat, n) => n * (1 - Math.asinh(Math.tan(lat)) / Math.PI) / 2;
+  const latOf = (row, n) => Math.atan(Math.sinh(Math.PI * (1 - 2 * row / n)));
+
+  const tile = (place) => {
+    const template = document.body.dataset.tiles, origin = (place.dataset.origin || "").split(",").map(Number);
+    if (!template || origin.length !== 3 || !origin.every(Number.isFinite) || Math.abs(origin[0]) > 85) { return; }
+    const [lat0, lon0, alt0] = [origin[0] * DEG, origin[1] * DEG, origin[2]], at = onPlane(lat0, lon0, alt0);
+    const layer = document.createElement("div"), told = document.createElement("span"), known = new Map();
+    layer.className = "tiles";
+    told.textContent = document.body.dataset.attribution;
+    layer.append(told);
+    place.prepend(layer);
+    const seat = () => {
+      const full = place._fullLayout, size = full._size, [x, y] = [full.xaxis, full.yaxis];
+      Object.assign(layer.style, { left: size.l + "px", top: size.t + "px", width: size.w + "px", height: size.h + "px" });
+      const scale = Math.abs(x.range[1] - x.range[0]) / size.w;
+      let zoom = Math.min(MOST_ZOOM, Math.max(0, Math.round(Math.log2(EQUATOR_M * Math.cos(lat0) / scale)))), span;
+      for (; zoom >= 0; zoom -= 1) { // the places of the corners are near enough to choose tiles by
+        const n = 2 ** zoom, down = (metres) => rowOf(Math.max(-1.48, Math.min(1.48, lat0 + metres / A)), n);
+        const across = (metres) => n * (0.5 + (lon0 + metres / (A * Math.cos(lat0))) / (2 * Math.PI));
+        span = [Math.floor(across(x.range[0])), Math.floor(across(x.range[1])),
+          Math.max(0, Math.floor(down(y.range[1]))), Math.min(n - 1, Math.floor(down(y.range[0])))];
+        if ((span[1] - span[0] + 1) * (span[3] - span[2] + 1) <= MOST_TILES) { break; }
+      }
+      if (zoom < 0) { return; }
+      const n = 2 ** zoom, wanted = new Set();
+      for (let column = span[0]; column <= span[1]; column += 1) {
+        for (let row = span[2]; row <= span[3]; row += 1) {
+          const key = [zoom, column, row].join();
+          wanted.add(key);
+          if (!known.has(key)) {
+            const image = document.createElement("img");
+            image.alt = "";
+            const inWorld = ((column % n) + n) % n;
+            image.src = template.replace("{z}", zoom).replace("{x}", inWorld).replace("{y}", row);
+            image.addEventListener("error", () => { image.style.visibility = "hidden"; });
+            layer.prepend(image);
+            known.set(key, image);
+          }
+          const lons = [column, column + 1].map((each) => (each / n - 0.5) * 2 * Math.PI);
+          const [west, north] = at(latOf(row, n), lons[0]), [east, south] = at(latOf(row + 1, n), lons[1]);
+          const left = x.d2p(west), top = y.d2p(north);
+          Object.assign(known.get(key).style, { left: left + "px", top: top + "px", width: x.d2p(east) - left + 0.5 + "px",
+            height: y.d2p(south) - top + 0.5 + "px" });
+        }
+      }
+      for (const [key, image] of known) { if (!wanted.has(key)) { image.remove(); known.delete(key); } }
+    };
+    seat();
+    place.on("plotly_relayout", seat);
+    place.on("plotly_relayouting", seat);
+    place.on("plotly_afterplot", seat);
+  };
+
   const draw = async (place) => {
     if (place.dataset.state) { return; }
     place.dataset.state = "drawing";
     const figure = JSON.parse(await unpack(place.dataset.figure));
     const note = place.querySelector(".waiting");
     if (note) { note.remove(); }
-    await window.Plotly.newPlot(place, figure.data, withDefaults(figure.layout, place.clientHeight), CONFIG);
+    const layout = withDefaults(figure.layout, place.clientHeight);
+    if (place.dataset.origin && document.body.dataset.tiles) {
+      layout.paper_bgcolor = layout.plot_bgcolor = "rgba(0,0,0,0)";
+      layout.modebar = { bgcolor: "#fff", color: "rgba(68,68,68,0.3)", activecolor: "rgba(68,68,68,0.7)" };
+    }
+    await window.Plotly.newPlot(place, figure.data, layout, CONFIG);
     await seatLegend(place);
+    tile(place);
     place.dataset.state = "drawn";
     listen(place);
   };
