@@ -174,12 +174,6 @@ def is_mapping(text: str) -> bool:
     return ":" in text
 
 
-def parse_mapping(role: str, text: str) -> FieldMapping:
-    """Read what stands behind a role's `=` where that is one source; see `parse_mappings`."""
-    (mapping,) = parse_mappings(role, text)
-    return mapping
-
-
 def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
     """Read what stands behind a role's `=`: each source, with its parts.
 

@@ -17,6 +17,9 @@ WORLD = "global_ground_truth."
 """Where a SensorView holds the GroundTruth."""
 EMBEDDED = f"sensor_view.{WORLD}"
 """Where a SensorData holds the one of its SensorView."""
+STATIONARY, PROJECTION = "stationary_object", "proj_string"
+"""What of a GroundTruth is counted and not used: parked cars and obstacles, and where the world lies on the globe."""
+DETECTED_STATIONARY = f"{STATIONARY}.base.position.x"
 _MOTION = ("position.x", "position.y", "orientation.yaw", "velocity.x", "velocity.y", "orientation_rate.yaw")
 _BASE = (*_MOTION, "acceleration.x", "acceleration.y", "dimension.length", "dimension.width")
 _OBJECT = (
@@ -36,6 +39,8 @@ def _world(prefix: str) -> tuple[str, ...]:
     return (
         *_times(prefix),
         f"{prefix}host_vehicle_id.value",
+        f"{prefix}{STATIONARY}.id.value",
+        f"{prefix}{PROJECTION}",
         *(f"{prefix}moving_object.{leaf}" for leaf in _OBJECT),
     )
 
@@ -53,6 +58,7 @@ _DETECTED: Fields = {
         *(f"moving_object.base.{leaf}" for leaf in _BASE),
         *(f"moving_object.base_rmse.position.{axis}" for axis in "xy"),
         "moving_object.reference_point",
+        DETECTED_STATIONARY,
         *_SENSOR_DATA_WORLD["protobuf"],
     )
 }

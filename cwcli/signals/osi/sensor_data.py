@@ -15,10 +15,10 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.columns import Columns, FloatArray, Strings
-from cwcli.signals.elements import Elements, taken
+from cwcli.signals.elements import Elements, ragged, taken
 from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.osi import roles
-from cwcli.signals.osi.leaves import EMBEDDED
+from cwcli.signals.osi.leaves import DETECTED_STATIONARY, EMBEDDED
 from cwcli.signals.osi.world import read_world, times, world_times
 from cwcli.signals.quality import Quality, RowLedger
 
@@ -50,6 +50,9 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         values = np.einsum("nij,nj->ni", turn, place) + np.nan_to_num(mounting)[message]
         variance = np.where(rmse > 0.0, rmse * rmse, np.nan)
         covariance = np.einsum("nij,nj,nkj->nik", turn, variance, turn)
+    still = ragged(columns, DETECTED_STATIONARY)
+    if still is not None and len(still.values):
+        ledger.note(f"{len(still.values)} detections of stationary objects are left out: road users are what moves")
     rear_x_m = _rear_axle(columns, reading)
     if np.isfinite(rear_x_m):
         values[:, 0] += rear_x_m

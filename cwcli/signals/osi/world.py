@@ -19,7 +19,7 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strin
 from cwcli.signals.elements import Elements, ragged
 from cwcli.signals.leaf_fields import find, whole_numbers
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_POSITION_M, MAX_SPEED_MPS
-from cwcli.signals.osi.leaves import WORLD
+from cwcli.signals.osi.leaves import PROJECTION, STATIONARY, WORLD
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_S
 
@@ -107,12 +107,25 @@ def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: st
     is_first = _first_of_message(message, ids)
     if not is_first.all():
         ledger.note(f"{np.count_nonzero(~is_first)} objects are in their message twice: the first counts")
+    _note_unused(columns, ledger, prefix)
     keep = is_placed & is_first & ledger.keep[message]
     values = {leaf: column[keep] for leaf, column in values.items()}
     message, ids, place = message[keep], ids[keep], place[keep]
     host = _host(columns, reading, ledger, prefix, message, ids, place, values["type"] == VEHICLE)
     keep = ledger.keep[message]
     return _moving(message, ids, host, place, values, keep)
+
+
+def _note_unused(columns: Columns, ledger: RowLedger, prefix: str) -> None:
+    """Tell what of the world is left out."""
+    still = ragged(columns, f"{prefix}{STATIONARY}.id.value")
+    if still is not None and len(still.values):
+        n_messages = int(np.count_nonzero(np.diff(still.offsets)))
+        n = len(np.unique(still.values))
+        ledger.note(f"{n} stationary objects (in {n_messages} messages) are left out: road users are what moves")
+    projection = find(columns, f"{prefix}{PROJECTION}")
+    if isinstance(projection, Strings) and (projection.codes >= 0).any():
+        ledger.note("where the world lies on the globe (proj_string) is not used: it stays a plane of its own")
 
 
 def world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArray]:

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals import cpm as cpm_objects
-from cwcli.signals import denm as denm_events
 from cwcli.signals import etsi, j2735, perceived
 from cwcli.signals import sdsm as sdsm_objects
 from cwcli.signals.columns import Columns, Field, Strings
@@ -38,22 +37,31 @@ NAMES: dict[str, dict[int, str]] = {"j2735": J2735_NAMES, "btp": PORT_NAMES, "it
 
 
 @dataclass(frozen=True)
-class Kind:
-    """A message that tells of road users.
+class Packed:
+    """A message that is unpacked.
 
     Attributes:
         program: Of its components.
-        fields: Decoded messages -> the leaf fields that `codec` reads.
-        codec: Of the same message in a form with named fields.
-        rows: The list whose elements are the road users; "": the message's sender is the one.
         message_id, versions: What ETSI's header must say, for ETSI's messages.
     """
 
     program: Callable[[], Program]
-    fields: Callable[[messages.Decoded], dict[str, Field]]
-    codec: V2xCodec
     message_id: int | None = None
     versions: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind(Packed):
+    """A message that tells of road users.
+
+    Attributes:
+        fields: Decoded messages -> the leaf fields that `codec` reads.
+        codec: Of the same message in a form with named fields.
+        rows: The list whose elements are the road users; "": the message's sender is the one.
+    """
+
+    fields: Callable[[messages.Decoded], dict[str, Field]]
+    codec: V2xCodec
     rows: str = ""
 
 
@@ -64,16 +72,23 @@ FAULTS: dict[int, str] = {
     OTHER_VERSION: "protocol version that is packed otherwise",
 }
 KINDS: dict[str, Kind] = {
-    "BSM": Kind(bsm.core_program, bsm.fields, j2735.JSON_BSM),
-    "CAM": Kind(cam.program, cam.fields, etsi.CAM, cam.MESSAGE_ID, cam.PROTOCOL_VERSIONS),
-    "VAM": Kind(vam.program, vam.fields, etsi.CAM, vam.MESSAGE_ID, vam.PROTOCOL_VERSIONS),
+    "BSM": Kind(bsm.core_program, fields=bsm.fields, codec=j2735.JSON_BSM),
+    "CAM": Kind(cam.program, cam.MESSAGE_ID, cam.PROTOCOL_VERSIONS, fields=cam.fields, codec=etsi.CAM),
+    "VAM": Kind(vam.program, vam.MESSAGE_ID, vam.PROTOCOL_VERSIONS, fields=vam.fields, codec=etsi.CAM),
 }
 PERCEIVED: dict[str, Kind] = {
-    "CPM": Kind(cpm.program, cpm.objects, cpm_objects.OBJECT_CODEC, cpm.MESSAGE_ID, cpm.PROTOCOL_VERSIONS, cpm.OBJECTS),
-    "SDSM": Kind(sdsm.program, sdsm.objects, sdsm_objects.OBJECT_CODEC, rows=sdsm.OBJECTS),
+    "CPM": Kind(
+        cpm.program,
+        cpm.MESSAGE_ID,
+        cpm.PROTOCOL_VERSIONS,
+        fields=cpm.objects,
+        codec=cpm_objects.OBJECT_CODEC,
+        rows=cpm.OBJECTS,
+    ),
+    "SDSM": Kind(sdsm.program, fields=sdsm.objects, codec=sdsm_objects.OBJECT_CODEC, rows=sdsm.OBJECTS),
 }
 """Messages that tell of others."""
-DENM = Kind(denm.program, lambda decoded: {}, denm_events.ROS_DENM, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS)
+DENM = Packed(denm.program, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS)
 
 
 def radio_codec(form: str) -> V2xCodec:
@@ -134,7 +149,7 @@ def radio_codec(form: str) -> V2xCodec:
     return V2xCodec(identify, decode_all, objects, events)
 
 
-def _decoded(found: frames.Frames, form: str, name: str, kind: Kind) -> tuple[npt.NDArray[np.intp], messages.Decoded]:
+def _decoded(found: frames.Frames, form: str, name: str, kind: Packed) -> tuple[npt.NDArray[np.intp], messages.Decoded]:
     """The rows of the messages with a name, and what is in them."""
     wanted = [number for number, other in NAMES[form].items() if other == name]
     rows = np.flatnonzero(np.isin(found.message, wanted) & (found.status == 0))

@@ -191,3 +191,32 @@ def test_a_ground_truth_fills_every_role_whatever_its_topic_is_called(tmp_path) 
         with Log.open(write_trace(tmp_path / "a.mcap", (CAR, OTHER), topic=topic, duration_s=1.0)) as log:
             bound = bind(log.channels, {}, required=(Role.EGO_POSITION, Role.EGO_SPEED, Role.REMOTE, Role.TRUTH))
             assert {bindings[0].topic for bindings in bound.by_role.values()} == {topic}
+
+
+def test_what_stands_still_and_where_the_world_lies_is_told_and_not_used(tmp_path) -> None:
+    def add(world: GroundTruth) -> None:
+        world.proj_string = "+proj=utm +zone=32"
+        for number in (100, 101, 102):
+            still = world.stationary_object.add()
+            still.id.value = number
+            still.base.position.x = 20.0
+
+    path = changed(tmp_path / "a.mcap", (CAR, OTHER), add)
+    signal, quality = read(path, Role.REMOTE)
+    assert signal.station.values == ("9",)
+    assert quality.notes == [
+        "3 stationary objects (in 40 messages) are left out: road users are what moves",
+        "where the world lies on the globe (proj_string) is not used: it stays a plane of its own",
+    ]
+
+
+def test_detections_of_what_stands_still_are_counted(tmp_path) -> None:
+    message = SensorData()
+    message.timestamp.seconds = 1
+    message.moving_object.add().base.position.x = 10.0
+    for x_m in (0.0, 5.0):
+        message.stationary_object.add().base.position.x = x_m
+    write_messages(tmp_path / "a.mcap", [("sensor", 10**9, message)])
+    signal, quality = read(tmp_path / "a.mcap", Role.DETECTIONS)
+    assert len(signal.values) == 1
+    assert "2 detections of stationary objects are left out: road users are what moves" in quality.notes

@@ -11,7 +11,7 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.signals.build import build
 from cwcli.signals.can import NOT_AVAILABLE, OTHER_FRAME, OUT_OF_RANGE, TOO_SHORT
-from cwcli.signals.mapping import parse_mapping
+from cwcli.signals.mapping import parse_mappings
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
@@ -54,7 +54,7 @@ def frames(rows: list[tuple[int, bool, bytes]], **more):
 
 
 def built(role: Role, text: str, columns, dbc: Path):
-    return build(role, columns, mapping=parse_mapping(role, f"/can:{text};{dbc}"))
+    return build(role, columns, mapping=parse_mappings(role, f"/can:{text};{dbc}")[0])
 
 
 def test_signals_are_those_of_cantools(dbc: Path) -> None:
@@ -128,7 +128,7 @@ def test_file_that_is_no_dbc_is_refused(tmp_path: Path, content: str) -> None:
         built(Role.EGO_SPEED, "Motion.Speed", frames([(256, False, bytes(8))]), tmp_path / "none.dbc")
     columns = frames([(256, False, bytes(8))])
     with pytest.raises(UsageError, match="need the file"):
-        build(Role.EGO_SPEED, columns, mapping=parse_mapping(Role.EGO_SPEED, "/can:Motion.Speed"))
+        build(Role.EGO_SPEED, columns, mapping=parse_mappings(Role.EGO_SPEED, "/can:Motion.Speed")[0])
 
 
 LONG = (
