@@ -87,6 +87,10 @@ def draw(scenario: str, target: Path) -> None:
             axis.axhline(measure.threshold, color="tab:orange", linewidth=0.8, linestyle="--")
         axis.set_title(f"{measure.symbol} ({measure.unit})" if measure.unit else measure.symbol, fontsize=8)
         axis.tick_params(labelsize=7)
+    for axis in axes.flat[
+        max(len(names) - 3, 0) : len(names)
+    ]:  # the lowest of each column, where the last row is not full
+        axis.tick_params(labelbottom=True)
     axes.flat[0].set_xlim(found.contact_s - BEFORE_S, found.contact_s + AFTER_S)
     figure.supxlabel("time [s]", fontsize=8)
     figure.savefig(target, dpi=90, metadata={"Software": None})
