@@ -24,7 +24,6 @@ SYSTEM = "#5B3A8C"
 RAW = "#767676"
 TRUTH = "#000000"
 OTHERS = ("#CC79A7", "#009E73", "#8A6D00", "#56B4E9", "#5B3A8C", "#A6611A")
-DASHES = ("dash", "dot", "dashdot", "longdash", "longdashdot")
 TITLE = {"font": {"size": 13}}
 MAX_NAME = 40
 

@@ -11,7 +11,6 @@ from cwcli.measures.pair import ActualTrack, interpolate
 from cwcli.report.decimate import spot_rows, track_rows
 from cwcli.report.drawing import (
     ALERT,
-    DASHES,
     EGO,
     OTHERS,
     RAW,
@@ -38,6 +37,9 @@ TRACK_PARTS = 4000.0
 MIN_TOLERANCE_M = 0.02
 BREAK_S = 2.0
 SLANTED = 0.7
+MARGIN, LEAST_MARGIN_M = 0.04, 1.0
+OTHERS_WIDTH = 1.3
+SYMBOLS = ("square", "diamond", "triangle-down", "pentagon", "hexagon", "star")
 
 
 def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
@@ -45,24 +47,32 @@ def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...
     if drive.ego is None and not drive.others:
         return None
     shown = shown_others(drive, meetings)
-    data: list[Trace] = _fixes(drive)
+    data, own = [{**trace, "legendrank": 1} for trace in _fixes(drive)], list[Trace]()
     tolerance = MIN_TOLERANCE_M
     if drive.ego is not None:
         xy = drive.ego.state[:, :2]
         tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TRACK_PARTS)
         if drive.truth is not None:
-            data.append(_track(drive, drive.truth.stamp_ns, drive.truth.xy, tolerance, "the truth", TRUTH, "dot"))
-        data.append(_track(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO, "solid"))
+            own.append(_track(drive, drive.truth.stamp_ns, drive.truth.xy, tolerance, "the truth", TRUTH, "dot"))
+        own.append(_track(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO, "solid"))
     for index, other in enumerate(shown):
         stamps, states = other.track.stamp_ns, other.track.state
-        colour, dash = other_style(index)
-        track = _track(drive, stamps, states[:, :2], tolerance, other_name(other), colour, dash)
+        colour = OTHERS[index % len(OTHERS)]
+        track = _track(drive, stamps, states[:, :2], tolerance, other_name(other), colour, "solid", width=OTHERS_WIDTH)
         data.append(track if index < MAX_NAMED else {**track, "showlegend": False})
+        data.append(_end(other, index))
+    data += [{**trace, "legendrank": 2} for trace in own]  # above the others, but named before them
     if drive.ego is not None:
         x, y = (rounded(drive.ego.state[:1, column], 2) for column in (0, 1))
         data.append(dots(x, y, "start", EGO, symbol="circle-open", size=11))
         data += _marks(drive, meetings, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
-    layout: dict[str, Any] = equal_axes({"xaxis": axis("east [m]"), "yaxis": axis("north [m]"), "dragmode": "pan"})
+    layout: dict[str, Any] = equal_axes(
+        {
+            "xaxis": axis("east [m]", range=_span(data, "x")),
+            "yaxis": axis("north [m]", range=_span(data, "y")),
+            "dragmode": "pan",
+        }
+    )
     left_out = []
     if len(shown) > MAX_NAMED:
         left_out.append(f"the map's legend names {MAX_NAMED} of the {len(shown)} others; pointing at a line names it")
@@ -94,11 +104,6 @@ def other_name(other: OtherTrack) -> str:
     return f"{other.kind} {words(other.id)}"
 
 
-def other_style(index: int) -> tuple[str, str]:
-    """Colour and dash of the other vehicle of a number."""
-    return OTHERS[index % len(OTHERS)], DASHES[(index + index // len(OTHERS)) % len(DASHES)]
-
-
 def with_breaks(stamp_ns: Int64Array, values: FloatArray, break_s: float = BREAK_S) -> tuple[Int64Array, FloatArray]:
     """The rows with one of NaN wherever nothing is known for longer than `break_s`, so that no line is drawn there."""
     after = np.flatnonzero(np.diff(stamp_ns) > break_s * 1e9) + 1
@@ -107,8 +112,35 @@ def with_breaks(stamp_ns: Int64Array, values: FloatArray, break_s: float = BREAK
     return np.insert(stamp_ns, after, stamp_ns[after - 1]), np.insert(values, after, np.nan, axis=0)
 
 
+def _span(data: list[Trace], name: str) -> list[float | None]:
+    """What an axis covers: all that is drawn, and a margin, so that no line ends on the frame."""
+    told = np.array([value for trace in data for value in trace[name] if value is not None], np.float64)
+    margin = max(MARGIN * float(np.ptp(told)), LEAST_MARGIN_M)
+    return rounded(np.array([told.min() - margin, told.max() + margin]), 2)
+
+
+def _end(other: OtherTrack, index: int) -> Trace:
+    """Where a track ends: a symbol of its own, and the name of those in the legend, as tracks on one road overlap."""
+    colour = OTHERS[index % len(OTHERS)]
+    known = np.flatnonzero(np.isfinite(other.track.state[:, :2]).all(axis=1))[-1:]
+    x, y = (rounded(other.track.state[known, column], 2) for column in (0, 1))
+    end = dots(x, y, other_name(other), colour, symbol=SYMBOLS[index % len(SYMBOLS)], size=8)
+    end |= {"showlegend": False, "hovertemplate": "the end of %{fullData.name}<extra></extra>"}
+    if index < MAX_NAMED:
+        end |= {"mode": "markers+text", "text": [words(other.id)], "textposition": "top right"}
+        end["textfont"] = {"color": colour, "size": 11}
+    return end
+
+
 def _track(
-    drive: Drive, stamp_ns: Int64Array, xy: FloatArray, tolerance: float, name: str, colour: str, dash: str
+    drive: Drive,
+    stamp_ns: Int64Array,
+    xy: FloatArray,
+    tolerance: float,
+    name: str,
+    colour: str,
+    dash: str,
+    width: float = 2.0,
 ) -> Trace:
     stamp_ns, xy = with_breaks(stamp_ns, xy)
     rows = track_rows(xy, tolerance)
@@ -118,6 +150,7 @@ def _track(
         name,
         colour,
         dash=dash,
+        width=width,
         customdata=rounded(drive.seconds(stamp_ns[rows]), 2),
         hovertemplate="%{customdata} s<br>%{x} m east, %{y} m north",
     )

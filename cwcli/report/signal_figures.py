@@ -160,6 +160,11 @@ def stacked(
         in_legend = index == first_gated
         data += _curve(drive, curve, name, n_pieces, is_first=index == 0, around_zero=around_zero, with_gated=in_legend)
     layout["xaxis"] = axis("time since the log began [s]", anchor=f"y{len(curves)}" if len(curves) > 1 else "y")
+    ends = [drive.seconds(each.stamp_ns[[0, -1]]) for each in curves if len(each.stamp_ns)]
+    if ends:
+        layout["xaxis"]["range"] = rounded(
+            np.array([min(first for first, _ in ends), max(last for _, last in ends)]), 2
+        )
     for encounter in meetings.encounters[:MAX_MARKED]:
         at = round((encounter.raised_ns - drive.start_ns) / NS_PER_S, 3)
         shape, label = upright(at, f"warning {encounter.event_id}", ALERT)

@@ -94,12 +94,16 @@ def test_figures_show_what_the_tracks_say(page: Path) -> None:
     found = figures(page.read_text())
     residuals = {f"log-1-residuals-{n}" for n in range(1, 6)}  # position, heading, speed, and the IMU's two
     assert set(found) == {"log-1-map", "log-1-fan-1", "log-1-distance-1", "log-1-motion", "log-1-errors", *residuals}
-    names = [trace["name"] for trace in found["log-1-map"]["data"]]  # type: ignore[attr-defined]
-    assert names[:3] == ["raw position fixes", "the truth", "the car, estimated"]
-    assert {"vehicle d9583520", "warning given", "nearest approach"} <= set(names)
-    layout = found["log-1-map"]["layout"]
-    assert isinstance(layout, dict)
+    traces, layout = found["log-1-map"]["data"], found["log-1-map"]["layout"]
+    assert isinstance(traces, list) and isinstance(layout, dict)
+    names = [trace["name"] for trace in traces]
+    assert {"warning given", "nearest approach", "start"} <= set(names)
+    tracks = [names.index(name) for name in ("vehicle d9583520", "the truth", "the car, estimated")]
+    assert names[0] == "raw position fixes" and tracks == sorted(tracks)  # the car lies above the others
     assert layout["yaxis"]["scaleanchor"] == "x"
+    for each in "xy":  # nothing ends on the frame
+        low, high = layout[f"{each}axis"]["range"]
+        assert all(low + 0.9 < value < high - 0.9 for trace in traces for value in trace[each] if value is not None)
     for figure in found.values():
         axes = [axis for key, axis in figure["layout"].items() if key[1:5] == "axis"]  # type: ignore[attr-defined]
         assert all("[" in axis["title"]["text"] for axis in axes)
