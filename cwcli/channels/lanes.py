@@ -36,8 +36,8 @@ SIDES = ("left", "right")
 PARABOLA = ("a", "b", "c")
 ROAD_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
 """A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
-IMAGE_ROAD = ("far_px", "near", "bend_px2")
-"""The same in the image: x = far + near h + bend / h, h rows below the horizon, or the circle that this touches."""
+IMAGE_ROAD = ("far_px", "near", "bend_px2", "spiral_px3")
+"""In the image: x = far + near h + bend / h + spiral / h^2, h rows below the horizon, or the curve that it touches."""
 PINHOLE = ("road_centre_px", "road_focal_px")
 PREVIEW = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
 PREVIEW_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
@@ -59,7 +59,7 @@ class LaneFrames:
         horizon_px: Shape (n,): row in the search image, NaN where not known.
         camera_pitch_rad, camera_yaw_rad: Shape (n,): as used; nose down and counter-clockwise positive.
         fits: n rows.
-        roads: Shape (n, 2, 3): the boundaries as roads (`ground.image_roads`).
+        roads: Shape (n, 2, 4): the boundaries as roads (`ground.image_roads`).
         top_px: Shape (n,): row in the search image at which boundaries end.
         pinhole: Shape (n, 2): `BoundaryLines.pinhole`.
         geometry: n rows.
@@ -107,6 +107,7 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
         "lateral_deviation_m": geometry.lateral_deviation_m,
         "heading_deviation_rad": geometry.heading_deviation_rad,
         "curvature_1pm": geometry.curvature_1pm,
+        "curvature_change_1pm2": geometry.curvature_change_1pm2,
         "lateral_deviation_sigma_m": geometry.lateral_deviation_sigma_m,
         "heading_deviation_sigma_rad": geometry.heading_deviation_sigma_rad,
         "curvature_sigma_1pm": geometry.curvature_sigma_1pm,
@@ -140,6 +141,7 @@ class LaneRows:
         found: Shape (n, 2): left, right.
         drawn: Where the boundaries are drawn in the searched image.
         road: Shape (n, 2, 3): `ROAD_LINE`.
+        curvature_change_1pm2: Shape (n,): right positive; 0 where it is not told.
         preview, preview_sigma: Shape (n, 3): `PREVIEW` and its sigmas.
         preview_m, lane_width_m, camera_pitch_rad, camera_yaw_rad, camera_yaw_sigma_rad: Shape (n,).
         image_size, search_size: Shape (n, 2): width and height of the camera's image and of the searched one, pixels.
@@ -154,6 +156,7 @@ class LaneRows:
     found: npt.NDArray[np.bool_]
     drawn: BoundaryLines
     road: FloatArray
+    curvature_change_1pm2: FloatArray
     preview: FloatArray
     preview_sigma: FloatArray
     preview_m: FloatArray
@@ -216,6 +219,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
             columns, *(np.where(found[..., None], of_sides(names), np.nan) for names in (PARABOLA, IMAGE_ROAD))
         ),
         road=of_sides(ROAD_LINE),
+        curvature_change_1pm2=np.nan_to_num(numbers(columns, "curvature_change_1pm2")),
         preview=side_by_side(*PREVIEW),
         preview_sigma=side_by_side(*PREVIEW_SIGMAS),
         preview_m=side_by_side("preview_distance_m")[:, 0],
@@ -233,12 +237,13 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
 
 
 def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> BoundaryLines:
-    """What is drawn; logs of older versions know no roads, no tops and no circles."""
+    """What is drawn; logs of older versions know no roads or no spirals, no tops and no circles."""
     horizon_px, height_px = numbers(columns, "horizon_px"), numbers(columns, "search_height_px")
     older_px = np.fmax((1.0 - HIGHEST) * height_px, horizon_px + MIN_DEPTH * height_px)
     top_px = numbers(columns, "top_px")
     pinhole = np.stack([numbers(columns, name) for name in PINHOLE], axis=-1)
     pinhole = np.where(pinhole[:, 1:] > 0.0, pinhole, np.nan)
+    roads[..., 3] = np.where(np.isnan(roads[..., 2]), np.nan, np.nan_to_num(roads[..., 3]))
     return BoundaryLines(parabolas, roads, horizon_px, np.where(np.isnan(top_px), older_px, top_px), pinhole)
 
 

@@ -97,7 +97,7 @@ def _add_places(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows,
         for row, label in zip(mine[is_found].tolist(), other[is_found].tolist(), strict=True):
             x_m, y_m = (row_of(truth.fields[name], label) for name in ("ground_x_m", f"ground_{side}_y_m"))
             n = min(len(x_m), len(y_m))
-            places_m = arc_places_m(lanes.road[row, k], x_m[:n])
+            places_m = arc_places_m(lanes.road[row, k], x_m[:n], -lanes.curvature_change_1pm2[row])
             for distance_m, error_m in zip(x_m[:n].tolist(), (places_m - y_m[:n]).tolist(), strict=True):
                 if distance_m in errors:
                     errors[distance_m].append(error_m)

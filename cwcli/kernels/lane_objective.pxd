@@ -1,12 +1,12 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Inline parts of the kernel `lane_ridge`: the objective of a lane of five numbers, and where its boundaries lie.
+"""Inline parts of the kernel `lane_ridge`: the objective of a lane of six numbers, and where its boundaries lie.
 
 The formulas of arcs are derived in cwcli/vision/arcs.py.
 """
 
 from libc.math cimport NAN, fabs, sqrt, sqrtf
 
-from cwcli.kernels.lane_ridge cimport BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, N, SIGMA, VANISHING, WIDTH
+from cwcli.kernels.lane_ridge cimport BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, N, SIGMA, SPIRAL, VANISHING, WIDTH
 
 cdef enum:
     SCRATCH = 3  # numbers of eight bytes a row
@@ -24,17 +24,24 @@ cdef struct Scoring:
 
 
 cdef struct Arc:
-    # the circle through the camera's foot: a boundary's is concentric with it
-    double origin, bend  # u0 and k
+    # the curve through the camera's foot: a boundary is parallel to it
+    double origin, bend, spiral  # u0, k and q
     double centre, focal
     double start         # sine of its direction beside the camera
     double rate          # what the sine gains, times h
-    bint is_gentle       # no row that is judged shows the difference from a parabola
+    double growth        # and beyond that, times h^2
+    bint is_gentle       # no row that is judged shows the difference from a polynomial
+
+
+cdef struct Curve:
+    # one line: the sine of its direction, t = 1 / h away, is start + rate t + growth t^2
+    double start, rate, growth
+    double end           # the t where it turns back
 
 
 cdef inline double gentle() noexcept nogil:
-    """So much the sine may gain: in columns, a thousandth / 8 of the focal length beside a parabola."""
-    return 0.1
+    """So much the sine may gain: a thousandth of the focal length in columns beside a polynomial."""
+    return 0.2
 
 
 cdef inline double turned() noexcept nogil:
@@ -47,36 +54,66 @@ cdef inline double least_rest() noexcept nogil:
     return 0.2
 
 
-cdef inline Arc arc_of(double origin, double bend, double least_h, double centre, double focal) noexcept nogil:
+cdef inline Arc arc_of(
+    double origin, double bend, double spiral, double least_h, double centre, double focal
+) noexcept nogil:
     cdef Arc made
     cdef double slope = (origin - centre) / focal, cosine = 1.0 / sqrt(1.0 + slope * slope)
     made.origin = origin
     made.bend = bend
+    made.spiral = spiral
     made.centre = centre
     made.focal = focal
     made.start = slope * cosine
     made.rate = 2.0 * bend * cosine * cosine * cosine / focal
-    made.is_gentle = fabs(made.rate) <= gentle() * least_h
+    made.growth = 3.0 * spiral * cosine * cosine * cosine / focal
+    made.is_gentle = fabs(made.rate) + fabs(made.growth) / least_h <= gentle() * least_h
     return made
 
 
-cdef inline double tighter(const Arc* arc, double place) noexcept nogil:
-    """By so much a concentric circle is tighter."""
-    cdef double rest = 1.0 - arc.rate * place / arc.focal
-    return 1.0 / (rest if rest > least_rest() else least_rest())
+cdef inline double first_root(double a, double b, double c, double before) noexcept nogil:
+    """The smallest positive root of a t^2 + b t + c, or `before` if that is smaller, or there is none."""
+    cdef double root = b * b - 4.0 * a * c, t
+    if root < 0.0:
+        return before
+    root = sqrt(root)
+    t = 2.0 * c / (root - b)
+    if 0.0 < t < before:
+        before = t
+    t = 2.0 * c / (-root - b)
+    return t if 0.0 < t < before else before
+
+
+cdef inline Curve curve_of(const Arc* arc, double place) noexcept nogil:
+    """A parallel line; no bend is tighter than `least_rest` allows."""
+    cdef Curve made
+    cdef double rest = 1.0 - arc.rate * place / arc.focal, own = 1.0 / (rest if rest > least_rest() else least_rest())
+    made.start = arc.start * own
+    made.rate = arc.rate * own
+    made.growth = arc.growth * own * own * own
+    made.end = 0.0
+    if fabs(made.start) < turned():
+        made.end = first_root(made.growth, made.rate, made.start - turned(), 1e30)
+        made.end = first_root(made.growth, made.rate, made.start + turned(), made.end)
+    return made
 
 
 cdef inline double column_of(const Arc* arc, double place, double h) noexcept nogil:
     """Where a boundary lies, h rows below the horizon; NaN where it has turned back."""
-    cdef double own, start, sine
+    cdef Curve curve
+    cdef double sine, more, middle
     if arc.is_gentle:
-        return arc.origin + place * h + arc.bend / h
-    own = tighter(arc, place)
-    start = arc.start * own
-    sine = (arc.start + arc.rate / h) * own
-    if fabs(start) >= turned() or fabs(sine) >= turned():
+        return arc.origin + place * h + (arc.bend + arc.spiral / h) / h
+    curve = curve_of(arc, place)
+    if 1.0 / h >= curve.end:
         return NAN
-    return arc.centre + place * h + arc.focal * (start + sine) / (sqrt(1.0 - start * start) + sqrt(1.0 - sine * sine))
+    more = curve.growth / (h * h)
+    sine = curve.start + curve.rate / h + more
+    middle = 0.5 * (curve.start + sine)
+    middle = 1.0 - middle * middle
+    more = more / (6.0 * middle * sqrt(middle))
+    sine = (curve.start + sine) / (sqrt(1.0 - curve.start * curve.start) + sqrt(1.0 - sine * sine))
+    return arc.centre + place * h + arc.focal * (sine - more)
 
 
 cdef inline float at(const float* row, Py_ssize_t width, double x) noexcept nogil:
@@ -92,20 +129,23 @@ cdef inline float at(const float* row, Py_ssize_t width, double x) noexcept nogi
 
 
 cdef inline void natural(const double* code, double near_v, double far_v, double* values) noexcept nogil:
-    """(left, right column at near_v, centre at far_v, bend in pixels at far_v, horizon) -> (u0, middle, width, k, v0)."""
+    """(left, right column at near_v, centre at far_v, bend in pixels at far_v, horizon, spiral in pixels at far_v) ->
+    (u0, middle, width, k, v0, q)."""
     cdef double near_h = near_v - code[4], far_h = far_v - code[4]
     cdef double centre = 0.5 * (code[0] + code[1])
     if far_h < 1.0:
         far_h = 1.0
     if near_h < far_h + 1.0:
         near_h = far_h + 1.0
-    cdef double k = code[3] * far_h
-    cdef double middle = (centre - code[2] - k * (1.0 / near_h - 1.0 / far_h)) / (near_h - far_h)
-    values[VANISHING] = centre - middle * near_h - k / near_h
+    cdef double k = code[3] * far_h, q = code[5] * far_h * far_h
+    cdef double bent = (k + q / near_h) / near_h
+    cdef double middle = (centre - code[2] - bent + (k + q / far_h) / far_h) / (near_h - far_h)
+    values[VANISHING] = centre - middle * near_h - bent
     values[MIDDLE] = middle
     values[WIDTH] = (code[1] - code[0]) / near_h
     values[BEND] = k
     values[HORIZON] = code[4]
+    values[SPIRAL] = q
 
 
 cdef struct Line:
@@ -165,20 +205,26 @@ cdef inline void place_line(
 cdef inline void place_arc(
     const Arc* arc, const float* h, const float* inverse, double place, Py_ssize_t start, Py_ssize_t n, Line line
 ) noexcept nogil:
-    """As `place_line`, on a concentric circle; vector code."""
+    """As `place_line`, in a tight bend; vector code."""
     cdef Py_ssize_t r
-    cdef double own = tighter(arc, place), begin = arc.start * own
-    cdef float first = <float>begin, gain = <float>(arc.rate * own), centre = <float>arc.centre, across = <float>place
-    cdef float focal = <float>arc.focal, one = 1.0, most = <float>(turned() * turned()), nowhere = -1e6
-    cdef float cosine, x, sine, square
+    cdef Curve curve = curve_of(arc, place)
+    cdef float first = <float>curve.start, gain = <float>curve.rate, growth = <float>curve.growth, end = <float>curve.end
+    cdef float centre = <float>arc.centre, across = <float>place, focal = <float>arc.focal
+    cdef float one = 1.0, half = 0.5, six = 6.0, most = <float>(turned() * turned()), nowhere = -1e6
+    cdef float x, sine, square, more, middle, cosine = one - first * first
     cdef int column
-    begin *= begin
-    cosine = sqrtf(<float>(1.0 - begin)) if begin < most else 0.0
+    cosine = sqrtf(cosine if cosine > 0.0 else one)
     for r in range(start, n):
-        sine = first + gain * inverse[r]
+        more = growth * inverse[r] * inverse[r]
+        sine = first + gain * inverse[r] + more
+        middle = half * (first + sine)
+        middle = middle * middle
+        middle = one - (middle if middle < most else most)
+        more = more / (six * middle * sqrtf(middle))
         square = sine * sine
-        x = centre + across * h[r] + focal * (first + sine) / (cosine + sqrtf(one - (square if square < most else most)))
-        x = x if square < most and cosine > 0.0 else nowhere
+        sine = (first + sine) / (cosine + sqrtf(one - (square if square < most else most)))
+        x = centre + across * h[r] + focal * (sine - more)
+        x = x if inverse[r] < end else nowhere
         column = <int>(x + one) - 1
         line.column[r] = column
         line.part[r] = x - <float>column
@@ -187,10 +233,10 @@ cdef inline void place_arc(
 cdef inline void place_base(const Arc* arc, Scratch* scratch, Py_ssize_t n) noexcept nogil:
     """What all lines of a gentle bend have in common."""
     cdef Py_ssize_t r
-    cdef float origin = <float>arc.origin, bend = <float>arc.bend
+    cdef float origin = <float>arc.origin, bend = <float>arc.bend, spiral = <float>arc.spiral
     if arc.is_gentle:
         for r in range(scratch.start, n):
-            scratch.base[r] = origin + bend * scratch.inverse[r]
+            scratch.base[r] = origin + (bend + spiral * scratch.inverse[r]) * scratch.inverse[r]
 
 
 cdef inline void place(const Arc* arc, Scratch* scratch, double at, Py_ssize_t n) noexcept nogil:
@@ -233,7 +279,7 @@ cdef inline double judge(
         penalty += z / (1.0 + z / <double>BEND_TAIL) if k == BEND else z
     if scratch.horizon != values[HORIZON]:
         set_horizon(scratch, rows, values[HORIZON], scoring.min_h)
-    arc = arc_of(values[VANISHING], values[BEND], scoring.min_h, scoring.centre, scoring.focal)
+    arc = arc_of(values[VANISHING], values[BEND], values[SPIRAL], scoring.min_h, scoring.centre, scoring.focal)
     place_base(&arc, scratch, n)
     for k in range(4 if scoring.beside > 0.0 else 2):
         z = (0.5 if k < 2 else 1.5) * values[WIDTH]

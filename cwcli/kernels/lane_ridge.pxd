@@ -6,7 +6,8 @@ cpdef enum:
     WIDTH = 2
     BEND = 3
     HORIZON = 4
-    N = 5
+    SPIRAL = 5
+    N = 6
 
 cpdef enum:
     MEAN = 0

@@ -1,4 +1,4 @@
-"""The pair of parallel boundaries that the stripes of a frame support best. A lane is u0, middle, width, k, v0."""
+"""The pair of parallel boundaries that the stripes of a frame support best. A lane is u0, middle, width, k, v0, q."""
 
 from typing import TypedDict
 
@@ -14,6 +14,7 @@ MIDDLE: int
 WIDTH: int
 BEND: int
 HORIZON: int
+SPIRAL: int
 MEAN: int
 SIGMA: int
 LOW: int
@@ -37,7 +38,7 @@ def scan(
 
     Args:
         evidence: Shape (n, width).
-        prior: Shape (5, 4).
+        prior: Shape (6, 4).
         scoring: Of `min_h` the smallest of the rows that count.
         depths: Shape (n,): rows below the horizon; not positive: not used.
         step: Only every so many-th row is used.
@@ -48,7 +49,7 @@ def scan(
     """
 
 def objective(evidence: _E, broad: _E, rows: _I, lanes: _F, prior: _F, scoring: Scoring) -> _F:
-    """The objective of lanes of shape (k, 5), shape (k,); -1e30 outside the prior's limits.
+    """The objective of lanes of shape (k, 6), shape (k,); -1e30 outside the prior's limits.
 
     For each segment of rows, and each boundary, the summed evidence e counts e / (e + half); the mean over the
     segments, minus weight times the squared distance z^2 from the prior in sigmas, is the objective; the bend counts
@@ -68,10 +69,11 @@ def refine(
     steps: _F,
     halvings: int,
 ) -> _F:
-    """Improve lanes of shape (k, 5) in place by a pattern search (Hooke and Jeeves 1961); their objective, (k,).
+    """Improve lanes of shape (k, 6) in place by a pattern search (Hooke and Jeeves 1961); their objective, (k,).
 
     It moves the columns of both boundaries in row near_v, the column of the middle in row far_v, the bend in pixels at
-    far_v, and the horizon, by the five steps, which are halved `halvings` - 1 times.
+    far_v, the horizon, and the spiral in pixels at far_v, by the six steps, which are halved `halvings` - 1 times; a
+    step of 0 leaves its number as it is.
     """
 
 def along(evidence: _E, rows: _I, lane: _F, places: _F, scoring: Scoring) -> _F:

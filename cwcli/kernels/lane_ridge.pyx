@@ -1,10 +1,10 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The pair of parallel boundaries that the stripes of a frame (`lane_stripes`) support best.
 
-A boundary of a flat road of constant curvature is, h rows below the horizon, u = u0 + m h + k / h in a gentle bend, and
-an arc concentric with the other boundary's in a tight one (cwcli/vision/arcs.py): u0 is the vanishing point, m the lateral
-place over the camera's height (right positive), k the curvature; u0, k and the horizon are common to both boundaries. The
-evidence is a table over sampled rows and columns, 0 to 1.
+A boundary of a flat road is, h rows below the horizon, u = u0 + m h + k / h + q / h^2 in a gentle bend, and a curve parallel to
+the other boundary in a tight one (cwcli/vision/arcs.py): u0 is the vanishing point, m the lateral place over the camera's
+height (right positive), k the curvature, q its change; they and the horizon are common to both boundaries, but for m. The evidence
+is a table over sampled rows and columns, 0 to 1.
 
 Arithmetic is +, -, *, /, square roots and comparisons in a fixed order (compiled with -ffp-contract=off): the same bits everywhere. The plain
 NumPy twin is in tests/unit/vision/naive_ridge.py.
@@ -75,7 +75,7 @@ def scan(
                     pair.penalty = weight * (penalty + z * z)
         for p in range(vanishing.shape[0]):
             for q in range(bends.shape[0]):
-                arc = arc_of(vanishing[p], bends[q], scoring.min_h, scoring.centre, scoring.focal)
+                arc = arc_of(vanishing[p], bends[q], 0.0, scoring.min_h, scoring.centre, scoring.focal)
                 for j in range(n):
                     sums[j] = 0.0
                     stretch[j] = 0.0
@@ -162,7 +162,7 @@ def refine(
     cdef Py_ssize_t i
     cdef int k, j, level, sign, rounds
     cdef double code[N], trial[N], base[N], values[N], step[N]
-    cdef double best, found, before, near_h, far_h, far_at
+    cdef double best, found, before, near_h, far_h, far_at, bent
     cdef double* room = <double*>malloc(SCRATCH * (rows.shape[0] + 1) * sizeof(double))
     if not room:
         raise MemoryError
@@ -177,11 +177,14 @@ def refine(
                 far_h = 1.0
             if near_h < far_h + 1.0:
                 near_h = far_h + 1.0
-            code[0] = lanes[i, VANISHING] + (lanes[i, MIDDLE] - 0.5 * lanes[i, WIDTH]) * near_h + lanes[i, BEND] / near_h
-            code[1] = lanes[i, VANISHING] + (lanes[i, MIDDLE] + 0.5 * lanes[i, WIDTH]) * near_h + lanes[i, BEND] / near_h
-            code[2] = lanes[i, VANISHING] + lanes[i, MIDDLE] * far_h + lanes[i, BEND] / far_h
+            bent = lanes[i, VANISHING] + (lanes[i, BEND] + lanes[i, SPIRAL] / near_h) / near_h
+            code[0] = bent + (lanes[i, MIDDLE] - 0.5 * lanes[i, WIDTH]) * near_h
+            code[1] = bent + (lanes[i, MIDDLE] + 0.5 * lanes[i, WIDTH]) * near_h
+            bent = lanes[i, VANISHING] + (lanes[i, BEND] + lanes[i, SPIRAL] / far_h) / far_h
+            code[2] = bent + lanes[i, MIDDLE] * far_h
             code[3] = lanes[i, BEND] / far_h
             code[4] = lanes[i, HORIZON]
+            code[5] = lanes[i, SPIRAL] / (far_h * far_h)
             natural(code, near_v, far_at, values)
             best = judge(evidence, broad, rows, values, prior, &scoring, &scratch)
             for k in range(N):
@@ -194,6 +197,8 @@ def refine(
                     for k in range(N):
                         base[k] = code[k]
                     for k in range(N):
+                        if step[k] == 0.0:
+                            continue
                         for sign in range(2):
                             for j in range(N):
                                 trial[j] = code[j]
@@ -231,7 +236,7 @@ def along(
     cdef double[:, ::1] values = values_array
     cdef Py_ssize_t r, p, width = evidence.shape[1]
     cdef double h, x
-    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], scoring.min_h, scoring.centre, scoring.focal)
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], lane[SPIRAL], scoring.min_h, scoring.centre, scoring.focal)
     with nogil:
         for r in range(evidence.shape[0]):
             h = rows[r] - lane[HORIZON]
@@ -254,7 +259,7 @@ def crowd(
     if not room:
         raise MemoryError
     cdef Scratch scratch = scratch_of(room, n)
-    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], scoring.min_h, scoring.centre, scoring.focal)
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], lane[SPIRAL], scoring.min_h, scoring.centre, scoring.focal)
     with nogil:
         set_horizon(&scratch, rows, lane[HORIZON], scoring.min_h)
         place_base(&arc, &scratch, n)
@@ -277,7 +282,7 @@ def supports(const float[:, ::1] evidence, const int[::1] rows, const double[::1
     cdef Py_ssize_t r, k, side, width = evidence.shape[1], n = rows.shape[0] // segment
     cdef double h, x, across, painted, part, total
     cdef int seen
-    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], min_h, scoring.centre, scoring.focal)
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], lane[SPIRAL], min_h, scoring.centre, scoring.focal)
     with nogil:
         for side in range(2):
             across = lane[MIDDLE] + (side - 0.5) * lane[WIDTH]
@@ -311,7 +316,7 @@ def parabolas(
     cdef Py_ssize_t side, k, i, j
     cdef int n_in, n_below
     cdef bint inside
-    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], min_h, centre, focal)
+    cdef Arc arc = arc_of(lane[VANISHING], lane[BEND], lane[SPIRAL], min_h, centre, focal)
     with nogil:
         for side in range(2):
             n_in = n_below = 0

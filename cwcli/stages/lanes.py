@@ -318,7 +318,7 @@ class _Run:
         image_size, search_size = numbers[:, 4:6], numbers[:, 6:8]
         horizon_px = np.full(len(fits), np.nan)
         turned_rad = np.full((len(fits), 2), np.nan)
-        roads, top_px = np.full((len(fits), 2, 3), np.nan), np.full(len(fits), np.nan)
+        roads, top_px = np.full((len(fits), 2, 4), np.nan), np.full(len(fits), np.nan)
         pinhole = np.full((len(fits), 2), np.nan)
         parts: list[tuple[Rows, LaneGeometry]] = []
         sizes = numbers[:, 4:8]

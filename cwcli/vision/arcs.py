@@ -1,4 +1,4 @@
-"""A road of constant curvature in the image: concentric circles on a flat ground, seen by a camera without roll.
+"""A bend in the image: concentric circles, or parallel spirals, on a flat ground, seen by a camera without roll.
 
 Camera frame on the ground: x ahead of the camera's foot, y to the right; h = fy H / x rows below the horizon, and a
 place y is in column u = cx + fx y / x. A curve whose direction turns by kappa per metre of its length has
@@ -19,7 +19,16 @@ K^3 x^4 / 8 beside it: 0.5 m at 15 m in a bend of 23 m.
 All lines of a lane have one centre. The circle m beside that through the camera's foot has the radius 1 / K - y, so
 both its sines are those of that one over 1 - K y = 1 - r m / fx; K y is 0.08 for a boundary on a ramp of 23 m.
 
-Where s comes near 1 the circle turns back: there the line ends. Left out: the cosine of the camera's pitch, by which fx
+Where the bend changes, K + K' x ahead, the sine is s = s_0 + r / h + g / h^2 with g = K' fy^2 H^2 / 2. The integral
+of tan phi is then that of the circle with the same s_0 and s, less that of the bulge g t (T - t), T = 1 / h, between
+the two: g T^3 / 6, each part of it times d tan phi / ds = (1 - s^2)^-1.5, taken in the bulge's middle. So u loses
+
+    fx g / (6 h^2) (1 - ((s_0 + s) / 2)^2)^-1.5,
+
+and for small angles u = u_0 + m h + k / h + q / h^2 with q = K' fx fy^2 H^2 / 6. Beside the camera's line g is that
+over (1 - K y)^3.
+
+Where s comes near 1 the line turns back: there it ends. Left out: the cosine of the camera's pitch, by which fx
 is too small (1 % at 8 degrees).
 """
 
@@ -45,12 +54,14 @@ class Pinhole(NamedTuple):
     stretch: float
 
 
-def own_arc(far_px: float, near: float, bend_px2: float, pinhole: Pinhole) -> tuple[float, float, float]:
-    """far, near and bend of the line at a place, from u_0 and k of the circle through the camera's foot.
+def own_arc(
+    far_px: float, near: float, bend_px2: float, spiral_px3: float, pinhole: Pinhole
+) -> tuple[float, float, float, float]:
+    """far, near, bend and spiral of the line at a place, from u_0, k and q of the one through the camera's foot.
 
     Args:
-        far_px, bend_px2: u_0 and k of that circle, columns counted as those of `pinhole`.
-        near: m of the line.
+        far_px, bend_px2, spiral_px3: u_0, k and q of that line, columns counted as those of `pinhole`.
+        near: m of the line that is wanted.
         pinhole: The camera.
     """
     slope = (far_px - pinhole.centre_px) / pinhole.focal_px
@@ -60,42 +71,59 @@ def own_arc(far_px: float, near: float, bend_px2: float, pinhole: Pinhole) -> tu
     start = min(max(slope * cosine * tighter, -TURNED), TURNED)
     own_cosine = (1.0 - start * start) ** 0.5
     bend = rate * tighter * pinhole.focal_px / (2.0 * own_cosine**3)
-    return pinhole.centre_px + pinhole.focal_px * start / own_cosine, near, bend
+    spiral = spiral_px3 * (cosine / own_cosine * tighter) ** 3
+    return pinhole.centre_px + pinhole.focal_px * start / own_cosine, near, bend, spiral
 
 
-def arc_columns(
-    far: FloatArray, near: FloatArray, bend: FloatArray, h: FloatArray, centre: FloatArray, focal: FloatArray
-) -> FloatArray:
-    """Columns of circles, each told by the parabola that touches it beside the camera.
+def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: FloatArray) -> FloatArray:
+    """Columns of lines, each told by the polynomial that touches it beside the camera.
 
     Args:
-        far, near, bend: Of x = far + near h + bend / h; all arguments of shapes that go together.
-        h: Rows below the horizon.
-        centre, focal: Column of the principal point, and fx; NaN: not known, then the parabola itself.
+        roads: Shape (..., 4): far, near, bend, spiral of x = far + near h + bend / h + spiral / h^2.
+        h: Rows below the horizon, of a shape that goes together with (...), as those of the others.
+        centre, focal: Column of the principal point, and fx; NaN: not known, then the polynomial itself.
 
     Returns:
-        NaN at and above the horizon, and where a circle has turned back.
+        NaN at and above the horizon, and where a line has turned back.
     """
+    far, near, bend, spiral = np.moveaxis(roads, -1, 0)
     h = np.where(h > 0.0, h, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (far - centre) / focal
         cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-        start = slope * cosine
-        sine = start + 2.0 * bend * cosine**3 / (focal * h)
-        own = np.sqrt(np.where(np.abs(sine) < TURNED, 1.0 - sine * sine, np.nan))
-        arc = centre + near * h + focal * (start + sine) / (cosine + own)
-        return np.where(np.isfinite(focal + centre), arc, far + near * h + bend / h)
+        start, rate, growth = slope * cosine, 2.0 * bend * cosine**3 / focal, 3.0 * spiral * cosine**3 / focal
+        more = growth / h**2
+        sine = start + rate / h + more
+        middle = 1.0 - (0.5 * (start + sine)) ** 2
+        chord = (start + sine) / (cosine + np.sqrt(1.0 - sine * sine))
+        arc = centre + near * h + focal * (chord - more / (6.0 * middle**1.5))
+        arc = np.where(1.0 / h < _turns_back(start, rate, growth), arc, np.nan)
+        return np.where(np.isfinite(focal + centre), arc, far + near * h + (bend + spiral / h) / h)
 
 
-def arc_places_m(touching: FloatArray, x_m: FloatArray) -> FloatArray:
-    """Where circles lie on the road, each told by the parabola that touches it beside the camera.
+def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray) -> FloatArray:
+    """The smallest positive t at which start + rate t + growth t^2 is `TURNED`, to either side; inf: none."""
+    end = np.where(np.abs(start) < TURNED, np.inf, 0.0)
+    for limit in (-TURNED, TURNED):
+        root = np.sqrt(rate * rate - 4.0 * growth * (start - limit))
+        for sign in (-1.0, 1.0):
+            t = 2.0 * (start - limit) / (sign * root - rate)
+            end = np.where((t > 0.0) & (t < end), t, end)
+    return end
+
+
+def arc_places_m(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0) -> FloatArray:
+    """Where lines lie on the road, each told by the polynomial that touches it beside the camera.
 
     Args:
-        touching: Shape (..., 3): y0 (m), slope, curvature (1/m) of y = y0 + slope x + curvature x^2 / 2.
+        touching: Shape (..., 3): y0 (m), slope, curvature (1/m) of
+            y = y0 + slope x + curvature x^2 / 2 + change x^3 / 6.
         x_m: Distances ahead, above 0, of a shape that goes together with (...).
+        change_1pm2: Of the curvature, for each metre ahead; of a shape that goes together with (...).
 
     Returns:
-        Metres to the side to which y counts; NaN where a circle has turned back.
+        Metres to the side to which y counts; NaN where a line has turned back.
     """
     y0, slope, curvature = np.moveaxis(touching, -1, 0)
-    return x_m * arc_columns(slope, y0, 0.5 * curvature, 1.0 / x_m, np.array(0.0), np.array(1.0))
+    roads = np.stack([slope, y0, curvature / 2.0, np.broadcast_to(change_1pm2, y0.shape) / 6.0], axis=-1)
+    return x_m * arc_columns(roads, 1.0 / x_m, np.array(0.0), np.array(1.0))

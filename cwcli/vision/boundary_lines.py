@@ -20,12 +20,12 @@ class BoundaryLines:
 
     Attributes:
         parabolas: Shape (n, 2, 3): a, b, c of x = a y^2 + b y + c, y up from the bottom; NaN where not found.
-        roads: Shape (n, 2, 3): far, near, bend of circles on the ground, h rows below the horizon
+        roads: Shape (n, 2, 4): far, near, bend, spiral of curves on the ground, h rows below the horizon
             (`ground.image_roads`, `arcs.arc_columns`); NaN where they are not known: then the parabolas are the lines.
         horizon_px: Shape (n,): row of the horizon from the top; NaN where it is not known.
         top_px: Shape (n,): row from the top at which lines end (`ground.line_tops`).
         pinhole: Shape (n, 2): column of the principal point, counted from 1, and fx, both in pixels; NaN where they
-            are not known: then roads are x = far + near h + bend / h. None: nowhere known.
+            are not known: then roads are the polynomials. None: nowhere known.
     """
 
     parabolas: FloatArray
@@ -50,11 +50,10 @@ class BoundaryLines:
         a, b, c = np.moveaxis(self.parabolas[..., None], 2, 0)
         y = y_px[:, None]
         parabola_px = (a * y + b) * y + c
-        far, near, bend = np.moveaxis(self.roads[..., None], 2, 0)
         h = height_px - y - self.horizon_px[:, None, None]
         pinhole = np.full((len(self.roads), 2), np.nan) if self.pinhole is None else self.pinhole
         centre, focal = pinhole.T[:, :, None, None]
-        road_px = arc_columns(far, near, bend, h, centre, focal)
+        road_px = arc_columns(self.roads[:, :, None], h, centre, focal)
         x_px = np.where(np.isfinite(self.roads).all(axis=2, keepdims=True), road_px, parabola_px)
         with np.errstate(invalid="ignore"):
             meet = x_px[:, 1] - x_px[:, 0] <= MIN_GAP_PX

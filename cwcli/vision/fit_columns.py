@@ -14,11 +14,12 @@ from cwcli.vision.method import LaneFit
 
 SIDES = 2
 _PER_SIDE = 8 + 9
-_ROADS = SIDES * 3
+_ROAD = 4
+_ROADS = SIDES * _ROAD
 _ALONE = 5 + _ROADS
 _PER_FIT = SIDES * _PER_SIDE + _ALONE
 _NO_COVARIANCE = (float("nan"),) * 9
-_NO_ROAD = (float("nan"),) * 3
+_NO_ROAD = (float("nan"),) * _ROAD
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class FitColumns:
         kind, colour: Shape (n, 2): values of `LineKind` and `LineColour`.
         covariance: Shape (n, 2, 3, 3); NaN where the method gives none.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
-        roads: Shape (n, 2, 3): `LaneFit.roads`; NaN where not found, or not told.
+        roads: Shape (n, 2, 4): `LaneFit.roads`; NaN where not found, or not told.
         state: Shape (n,): values of `LaneState`.
         steady_s: Shape (n,): since the lane's last jump; NaN where it is lost, or not told.
         lane_change: Shape (n,): 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
@@ -74,7 +75,7 @@ class FitColumns:
 
 
 class FitRecorder:
-    """Collects fits, 360 bytes each."""
+    """Collects fits, 380 bytes each."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
@@ -107,7 +108,7 @@ class FitRecorder:
             state=alone[:, 2].astype(np.int8),
             steady_s=alone[:, 3],
             lane_change=alone[:, 4].astype(np.int8),
-            roads=alone[:, 5:].reshape(-1, SIDES, 3),
+            roads=alone[:, 5:].reshape(-1, SIDES, _ROAD),
         )
 
 

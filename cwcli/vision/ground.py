@@ -78,6 +78,8 @@ class LaneGeometry:
         lateral_deviation_m, heading_deviation_rad, curvature_1pm: Shape (n,): y_L, e_L, K_L in the paper's signs.
         lateral_deviation_sigma_m, heading_deviation_sigma_rad, curvature_sigma_1pm: Shape (n,).
         lane_width_m: Shape (n,), at `WIDTH_AT_M`, across the lane.
+        curvature_change_1pm2: Shape (n,): how the curvature changes in a metre ahead, right positive as K_L; 0 where
+            the method knows none.
     """
 
     left_body: FloatArray
@@ -89,6 +91,7 @@ class LaneGeometry:
     heading_deviation_sigma_rad: FloatArray
     curvature_sigma_1pm: FloatArray
     lane_width_m: FloatArray
+    curvature_change_1pm2: FloatArray
 
 
 def lane_geometry(
@@ -108,20 +111,19 @@ def lane_geometry(
 
 
 def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
-    """The boundaries as images of a flat road of constant curvature: x = far + near h + bend / h.
+    """The boundaries as images of a flat road: x = far + near h + bend / h + spiral / h^2.
 
-    h is in rows below the horizon; in a tight bend that is the parabola that touches the road beside the camera
-    (`arcs`). Where the method tells its road, that is it. Else, as on the ground, the road is
-    sought whose best parabola is the given one. It holds
-    near the horizon too, where a parabola is off by lanes.
+    h is in rows below the horizon; in a tight bend that is what touches the road beside the camera (`arcs`). Where the
+    method tells its road, that is it. Else, as on the ground, the road is sought whose best parabola is the given one.
+    It holds near the horizon too, where a parabola is off by lanes.
 
     Args:
         fits: n fits.
         camera: In the pixels of the search image.
 
     Returns:
-        Shape (n, 2, 3): far (px), near, bend (px^2) of each boundary; NaN where none was found, or where the method
-        found no horizon (`fits.pitch_rad` is NaN).
+        Shape (n, 2, 4): far (px), near, bend (px^2), spiral (px^3) of each boundary; NaN where none was found, or where
+        the method found no horizon (`fits.pitch_rad` is NaN). The spiral is 0 where the method tells no road.
     """
     y_px = _sampled_px(camera, fits.pitch_rad)
     x_px = _columns_px(fits.parabolas, y_px)
@@ -141,6 +143,7 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
         roads = _solved(normal, right, use)
         seen_px = (roads[:, :, None] * terms).sum(axis=-1)
     roads = roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px])
+    roads = np.concatenate([roads, 0.0 * roads[..., :1]], axis=-1)
     return np.where(np.isfinite(fits.roads), fits.roads, roads)
 
 
@@ -193,7 +196,8 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     mount[:, 2] = camera.mounting.height_m
     beside_px = _beside_parabola_px(fits, camera)
     body, use = _body(parabolas, mount, camera, beside_px)
-    values = _preview(body, preview_m)
+    change = _change_1pm2(fits, camera)
+    values = _preview(body, change, preview_m)
     assumed = parabola_covariance(camera, sigmas.pixel_px)
     variance = np.zeros_like(values)
     # With the same samples: one that enters or leaves within a step would look like an infinite slope.
@@ -203,7 +207,7 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         for k, moved_body in enumerate(moved_bodies):
             one_moved = body.copy()
             one_moved[:, side] = moved_body[:, side]
-            jacobian[:, :, k] = (_preview(one_moved, preview_m) - values) / PARABOLA_STEPS[k]
+            jacobian[:, :, k] = (_preview(one_moved, change, preview_m) - values) / PARABOLA_STEPS[k]
         given = fits.covariance[:, side]
         covariance = np.where(np.isnan(given), assumed, given)
         part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
@@ -211,7 +215,8 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
         moved_mount = mount.copy()
         moved_mount[:, k] += MOUNTING_STEP
-        slope = (_preview(_body(parabolas, moved_mount, camera, beside_px, use)[0], preview_m) - values) / MOUNTING_STEP
+        moved_body, _ = _body(parabolas, moved_mount, camera, beside_px, use)
+        slope = (_preview(moved_body, change, preview_m) - values) / MOUNTING_STEP
         variance += (slope * sigma) ** 2
     sigma_of = np.where(np.isnan(values), np.nan, np.sqrt(variance))
     return LaneGeometry(
@@ -224,14 +229,22 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         heading_deviation_sigma_rad=sigma_of[:, 1],
         curvature_sigma_1pm=sigma_of[:, 2],
         lane_width_m=_width(body),
+        curvature_change_1pm2=-change,
     )
+
+
+def _change_1pm2(fits: FitColumns, camera: Camera) -> FloatArray:
+    """Shape (n,): how the lane's curvature changes in a metre ahead, left positive; 0 where no road is told."""
+    told = np.nan_to_num(fits.roads[..., 3])
+    spiral = told.sum(axis=1) / np.maximum((told != 0.0).sum(axis=1), 1)
+    return np.asarray(-6.0 * spiral / (camera.fx * (camera.fy * camera.mounting.height_m) ** 2))
 
 
 def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
     """Shape (n, 2, `N_SAMPLES`): how far the method's own road is beside its parabola; 0 where it is not told."""
     y_px = _sampled_px(camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad))
     h = (camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None])[:, None]
-    far, near, bend = np.moveaxis(fits.roads[..., None], 2, 0)
+    far, near, bend = np.moveaxis(fits.roads[..., :3, None], 2, 0)  # the spiral is added on the ground
     with np.errstate(invalid="ignore"):
         x_px = far + near * h + bend / np.where(h > 0.0, h, np.nan)
     return np.asarray(np.nan_to_num(x_px - _columns_px(fits.parabolas, y_px)))
@@ -330,13 +343,14 @@ def _solved(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray
     return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
 
 
-def _preview(body: FloatArray, preview_m: float) -> FloatArray:
+def _preview(body: FloatArray, change_1pm2: FloatArray, preview_m: float) -> FloatArray:
     """Shape (n, 3): y_L, e_L, K_L."""
+    more = change_1pm2 * preview_m
     centre = body.mean(axis=1)
     either = np.where(np.isnan(centre), np.where(np.isnan(body[:, 0]), body[:, 1], body[:, 0]), centre)
-    slope = either[:, 1] + either[:, 2] * preview_m
-    lateral = centre[:, 0] + (centre[:, 1] + 0.5 * centre[:, 2] * preview_m) * preview_m
-    return -np.column_stack([lateral, np.arctan(slope), either[:, 2] / (1.0 + slope**2) ** 1.5])
+    slope = either[:, 1] + (either[:, 2] + 0.5 * more) * preview_m
+    lateral = centre[:, 0] + (centre[:, 1] + (0.5 * centre[:, 2] + more / 6.0) * preview_m) * preview_m
+    return -np.column_stack([lateral, np.arctan(slope), (either[:, 2] + more) / (1.0 + slope**2) ** 1.5])
 
 
 def _width(body: FloatArray) -> FloatArray:

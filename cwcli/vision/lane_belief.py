@@ -46,7 +46,7 @@ def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
     """What the probability of each boundary is made of (z above).
 
     Args:
-        evidence, lane: The lane (5,) and where the frame shows stripes.
+        evidence, lane: The lane (6,) and where the frame shows stripes.
         value: The lane's objective in this frame.
 
     Returns:

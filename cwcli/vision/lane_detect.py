@@ -14,7 +14,19 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.arcs import Pinhole
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH
-from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, MIDDLE, SIGMA, VANISHING, WIDTH, LanePrior
+from cwcli.vision.lane_model import (
+    BEND,
+    HIGH,
+    HORIZON,
+    LOW,
+    MEAN,
+    MIDDLE,
+    SIGMA,
+    SPIRAL,
+    VANISHING,
+    WIDTH,
+    LanePrior,
+)
 from cwcli.vision.method import GreyImage
 from cwcli.vision.vanishing import vanishing_point
 
@@ -181,7 +193,7 @@ def scan(
     """The best lane for each vanishing point and bend at the evidence's horizon.
 
     Returns:
-        Lanes, shape (n, 5), and their objective, shape (n,), best first.
+        Lanes, shape (n, 6), and their objective, shape (n,), best first.
     """
     table = prior.table
     step = width_px / 160.0
@@ -208,7 +220,7 @@ def scan(
         bends=bends,
         places=places,
     )
-    lanes = np.empty((len(vanishing), len(bends), 5))
+    lanes = np.zeros((len(vanishing), len(bends), 6))
     lanes[..., VANISHING] = vanishing[:, None]
     lanes[..., BEND] = bends
     lanes[..., MIDDLE] = best[..., 1:].mean(axis=-1)
@@ -217,7 +229,7 @@ def scan(
     z = (evidence.horizon_px - table[HORIZON, MEAN]) / table[HORIZON, SIGMA]
     value = best[..., 0].ravel() - PRIOR_WEIGHT * z * z
     order = np.argsort(-value, kind="stable")
-    return lanes.reshape(-1, 5)[order], value[order]
+    return lanes.reshape(-1, 6)[order], value[order]
 
 
 def refined(
@@ -233,7 +245,7 @@ def refined(
     """Lanes after a pattern search from each, and their objective.
 
     Args:
-        evidence, lanes: Lanes have shape (k, 5) or (5,).
+        evidence, lanes: Lanes have shape (k, 6) or (6,).
         table: Of the prior (`LanePrior.table`).
         size: Width and height of the image.
         wide: Use the widened evidence.
@@ -245,7 +257,8 @@ def refined(
     horizon = float(made[0, HORIZON]) if len(made) == 1 else float(made[:, HORIZON].mean())
     depth = height_px - horizon
     near, far, down = 0.012 * scale * width_px, 0.008 * scale * width_px, 0.008 * scale * height_px
-    steps = np.array([near, near, far, far, down])
+    spiral = far if table[SPIRAL, LOW] < table[SPIRAL, HIGH] else 0.0
+    steps = np.array([near, near, far, far, down, spiral])
     value = lane_ridge.refine(
         evidence.wide if wide else evidence.sharp,
         evidence.broad,
@@ -266,6 +279,13 @@ def judged(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArr
     return lane_ridge.objective(evidence.sharp, evidence.broad, evidence.rows, lanes, table, evidence.scoring())
 
 
+def widely_best(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
+    """The lane (6,) of several (k, 6) that has the greatest objective on widened evidence, without neighbours."""
+    scoring = evidence.scoring(beside=0.0)
+    value = lane_ridge.objective(evidence.wide, evidence.broad, evidence.rows, lanes, table, scoring)
+    return np.asarray(lanes[int(value.argmax())])
+
+
 def distinct(lanes: FloatArray, n: int) -> FloatArray:
     """Up to n of the lanes, in their order, that are none of those taken before (`is_same`)."""
     taken: list[FloatArray] = []
@@ -279,8 +299,8 @@ def distinct(lanes: FloatArray, n: int) -> FloatArray:
 
 def is_same(lane: FloatArray, other: FloatArray) -> bool:
     """Whether neither boundary of two lanes differs by more than `SAME_PLACE`, nor their horizon by a row."""
-    _, middle, width, _, horizon = lane.tolist()
-    _, other_middle, other_width, _, other_horizon = other.tolist()
+    _, middle, width, _, horizon, _ = lane.tolist()
+    _, other_middle, other_width, _, other_horizon, _ = other.tolist()
     apart = abs(middle - other_middle) + 0.5 * abs(width - other_width)  # of the boundary that differs more
     return bool(apart <= SAME_PLACE and abs(horizon - other_horizon) <= SAME_HORIZON_PX)
 
@@ -310,7 +330,7 @@ def acquire(
         look: Makes the evidence.
 
     Returns:
-        Shape (k, 5) and (k,): lanes, best first by paint and joints, and their objective by paint alone; and the
+        Shape (k, 6) and (k,): lanes, best first by paint and joints, and their objective by paint alone; and the
         evidence of paint at the best one's horizon.
     """
     height, width = grey.shape

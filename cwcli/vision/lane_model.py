@@ -1,14 +1,15 @@
-"""The lane in the image as five numbers, what is known of them beforehand, and the parabolas that they become.
+"""The lane in the image as six numbers, what is known of them beforehand, and the parabolas that they become.
 
 A flat road of constant curvature, seen by a camera without roll: h = v - v0 rows below the horizon v0, a boundary is in
-column u = u0 + m h + k / h as long as the bend is gentle, else on a circle (`arcs`) that this parabola touches, where
+column u = u0 + m h + k / h + q / h^2 as long as the bend is gentle, else on a curve (`arcs`) that it touches, where
 
 - u0 is the column in which a straight lane would vanish: the camera's yaw and the car's heading,
 - m = lateral place / camera height, to the right, times fx / fy: `middle` - `width` / 2 for the left boundary,
   `middle` + `width` / 2 for the right one,
-- k = curvature (to the right) fx fy H / 2.
+- k = curvature (to the right) fx fy H / 2,
+- q = the curvature's change in a metre ahead, fx fy^2 H^2 / 6: 0 but for lanes that are followed at a known speed.
 
-So both boundaries have five numbers in common, and no calibration is needed to find them: it enters through the prior,
+So both boundaries have six numbers in common, and no calibration is needed to find them: it enters through the prior,
 and through fx where a bend is tight.
 """
 
@@ -26,8 +27,9 @@ from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX, MIN_DEPTH
 
 VANISHING, MIDDLE, WIDTH = lane_ridge.VANISHING, lane_ridge.MIDDLE, lane_ridge.WIDTH
-BEND, HORIZON = lane_ridge.BEND, lane_ridge.HORIZON
-"""Places in the five numbers of a lane: u0 (px), middle, width (both over the camera's height), k (px^2), v0 (px)."""
+BEND, HORIZON, SPIRAL = lane_ridge.BEND, lane_ridge.HORIZON, lane_ridge.SPIRAL
+"""Places in the six numbers of a lane: u0 (px), middle, width (both over the camera's height), k (px^2), v0 (px) and q
+(px^3)."""
 MEAN, SIGMA, LOW, HIGH = lane_ridge.MEAN, lane_ridge.SIGMA, lane_ridge.LOW, lane_ridge.HIGH
 """Columns of a prior."""
 
@@ -54,8 +56,9 @@ SAME_AT = (0.15, 0.6)
 """Rows in which lanes are compared, of the way from the horizon to the bottom. Two lanes that bend to different sides
 may have the same place and width."""
 
-DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012])
-"""What a prediction may miss, sigmas for a root second: heading rad, place m, width m, curvature 1/m, pitch rad."""
+DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012, 1e-6])
+"""What a prediction may miss, sigmas for a root second: heading rad, place m, width m, curvature 1/m, pitch rad, change
+of the curvature 1/m^2."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,10 @@ class LanePrior:
     """What is known of a lane before the frame is seen.
 
     Attributes:
-        table: Shape (5, 4): mean, sigma, lowest and highest of the five numbers.
+        table: Shape (6, 4): mean, sigma, lowest and highest of the six numbers.
         is_mounted: The horizon is known from the camera's mounting.
         pinhole: Of the camera.
-        drift: Shape (5,): what the prediction of a followed lane may miss, sigmas for a root second.
+        drift: Shape (6,): what the prediction of a followed lane may miss, sigmas for a root second.
         per_m: Of `middle` and `width`, one metre.
     """
 
@@ -85,7 +88,7 @@ def prior_of(camera: Camera) -> LanePrior:
     mounting = camera.mounting
     is_mounted = not camera.is_default and mounting != Mounting()
     height_m, stretch = mounting.height_m, camera.fx / camera.fy
-    table = np.empty((5, 4))
+    table = np.empty((6, 4))
     yaw_sigma = math.hypot(HEADING_SIGMA_RAD, 0.005 if is_mounted else UNKNOWN_YAW_RAD)
     u0 = camera.cx + camera.fx * math.tan(mounting.yaw_rad)
     table[VANISHING] = u0, camera.fx * yaw_sigma, u0 - 4.0 * camera.fx * yaw_sigma, u0 + 4.0 * camera.fx * yaw_sigma
@@ -99,7 +102,7 @@ def prior_of(camera: Camera) -> LanePrior:
         width_m *= UNKNOWN_HEIGHT_FACTOR
     low, high = (each * per_m for each in LANE_WIDTH_LIMITS_M)
     table[WIDTH] = width_m * per_m, width_sigma_m * per_m, low if is_mounted else 0.65 * low, high
-    bend = camera.fx * camera.fy * height_m / 2.0
+    bend = bend_unit(camera)
     bend *= 1.0 if is_mounted else 2.0
     table[BEND] = 0.0, CURVATURE_SIGMA_1PM * bend, -CURVATURE_LIMIT_1PM * bend, CURVATURE_LIMIT_1PM * bend
     if is_mounted:
@@ -108,13 +111,24 @@ def prior_of(camera: Camera) -> LanePrior:
         table[HORIZON] = v0, reach, v0 - 5.0 * reach, v0 + 5.0 * reach
     else:
         table[HORIZON] = np.array(UNKNOWN_HORIZON) * camera.height_px
-    unit = np.array([camera.fx, per_m, per_m, camera.fx * camera.fy * height_m / 2.0, camera.fy])
+    table[SPIRAL] = 0.0, 1.0, 0.0, 0.0
+    unit = np.array([camera.fx, per_m, per_m, bend_unit(camera), camera.fy, spiral_unit(camera)])
     return LanePrior(table, is_mounted, pinhole_of(camera), DRIFT * unit, per_m)
 
 
 def pinhole_of(camera: Camera) -> Pinhole:
     """What of the camera the shape of a road takes."""
     return Pinhole(camera.cx, camera.fx, camera.fx / camera.fy)
+
+
+def bend_unit(camera: Camera) -> float:
+    """The bend (px^2) of a road of curvature 1 1/m."""
+    return camera.fx * camera.fy * camera.mounting.height_m / 2.0
+
+
+def spiral_unit(camera: Camera) -> float:
+    """The spiral (px^3) of a road whose curvature changes by 1 1/m in a metre."""
+    return camera.fx * (camera.fy * camera.mounting.height_m) ** 2 / 6.0
 
 
 def pitch_of(lane: FloatArray, camera: Camera) -> float:
@@ -124,30 +138,31 @@ def pitch_of(lane: FloatArray, camera: Camera) -> float:
 
 def columns_of_lane(lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
     """Shape (2, n): u of both boundaries in n rows; NaN at and above the horizon, and where they have turned back."""
-    far, near, bend = roads_of_lane(lane, pinhole).T[..., None]
     centre, focal = np.array(pinhole.centre_px + 1.0), np.array(pinhole.focal_px)
-    return arc_columns(far, near, bend, v_px - lane[HORIZON], centre, focal) - 1.0
+    return arc_columns(roads_of_lane(lane, pinhole)[:, None], v_px - lane[HORIZON], centre, focal) - 1.0
 
 
 def roads_of_lane(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
-    """Shape (2, 3): far (px), near, bend (px^2) of both boundaries (`arcs.arc_columns`), columns counted from 1."""
-    u0, middle, width, bend, _ = lane.tolist()
-    made = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, pinhole) for sign in (-1.0, 1.0)])
+    """Shape (2, 4): far (px), near, bend (px^2), spiral (px^3) of both boundaries (`arcs.arc_columns`), columns counted
+    from 1."""
+    u0, middle, width, bend, _, spiral = lane.tolist()
+    made = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, spiral, pinhole) for sign in (-1.0, 1.0)])
     made[:, 0] += 1.0
     return made
 
 
 def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
     """Whether the boundaries of two lanes lie on the same pixels, within `SAME_SHARE` of the width, near and far."""
-    u0, middle, width, bend, horizon = lane.tolist()
-    other_u0, other_middle, other_width, other_bend, other_horizon = other.tolist()
+    u0, middle, width, bend, horizon, spiral = lane.tolist()
+    other_u0, other_middle, other_width, other_bend, other_horizon, other_spiral = other.tolist()
     depth = height_px - 0.5 * (horizon + other_horizon)
     for share in SAME_AT:
         h = height_px - (1.0 - share) * depth - horizon
         other_h = h + horizon - other_horizon
         if h <= 0.0 or other_h <= 0.0:
             return False
-        apart = u0 + middle * h + bend / h - (other_u0 + other_middle * other_h + other_bend / other_h)
+        column = u0 + middle * h + (bend + spiral / h) / h
+        apart = column - (other_u0 + other_middle * other_h + (other_bend + other_spiral / other_h) / other_h)
         wider = 0.5 * (width * h - other_width * other_h)
         if abs(apart) + abs(wider) > SAME_SHARE * width_px:
             return False

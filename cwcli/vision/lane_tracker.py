@@ -29,11 +29,13 @@ from cwcli.vision.lane_detect import (
     judged,
     refined,
     rows_of,
+    widely_best,
     with_vanishing_point,
 )
 from cwcli.vision.lane_following import (
     MARGIN_M,
     SIDEWAYS_MPS,
+    SWIFT_MPS,
     UNTOLD_SIDEWAYS_MPS,
     bent,
     beside,
@@ -43,8 +45,8 @@ from cwcli.vision.lane_following import (
     narrowed,
     opened,
     predicted,
-    reached,
     shift_m,
+    turned,
 )
 from cwcli.vision.lane_model import (
     BEND,
@@ -93,12 +95,11 @@ class Hypothesis:
     """A lane that is followed.
 
     Attributes:
-        lane: Shape (5,), see `lane_model`.
+        lane: Shape (6,), see `lane_model`.
         value: Objective over the last frames.
         last: Objective in the last frame.
         start: What the prior of a lane that is looked for took off its objective in its first frame, beside that of one
             that is followed: it stays a reason against it.
-        here: Its bend beside the car (`lane_following.reached`); None in its first frame.
         better_s: For how long it has been better than the published one.
         change: Whether it came into the next lane in this frame (`lane_following.crossed`).
     """
@@ -107,7 +108,6 @@ class Hypothesis:
     value: float
     last: float
     start: float = 0.0
-    here: float | None = None
     better_s: float = 0.0
     change: int = 0
 
@@ -173,18 +173,20 @@ class LaneTracker:
         memory = math.exp(-dt_s / MEMORY_S)
         made: list[Hypothesis] = []
         for each in self._hypotheses:
-            here = float(each.lane[BEND]) if each.here is None else each.here
-            here = reached(here, each.lane, camera, frame.speed_mps, dt_s)
-            lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior, here)
+            lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
             change = crossed(lane)
             lane = beside(lane, change)
             table = narrowed(prior, lane, dt_s, sideways_mps)
             lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
-            lanes, _ = refined(evidence, lane, table, size, wide=True, scale=1.0, beside=0.0)
+            starts = lane[None]
+            if frame.speed_mps < SWIFT_MPS:
+                starts = np.stack([lane, widely_best(evidence, turned(lane, prior, table, size[1]), table)])
+            lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
+            lanes = lanes[int(values.argmax())]
             lanes, _ = refined(evidence, lanes, table, size, wide=False, scale=0.5, beside=0.0)
             last = float(judged(evidence, lanes, prior.table)[0])
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, replace(each, lane=lanes[0], value=value, last=last, here=here, change=change), size)
+            add_merged(made, replace(each, lane=lanes[0], value=value, last=last, change=change), size)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(frame, camera, made, prior)
@@ -220,7 +222,7 @@ class LaneTracker:
         return self._begun(lanes, values, opened(self._prior, camera, frame.speed_mps))
 
     def _begun(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[Hypothesis]:
-        """New hypotheses from lanes (k, 5) and their objective (k,) as lanes that are looked for."""
+        """New hypotheses from lanes (k, 6) and their objective (k,) as lanes that are looked for."""
         assert self._evidence is not None
         starts = values - judged(self._evidence, lanes, opened_prior.table)
         return [

@@ -81,9 +81,9 @@ def seen_lines(evidence: Evidence, lane: FloatArray) -> tuple[SeenLine, SeenLine
 
     Args:
         evidence: Of the frame.
-        lane: Shape (5,), see `lane_model`.
+        lane: Shape (6,), see `lane_model`.
     """
-    _, middle, width, _, horizon = lane.tolist()
+    _, middle, width, _, horizon, _ = lane.tolist()
     rows = evidence.rows[::-1]
     h: FloatArray = rows - horizon
     ahead = evidence.pinhole.focal_px / (np.maximum(h, 1.0) * width)

@@ -87,7 +87,7 @@ class LineWatch:
         Args:
             fit: Of this frame.
             frame, evidence: The frame, and where it shows stripes.
-            lane: Shape (5,): what was fitted; None: nothing.
+            lane: Shape (6,): what was fitted; None: nothing.
         """
         if fit.lane_change:
             crossed, beyond = self._votes if fit.lane_change > 0 else self._votes[::-1]

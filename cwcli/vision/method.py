@@ -68,10 +68,10 @@ class LaneFit:
         pitch_rad: The camera's pitch as the method estimates it from the frames, nose down positive; NaN: keep the
             mounting's.
         yaw_rad: Likewise the yaw, counter-clockwise positive.
-        roads: Shape (2, 3), left and right: far (px), near, bend (px^2) of x = far + near h + bend / h, h rows below
-            the horizon that belongs to `pitch_rad`: the parabola on the ground that touches the boundary, a circle
-            (`arcs`), beside the camera, where that is the method's model and the parabolas the best ones
-            for it. None: the method has parabolas alone.
+        roads: Shape (2, 4), left and right: far (px), near, bend (px^2), spiral (px^3) of
+            x = far + near h + bend / h + spiral / h^2, h rows below the horizon that belongs to `pitch_rad`: what
+            touches the boundary, a circle or a spiral on the ground (`arcs`), beside the camera, where that is the
+            method's model and the parabolas the best ones for it. None: the method has parabolas alone.
         state: Whether this frame shows the lane, or it is carried on.
         steady_s: For how long the lane has been followed without a jump; NaN: not told, or lost.
         lane_change: 1 where the camera has come into the next lane to the left, -1 to the right, else 0.

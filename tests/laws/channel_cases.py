@@ -238,7 +238,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         nothing[:, :, 0],
         *(rng.integers(0, 3, (2, n, 2)).astype(np.int8)),
     )
-    road, numbers = rng.normal(size=(n, 2, 3)), rng.normal(size=(7, n))
+    road, numbers = rng.normal(size=(n, 2, 3)), rng.normal(size=(8, n))
     geometry = LaneGeometry(road[:, 0], road[:, 1], *numbers)
     frames = LaneFrames(
         index=np.arange(n),
@@ -250,7 +250,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         camera_pitch_rad=rng.normal(size=n),
         camera_yaw_rad=rng.normal(size=n),
         fits=fits,
-        roads=np.where(found[..., None], rng.normal(size=(n, 2, 3)), np.nan),
+        roads=np.where(found[..., None], rng.normal(size=(n, 2, 4)), np.nan),
         top_px=rng.uniform(100.0, 120.0, n),
         pinhole=rng.uniform(100.0, 120.0, (n, 2)),
         geometry=geometry,
@@ -269,6 +269,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         "preview_sigma": numbers[3:6].T,
         "preview_m": np.full(n, 33.5),
         "lane_width_m": numbers[6],
+        "curvature_change_1pm2": numbers[7],
         "camera_pitch_rad": frames.camera_pitch_rad,
         "camera_yaw_rad": frames.camera_yaw_rad,
         "image_size": frames.image_size,

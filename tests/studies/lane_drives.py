@@ -176,7 +176,8 @@ def watched(
 def places_m(seen: Seen) -> tuple[FloatArray, FloatArray]:
     """Shape (n, 2) each: the boundaries' places `JUMP_AT_M` ahead, found and true, left positive."""
     ahead = np.array([JUMP_AT_M])
-    found = np.stack([arc_places_m(road, ahead) for road in _bodies(seen)], axis=1)
+    change = -seen.geometry.curvature_change_1pm2
+    found = np.stack([arc_places_m(road, ahead, change) for road in _bodies(seen)], axis=1)
     true = np.array(
         [
             [float(truth.boundary_y_m(side, ahead)[0]) for side in ("left", "right")]

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import lane_stripes
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.arcs import Pinhole, arc_columns, own_arc
 
 
 def mean_between(row: FloatArray, start: float, end: float) -> float:
@@ -67,14 +68,17 @@ def with_joints(
 
 
 def column(lane: FloatArray, place: float, h: float, *, min_h: float, centre: float, focal: float) -> float:
-    """A line of a lane h rows below the horizon: a parabola in gentle bends, else a circle, by Pythagoras.
+    """A line of a lane h rows below the horizon: a polynomial in gentle bends, else a circle, by Pythagoras, or spiral.
 
     On the road in units in which x = 1 / h and y = (u - centre) x / focal, to the right.
     """
     slope = (lane[0] - centre) / focal
     curvature = 2.0 * lane[3] / focal / (1.0 + slope**2) ** 1.5
-    if abs(curvature) <= 0.1 * min_h:
-        return float(lane[0] + place * h + lane[3] / h)
+    if abs(curvature) + 3.0 * abs(lane[5]) / focal / (1.0 + slope**2) ** 1.5 / min_h <= 0.2 * min_h:
+        return float(lane[0] + place * h + lane[3] / h + lane[5] / h**2)
+    if lane[5]:
+        road = np.array(own_arc(lane[0], place, lane[3], lane[5], Pinhole(centre, focal, 1.0)))
+        return float(arc_columns(road, np.array(h), np.array(centre), np.array(focal)))
     x, y0 = 1.0 / h, place / focal
     centre_x = -slope / math.hypot(1.0, slope) / curvature  # of all lines
     radius = abs(1.0 / curvature - y0)
@@ -100,7 +104,7 @@ def objective(
     segment: int,
     pinhole: tuple[float, float],
 ) -> float:
-    """The objective of one lane (u0, middle, width, k, v0)."""
+    """The objective of one lane (u0, middle, width, k, v0, q)."""
     centre, focal = pinhole
     if (lane < prior[:, 2]).any() or (lane > prior[:, 3]).any():
         return -1e30

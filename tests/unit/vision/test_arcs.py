@@ -32,13 +32,13 @@ def test_a_circle_by_hand() -> None:
 def test_columns_of_a_circle_by_hand() -> None:
     # 500 px of focal length, camera 1.2 m high: 600 / h metres ahead in row h. The circle above is 7 m to the left at
     # 15 m (h = 40): 500 * 7 / 15 columns. near = -2 / 1.2, bend = -500 * 500 * 1.2 / 25 / 2.
-    far, near, bend = (np.array(each) for each in (319.5, -2.0 / 1.2, -6000.0))
+    road = np.array([319.5, -2.0 / 1.2, -6000.0, 0.0])
     centre, focal = np.array(319.5), np.array(500.0)
     h = np.array([40.0, 30.0, 24.0, 0.0])
-    made = arc_columns(far, near, bend, h, centre, focal)
+    made = arc_columns(road, h, centre, focal)
     np.testing.assert_allclose(made[:2], [319.5 - 500.0 * 7.0 / 15.0, 319.5 - 500.0 * 12.0 / 20.0])
     assert np.isnan(made[2:]).all()
-    touching = arc_columns(far, near, bend, h, NOWHERE, NOWHERE)
+    touching = arc_columns(road, h, NOWHERE, NOWHERE)
     np.testing.assert_allclose(touching[:1], 319.5 - 2.0 / 1.2 * 40.0 - 6000.0 / 40.0)
 
 
@@ -54,7 +54,7 @@ def test_both_boundaries_are_those_that_the_renderer_draws(radius_m: float, head
     curvature = -1.0 / (radius_m - 0.4) * math.cos(heading_rad) ** -3
     bend = curvature * drawn.fx * drawn.fy * drawn.height_m / 2.0
     places = 0.4 / drawn.height_m, 3.6 / drawn.height_m
-    lane = np.array([drawn.cx + drawn.fx * math.tan(heading_rad), *places, bend, horizon_px])
+    lane = np.array([drawn.cx + drawn.fx * math.tan(heading_rad), *places, bend, horizon_px, 0.0])
     lane[1:3] *= drawn.fx / drawn.fy / math.cos(heading_rad)
     made = columns_of_lane(lane, rows_px, Pinhole(drawn.cx, drawn.fx, drawn.fx / drawn.fy))
     for columns, true_px, is_visible in (
@@ -71,9 +71,33 @@ def test_both_boundaries_are_those_that_the_renderer_draws(radius_m: float, head
     assert (off_px > 9.0) == (abs(radius_m) < 100.0)
 
 
+@pytest.mark.parametrize("change_1pm2", [0.0018, -0.0018, 0.0006])
+def test_a_spiral_is_the_integral_of_its_direction(change_1pm2: float) -> None:
+    # sin phi = 0.1 + 0.02 x + change x^2 / 2 ahead, 1.5 m aside: a ramp's beginning, end or middle
+    x_m = np.linspace(0.0, 16.0, 16001)
+    sine = 0.1 + 0.02 * x_m + 0.5 * change_1pm2 * x_m**2
+    end = int(np.argmax(np.abs(sine) >= TURNED)) or len(x_m)
+    slope = sine[:end] / np.sqrt(1.0 - sine[:end] ** 2)
+    y_m = 1.5 + np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * 0.001)])
+    start = 0.1 / math.sqrt(0.99)
+    touching = np.array([1.5, start, 0.02 / 0.99**1.5])
+    places_m = arc_places_m(touching, x_m[1:], change_1pm2 / 0.99**1.5)
+    is_there = np.isfinite(places_m)
+    assert is_there.sum() == end - 1
+    apart_m = np.abs(places_m[: end - 1] - y_m[1:])
+    assert (apart_m < 0.005 * x_m[1:end]).all()  # 0.3 degrees: 2 px at a focal length of 400
+    assert apart_m[: min(end, 12001) - 1].max() < 0.01
+
+
+def test_a_line_ends_where_it_first_turns_back() -> None:
+    # sin phi = 0.2 x - 0.009 x^2 comes to 0.97 at x = 7.15 m, is 1.1 at its highest, and comes back.
+    places_m = arc_places_m(np.array([0.0, 0.0, 0.2]), np.array([7.1, 7.2, 11.0, 15.1, 20.0]), -0.018)
+    assert np.isfinite(places_m).tolist() == [True, False, False, False, False]
+
+
 def test_a_gentle_bend_is_a_parabola() -> None:
-    pinhole, lane = Pinhole(319.5, 500.0, 1.0), np.array([315.0, 0.1, 2.9, 150.0, 100.0])
+    pinhole, lane = Pinhole(319.5, 500.0, 1.0), np.array([315.0, 0.1, 2.9, 150.0, 100.0, 900.0])
     h = np.linspace(11.0, 200.0, 50)
-    parabola = 315.0 + np.array([[0.1 - 1.45], [0.1 + 1.45]]) * h + 150.0 / h
+    parabola = 315.0 + np.array([[0.1 - 1.45], [0.1 + 1.45]]) * h + 150.0 / h + 900.0 / h**2
     np.testing.assert_allclose(columns_of_lane(lane, h + 100.0, pinhole), parabola, atol=0.15)
     assert TURNED < 1.0

@@ -14,8 +14,8 @@ from cwcli.vision.method import LaneFit
 from tests.unit.vision.fit_lists import columns_of
 
 CAMERA = Camera(640, 360, 500.0, 500.0, 319.5, 179.5, mounting=Mounting(height_m=1.2, pitch_rad=0.05))
-LEVEL = np.array([315.0, 0.1, 2.9, 0.0, 100.0])
-"""u0, middle, width, bend, horizon (`lane_model`): straight, a horizon in row 100."""
+LEVEL = np.array([315.0, 0.1, 2.9, 0.0, 100.0, 0.0])
+"""u0, middle, width, bend, horizon, spiral (`lane_model`): straight, a horizon in row 100."""
 BENDS_PX2 = (0.0, 150.0, -250.0)
 """500 x 500 x 1.2 / 2 = 150,000 px^2 m: radii of 1000 and 600 m."""
 ATOL_PX = 1e-6
@@ -39,7 +39,7 @@ def test_road_comes_back_from_its_parabola(bend_px2: float) -> None:
     lane[3] = bend_px2
     lines = lines_of(lane)
     rows_px = np.arange(113.0, 340.0)
-    u0, middle, width, _, horizon = lane
+    u0, middle, width, _, horizon, _ = lane
     h = rows_px - horizon
     expected = np.stack([u0 + (middle + side * width) * h + bend_px2 / h for side in (-0.5, 0.5)]) + 1.0
     np.testing.assert_allclose(lines.columns_px(360.0 - rows_px[None], 360.0)[0], expected, rtol=0, atol=ATOL_PX)
@@ -82,7 +82,7 @@ def test_where_the_method_finds_no_horizon_lines_end_at_five_eighths_or_below_th
 
 def test_boundaries_end_where_they_meet_in_whatever_order_the_rows_are() -> None:
     fits = columns_of([LaneFit(Boundary(0.0, 1.0, 10.0, 1.0, 1.0, True), Boundary(0.0, -1.0, 100.0, 1.0, 1.0, True))])
-    nothing = np.full((1, 2, 3), np.nan)
+    nothing = np.full((1, 2, 4), np.nan)
     lines = BoundaryLines(fits.parabolas, nothing, np.array([np.nan]), np.array([90.0]))
     y_px = np.array([[60.0, 20.0, 44.0, 42.0]])  # x = y + 10 and x = 100 - y are 4 px apart at 43, and cross at 45
     assert np.isfinite(lines.columns_px(y_px, 240.0)[0]).tolist() == [[False, True, False, True]] * 2

@@ -20,7 +20,7 @@ from tests.studies.lane_reliability import drawn
 from tests.unit.vision.lane_scene import mounted
 
 STEP_NS = 100_000_000
-LANE = np.array([159.5, 0.0, 1.0, 0.0, 80.0])
+LANE = np.array([159.5, 0.0, 1.0, 0.0, 80.0, 0.0])
 """Straight ahead, its boundaries h / 2 to each side."""
 
 

@@ -13,7 +13,7 @@ from cwcli.vision import lane_detect
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.lane_belief import supports
 from cwcli.vision.lane_detect import PRIOR_WEIGHT, Evidence, acquire, evidence_of, judged
-from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, SIGMA, LanePrior, prior_of
+from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, SIGMA, SPIRAL, LanePrior, prior_of
 from tests.unit.vision import naive_ridge
 from tests.unit.vision.lane_scene import mounted
 
@@ -110,10 +110,11 @@ def test_objective_equals_the_plain_twin() -> None:
     grey, camera = frame("good", 2).grey, mounted()
     prior = prior_of(camera)
     lanes, _, evidence = acquire(grey, camera, prior)
-    lanes = np.vstack([lanes, lanes[0] + np.array([3.0, 0.02, 0.05, 30.0, 1.0])])
-    prior.table[BEND, LOW:] = -9e3, 9e3
-    tight = [lanes[0] + np.array([-9.0, 0.02, 0.05, bend, 1.0]) for bend in (-7e3, -2e3, 700.0, 4e3)]
-    lanes = np.vstack([lanes, tight])  # circles that leave the image, or turn back in it
+    lanes = np.vstack([lanes, lanes[0] + np.array([3.0, 0.02, 0.05, 30.0, 1.0, 0.0])])
+    prior.table[[BEND, SPIRAL], LOW:] = (-9e3, 9e3), (-1e6, 1e6)
+    tight = [lanes[0] + np.array([-9.0, 0.02, 0.05, bend, 1.0, 0.0]) for bend in (-7e3, -2e3, 700.0, 4e3)]
+    spiral = [lanes[0] + np.array([-9.0, 0.02, 0.05, -2e3, 1.0, change]) for change in (100.0, -3e4, 8e4, 4e5)]
+    lanes = np.vstack([lanes, tight, spiral])  # curves that leave the image, or turn back in it
     segment = len(evidence.rows) // lane_detect.N_SEGMENTS
     for lane, value in zip(lanes, judged(evidence, lanes, prior.table), strict=True):
         plain = naive_ridge.objective(
@@ -137,7 +138,7 @@ def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None
     # Paint everywhere: a stretch of s sampled rows counts s / (s + half / 2) for each side. The sampled rows of an odd
     # stretch are by turns one more and one less than half of its rows.
     n = 9 * segment
-    prior = np.array([[80.0, 10, 0, 160], [0.0, 1, -9, 9], [2.0, 1, 0.1, 9], [0.0, 1, -9, 9], [0.0, 1, -9, 9]])
+    prior = np.array([[80.0, 10, 0, 160], [0.0, 1, -9, 9], [2.0, 1, 0.1, 9], *[[0.0, 1, -9, 9]] * 3])
     half = 0.3 * segment
     best = lane_ridge.scan(
         np.ones((n, 160), np.float32),
@@ -156,9 +157,9 @@ def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None
 def test_supports_equal_the_plain_twin() -> None:
     grey, camera = frame("complex", 2).grey, mounted()
     lanes, _, evidence = acquire(grey, camera, prior_of(camera))
-    aside = lanes[0] + np.array([0.0, 1.5, 0.0, 0.0, 0.0])  # one boundary leaves the image
+    aside = lanes[0] + np.array([0.0, 1.5, 0.0, 0.0, 0.0, 0.0])  # one boundary leaves the image
     segment = len(evidence.rows) // lane_detect.N_SEGMENTS
-    tight = [lanes[0] + np.array([0.0, 0.0, 0.0, bend, 0.0]) for bend in (-6e3, 2e3)]
+    tight = [lanes[0] + np.array([0.0, 0.0, 0.0, bend, 0.0, 1e4]) for bend in (-6e3, 2e3)]
     for lane in (*lanes, aside, *tight):
         plain = naive_ridge.supports(
             evidence.sharp,
@@ -175,11 +176,11 @@ def test_supports_equal_the_plain_twin() -> None:
 @pytest.mark.parametrize(
     "lane",
     [
-        (150.0, 0.1, 2.2, 0.0, 80.0),
-        (150.0, 0.1, 2.2, 900.0, 80.0),
-        (150.0, 2.5, 2.2, -400.0, 80.0),  # one boundary outside the image
-        (150.0, 0.1, 2.2, 100.0, 236.0),  # two samples below the horizon
-        (150.0, 0.1, 2.2, 3000.0, 80.0),  # turns back within the image
+        (150.0, 0.1, 2.2, 0.0, 80.0, 0.0),
+        (150.0, 0.1, 2.2, 900.0, 80.0, 4e3),
+        (150.0, 2.5, 2.2, -400.0, 80.0, 0.0),  # one boundary outside the image
+        (150.0, 0.1, 2.2, 100.0, 236.0, 0.0),  # two samples below the horizon
+        (150.0, 0.1, 2.2, 3000.0, 80.0, 0.0),  # turns back within the image
     ],
 )
 def test_parabolas_are_those_of_least_squares(lane: tuple[float, ...]) -> None:
@@ -216,7 +217,7 @@ def genetic_best(evidence: Evidence, prior: LanePrior, rng: np.random.Generator)
     high = np.minimum(table[:, HIGH], table[:, MEAN] + 3 * table[:, SIGMA])
     best = -np.inf
     for _ in range(3):
-        people: FloatArray = rng.uniform(low, high, (240, 5))
+        people: FloatArray = rng.uniform(low, high, (240, 6))
         for generation in range(90):
             fitness = judged(evidence, people, prior.table)
             order = np.argsort(-fitness)

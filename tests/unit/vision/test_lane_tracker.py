@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.metrics.lane_scores import VISUAL_SHARE
 from cwcli.reproduction.zhang2011.rendered import told_camera
 from cwcli.simulation.road.camera import paper_camera, wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 from cwcli.simulation.road.sets import frame
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.ground import lane_geometry
-from cwcli.vision.lane_following import bent, beside, crossed, lead_m, narrowed, opened, predicted, reached
+from cwcli.vision.lane_following import bent, beside, crossed, narrowed, opened, predicted, turned
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -22,6 +23,7 @@ from cwcli.vision.lane_model import (
     MEAN,
     MIDDLE,
     SIGMA,
+    SPIRAL,
     coincide,
     columns_of_lane,
     parabolas_of_lane,
@@ -33,6 +35,7 @@ from cwcli.vision.lane_tracker import Hypothesis, LaneTracker, add_merged, searc
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import vanishing_point
+from tests.studies.lane_drives import places_m, planned, watched
 from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_scene import mounted, score
 
@@ -127,7 +130,7 @@ def test_a_lane_comes_after_darkness() -> None:
 
 def test_parabolas_of_a_straight_lane_are_its_lines() -> None:
     camera = mounted()
-    lane = np.array([150.0, 0.1, 2.2, 0.0, 80.0])
+    lane = np.array([150.0, 0.1, 2.2, 0.0, 80.0, 0.0])
     v = np.array([100.0, 150.0, 230.0])
     for side, (a, b, c) in enumerate(parabolas_of_lane(lane, camera)):
         y = 240.0 - v
@@ -140,19 +143,19 @@ def test_parabolas_of_a_straight_lane_are_its_lines() -> None:
 def test_prediction_by_hand() -> None:
     camera = mounted()
     prior = prior_of(camera)
-    straight = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0])
+    straight = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0, 0.0])
     # 0.02 rad/s to the left for 0.1 s: the vanishing point moves 0.002 rad x 800 px to the right.
     made = predicted(straight, camera, 20.0, 0.02, 0.1, prior)
-    np.testing.assert_allclose(made - straight, [1.6, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(made - straight, [1.6, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
     # The lane points 0.01 rad to the right: after 2 m its middle is 0.02 m farther right, over 1.65 m of height.
-    turned = straight + np.array([8.0, 0.0, 0.0, 0.0, 0.0])
-    made = predicted(turned, camera, 20.0, 0.0, 0.1, prior)
+    pointed = straight + np.array([8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    made = predicted(pointed, camera, 20.0, 0.0, 0.1, prior)
     assert made[1] == pytest.approx(0.02 / 1.65)
     # The camera beyond the left boundary is in the next lane.
-    over = straight + np.array([0.0, 1.3, 0.0, 0.0, 0.0])
+    over = straight + np.array([0.0, 1.3, 0.0, 0.0, 0.0, 0.0])
     assert np.array_equal(predicted(over, camera, math.nan, math.nan, 0.1, prior), over)
     assert crossed(over) == 1
-    assert crossed(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0])) == -1
+    assert crossed(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])) == -1
     assert crossed(straight) == 0
     assert beside(over, 1)[1] == pytest.approx(1.3 - 2.2)
 
@@ -195,39 +198,64 @@ def test_prior_of_a_first_frame_does_not_flatten_a_bend_that_is_followed() -> No
 
 def test_lanes_that_bend_to_different_sides_do_not_coincide() -> None:
     """Both are the best near some place, but the first loses the road far ahead (from a rendered drive)."""
-    wrong = np.array([147.5, -0.056, 2.131, 346.0, 80.6])
-    right = np.array([159.3, -0.071, 2.150, -156.0, 79.4])
+    wrong = np.array([147.5, -0.056, 2.131, 346.0, 80.6, 0.0])
+    right = np.array([159.3, -0.071, 2.150, -156.0, 79.4, 0.0])
     assert not coincide(wrong, right, 320, 240)
-    assert coincide(right, right + np.array([0.5, 0.003, -0.003, 10.0, 0.1]), 320, 240)
-    assert not coincide(right, right + np.array([0.0, 0.1, 0.0, 0.0, 0.0]), 320, 240)
+    assert coincide(right, right + np.array([0.5, 0.003, -0.003, 10.0, 0.1, 0.0]), 320, 240)
+    assert not coincide(right, right + np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0]), 320, 240)
 
 
 def test_of_two_lanes_on_the_same_pixels_the_first_is_followed_unless_it_is_clearly_worse() -> None:
     """Without the margin a lane would jump to and fro between two that fit alike, which the yaw rate would feel."""
-    lane = np.array([159.3, -0.071, 2.150, -156.0, 79.4])
+    lane = np.array([159.3, -0.071, 2.150, -156.0, 79.4, 0.0])
     for gain, expected in ((0.02, 0.9), (0.04, 0.94), (-0.5, 0.9)):
         followed = [Hypothesis(lane, 1.0, 0.9)]
         add_merged(followed, Hypothesis(lane + 0.001, 0.8, 0.9 + gain), (320, 240))
         assert [each.last for each in followed] == [pytest.approx(expected)]
 
 
-def test_the_bend_beside_the_car_follows_the_one_that_is_seen() -> None:
-    """A narrow camera sees its bend 0.4 of 160 rows below the horizon: 1.65 x 800 / 64 = 20.6 m ahead."""
+def test_a_spiral_goes_on_by_hand() -> None:
+    """0.001 1/m^2 to the right at 10 m/s: in 0.1 s the bend gains 0.001 1/m, and the lane turns by 0.0005 rad."""
     camera = mounted()
-    lane = np.array([camera.cx, 0.0, 2.2, 1000.0, 80.0])
-    assert lead_m(lane, camera) == pytest.approx(20.625)
-    assert reached(0.0, lane, camera, 20.625, 1.0) == pytest.approx(1000.0 * (1.0 - math.exp(-1.0)))
-    assert reached(0.0, lane, camera, math.nan, 1.0) == 1000.0
-    # It is predicted to go on: a tenth of the way to it adds a tenth of the difference.
-    made = predicted(lane, camera, 20.625, math.nan, 0.1, prior_of(camera), here=500.0)
-    assert made[BEND] == pytest.approx(1050.0)
+    lane = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0, 0.001 * 800.0 * (800.0 * 1.65) ** 2 / 6.0])
+    made = predicted(lane, camera, 10.0, 0.0, 0.1, prior_of(camera))
+    gained = [800.0 * 0.0005, 0.0, 0.0, 0.001 * 800.0 * 800.0 * 1.65 / 2.0, 0.0, 0.0]
+    np.testing.assert_allclose(made - lane, gained, atol=1e-9)
+
+
+def test_other_bends_keep_the_near_row() -> None:
+    camera = mounted()
+    prior = opened(prior_of(camera), camera, 10.0)
+    lane = np.array([camera.cx, 0.1, 2.2, 200.0, 80.0, 900.0])
+    wide = np.column_stack([np.zeros((6, 2)), np.full(6, -1e9), np.full(6, 1e9)])
+    others = turned(lane, prior, wide, 240)
+    near_h, step = 0.6 * 160.0, 1e-3
+
+    def column(each: np.ndarray, h: float) -> float:
+        return float(each[0] + each[1] * h + each[3] / h + each[5] / h**2)
+
+    for other in others:
+        assert column(other, near_h) == pytest.approx(column(lane, near_h))
+        slopes = [(column(each, near_h + step) - column(each, near_h - step)) / (2.0 * step) for each in (lane, other)]
+        assert slopes[1] == pytest.approx(slopes[0], abs=1e-6)
+    assert np.ptp(others[:, 5]) == pytest.approx(4.0 * prior.table[SPIRAL, SIGMA])
+    kept = turned(lane, prior, narrowed(prior, lane, 0.1, 0.8), 240)
+    assert np.ptp(kept[:, MIDDLE]) <= 2.0 * 0.1 / 1.65 + 1e-9  # and the lane does not jump
+
+
+def test_a_ramp_is_followed_from_its_beginning_to_its_end() -> None:
+    """Radius 23 m, with spirals of 25 m: both boundaries where they are, to 0.2 m at 8 m, in every frame."""
+    seen = watched(drive := planned("ramp", 200, 16.0), drive.frames())
+    found, true = places_m(seen)
+    assert np.abs(found - true).max() < 0.2
+    assert (np.nan_to_num(seen.share, nan=1.0) >= VISUAL_SHARE).mean() > 0.99
 
 
 def test_a_followed_lane_may_not_jump() -> None:
     """In 0.1 s at 0.8 m/s and 0.02 m beside: 0.1 m over 1.65 m of height."""
     camera = mounted()
     prior = opened(prior_of(camera), camera, 25.0)
-    lane = np.array([camera.cx, 0.1, 2.2, 0.0, 80.0])
+    lane = np.array([camera.cx, 0.1, 2.2, 0.0, 80.0, 0.0])
     table = narrowed(prior, lane, 0.1, 0.8)
     assert table[MIDDLE, [LOW, HIGH]] == pytest.approx([0.1 - 0.1 / 1.65, 0.1 + 0.1 / 1.65])
 

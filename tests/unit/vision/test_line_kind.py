@@ -19,7 +19,7 @@ from tests.unit.vision.lane_scene import mounted
 
 FINE, COARSE = 0.05, 0.3
 """Lengths of a row in lane widths (3.6 m): 18 cm and 1.1 m."""
-LANE = np.array([160.0, 0.0, 2.8, 0.0, 100.0])
+LANE = np.array([160.0, 0.0, 2.8, 0.0, 100.0, 0.0])
 """Vanishes in column 160, 2.8 camera heights wide, straight, horizon in row 100."""
 ROWS = np.arange(104, 238, 2, dtype=np.int32)
 

@@ -17,7 +17,7 @@ RIGHT = Boundary(0.0, -1.0, 318.0, 1.0, 1.0, True)
 def lines_of(fits: list[LaneFit], top_px: float = 90.0) -> BoundaryLines:
     """Parabolas in a search image of 240 rows."""
     n = len(fits)
-    return BoundaryLines(columns_of(fits).parabolas, np.full((n, 2, 3), np.nan), np.full(n, np.nan), np.full(n, top_px))
+    return BoundaryLines(columns_of(fits).parabolas, np.full((n, 2, 4), np.nan), np.full(n, np.nan), np.full(n, top_px))
 
 
 def test_points_lie_on_the_boundary_in_the_pixels_of_the_camera() -> None:
@@ -45,7 +45,7 @@ def test_points_are_dense_enough_for_a_bend() -> None:
     """500 m of radius, f = 500 px, a camera 1.2 m up: between the points the line is off by less than a pixel."""
     lines = BoundaryLines(
         np.full((1, 2, 3), np.nan),
-        np.array([[[300.0, -1.4, 300.0], [300.0, 1.5, 300.0]]]),
+        np.array([[[300.0, -1.4, 300.0, 0.0], [300.0, 1.5, 300.0, 0.0]]]),
         np.array([100.0]),
         np.array([111.0]),
     )
