@@ -28,6 +28,7 @@ from cwcli.estimation.known import MESSAGES, SLACK_NS, THIS_LOG, Knowledge, know
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.seen_ego import without_seen_ego
+from cwcli.estimation.seen_senders import without_seen_senders
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
 from cwcli.estimation.track import estimate_both
 from cwcli.logs.read.reader import Log
@@ -139,7 +140,8 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
     if signal is not None:
         signal, seen = without_seen_ego(signal, online, size_m, local_map)
-        notes += seen
+        signal, twice = without_seen_senders(signal, local_map)
+        notes = (*notes, *seen, *twice)
     remote = None if signal is None or not len(signal.stamp_ns) else remote_states(signal, local_map, estimator)
     events = None if signal is None else signal.events
     whole = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)

@@ -1,0 +1,207 @@
+"""Senders among what others perceived: a car that speaks for itself and is seen by another station is there once.
+
+Two cars can't be in one place. An object is a sender where that is a thousand times likelier than the nearest place
+that another car beside it could have, by the uncertainties that both messages state: so it is known of precise
+positions, and where positions are vague both stay. As the errors of a receiver last, many moments tell no more than
+one; their mean counts. An object is left out only while its sender is heard, so nobody is lost with a radio link.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.seen_ego import USUAL_LENGTH_M, USUAL_WIDTH_M
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.remotes import perceived_rows, taken_rows
+from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.units import NS_PER_S
+
+Rows = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+MAX_AGE_S = 1.0
+"""A newer message of the sender is needed, and a newer moment of the object: its number may be another's later."""
+LEAST_MOMENTS = 3
+LEAST_ODDS = 13.8
+"""By how much the squared distance of another car must be greater: a likelihood ratio of 1000, as of joined ids."""
+MOST_DISTANCE = 13.8
+"""Chi-square quantile of 0.999 with two degrees of freedom."""
+CLEARANCE_M = 0.5
+"""Between two cars beside each other, at least."""
+POSITION_SIGMA_M, SPEED_SIGMA_MPS, HEADING_SIGMA_RAD = 1.5, 1.0, np.deg2rad(5.0)
+"""Of messages that state none."""
+MANOEUVRE_MPS2 = 2.0
+"""One sigma of the acceleration since the sender's message."""
+MOST_SIGMAS = 3.0
+"""By which the speeds or the headings may differ."""
+LEAST_TURNING_MPS = 1.0
+"""Slower than this a heading says little."""
+NEAR_M = 50.0
+"""What is farther from everywhere that a sender was is not held against it."""
+
+
+@dataclass(frozen=True)
+class _Moments:
+    """One object held against one sender, a row a moment at which the object was told and the sender was heard.
+
+    Attributes:
+        rows: Of the signal.
+        along_m, across_m: Of the object from where the sender is by then, along its heading and to its left.
+        variance_along_m2, variance_across_m2: Of that, as both state it.
+        fits: Speeds and headings agree, as far as they are told.
+        length_m, width_m: Of both together, halved.
+    """
+
+    rows: Rows
+    along_m: FloatArray
+    across_m: FloatArray
+    variance_along_m2: FloatArray
+    variance_across_m2: FloatArray
+    fits: BoolArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+
+def without_seen_senders(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSignal, tuple[str, ...]]:
+    """The signal without what others told of cars that spoke for themselves then, and notes on that.
+
+    What becomes of a row depends on no later one, nor on what had not been received by then.
+
+    Args:
+        signal: Remote vehicles; only its perceived objects may be left out.
+        local_map: Of the places; without it nothing is perceived.
+    """
+    perceived = perceived_rows(signal)
+    if local_map is None or not perceived.any() or perceived.all():
+        return signal, ()
+    altitude_m = np.nan_to_num(signal.altitude_m)
+    x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, altitude_m)
+    nearest, next_nearest = np.full((2, len(perceived)), np.inf)
+    is_sender, overlaps = np.zeros((2, len(perceived)), np.bool_)
+    objects = [_as_received(signal, rows[perceived[rows]]) for _, rows in rows_by_id(signal.station)]
+    objects = [rows for rows in objects if len(rows)]
+    senders = [rows[~perceived[rows]] for _, rows in rows_by_id(signal.station)]
+    ranges = _ranges(x_m, y_m, signal.stamp_ns, objects)
+    for said in (rows for rows in senders if len(rows)):
+        for k in _near(ranges, _ranges(x_m, y_m, signal.stamp_ns, [said])):
+            at = _moments(signal, x_m, y_m, said, objects[k])
+            is_same, own, is_inside = _judged(at, signal.stamp_ns)
+            is_nearer = own < nearest[at.rows]
+            next_nearest[at.rows] = np.where(is_nearer, nearest[at.rows], np.minimum(next_nearest[at.rows], own))
+            nearest[at.rows] = np.where(is_nearer, own, nearest[at.rows])
+            is_sender[at.rows] = np.where(is_nearer, is_same, is_sender[at.rows])
+            overlaps[at.rows] |= is_inside
+    with np.errstate(invalid="ignore"):
+        is_sender &= next_nearest - nearest >= LEAST_ODDS  # no other sender could be it
+    n_known = sum(bool(is_sender[rows].any()) for rows in objects)
+    n_unsure = sum(bool(overlaps[rows].any()) and not is_sender[rows].any() for rows in objects)
+    notes = []
+    if n_known:
+        times = f"{int(is_sender.sum())} times, left out"
+        notes.append(f"{n_known} objects that others perceived are senders that are heard themselves: {times}")
+    if n_unsure:
+        notes.append(
+            f"{n_unsure} objects that others perceived may be senders that are heard themselves: the positions are too "
+            "uncertain to tell, both are kept"
+        )
+    return taken_rows(signal, np.flatnonzero(~is_sender)) if n_known else signal, tuple(notes)
+
+
+def _ranges(x_m: FloatArray, y_m: FloatArray, stamp_ns: npt.NDArray[np.int64], groups: list[Rows]) -> FloatArray:
+    """Where and when each group of rows is, (groups, 3, 2): least and greatest x, y (m) and time (s)."""
+    time_s = (stamp_ns - stamp_ns[0]) / NS_PER_S
+    return np.array([[(each[rows].min(), each[rows].max()) for each in (x_m, y_m, time_s)] for rows in groups])
+
+
+def _near(objects: FloatArray, sender: FloatArray) -> list[int]:
+    """Which objects were ever near where the sender was, at a common time."""
+    margin = np.array([NEAR_M, NEAR_M, MAX_AGE_S])
+    meets = (objects[:, :, 0] <= sender[:, :, 1] + margin) & (sender[:, :, 0] <= objects[:, :, 1] + margin)
+    return [int(k) for k in np.flatnonzero(meets.all(axis=1))]
+
+
+def _moments(signal: RemoteSignal, x_m: FloatArray, y_m: FloatArray, said: Rows, seen: Rows) -> _Moments:
+    """Hold an object against a sender's newest message at each moment, carried on at its speed."""
+    place = np.searchsorted(signal.stamp_ns[said], signal.stamp_ns[seen], side="right") - 1
+    is_late = place >= 0
+    while is_late.any():  # messages that had not been received by then
+        is_late &= signal.log_time_ns[said[place]] > signal.log_time_ns[seen]
+        place[is_late] -= 1
+        is_late &= place >= 0
+    newest = said[np.maximum(place, 0)]
+    age_s = (signal.stamp_ns[seen] - signal.stamp_ns[newest]) / NS_PER_S
+    heading, speed = signal.heading_rad[newest], signal.speed_mps[newest]
+    is_heard = (place >= 0) & (age_s <= MAX_AGE_S)
+    is_heard &= np.isfinite(heading) & np.isfinite(speed)
+    rows, newest = seen[is_heard], newest[is_heard]
+    age_s, heading, speed = age_s[is_heard], heading[is_heard], speed[is_heard]
+    cos, sin = np.cos(heading), np.sin(heading)
+    dx, dy = x_m[rows] - x_m[newest] - age_s * speed * cos, y_m[rows] - y_m[newest] - age_s * speed * sin
+    covariance = _stated(signal.position_covariance_m2[newest]) + _stated(signal.position_covariance_m2[rows])
+    xx, xy, yy = covariance.T
+    moved_m2 = (0.5 * MANOEUVRE_MPS2 * age_s**2) ** 2
+    sigma_mps = [_or(signal.speed_sigma_mps[each], SPEED_SIGMA_MPS) for each in (newest, rows)]
+    sigma_rad = [_or(signal.heading_sigma_rad[each], HEADING_SIGMA_RAD) for each in (newest, rows)]
+    since_mps = np.hypot(sigma_mps[0], MANOEUVRE_MPS2 * age_s)
+    speed_error = np.abs(signal.speed_mps[rows] - speed) / np.hypot(since_mps, sigma_mps[1])
+    heading_error = np.abs(wrap_angle(signal.heading_rad[rows] - heading)) / np.hypot(sigma_rad[0], sigma_rad[1])
+    is_slow = np.minimum(np.abs(speed), np.abs(signal.speed_mps[rows])) < LEAST_TURNING_MPS
+    fits = ~(speed_error > MOST_SIGMAS) & (is_slow | ~(heading_error > MOST_SIGMAS))
+    return _Moments(
+        rows,
+        dx * cos + dy * sin,
+        dy * cos - dx * sin,
+        xx * cos**2 + 2.0 * xy * cos * sin + yy * sin**2 + moved_m2 + (age_s * sigma_mps[0]) ** 2,
+        xx * sin**2 - 2.0 * xy * cos * sin + yy * cos**2 + moved_m2 + (age_s * speed * sigma_rad[0]) ** 2,
+        fits,
+        0.5 * (_or(signal.length_m[newest], USUAL_LENGTH_M) + _or(signal.length_m[rows], USUAL_LENGTH_M)),
+        0.5 * (_or(signal.width_m[newest], USUAL_WIDTH_M) + _or(signal.width_m[rows], USUAL_WIDTH_M)),
+    )
+
+
+def _judged(at: _Moments, stamp_ns: npt.NDArray[np.int64]) -> tuple[BoolArray, FloatArray, BoolArray]:
+    """What all that was told so far says of each moment, all (n,).
+
+    Returns:
+        Whether the object is the sender and no car beside it; how far it is from it, squared and in sigmas (infinite
+        where it moves otherwise); and whether the two would overlap.
+    """
+    is_same, is_inside = np.zeros((2, len(at.rows)), np.bool_)
+    distance = np.full(len(at.rows), np.inf)
+    breaks = np.flatnonzero(np.abs(np.diff(stamp_ns[at.rows])) > round(MAX_AGE_S * NS_PER_S)) + 1
+    for part in np.split(np.arange(len(at.rows)), breaks):
+        n = np.arange(1, len(part) + 1)
+        along, across, variance_along, variance_across = (
+            np.cumsum(each[part]) / n for each in (at.along_m, at.across_m, at.variance_along_m2, at.variance_across_m2)
+        )
+        fits = 2 * np.cumsum(at.fits[part]) > n
+        own = along**2 / variance_along + across**2 / variance_across
+        # Another car is beside this one or before or behind it; how far it is off in the other direction is its choice.
+        aside = np.maximum(at.width_m[part] + CLEARANCE_M - np.abs(across), 0.0) ** 2 / variance_across
+        ahead = np.maximum(at.length_m[part] + CLEARANCE_M - np.abs(along), 0.0) ** 2 / variance_along
+        other = np.minimum(aside, ahead)
+        distance[part] = np.where(fits, own, np.inf)
+        is_inside[part] = fits & (own <= MOST_DISTANCE) & (other > 0.0) & (n >= LEAST_MOMENTS)
+        is_same[part] = is_inside[part] & (other - own >= LEAST_ODDS)
+    return is_same, distance, is_inside
+
+
+def _as_received(signal: RemoteSignal, rows: Rows) -> Rows:
+    """The rows in the order in which they were received."""
+    return rows[np.argsort(signal.log_time_ns[rows], kind="stable")]
+
+
+def _stated(covariance_m2: FloatArray) -> FloatArray:
+    """Covariances (n, 3), the usual one where none is stated."""
+    is_stated = np.isfinite(covariance_m2).all(axis=1, keepdims=True)
+    return np.where(is_stated, covariance_m2, np.array([POSITION_SIGMA_M**2, 0.0, POSITION_SIGMA_M**2]))
+
+
+def _or(values: FloatArray, usual: float) -> FloatArray:
+    return np.where(np.isfinite(values) & (values > 0.0), values, usual)
