@@ -34,6 +34,30 @@ class Link:
     address: str
 
 
+@dataclass(frozen=True)
+class Difference:
+    """A warning or a conflict that is not in two runs as it was.
+
+    Attributes:
+        change: `new`, `gone`, or `other`: with another verdict.
+        words: What it is, with its log where there are several.
+        address: In the page of the later run; "" where it is gone.
+    """
+
+    change: str
+    words: str
+    address: str
+
+
+@dataclass(frozen=True)
+class Marked:
+    """What has an anchor in a page: its name there, in words, and the kind of its verdict."""
+
+    mark: str
+    words: str
+    verdict: str
+
+
 class Addresses:
     """Links into the page that `cwcli report` makes of a run."""
 
@@ -77,26 +101,95 @@ class Addresses:
         return self._known[entry.id]
 
     def _read(self, entry: Entry) -> list[Link]:
-        source = str(entry.log) if self._run.is_folder else self._source
-        try:
-            with Log.open(source) as log:
-                name = entry.name if self._run.is_folder else log.name.rpartition("/")[2]
-                marked = _marked(log, name)
-        except CwcliError:  # the check has failed for it already
+        whose = f"{entry.id}: " if len(self.entries) > 1 else ""
+        return [Link(f"{whose}{each.words}", self.address(each.mark)) for each in self.marked(entry)]
+
+    def marked(self, entry: Entry, name: str = "") -> list[Marked]:
+        """What has an anchor of one log; nothing of one that can't be read.
+
+        Args:
+            entry: The log.
+            name: What anchors are made of; "": as in the page.
+        """
+        if entry.log is None or entry.has_failed:
             return []
-        whose = f"{entry.id}: " if len(self._run.entries) > 1 else ""
-        return [Link(f"{whose}{words}", f"{self._page}#{mark}") for mark, words in marked]
+        try:
+            with Log.open(str(entry.log) if self.is_folder else self._source) as log:
+                return _marked(log, name or self.name_of(entry))
+        except CwcliError:  # it has been told of already
+            return []
+
+    def name_of(self, entry: Entry) -> str:
+        """What the anchors of a log are made of.
+
+        Raises:
+            InputError: The log can't be read.
+        """
+        if self.is_folder:
+            return entry.name
+        with Log.open(self._source) as log:
+            return log.name.rpartition("/")[2]
+
+    def address(self, mark: str) -> str:
+        """Of an anchor."""
+        return f"{self._page}#{mark}"
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The logs."""
+        return self._run.entries
+
+    @property
+    def is_folder(self) -> bool:
+        """The run is the output of `cwcli run -d`."""
+        return self._run.is_folder
 
 
-def _marked(log: Log, name: str) -> list[tuple[str, str]]:
+def differences(early: Addresses, late: Addresses) -> tuple[list[Difference], int]:
+    """The warnings and missed conflicts by which two runs differ; logs are paired by their ids, two single logs always.
+
+    A warning is the same one where its name is (`cwcli.report.marks`): whom it was of, by which rule, and how many such
+    came before it.
+
+    Args:
+        early, late: Two runs. Links are to the later one's page.
+
+    Returns:
+        At most MAX_LINKS differences, what is new first; and how many there are.
+    """
+    known = {entry.id: entry for entry in early.entries}
+    found: dict[str, list[Difference]] = {"new": [], "other": [], "gone": []}
+    for entry in late.entries[:MAX_LOGS]:
+        first = early.entries[0] if not (early.is_folder or late.is_folder) else known.get(entry.id)
+        if first is None:
+            continue
+        name = late.name_of(entry)
+        was, now = ({each.mark: each for each in run.marked(log, name)} for run, log in ((early, first), (late, entry)))
+        whose = f"{entry.id}: " if len(late.entries) > 1 else ""
+        for mark, each in now.items():
+            words = f"{whose}{each.words}"
+            if mark not in was:
+                found["new"].append(Difference("new", words, late.address(mark)))
+            elif was[mark].verdict != each.verdict:
+                words += f" (before: {was[mark].verdict})"
+                found["other"].append(Difference("other", words, late.address(mark)))
+        found["gone"] += [
+            Difference("gone", f"{whose}{each.words}", "") for mark, each in was.items() if mark not in now
+        ]
+    every = [each for kind in found.values() for each in kind]
+    return every[:MAX_LINKS], len(every)
+
+
+def _marked(log: Log, name: str) -> list[Marked]:
     """Name and words of what has an anchor in the page: what went wrong first, then the warnings that came true."""
     meetings = find_meetings(read_drive(log))
-    right: list[tuple[str, str]] = []
-    wrong: list[tuple[str, str]] = []
+    right: list[Marked] = []
+    wrong: list[Marked] = []
     named = zip(warning_marks(name, meetings), meetings.encounters, strict=True)
     for mark, encounter in list(named)[:MAX_ROWS]:
         badge = verdict_badge(encounter)
         told = right if badge.tone == "alert" else wrong
-        told.append((mark, f"warning {encounter.event_id}, {name_of(encounter)}: {badge.text}"))
-    missed = [(mark, f"{words}: not warned of") for mark, words in link_texts(meetings, name)]
+        words = f"warning {encounter.event_id}, {name_of(encounter)}: {badge.text}"
+        told.append(Marked(mark, words, badge.text.partition(",")[0]))
+    missed = [Marked(mark, f"{words}: not warned of", "not warned of") for mark, words in link_texts(meetings, name)]
     return [*wrong, *missed, *right]

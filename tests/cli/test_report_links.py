@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from xml.etree import ElementTree
@@ -9,7 +10,9 @@ from xml.etree import ElementTree
 import pytest
 
 from cwcli.cli.main import run
+from cwcli.report.addresses import Addresses, Marked, differences
 from cwcli.report.marks import marks
+from cwcli.report.source import Entry
 from tests.cli.browser import Elements, figures, visit
 from tests.cli.conftest import SAMPLES
 
@@ -219,3 +222,59 @@ def test_pointing_at_a_moment_marks_it_on_the_map_and_in_all_curves(annotated: P
     # The ego drives north at 9 m/s, the other comes from the east towards the crossing at (0, 67), by the scenario
     assert any(abs(x) < 1.0 and 40.0 < y < 50.0 for x, y in here)
     assert any(x > 10.0 and 60.0 < y < 75.0 for x, y in here)
+
+
+def test_compare_links_to_the_warnings_that_differ(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The earlier run had no stage that warns."""
+    for name, options in (("few", ["--stage", "estimate,predict"]), ("all", [])):
+        logs = [str(SAMPLES / f"{each}.mcap") for each in ("intersection", "straight")]
+        assert run(["run", *logs, "-d", str(tmp_path / name), "--jobs", "1", "--quiet", *options]) == 0
+    (warning,) = marks("intersection", "warning", [("cwcli", "d9583520")])
+    (conflict,) = marks("intersection", "conflict", [("d9583520",)])
+    few, every = str(tmp_path / "few"), str(tmp_path / "all")
+    capsys.readouterr()
+    at = ["--report-at", "r.html"]
+    assert run(["compare", few, every, *at, "--json", "--markdown", str(tmp_path / "c.md")]) == 0
+    told = json.loads(capsys.readouterr().out)["warnings"]
+    assert [(each["change"], each["address"]) for each in told["listed"]] == [
+        ("new", f"r.html#{warning}"),
+        ("gone", ""),
+    ]
+    assert told["count"] == 2
+    text = (tmp_path / "c.md").read_text(encoding="utf-8")
+    assert f"- new: [`intersection: warning 1, vehicle d9583520: came true, 2.4 s ahead`](r.html#{warning})" in text
+    assert "- gone: `intersection: conflict with vehicle d9583520: not warned of`" in text
+    assert f'id="{warning}"' in report(tmp_path / "all", tmp_path / "r.html")
+
+    assert run(["compare", every, few, *at]) == 0  # on the terminal, the other way round
+    shown = capsys.readouterr().out
+    assert f"r.html#{conflict}" in shown and "gone  intersection: warning 1" in shown
+    assert run(["compare", every, every, *at, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["warnings"] == {"listed": [], "count": 0}
+    one, other = (str(tmp_path / name / "logs" / "intersection" / "annotated.mcap") for name in ("few", "all"))
+    (own,) = marks("annotated.mcap", "warning", [("cwcli", "d9583520")])
+    assert run(["compare", one, other, *at, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["warnings"]["listed"][0]["address"] == f"r.html#{own}"
+    assert run(["compare", "-", every, *at]) == 2
+
+
+def test_a_warning_with_another_verdict_is_told_with_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {
+        "a.mcap": [("warning-1", "false alarm"), ("warning-2", "came true"), ("warning-3", "came true")],
+        "b.mcap": [("warning-1", "came too late"), ("warning-2", "came true"), ("conflict-9", "not warned of")],
+    }
+
+    def marked(self: Addresses, entry: Entry, name: str = "") -> list[Marked]:
+        return [Marked(mark, f"{mark} is {verdict}", verdict) for mark, verdict in found[entry.name]]
+
+    for name in found:
+        (tmp_path / name).write_bytes((SAMPLES / "straight.mcap").read_bytes())
+    monkeypatch.setattr(Addresses, "marked", marked)
+    early, late = (Addresses(str(tmp_path / name), "https://ci/r.html") for name in found)
+    listed, n = differences(early, late)
+    assert [(each.change, each.words, each.address) for each in listed] == [
+        ("new", "conflict-9 is not warned of", "https://ci/r.html#conflict-9"),
+        ("other", "warning-1 is came too late (before: false alarm)", "https://ci/r.html#warning-1"),
+        ("gone", "warning-3 is came true", ""),
+    ]
+    assert n == 3

@@ -23,6 +23,9 @@ from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
     from cwcli.metrics.compare import Change, RunComparison
+    from cwcli.report.addresses import Difference
+
+    Differing = tuple[list[Difference], int]
 
 EXAMPLES = (
     "cwcli compare baseline/ out/",
@@ -33,6 +36,17 @@ FAIL_ON = ("worse", "missing", "unclear")
 MAX_NAMES = 5
 COLUMNS = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
 
+CHANGES = {"new": "new", "other": "another verdict", "gone": "gone"}
+PageOption = Annotated[
+    str | None,
+    typer.Option(
+        "--report-at",
+        metavar="PAGE",
+        show_default=False,
+        help="Where the page that `cwcli report` makes of CANDIDATE will be found: with links to it the warnings and "
+        "conflicts are listed that are new, gone or judged otherwise.",
+    ),
+]
 Document = dict[str, Any]
 
 
@@ -66,6 +80,7 @@ def command(
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the resampling.")] = 0,
     truth: TruthOption = "auto",
     markdown_file: MarkdownOption = None,
+    report_at: PageOption = None,
     metrics: MetricsOption = None,
     everything: AllOption = False,
     force: ForceOption = False,
@@ -81,6 +96,12 @@ def command(
     from cwcli.output import Together, write_file
 
     _check(fail_on or (), tolerance, seed)
+    pages = None
+    if report_at is not None:
+        from cwcli.report.addresses import Addresses, differences
+
+        pages = Addresses(baseline, report_at), Addresses(candidate, report_at)
+    differing: Differing | None = None
     summary_file = stdout_or_file(markdown_file)
     targets = check_outputs([baseline, candidate], talk, metrics=metrics, texts=(summary_file,), force=force)
     with Progress(quiet=talk.quiet) as progress:
@@ -88,6 +109,9 @@ def command(
         for source in (baseline, candidate):
             progress.step(f"reading {source}")
             runs.append(read_metrics(source, truth=truth, step=progress.step))
+        if pages is not None:
+            progress.step("comparing warnings")
+            differing = differences(*pages)
     before, after = _paired(*runs)
     comparison = compare_runs(before.logs, after.logs, seed=seed, tolerance=tolerance, exact=exact)
     failed = _failed(comparison, fail_on or ())
@@ -95,14 +119,14 @@ def command(
         if metrics is not None:
             write_table(comparison_table(comparison), metrics, force=force, together=together)
         if summary_file is not None:
-            text = _markdown(before, after, comparison, failed, exact=exact)
+            text = _markdown(before, after, comparison, failed, differing, exact=exact)
             write_file(summary_file, text.encode(), force=force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
-        document = _document(before, after, comparison, failed, targets)
+        document = _document(before, after, comparison, failed, targets, differing)
         console.document("compare", document)
     else:
-        _show(console, before, after, comparison, failed, everything=everything, exact=exact)
+        _show(console, before, after, comparison, failed, differing, everything=everything, exact=exact)
         print_written(console, targets)
     return EXIT_GATE_FAILED if failed else EXIT_DONE
 
@@ -153,6 +177,7 @@ def _show(
     after: RunMetrics,
     comparison: RunComparison,
     failed: Sequence[str],
+    differing: Differing | None,
     *,
     everything: bool,
     exact: bool,
@@ -163,7 +188,12 @@ def _show(
         for change in _judged(comparison, everything=everything)
     ]
     console.summary(table(*_without_empty(COLUMNS, rows)) if rows else "  no metric is in both")
-    for note in _notes(comparison, exact=exact):
+    if differing is not None:
+        console.summary("")
+        console.summary("Warnings and conflicts that are not as before")
+        rows = [(CHANGES[each.change], printable(each.words), printable(each.address)) for each in differing[0]]
+        console.summary(table(("what", "which", "where"), rows) if rows else "  none")
+    for note in [*_notes(comparison, exact=exact), *_left_out(differing)]:
         console.note(note)
     if failed:
         console.summary("")
@@ -221,8 +251,13 @@ def _document(
     comparison: RunComparison,
     failed: Sequence[str],
     written: Sequence[str],
+    differing: Differing | None,
 ) -> Document:
     """What `--json` prints."""
+    told: Document = {}
+    if differing is not None:
+        listed = [{"change": each.change, "what": each.words, "address": each.address} for each in differing[0]]
+        told = {"warnings": {"listed": listed, "count": differing[1]}}
     return {
         "baseline": before.source,
         "candidate": after.source,
@@ -250,11 +285,25 @@ def _document(
             for change in comparison.changes
         },
         "failed": list(failed),
+        **told,
     }
 
 
+def _left_out(differing: Differing | None) -> list[str]:
+    """How many differing warnings are not listed."""
+    if differing is None or len(differing[0]) == differing[1]:
+        return []
+    return [f"{len(differing[0])} of the {differing[1]} warnings and conflicts that differ are listed"]
+
+
 def _markdown(
-    before: RunMetrics, after: RunMetrics, comparison: RunComparison, failed: Sequence[str], *, exact: bool
+    before: RunMetrics,
+    after: RunMetrics,
+    comparison: RunComparison,
+    failed: Sequence[str],
+    differing: Differing | None,
+    *,
+    exact: bool,
 ) -> str:
     """The summary for a CI job's page: what changed first, the rest folded."""
     judged = _judged(comparison, everything=False)
@@ -274,7 +323,14 @@ def _markdown(
     if rest:
         summary = f"<details><summary>{count(len(rest), 'metric')} the same</summary>"
         parts += [summary, _markdown_table(rest), "</details>"]
-    parts += [f"- {markdown.code(note)}" for note in _notes(comparison, exact=exact)]
+    if differing is not None and differing[0]:
+        lines = [
+            f"- {CHANGES[each.change]}: "
+            + (f"[{markdown.code(each.words)}]({each.address})" if each.address else markdown.code(each.words))
+            for each in differing[0]
+        ]
+        parts.append("\n".join(["Warnings and conflicts that are not as before:", "", *lines]))
+    parts += [f"- {markdown.code(note)}" for note in [*_notes(comparison, exact=exact), *_left_out(differing)]]
     if failed:
         parts.append("\n".join(["Failed:", "", *(f"- {markdown.code(line)}" for line in failed)]))
     return "\n\n".join(parts) + "\n"
