@@ -38,7 +38,7 @@ DASH = 0.2
 BLOB = 0.09
 """In lane widths, 0.3 m: the longest raised dot."""
 SOLID_SHARE = 0.9
-SECOND = np.arange(0.12, 0.41, 0.02)
+SECOND = np.arange(0.12, 0.41, 0.025)
 """Over the camera's height: where the second stripe of a double line may be, 16 to 53 cm from the first."""
 SECOND_PLACES = np.concatenate([-SECOND[::-1], [0.0], SECOND])
 SECOND_DEPTH_PX, SECOND_ROWS = 12.0, 5
@@ -87,8 +87,8 @@ def seen_lines(evidence: Evidence, lane: FloatArray) -> tuple[SeenLine, SeenLine
     rows = evidence.rows[::-1]
     h: FloatArray = rows - horizon
     ahead = evidence.pinhole.focal_px / (np.maximum(h, 1.0) * width)
-    lengths = np.diff(ahead, append=np.inf)
-    n = int(np.searchsorted(lengths, ROW_LENGTH))
+    lengths = ahead[1:] - ahead[:-1]
+    n = int(lengths.searchsorted(ROW_LENGTH))
     sides = [middle - 0.5 * width, middle + 0.5 * width]
     along = lane_ridge.along(evidence.wide, evidence.rows, lane, np.array(sides), evidence.scoring())[:, ::-1][:, :n]
     made = []
@@ -166,13 +166,13 @@ def _n_dots(line: Sequence[Stretch]) -> int:
 def _is_double(evidence: Evidence, lane: FloatArray, place: float) -> bool | None:
     """Whether a second stripe runs beside a line at a place over the camera's height; None: it can't be seen."""
     stretch = evidence.pinhole.stretch
-    first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + max(SECOND_DEPTH_PX / stretch, evidence.min_h)))
+    first = int(evidence.rows.searchsorted(float(lane[HORIZON]) + max(SECOND_DEPTH_PX / stretch, evidence.min_h)))
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]
     values = lane_ridge.along(sharp, rows, lane, place + stretch * SECOND_PLACES, evidence.scoring())
-    seen = values[:, values.min(axis=0, initial=0.0) >= 0.0]
-    if seen.shape[1] < SECOND_ROWS:
+    is_seen = (values[0] >= 0.0) & (values[-1] >= 0.0)
+    if np.count_nonzero(is_seen) < SECOND_ROWS:
         return None
-    mean: list[float] = seen.mean(axis=1).tolist()
+    mean: list[float] = (values @ is_seen / np.count_nonzero(is_seen)).tolist()
     middle = len(SECOND)
     for side in (mean[middle::-1], mean[middle:]):
         most = max(side[1:])

@@ -18,7 +18,7 @@ from cwcli.vision.line_colour import seen_colours
 from cwcli.vision.line_kind import SeenLine, seen_lines
 from cwcli.vision.method import LaneFit, LaneFrame
 
-ASKED_S = 0.25
+ASKED_S = 0.45
 """Frames are asked no more often."""
 MEMORY_S = 1.5
 """In this time all but 37 % of the votes are forgotten; colours are asked for once a second, and kept longer."""
@@ -74,11 +74,15 @@ def _clearest(votes: dict[Name, float], unknown: Name) -> Name:
     return best if total >= LEAST_VOTES and votes[best] > CLEAR_SHARE * total else unknown
 
 
+_UNKNOWN = (LineKind.UNKNOWN, LineColour.UNKNOWN)
+
+
 class LineWatch:
     """Names the lines of a lane that is followed."""
 
     def __init__(self) -> None:
         self._votes = _Votes(), _Votes()
+        self._names = _UNKNOWN, _UNKNOWN
         self._asked_ns: int | None = None
 
     def named(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence | None, lane: FloatArray | None) -> LaneFit:
@@ -93,16 +97,17 @@ class LineWatch:
             crossed, beyond = self._votes if fit.lane_change > 0 else self._votes[::-1]
             beyond = _Votes()
             self._votes = (beyond, crossed) if fit.lane_change > 0 else (crossed, beyond)
+            self._name()
         elif fit.steady_s == 0.0 or lane is None:
-            self._votes, self._asked_ns = (_Votes(), _Votes()), None
+            self._votes, self._names, self._asked_ns = (_Votes(), _Votes()), (_UNKNOWN, _UNKNOWN), None
         if evidence is None or lane is None or not (fit.left.found or fit.right.found):
             return fit
         since_s = math.inf if self._asked_ns is None else (frame.stamp_ns - self._asked_ns) / 1e9
         if since_s >= ASKED_S or frame.colour is not None:
             self._asked_ns = frame.stamp_ns
             self._ask(fit, frame, evidence, lane, 0.0 if math.isinf(since_s) else max(since_s, 0.0))
-        left, right = (_named(side, votes) for side, votes in zip((fit.left, fit.right), self._votes, strict=True))
-        return replace(fit, left=left, right=right)
+        left, right = self._names
+        return replace(fit, left=_named(fit.left, *left), right=_named(fit.right, *right))
 
     def _ask(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence, lane: FloatArray, since_s: float) -> None:
         seen = seen_lines(evidence, lane)
@@ -114,7 +119,12 @@ class LineWatch:
             votes.forget(since_s)
             if side.found:
                 votes.add(line, colour)
+        self._name()
+
+    def _name(self) -> None:
+        left, right = self._votes
+        self._names = (left.kind(), left.colour()), (right.kind(), right.colour())
 
 
-def _named(side: Boundary, votes: _Votes) -> Boundary:
-    return replace(side, kind=votes.kind(), colour=votes.colour()) if side.found else side
+def _named(side: Boundary, kind: LineKind, colour: LineColour) -> Boundary:
+    return replace(side, kind=kind, colour=colour) if side.found else side

@@ -96,10 +96,10 @@ def test_colours_of_a_picture_made_by_hand() -> None:
 
 
 def step(watch: LineWatch, number: int, evidence: Evidence, **changes: float) -> tuple[LineKind, LineKind]:
-    """The kinds after one more frame, 0.25 s after the one before."""
+    """The kinds after one more frame, 0.5 s after the one before."""
     side = Boundary(0.0, 0.0, 0.0, 1.0, 0.9, True)
-    fit = LaneFit(side, side, state=LaneState.FOUND, steady_s=0.25 * number)
-    frame = LaneFrame(np.zeros((240, 320), np.uint8), mounted(), 250_000_000 * number, number)
+    fit = LaneFit(side, side, state=LaneState.FOUND, steady_s=0.5 * number)
+    frame = LaneFrame(np.zeros((240, 320), np.uint8), mounted(), 500_000_000 * number, number)
     named = watch.named(replace(fit, **changes), frame, evidence, LANE)  # type: ignore[arg-type]
     return named.left.kind, named.right.kind
 
