@@ -16,10 +16,12 @@ SIDES = 2
 _PER_SIDE = 8 + 9
 _ROAD = 4
 _ROADS = SIDES * _ROAD
-_ALONE = 5 + _ROADS
+_JOINT = 7
+_ALONE = 5 + _ROADS + _JOINT**2
 _PER_FIT = SIDES * _PER_SIDE + _ALONE
 _NO_COVARIANCE = (float("nan"),) * 9
 _NO_ROAD = (float("nan"),) * _ROAD
+_NO_JOINT = (float("nan"),) * _JOINT**2
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class FitColumns:
         score, probability: Shape (n, 2).
         found: Shape (n, 2).
         kind, colour: Shape (n, 2): values of `LineKind` and `LineColour`.
-        covariance: Shape (n, 2, 3, 3); NaN where the method gives none.
+        covariance: Shape (n, 2, 3, 3): of each boundary's parabola; NaN where the method gives none.
+        joint: Shape (n, 7, 7): `LaneFit.covariance`; NaN where the method gives none, or a boundary is not found.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
         roads: Shape (n, 2, 4): `LaneFit.roads`; NaN where not found, or not told.
         state: Shape (n,): values of `LaneState`.
@@ -52,6 +55,7 @@ class FitColumns:
     roads: FloatArray
     kind: npt.NDArray[np.int8]
     colour: npt.NDArray[np.int8]
+    joint: FloatArray
 
     def __len__(self) -> int:
         return len(self.parabolas)
@@ -71,11 +75,12 @@ class FitColumns:
             self.roads[rows],
             self.kind[rows],
             self.colour[rows],
+            self.joint[rows],
         )
 
 
 class FitRecorder:
-    """Collects fits, 380 bytes each."""
+    """Collects fits, 770 bytes each."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
@@ -89,6 +94,8 @@ class FitRecorder:
         roads = [_NO_ROAD] * SIDES if fit.roads is None else fit.roads.tolist()
         for road, is_found in zip(roads, found, strict=True):
             self._numbers.extend(road if is_found else _NO_ROAD)
+        has_joint = fit.covariance is not None and all(found)
+        self._numbers.extend(fit.covariance.ravel().tolist() if has_joint else _NO_JOINT)  # type: ignore[union-attr]
 
     def columns(self) -> FitColumns:
         """All fits so far."""
@@ -108,7 +115,8 @@ class FitRecorder:
             state=alone[:, 2].astype(np.int8),
             steady_s=alone[:, 3],
             lane_change=alone[:, 4].astype(np.int8),
-            roads=alone[:, 5:].reshape(-1, SIDES, _ROAD),
+            roads=alone[:, 5 : 5 + _ROADS].reshape(-1, SIDES, _ROAD),
+            joint=alone[:, 5 + _ROADS :].reshape(-1, _JOINT, _JOINT),
         )
 
 

@@ -43,6 +43,8 @@ MIN_DEPTH = 0.03
 rows), so no evidence is looked for there, and boundaries end."""
 LOWEST_TOP_PX = 8.0
 LOWEST_LINE_PX = 2.0
+FIT_NUMBERS = 7
+"""Of `LaneFit.covariance`."""
 NEAR_M = 2.0
 WIDTH_AT_M = 10.0
 """Where the lane's width is measured."""
@@ -202,6 +204,7 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     variance = np.zeros_like(values)
     # With the same samples: one that enters or leaves within a step would look like an infinite slope.
     moved_bodies = [_body(parabolas + step, mount, camera, beside_px, use)[0] for step in np.diag(PARABOLA_STEPS)]
+    of_fit = np.zeros((n, 3, FIT_NUMBERS))
     for side in range(2):
         jacobian = np.empty((n, 3, 3))
         for k, moved_body in enumerate(moved_bodies):
@@ -212,12 +215,17 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         covariance = np.where(np.isnan(given), assumed, given)
         part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
         variance += np.where(np.isnan(parabolas[:, side, :1]), 0.0, part)
+        of_fit[:, :, 3 * side : 3 * side + 3] = jacobian
     for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
         moved_mount = mount.copy()
         moved_mount[:, k] += MOUNTING_STEP
         moved_body, _ = _body(parabolas, moved_mount, camera, beside_px, use)
         slope = (_preview(moved_body, change, preview_m) - values) / MOUNTING_STEP
         variance += (slope * sigma) ** 2
+        if k == 0:
+            of_fit[:, :, -1] = slope
+            own = np.einsum("nij,njk,nik->ni", of_fit, fits.joint, of_fit)
+            variance = np.where(np.isnan(own), variance, own)  # the fit's own pitch is part of it
     sigma_of = np.where(np.isnan(values), np.nan, np.sqrt(variance))
     return LaneGeometry(
         left_body=body[:, 0],

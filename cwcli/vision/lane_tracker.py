@@ -19,6 +19,7 @@ from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH
 from cwcli.vision.lane_belief import boundary_probabilities
+from cwcli.vision.lane_covariance import fit_covariance, lane_covariance
 from cwcli.vision.lane_detect import (
     MAX_ROWS,
     Evidence,
@@ -88,6 +89,8 @@ SWITCH_GAIN = 0.03
 SWITCH_S = 0.4
 """for so long."""
 HORIZON_GAIN = 0.05
+MEASURED_EVERY_NS = 300_000_000
+"""A lane's covariance is measured no more often."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,8 @@ class LaneTracker:
         self._n_lost = 0
         self._lost_s = 0.0
         self._pause = 0
+        self._covariance: FloatArray | None = None
+        self._measured_ns = 0
         self._lines = LineWatch() if look is evidence_of else None  # of a net's map it is not known what it shows
 
     def step(self, frame: LaneFrame) -> LaneFit:
@@ -151,11 +156,24 @@ class LaneTracker:
             self._hypotheses = self._found_afresh(frame, camera)
             self._steady_s, self._odds = 0.0, None
         self._n_frames += 1
-        fit = self._publish(camera, dt_s)
+        fit = self._with_covariance(self._publish(camera, dt_s), frame)
         if self._lines is None:
             return fit
         lane = self._hypotheses[0].lane if self._hypotheses else None
         return self._lines.named(fit, frame, self._evidence, lane)
+
+    def _with_covariance(self, fit: LaneFit, frame: LaneFrame) -> LaneFit:
+        """The fit with its covariance, which is that of the last frame in which it was measured."""
+        if self._prior is None or self._evidence is None or not (fit.left.found and fit.right.found):
+            self._covariance = None
+            return fit
+        since_ns = frame.stamp_ns - self._measured_ns
+        if self._covariance is None or fit.steady_s == 0.0 or since_ns >= MEASURED_EVERY_NS:
+            lane, camera = self._hypotheses[0].lane, frame.camera
+            table = opened(self._prior, camera, frame.speed_mps).table
+            own = lane_covariance(self._evidence, lane, table, camera)
+            self._covariance, self._measured_ns = fit_covariance(lane, own, camera), frame.stamp_ns
+        return replace(fit, covariance=self._covariance)
 
     def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
         """Every hypothesis, predicted and improved on the new frame; the published one first."""

@@ -74,6 +74,8 @@ class LaneFit:
             method's model and the parabolas the best ones for it. None: the method has parabolas alone.
         state: Whether this frame shows the lane, or it is carried on.
         steady_s: For how long the lane has been followed without a jump; NaN: not told, or lost.
+        covariance: Shape (7, 7): of a, b, c of the left and of the right boundary and `pitch_rad` together; None: the
+            boundaries' own, if there are any.
         lane_change: 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
     """
 
@@ -85,6 +87,7 @@ class LaneFit:
     state: LaneState = LaneState.UNTOLD
     steady_s: float = nan
     lane_change: int = 0
+    covariance: FloatArray | None = None
 
 
 class LaneSearch(Protocol):

@@ -237,6 +237,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         change,
         nothing[:, :, 0],
         *(rng.integers(0, 3, (2, n, 2)).astype(np.int8)),
+        np.full((n, 7, 7), np.nan),
     )
     road, numbers = rng.normal(size=(n, 2, 3)), rng.normal(size=(8, n))
     geometry = LaneGeometry(road[:, 0], road[:, 1], *numbers)

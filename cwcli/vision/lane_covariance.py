@@ -1,0 +1,115 @@
+"""How exact a found lane is: the curvature of its objective at the optimum, and what follows for the boundaries.
+
+Near its optimum the objective falls as a parabola in the lane's numbers (but its spiral, see below), and the faster the
+more exactly the frame shows them: covariance = SCALE x inverse of the negative second derivatives. These are
+differences over steps of half a marking's width, because on a smaller scale the objective is as rough as the pixels.
+They are taken in places that the image shows (both boundaries near the car, the middle and the bend far away, the
+horizon), in which the five depend little on each other. What no step makes worse is not seen: its sigma is the greatest
+that is told, `MOST` steps.
+
+A road does not bend evenly, and by how much its bend changes up to the far rows the objective hardly tells: the fit is
+exact near by and far away, and between them the road is beside it. So there is a second part: of the bend with those
+places held, c L for a way of L to the far rows, and of the direction, c L^2 / 12, which is that of the cubic
+c x^3 / 6 - c L^2 x / 24 (zero at both ends and in the middle) at its ends. A camera that sees far is not as exact as
+its pixels.
+
+SCALE and BEND_RATE are fitted on rendered drives of the sets `good` and `complex`: squared errors 20 m ahead over their
+variances (tests/studies/lane_nees.py). docs/lanes.md has those of drives that were not in sight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import Camera
+from cwcli.vision.lane_detect import Evidence, judged
+from cwcli.vision.lane_model import BEND, HORIZON, MIDDLE, VANISHING, WIDTH, bend_unit, parabolas_of_lane, pitch_of
+
+SCALE = 0.002
+BEND_RATE_1PM2 = 4e-6
+"""Sigma of the change of a road's curvature, for a metre."""
+NEAR_AT, FAR_AT = 0.6, 0.15
+"""Of the way from the horizon to the bottom: the rows of the places."""
+STEP, FAR_STEP = 0.04, 0.06
+"""Of the places near by and far away, over the camera's height times fx / fy."""
+HORIZON_STEP = 0.006
+"""Of the image's height."""
+MOST = 1.0
+N = 5
+N_FIT = 7
+"""Numbers of a fit: a, b, c of the left and of the right boundary, and the pitch."""
+_I, _J = np.triu_indices(N, 1)
+_STEPS = np.concatenate(
+    [np.zeros((1, N)), np.eye(N), -np.eye(N), np.eye(N)[_I] + np.eye(N)[_J], -np.eye(N)[_I] - np.eye(N)[_J]]
+)
+"""Shape (31, 5): where the objective is looked up, in steps."""
+
+
+def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, camera: Camera) -> FloatArray:
+    """The covariance of a lane's first five numbers, shape (5, 5).
+
+    Args:
+        evidence, lane: The lane (6,) at its optimum, and where the frame shows stripes.
+        table: Of the prior, shape (6, 4), under which it was found.
+        camera: In the pixels of the image that was searched.
+    """
+    places, steps = _places(float(lane[HORIZON]), camera.height_px, evidence.pinhole.stretch)
+    places = places * steps
+    lanes = np.tile(lane, (len(_STEPS), 1))
+    lanes[:, :N] += _STEPS @ places.T
+    values = judged(evidence, lanes, table)
+    values = np.maximum(values, values[0] - 1.0)  # beyond a limit of the prior there is no value
+    fall = 2.0 * values[0] - values[1 : 1 + N] - values[1 + N : 1 + 2 * N]
+    pairs = 2.0 * values[0] - values[1 + 2 * N : 1 + 2 * N + len(_I)] - values[1 + 2 * N + len(_I) :]
+    information = np.diag(fall)
+    information[_I, _J] = information[_J, _I] = 0.5 * (pairs - fall[_I] - fall[_J])
+    value, vector = np.linalg.eigh(information)
+    axes = places @ vector
+    made: FloatArray = (axes * (SCALE / np.maximum(value, SCALE / MOST**2))) @ axes.T
+    far_m = camera.fy * camera.mounting.height_m / _depths(float(lane[HORIZON]), camera.height_px)[1]
+    bend = places[:, 3] * (bend_unit(camera) * BEND_RATE_1PM2 * far_m / places[BEND, 3])
+    turn = places[:, 2] * (camera.fx * BEND_RATE_1PM2 * far_m**2 / 12.0 / places[VANISHING, 2])
+    return made + np.outer(bend, bend) + np.outer(turn, turn)
+
+
+def _depths(horizon_px: float, height_px: int) -> tuple[float, float]:
+    """Rows below the horizon of the places near by and far away."""
+    depth = max(height_px - horizon_px, 8.0)
+    return NEAR_AT * depth, FAR_AT * depth
+
+
+def _places(horizon_px: float, height_px: int, stretch: float) -> tuple[FloatArray, FloatArray]:
+    """What a pixel of each place changes in the five numbers, shape (5, 5), a column each; and the steps, pixels.
+
+    With u = u0 + m h + k / h: near and far are columns of a boundary, or of the middle, in the rows h1 and h2.
+    """
+    near, far = _depths(horizon_px, height_px)
+    numbers = np.zeros((N, N))
+    numbers[0, [VANISHING, MIDDLE, WIDTH, BEND]] = 1.0, near, -0.5 * near, 1.0 / near
+    numbers[1, [VANISHING, MIDDLE, WIDTH, BEND]] = 1.0, near, 0.5 * near, 1.0 / near
+    numbers[2, [VANISHING, MIDDLE, BEND]] = 1.0, far, 1.0 / far
+    numbers[3, BEND] = 1.0 / far
+    numbers[4, HORIZON] = 1.0
+    near_px, far_px = STEP * stretch * near, max(FAR_STEP * stretch * far, 1.0)
+    steps = np.array([near_px, near_px, far_px, far_px, max(HORIZON_STEP * height_px, 1.0)])
+    return np.asarray(np.linalg.inv(numbers), np.float64), steps
+
+
+def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> FloatArray:
+    """The covariance of what is published of a lane, shape (7, 7): a, b, c of both sides, and the pitch.
+
+    Args:
+        lane, covariance: Shape (6,) and (5, 5).
+        camera: In the pixels of the image that was searched.
+    """
+    sigma = np.sqrt(np.diagonal(covariance))
+    own = _published(lane, camera)
+    steps = np.eye(N, len(lane)) * sigma[:, None]
+    jacobian = np.column_stack([_published(lane + step, camera) - own for step in steps]) / sigma
+    made: FloatArray = jacobian @ covariance @ jacobian.T
+    return made
+
+
+def _published(lane: FloatArray, camera: Camera) -> FloatArray:
+    return np.append(parabolas_of_lane(lane, camera).ravel(), pitch_of(lane, camera))
