@@ -31,7 +31,7 @@ MAX_SOURCES = 8
 MAX_GAP_S = 0.5
 MAX_LINES = 60
 ROW_PX, AROUND_PX = 130, 110
-SHOWN_SIGMAS = 4.0
+SHOWN_SIGMAS = 2.2
 """The axis covers so many sigmas of the noise at least, and all but one residual in 500 that was believed."""
 DEG = math.degrees(1.0)
 PARTS: Mapping[Kind, tuple[tuple[str, str, float], ...]] = {

@@ -82,11 +82,11 @@ def test_velocities_are_split_likewise_and_gated_ones_marked() -> None:
     np.testing.assert_allclose(found.values, [[0.0, 0.0], [2.0, 1.0]], atol=ATOL)
     assert found.is_gated.tolist() == [False, True]
     figure = residual_figure(made, found, 100)
-    assert figure["layout"]["yaxis"]["range"] == [-0.88, 0.88]  # 1.1 times four sigmas of 0.2 m/s
+    assert figure["layout"]["yaxis"]["range"] == [-0.484, 0.484]  # 1.1 times 2.2 sigmas of 0.2 m/s
     crosses = [trace for trace in figure["data"] if trace["name"] == "gated"]
     assert [(trace["x"], trace["y"], trace["text"]) for trace in crosses] == [
-        ([3], [0.88], ["2 m/s"]),  # beyond the axis: at its edge
-        ([3], [0.88], ["1 m/s"]),
+        ([3], [0.484], ["2 m/s"]),  # beyond the axis: at its edge
+        ([3], [0.484], ["1 m/s"]),
     ]
     assert "1 of 9 gated" in found.hint and "white noise 0.2 m/s" in found.hint
 
