@@ -33,7 +33,7 @@ class FilterNoise:
         start_lateral_speed_mps, start_yaw_rate_radps, start_steer_rad, start_curvature_1pm: At the first frame, about
             a car that follows the road steadily.
         gate: Innovations beyond this many sigmas are gated.
-        restart_after: So many gated frames in a row start the filter anew.
+        restart_after: So many gated frames in a row start the filter anew, or the lane alone if a yaw rate is measured.
     """
 
     lateral_speed_walk_mps: float = 0.05

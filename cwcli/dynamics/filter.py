@@ -27,6 +27,8 @@ from cwcli.signals.units import NS_PER_S
 
 MAX_STEP_S = 0.1
 LOAD_RANGE = (0.5, 2.0)
+GYRO_RECENT_S = 0.2
+"""A yaw rate that fitted within this time is known, whatever the lane says."""
 STILL_MPS = 0.1
 MIN_SIGMA = 1e-9
 
@@ -58,6 +60,7 @@ def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
         "eta_high": LOAD_RANGE[1],
         "gate_sigmas": noise.gate,
         "restart_after": noise.restart_after,
+        "gyro_recent_s": GYRO_RECENT_S,
         "walk_noise": _walks(noise, config.estimate_load),
         "start_sigma": _starts(noise, config.estimate_load),
     }

@@ -92,6 +92,7 @@ class Model(TypedDict):
     eta_high: float
     gate_sigmas: float
     restart_after: int
+    gyro_recent_s: float
     walk_noise: Sequence[float]
     start_sigma: Sequence[float]
 

@@ -90,13 +90,15 @@ def observe(Events events, Model model):
     cdef double x[N], p[N * N], h[N]
     cdef bint running = False, ever = False
     cdef int j, k, steps, streak = 0, n_used, tried
-    cdef double r, gate = m.gate_sigmas, step
+    cdef double r, gate = m.gate_sigmas, step, gyro_age_s = 1e30
     memset(x, 0, N * sizeof(double))
     memset(p, 0, N * N * sizeof(double))
     with nogil:
         for i in range(n):
             if begin[i] != Begin.GO_ON:
                 running = False
+                gyro_age_s = 1e30
+            gyro_age_s += dt_s[i]
             if running and dt_s[i] > 0.0:
                 steps = <int>ceil(dt_s[i] / m.max_step_s - 1e-9)
                 steps = 1 if steps < 1 else steps
@@ -140,7 +142,14 @@ def observe(Events events, Model model):
                         status[i] = EventStatus.USED if n_used == tried else EventStatus.GATED
                         streak = 0 if n_used == tried else streak + 1
                         if streak >= m.restart_after and not isnan(values[i, 0]) and not isnan(values[i, 1]):
-                            start(x, p, &values[i, 0], &sigmas[i, 0], speed[i], m, True)
+                            if gyro_age_s <= m.gyro_recent_s:
+                                # The yaw rate is measured: it is the road that is another one than was thought.
+                                place(x, p, EL, 1.0, values[i, 1], sigmas[i, 1])
+                                place(x, p, YL, m.camera_preview_m, values[i, 0], sigmas[i, 0])
+                                if not isnan(values[i, 2]):
+                                    place(x, p, KL, 0.0, values[i, 2], sigmas[i, 2])
+                            else:
+                                start(x, p, &values[i, 0], &sigmas[i, 0], speed[i], m, True)
                             streak = 0
                             status[i] = EventStatus.STARTED
             elif running and not isnan(values[i, 0]) and begin[i] != Begin.STOP:
@@ -152,6 +161,8 @@ def observe(Events events, Model model):
                 else:
                     h[STEER] = 1.0
                 status[i] = EventStatus.USED if update(x, p, h, values[i, 0], r, gate) else EventStatus.GATED
+                if kind[i] == EventKind.YAW_RATE and status[i] == EventStatus.USED:
+                    gyro_age_s = 0.0
             if running:
                 x[ETA] = fmin(fmax(x[ETA], m.eta_low), m.eta_high)
                 if fabs(speed[i]) < m.still_mps:

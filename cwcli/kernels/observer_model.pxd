@@ -26,6 +26,7 @@ cdef struct Model:
     double eta_high
     double gate_sigmas      # innovations beyond this many sigmas are gated
     int restart_after       # so many gated frames in a row start the filter anew
+    double gyro_recent_s    # or the lane alone, if a yaw rate fitted within this time
     double walk_noise[9]    # intensities, in the order of the states; that of K_L per metre
     double start_sigma[9]   # at the start; those of y_L and e_L are the measurement's
 

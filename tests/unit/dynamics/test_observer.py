@@ -303,6 +303,21 @@ def test_one_wrong_frame_is_left_out() -> None:
     np.testing.assert_allclose(track.state[145:160, 1], true_state(SENSED)[145:160, 1], atol=0.02)
 
 
+@pytest.mark.parametrize("with_gyro", [True, False])
+def test_a_road_that_does_not_fit_leaves_a_measured_yaw_rate_alone(with_gyro: bool) -> None:
+    """From 6 s on the lane is that of a ramp far ahead, on which the car does not turn yet."""
+    n = 100
+    stamp_ns = np.arange(n) * 100_000_000
+    later = np.arange(n) >= 60
+    seen = LaneSamples(stamp_ns, -8.0 * later, -0.5 * later, -0.02 * later, *np.tile([[0.05], [0.003], [1e-4]], (1, n)))
+    gyro = Samples(np.arange(10 * n) * 10_000_000, np.zeros(10 * n), 0.002) if with_gyro else None
+    track = observe(seen, Samples(stamp_ns, np.full(n, 10.0)), CAR, yaw_rate=gyro)
+    assert (track.status[60:] == FrameStatus.STARTED).any()
+    assert track.state[-1, 3] == pytest.approx(-0.5, abs=0.02)
+    off_radps = np.abs(track.state[60:, 1]).max()
+    assert (off_radps < 0.01) == with_gyro  # else the car is taken to follow the road: 10 m/s x 0.02 1/m
+
+
 def test_a_pause_of_the_frames_starts_anew() -> None:
     keep = (SENSED.stamp_ns < 8_000_000_000) | (SENSED.stamp_ns > 13_000_000_000)
     lanes = LaneSamples(*(v[keep] for v in vars(SENSED.lanes).values() if isinstance(v, np.ndarray)))
