@@ -28,6 +28,7 @@ from cwcli.report.drive import Drive
 from cwcli.report.encounters import Meetings
 from cwcli.report.map_figure import with_breaks
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.packed_covariances import variances
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
@@ -60,7 +61,7 @@ def motion_curves(drive: Drive) -> list[Curve]:
     ego = drive.ego
     if ego is None:
         return []
-    sigma = np.sqrt(np.maximum(np.einsum("nii->ni", ego.covariance), 0.0))
+    sigma = np.sqrt(np.maximum(variances(ego.covariance, range(ego.state.shape[1])), 0.0))
     turn = np.degrees(1.0)
     curves = []
     for title, unit, decimals, state, scale, kinds in (

@@ -5,7 +5,7 @@ set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 export PYTHONPATH=.
 failed=0
-for bench in "bench_read.py" "bench_read.py --images" "bench_process.py" "bench_annotate.py" "bench_ekf.py" "bench_lanes.py" "bench_fleet.py" "bench_measures.py"; do
+for bench in "bench_read.py" "bench_read.py --images" "bench_process.py" "bench_annotate.py" "bench_ekf.py" "bench_lanes.py" "bench_fleet.py" "bench_measures.py" "bench_report.py"; do
     printf '\n## %s\n\n' "$bench"
     # shellcheck disable=SC2086 - the options are words of their own
     python tests/bench/$bench || failed=1

@@ -10,7 +10,10 @@ import pytest
 
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.pooling import LogMetrics, rows_of
+from cwcli.report.page import Page, Renderer, Row
 from cwcli.report.pooled import N_BINS, WIDTH_PX, odd_logs, pooled_metrics, pooled_sources, sources_in, spread_of
+from cwcli.report.story import Story
+from cwcli.report.views import LogView, Plot, SensorsView
 
 
 def log(name: str, errors_m: list[float], *, n_warnings: int = 0, distance_km: float = 1.0) -> LogMetrics:
@@ -82,3 +85,25 @@ def test_sources_are_put_together_over_the_logs() -> None:
     assert (source.latency, source.latency_between, source.nis) == ("200", "100 to 300", "2.00")
     assert (source.outside, source.gated) == ("2 of 3", "2 %")
     assert pooled_sources(found[:1], {}) == ()
+
+
+def test_hostile_names_are_shown_as_what_they_are() -> None:
+    """In the overview and in the sensors' figures of a page."""
+    evil = "</script><script>alert(1)</script><img src=x onerror=alert(1)>"
+    logs = [log(f"{evil}{k}", [float(value)]) for k, value in enumerate((1, 1, 1, 1, 99))]
+    entries = [{"vehicle": "ego", "source": evil, "quantity": evil, "latency_found_s": 0.1}]
+    found = [source for name in "ab" for source in sources_in(name, {"sources": json.dumps(entries)})]
+    plot = Plot(
+        "log-1-residuals-1", "residuals", f"Residuals of {evil}", evil, {"data": [], "layout": {}}, height_px=240
+    )
+    sensors = SensorsView(evil, (), (evil,), plots=(plot,))
+    story = Story(evil, (), ())
+    renderer = Renderer()
+    section = renderer.log(LogView("log-1", evil, story, (), is_alone=False, is_open=True, sensors=sensors))
+    page = Page(
+        title=evil, headline=evil, sentences=(), badges=(), gates=(), columns=(),
+        rows=(Row("", evil, (), evil, ()),), footer=(),
+        metrics=pooled_metrics(logs, {}), sources=pooled_sources(found, {}),
+    )  # fmt: skip
+    html = renderer.page(page, [section])
+    assert html.count("alert(1)") >= 10 and "<script>alert" not in html and "<img src=x" not in html
