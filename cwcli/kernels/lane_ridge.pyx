@@ -29,6 +29,28 @@ cdef struct Pair:
     double penalty
 
 
+cdef double SPARE = 1e-9  # more than rounding makes of an objective, which is about 1
+
+
+cdef inline Py_ssize_t first_inside(
+    const double[::1] places, double base, double wide, double from_x, double spacing
+) noexcept nogil:
+    """The first place whose column is at least from_x; places are evenly spaced up to rounding."""
+    cdef Py_ssize_t n = places.shape[0], j
+    cdef double guess = ((from_x - base) / wide - places[0]) / spacing
+    if guess >= n:
+        j = n
+    elif guess <= 0.0:
+        j = 0
+    else:
+        j = <Py_ssize_t>guess
+    while j > 0 and base + places[j - 1] * wide >= from_x:
+        j -= 1
+    while j < n and base + places[j] * wide < from_x:
+        j += 1
+    return j
+
+
 def scan(
     const float[:, ::1] evidence, const double[:, ::1] prior, Scoring scoring, *, const double[::1] depths, int step,
     const double[::1] vanishing, const double[::1] bends, const double[::1] places
@@ -40,7 +62,9 @@ def scan(
     cdef Py_ssize_t n_rows = evidence.shape[0], width = evidence.shape[1], n = places.shape[0]
     cdef Py_ssize_t i, p, q, r, j, left, right, n_pairs = 0
     cdef const float* row
-    cdef double h, base, x, value, z, penalty, middle, wide, sine, cosine
+    cdef double h, base, value, z, penalty, middle, wide, sine, cosine, least
+    cdef double spacing = places[1] - places[0] if n > 1 else 1.0
+    cdef Py_ssize_t start, stop, first, last
     cdef Arc arc
     cdef double* sums = <double*>malloc(n * sizeof(double))
     cdef double* stretch = <double*>malloc(n * sizeof(double))
@@ -79,6 +103,8 @@ def scan(
                 for j in range(n):
                     sums[j] = 0.0
                     stretch[j] = 0.0
+                first = n
+                last = 0
                 for i in range(used):
                     r = i * step
                     h = depths[r]
@@ -91,16 +117,18 @@ def scan(
                         wide = h / cosine
                     if wide > 0.0 and base == base:
                         row = &evidence[r, 0]
-                        for j in range(n):
-                            x = base + places[j] * wide
-                            if x >= width:
-                                break
-                            if x >= 0.0:
-                                stretch[j] += row[<int>x]
+                        start = first_inside(places, base, wide, 0.0, spacing)
+                        stop = first_inside(places, base, wide, width, spacing)
+                        first = start if start < first else first
+                        last = stop if stop > last else last
+                        for j in range(start, stop):
+                            stretch[j] += row[<int>(base + places[j] * wide)]
                     if (r + step) // segment != r // segment or i == used - 1:  # the next row is of another segment
-                        for j in range(n):
+                        for j in range(first, last):
                             sums[j] += stretch[j] / (stretch[j] + half / step)
                             stretch[j] = 0.0
+                        first = n
+                        last = 0
                 z = (vanishing[p] - prior[VANISHING, MEAN]) / prior[VANISHING, SIGMA]
                 penalty = z * z
                 z = (bends[q] - prior[BEND, MEAN]) / prior[BEND, SIGMA]
@@ -114,6 +142,7 @@ def scan(
                     for i in range(j - 2 if j > 1 else 0, j + 3 if j + 3 < n else n):
                         if sums[i] > broad[j]:
                             broad[j] = sums[i]
+                least = -1e30
                 for i in range(n_pairs):
                     pair = &pairs[i]
                     left = pair.left
@@ -123,8 +152,11 @@ def scan(
                         value += beside * broad[2 * left - right]
                     if 2 * right - left < n:
                         value += beside * broad[2 * right - left]
+                    if value < least + pair.penalty * n_segments:  # most are, and a division is slow
+                        continue
                     value = value / n_segments - pair.penalty
                     if value - penalty > best[p, q, 0]:
+                        least = (value - SPARE) * n_segments
                         best[p, q, 0] = value - penalty
                         best[p, q, 1] = places[left]
                         best[p, q, 2] = places[right]

@@ -127,6 +127,17 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
         Shape (n, 2, 4): far (px), near, bend (px^2), spiral (px^3) of each boundary; NaN where none was found, or where
         the method found no horizon (`fits.pitch_rad` is NaN). The spiral is 0 where the method tells no road.
     """
+    is_told = np.isfinite(fits.roads)
+    rest = np.flatnonzero(~is_told.all(axis=(1, 2)))
+    if not len(rest):
+        return fits.roads
+    made = fits.roads.copy()
+    made[rest] = np.where(is_told[rest], fits.roads[rest], _sought_roads(fits[rest], camera))
+    return made
+
+
+def _sought_roads(fits: FitColumns, camera: Camera) -> FloatArray:
+    """Shape (n, 2, 4): the roads whose best parabolas are the fits'."""
     y_px = _sampled_px(camera, fits.pitch_rad)
     x_px = _columns_px(fits.parabolas, y_px)
     h = ((camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None]) / camera.height_px)[:, None]
@@ -145,8 +156,7 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
         roads = _solved(normal, right, use)
         seen_px = (roads[:, :, None] * terms).sum(axis=-1)
     roads = roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px])
-    roads = np.concatenate([roads, 0.0 * roads[..., :1]], axis=-1)
-    return np.where(np.isfinite(fits.roads), fits.roads, roads)
+    return np.concatenate([roads, 0.0 * roads[..., :1]], axis=-1)
 
 
 def pinholes(camera: Camera, n: int) -> FloatArray:
