@@ -16,6 +16,7 @@ import re
 import numpy as np
 
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings, constant_strings
+from cwcli.signals.leaf_fields import bits_of
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.road_events import HARD_BRAKING, RoadEvents, joined_events
 
@@ -83,7 +84,7 @@ def ros_flags(columns: Columns) -> Int64Array:
     rows, values = _elements(columns.fields.get(ROS), n)
     has_rows, has = _elements(columns.fields.get(ROS_PRESENCE), n)
     if np.array_equal(rows, has_rows):
-        told = np.where(has.astype(np.int64) & HAS_EVENTS, values.astype(np.int64), 0)
+        told = np.where(bits_of(has) & HAS_EVENTS, bits_of(values), 0)
         for bit, flag in ROS_BITS.items():
             np.bitwise_or.at(found, rows[(told & bit) != 0], 1 << (N_FLAGS - 1 - EVENT_FLAGS.index(flag)))
     return found

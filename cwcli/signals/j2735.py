@@ -16,11 +16,11 @@ from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, strings_from
 from cwcli.signals.covariances import covariance_from_ellipse
-from cwcli.signals.leaf_fields import is_one_of, numbers, texts
+from cwcli.signals.leaf_fields import bits_of, is_one_of, numbers, texts
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
-from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_elements import Element, decode, hold
 from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
 
 ELEMENTS: dict[str, Element] = {
@@ -164,7 +164,7 @@ def decode_ros(columns: Columns, ledger: RowLedger) -> RemoteRows:
 def decode_carma(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `carma_v2x_msgs/BSM` channel: degrees, metres, m/s, degrees/s, J2735's signs, and presence flags."""
     _note_braking(ledger, bsm_flags.ros_flags(columns), identify_ros(columns).station)
-    return _rows(columns, ledger, _signed(_carma_values(columns)), ROS, "")
+    return _rows(columns, ledger, _held(_carma_values(columns), ledger), ROS, "")
 
 
 def _carma_values(columns: Columns) -> dict[str, FloatArray]:
@@ -172,7 +172,7 @@ def _carma_values(columns: Columns) -> dict[str, FloatArray]:
     value = {name: numbers(columns, ROS[name]) for name in (*ELEMENTS, "dsecond_ms")}
     for name, (path, bit) in CARMA_PRESENCE.items():
         flags = numbers(columns, path)
-        is_there = (np.nan_to_num(flags, nan=0.0).astype(np.int64) & bit) != 0
+        is_there = (bits_of(flags) & bit) != 0
         value[name] = np.where(is_there, value[name], np.nan)
     return value
 
@@ -225,7 +225,7 @@ def _from_ode(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
     value = {name: numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
     for name in ("width_m", "length_m"):
         value[name] = np.where(value[name] > 0, value[name] * M_PER_ODE_SIZE, np.nan)
-    return _rows(columns, ledger, _signed(value), paths, prefix)
+    return _rows(columns, ledger, _held(value, ledger), paths, prefix)
 
 
 def _from_raw(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
@@ -234,9 +234,9 @@ def _from_raw(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix
     return _rows(columns, ledger, value, paths, prefix)
 
 
-def _signed(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """Turn the quantities that J2735 counts to the right (decoded units keep its signs)."""
-    return {name: array * ELEMENTS[name].sign if name in ELEMENTS else array for name, array in value.items()}
+def _held(value: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
+    """Values in units, which keep J2735's signs and ranges: those to the right turned, those beyond left out."""
+    return {name: hold(ELEMENTS[name], array, ledger) if name in ELEMENTS else array for name, array in value.items()}
 
 
 def _rows(

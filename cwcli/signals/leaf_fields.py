@@ -14,7 +14,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings, strings_from
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings, strings_from
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
@@ -103,12 +103,21 @@ def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | No
     if field is None:
         return None
     if isinstance(field, Ragged):
-        bounds = field.offsets
-        octets = field.values.astype(np.uint8).tobytes()
-        return strings_from(octets[i:j].hex() for i, j in pairwise(bounds))
+        octets, is_octet = _octets(field.values)
+        spans = list(pairwise(field.offsets.tolist()))
+        return strings_from(octets[i:j].hex() if is_octet[i:j].all() else "" for i, j in spans)
     if field.ndim == 2:
-        return strings_from(row.tobytes().hex() for row in field.astype(np.uint8))
+        data, good = _octets(field.ravel())
+        width = field.shape[1]
+        rows = ((k * width, (k + 1) * width) for k in range(len(field)))
+        return strings_from(data[i:j].hex() if good[i:j].all() else "" for i, j in rows)
     return spelled(field.astype(np.float64))
+
+
+def bits_of(values: FloatArray) -> Int64Array:
+    """Numbers (n,) as flags: none is set where it is no whole number of so many bits."""
+    is_whole = (values >= 0.0) & (values < LARGEST_WHOLE) & (values == np.floor(values))
+    return np.where(is_whole, values, 0.0).astype(np.int64)
 
 
 def spelled(values: FloatArray) -> Strings:
@@ -120,6 +129,15 @@ def spelled(values: FloatArray) -> Strings:
         [str(int(value)) if whole else repr(value) if isfinite(value) else "" for value, whole in each]
     )
     return Strings(codes=words.codes[codes].astype(np.int32), values=words.values)
+
+
+def _octets(values: NumericArray) -> tuple[bytes, BoolArray]:
+    """Numbers (n,) as octets, and which of them are some."""
+    if values.dtype.itemsize == 1:
+        return values.tobytes(), np.ones(len(values), np.bool_)
+    numbers = values.astype(np.float64)
+    is_octet = (numbers >= 0.0) & (numbers <= 255.0) & (numbers == np.floor(numbers))
+    return np.where(is_octet, numbers, 0.0).astype(np.uint8).tobytes(), is_octet
 
 
 def unusable(columns: Columns, name: str) -> DataError:

@@ -17,7 +17,7 @@ from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import numbers, texts
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
-from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_elements import Element, decode, hold
 from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
 
 _DISTANCE = Element("ObjectDistance", 0.1, 1, -32_767, 32_767)
@@ -150,14 +150,7 @@ def decode_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 def decode_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode objects, one a row, whose quantities are in units; J3224's signs and ranges."""
-    value = {}
-    for name, element in ELEMENTS.items():
-        told = numbers(columns, name)
-        code = np.rint(told / element.unit)
-        in_range = np.isfinite(decode(element, code))
-        is_special = np.isin(code, element.unavailable + element.out_of_range)
-        ledger.repair(~(np.isnan(told) | in_range | is_special), f"{element.element} outside its range, left out")
-        value[name] = np.where(in_range, element.sign * told, np.nan)
+    value = {name: hold(element, numbers(columns, name), ledger) for name, element in ELEMENTS.items()}
     return _rows(columns, ledger, value)
 
 

@@ -54,6 +54,14 @@ def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -
     return np.where(in_range, element.sign * element.unit * raw, np.nan)
 
 
+def hold(element: Element, told: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+    """`decode` of values (n,) that are told in units: the standard's sign, and only what one of its codes could say."""
+    with np.errstate(over="ignore"):
+        code = np.rint(told / element.unit)
+    decoded = decode(element, code, ledger)
+    return np.where(np.isfinite(decoded), element.sign * told, np.nan)
+
+
 def decode_whole(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """`decode` of codes that name something (a cause, a station): half a code is outside the range, too."""
     is_whole = np.isfinite(raw) & (raw == np.floor(raw))

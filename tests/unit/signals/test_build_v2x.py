@@ -333,3 +333,15 @@ def test_faults_of_other_stations_are_not_counted_for_the_ego() -> None:
     columns = stream(["a", "b"], [1, 900_000_001], [10_000, 10_000], speed_mps=[500, 9000])
     _, quality = build(Role.EGO_POSITION, columns, ego_station="a")
     assert quality.n_faults == 0
+
+
+@pytest.mark.parametrize("make", [ode_bsm, carma_bsm])
+def test_values_in_units_are_held_to_the_ranges_of_their_codes(make: Any) -> None:
+    """The largest speed is 8190 steps of 0.02 m/s; 8191 says that there is none."""
+    for told, kept, n_counted in ((163.8, 163.8, 0), (163.82, np.nan, 0), (163.9, np.nan, 1), (1e300, np.nan, 1)):
+        signal, quality = build(Role.REMOTE, make({"speed_mps": told}))
+        np.testing.assert_allclose(signal.speed_mps, [kept])
+        assert quality.repaired.get("Speed outside its range, left out", 0) == n_counted
+    signal, quality = build(Role.REMOTE, make({"semi_major_m": 1e300}))
+    assert np.isnan(signal.position_covariance_m2).all()
+    assert quality.repaired["SemiMajorAxisAccuracy outside its range, left out"] == 1
