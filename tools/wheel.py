@@ -3,8 +3,8 @@
 Two times are printed: from a clean clone to the end of the demo (it compiles), and from the wheel to the end of the
 demo with no compiler on the path and, where the system can do that (`unshare`), no network. Both start without
 variables of this shell and with an empty home folder; what they need from a package index is downloaded before, and
-timed apart. Then a table tells what the installed packages take. Development only; needs git and `build`, looks deeper
-with `abi3audit`, `auditwheel`.
+timed apart. Then the same wheel is tried on the later versions of Python that are there, and a table tells what the
+installed packages take. Development only; needs git and `build`, looks deeper with `abi3audit`, `auditwheel`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -27,6 +29,8 @@ WHEEL_BOUND_S = 15.0
 GIVEN = ("pyarrow", "opencv-python-headless")
 """Libraries that the installed size is told without, too."""
 NOT_OURS = ("pip", "setuptools")
+LATER_PYTHONS = (12, 13, 14)
+"""Minor versions that the wheel of 3.11 serves, too."""
 SMALL_MB = 1.0
 """Packages below this are one row of the table."""
 COMPILERS = ("cc", "gcc", "clang", "c++", "g++", "tcc")
@@ -54,8 +58,19 @@ def seconds(*command: str | Path, folder: Path, env: dict[str, str] | None = Non
     return time.monotonic() - start
 
 
-def time_install(what: Path, scratch: Path, env: dict[str, str], inside: Sequence[str] = ()) -> float:
-    """Seconds from an empty environment to the end of the demo.
+@dataclass(frozen=True)
+class Took:
+    """Seconds that something took, and of the processors, which tell what a busy machine hides."""
+
+    wall_s: float
+    cpu_s: float
+
+    def __str__(self) -> str:
+        return f"{self.wall_s:.0f} s, {self.cpu_s:.0f} s of processor time"
+
+
+def time_install(what: Path, scratch: Path, env: dict[str, str], inside: Sequence[str] = ()) -> Took:
+    """From an empty environment to the end of the demo.
 
     Args:
         what: The checkout, or the wheel, that is installed.
@@ -68,7 +83,10 @@ def time_install(what: Path, scratch: Path, env: dict[str, str], inside: Sequenc
         (scratch / "environment/bin/pip", "install", "--quiet", what),
         (scratch / "environment/bin/cwcli", "demo"),
     ]
-    return sum(seconds(*inside, *step, folder=scratch, env=env) for step in steps)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    wall_s = sum(seconds(*inside, *step, folder=scratch, env=env) for step in steps)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return Took(wall_s, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 
 def requirements(*, to_build: bool) -> list[str]:
@@ -138,6 +156,25 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
+def try_other_pythons(wheel: Path, scratch: Path) -> None:
+    """Run the demo of the wheel on the later versions of Python that are on the path; print which.
+
+    Raises:
+        SystemExit: It failed on one.
+    """
+    for minor in LATER_PYTHONS:
+        python = shutil.which(f"python3.{minor}")
+        if python is None or subprocess.run([python, "-c", ""], capture_output=True, check=False).returncode != 0:
+            print(f"Python 3.{minor} is not here")
+            continue
+        folder = scratch / f"python3.{minor}"
+        folder.mkdir()
+        run(python, "-m", "venv", "environment", folder=folder)
+        run(folder / "environment/bin/pip", "install", "--quiet", wheel, folder=folder)
+        run(folder / "environment/bin/cwcli", "demo", folder=folder)
+        print(f"Python 3.{minor}: the same wheel passes the demo")
+
+
 def look_inside(wheel: Path, scratch: Path) -> None:
     """Print what the tools that are here say of a wheel."""
     for command in (("abi3audit", "--verbose"), ("auditwheel", "show")):
@@ -156,20 +193,21 @@ def main() -> int:
         download_s = seconds(*pip, *wanted, folder=scratch)
         run("git", "clone", "--quiet", ROOT, scratch / "clone", folder=scratch)
         with_compiler = clean(scratch / "home", scratch / "downloads", os.defpath)
-        clone_s = time_install(scratch / "clone", scratch / "from-clone", with_compiler)
+        clone = time_install(scratch / "clone", scratch / "from-clone", with_compiler)
         run(sys.executable, "-m", "build", "--outdir", scratch / "wheels", scratch / "clone", folder=scratch)
         (wheel,) = (scratch / "wheels").glob("*.whl")
         look_inside(wheel, scratch)
         bare = clean(scratch / "bare", scratch / "downloads", path_without_compiler(scratch / "programs"))
         inside = without_network(scratch)
-        wheel_s = time_install(wheel, scratch / "from-wheel", bare, inside)
+        bare_wheel = time_install(wheel, scratch / "from-wheel", bare, inside)
         network = "no network" if inside else "the network is there, as unshare is not"
         print(f"wheel               {wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB")
         print(f"downloads           {download_s:.0f} s, not in the times below; load {os.getloadavg()[0]:.1f}")
-        print(f"clone to demo       {clone_s:.0f} s (bound {CLONE_BOUND_S:.0f})")
-        print(f"wheel to demo       {wheel_s:.0f} s (bound {WHEEL_BOUND_S:.0f}), no compiler on the path, {network}\n")
+        print(f"clone to demo       {clone} (bound {CLONE_BOUND_S:.0f})")
+        print(f"wheel to demo       {bare_wheel} (bound {WHEEL_BOUND_S:.0f}), no compiler on the path, {network}\n")
+        try_other_pythons(wheel, scratch)
         print(table_of_sizes(installed(scratch / "from-wheel/environment")))
-        return int(clone_s > CLONE_BOUND_S or wheel_s > WHEEL_BOUND_S or "-abi3-" not in wheel.name)
+        return int(clone.wall_s > CLONE_BOUND_S or bare_wheel.wall_s > WHEEL_BOUND_S or "-abi3-" not in wheel.name)
 
 
 if __name__ == "__main__":

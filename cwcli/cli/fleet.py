@@ -33,10 +33,12 @@ def run_many(
     console = Console(quiet=talk.quiet)
     with Progress(quiet=talk.quiet) as progress:
         progress.step("looking for logs")
+        unchanged: set[str] = set()
 
         def report(task: Task, status: str, done: int, total: int) -> None:
+            unchanged.update({task.id} if status == "unchanged" else ())
             progress.step(f"{done} of {count(total, 'log')} done, the last {task.id} ({status})")
-            progress(done, total)
+            progress(done, total, skipped=len(unchanged))
 
         fleet = run_fleet(logs, plan, directory, jobs=jobs, ray=ray, force=force, report=report)
     if talk.json:

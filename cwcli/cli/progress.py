@@ -27,6 +27,7 @@ class Progress:
         )
         self._what = ""
         self._fraction: float | None = None
+        self._left: float | None = None  # as much as this times what has passed
         self._begin = time.monotonic()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -34,11 +35,12 @@ class Progress:
     def step(self, what: str) -> None:
         """Begin the next step."""
         self._what = printable(what)
-        self._fraction = None
+        self._fraction = self._left = None
 
-    def __call__(self, done: float, total: float) -> None:
-        """Report how much of the step is done, in any unit."""
+    def __call__(self, done: float, total: float, skipped: float = 0) -> None:
+        """Report how much is done since the beginning, in any unit, and how much of that took no time."""
         self._fraction = min(max(done / total, 0.0), 1.0) if total > 0 else None
+        self._left = (total - done) / (done - skipped) if skipped < done < total else None
 
     def __enter__(self) -> Progress:
         if self._enabled:
@@ -62,7 +64,8 @@ class Progress:
             width: Columns of the terminal.
         """
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
-        line = f"{self._what}{done} ({elapsed_s:.0f} s)"
+        left = "" if self._left is None else f", about {elapsed_s * self._left:.0f} s left"
+        line = f"{self._what}{done} ({elapsed_s:.0f} s{left})"
         while display_width(line) >= width:
             line = line[:-1]
         return line

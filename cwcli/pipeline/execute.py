@@ -86,10 +86,10 @@ def run_stages(
     outcome = Outcome(log.name)
     current = log
     first: MissingSignalError | None = None
-    for name, stage in stages.items():
+    for k, (name, stage) in enumerate(stages.items(), 1):
         lack = missing(name, current, selection)
         if lack is None:
-            step(f"{name} {log.name}")
+            step(f"{name} {log.name}" + (f", stage {k} of {len(stages)}" if len(stages) > 1 else ""))
             try:
                 result = stage(current, selection)
             except MissingSignalError as error:

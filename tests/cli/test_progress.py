@@ -27,7 +27,15 @@ def test_line_tells_what_how_much_and_how_long() -> None:
     progress.step("reading drive\x1b.mcap")
     assert progress.line(3.4) == "reading drive\\x1b.mcap (3 s)"
     progress(1, 4)
+    assert progress.line(61.0) == "reading drive\\x1b.mcap  25 % (61 s, about 183 s left)"
+    progress(0, 4)
+    assert progress.line(61.0) == "reading drive\\x1b.mcap   0 % (61 s)"
+    progress(3, 4, skipped=1)  # two in 61 s, and one more to do
+    assert progress.line(61.0) == "reading drive\\x1b.mcap  75 % (61 s, about 30 s left)"
+    progress(1, 4, skipped=1)
     assert progress.line(61.0) == "reading drive\\x1b.mcap  25 % (61 s)"
+    progress(4, 4)
+    assert progress.line(61.0) == "reading drive\\x1b.mcap 100 % (61 s)"
     progress.step("x" * 200)
     assert len(progress.line(2.0)) == 79
     progress.step("日" * 200)  # two cells each
