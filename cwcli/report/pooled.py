@@ -30,6 +30,8 @@ MORE = (
     "warnings.raised_per_100km",
 )
 """What is shown beside the metrics that runs are compared by."""
+EXTENT = ("data.duration_s", "ego.distance_km")
+"""A long drive is no odd one."""
 MAX_ODD = 3
 MAX_SOURCES = 20
 N_BINS = 24
@@ -166,7 +168,7 @@ def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, s
         n_samples=row.n,
         median=shown(float(np.median(told))),
         spread=spread,
-        odd=odd_logs(row.metric, values, anchors, low, high),
+        odd=() if row.metric in EXTENT else odd_logs(row.metric, values, anchors, low, high),
     )
 
 
