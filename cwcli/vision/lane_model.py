@@ -7,7 +7,7 @@ column u = u0 + m h + k / h + q / h^2 as long as the bend is gentle, else on a c
 - m = lateral place / camera height, to the right, times fx / fy: `middle` - `width` / 2 for the left boundary,
   `middle` + `width` / 2 for the right one,
 - k = curvature (to the right) fx fy H / 2,
-- q = the curvature's change in a metre ahead, fx fy^2 H^2 / 6: 0 but for lanes that are followed at a known speed.
+- q = the curvature's change in a metre ahead, fx fy^2 H^2 / 6: 0 but for lanes that are followed.
 
 So both boundaries have six numbers in common, and no calibration is needed to find them: it enters through the prior,
 and through fx where a bend is tight.

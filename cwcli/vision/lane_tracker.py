@@ -56,6 +56,7 @@ from cwcli.vision.lane_model import (
     LOW,
     MEAN,
     SIGMA,
+    SPIRAL,
     VANISHING,
     LanePrior,
     coincide,
@@ -89,6 +90,11 @@ SWITCH_GAIN = 0.03
 SWITCH_S = 0.4
 """for so long."""
 HORIZON_GAIN = 0.05
+BENDS_MPS = 10.0
+"""Where no speed is told, a lane may be one on which cars drive so slowly, whose bends begin and end within sight,
+if its objective is better by `SWITCH_GAIN`;"""
+BEND_FRAMES = 3
+"""looked for every so many frames, and in every one while it is."""
 MEASURED_EVERY_NS = 300_000_000
 """A lane's covariance is measured no more often."""
 
@@ -170,7 +176,8 @@ class LaneTracker:
         since_ns = frame.stamp_ns - self._measured_ns
         if self._covariance is None or fit.steady_s == 0.0 or since_ns >= MEASURED_EVERY_NS:
             lane, camera = self._hypotheses[0].lane, frame.camera
-            table = opened(self._prior, camera, frame.speed_mps).table
+            is_bent = math.isnan(frame.speed_mps) and lane[SPIRAL] != 0.0
+            table = opened(self._prior, camera, BENDS_MPS if is_bent else frame.speed_mps).table
             own = lane_covariance(self._evidence, lane, table, camera)
             self._covariance, self._measured_ns = fit_covariance(lane, own, camera), frame.stamp_ns
         return replace(fit, covariance=self._covariance)
@@ -194,17 +201,14 @@ class LaneTracker:
             lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
             change = crossed(lane)
             lane = beside(lane, change)
-            table = narrowed(prior, lane, dt_s, sideways_mps)
-            lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
-            starts = lane[None]
-            if frame.speed_mps < SWIFT_MPS:
-                starts = np.stack([lane, widely_best(evidence, turned(lane, prior, table, size[1]), table)])
-            lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
-            lanes = lanes[int(values.argmax())]
-            lanes, _ = refined(evidence, lanes, table, size, wide=False, scale=0.5, beside=0.0)
-            last = float(judged(evidence, lanes, prior.table)[0])
+            found, last = improved(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=frame.speed_mps < SWIFT_MPS)
+            if math.isnan(frame.speed_mps) and (lane[SPIRAL] != 0.0 or self._n_frames % BEND_FRAMES == 0):
+                tight = opened(self._prior, camera, BENDS_MPS)
+                bent_lane, bent_last = improved(evidence, lane, tight, size, dt_s, sideways_mps, is_slow=True)
+                if bent_last > last + SWITCH_GAIN:
+                    found, last = bent_lane, bent_last
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, replace(each, lane=lanes[0], value=value, last=last, change=change), size)
+            add_merged(made, replace(each, lane=found, value=value, last=last, change=change), size)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(frame, camera, made, prior)
@@ -320,6 +324,34 @@ class LaneTracker:
             steady_s=self._steady_s,
             lane_change=change,
         )
+
+
+def improved(
+    evidence: Evidence,
+    lane: FloatArray,
+    prior: LanePrior,
+    size: tuple[int, int],
+    dt_s: float,
+    sideways_mps: float,
+    *,
+    is_slow: bool,
+) -> tuple[FloatArray, float]:
+    """A predicted lane (6,) improved on a frame, and its objective.
+
+    Args:
+        evidence, lane, size: As elsewhere.
+        prior: Of a followed lane.
+        dt_s, sideways_mps: `narrowed`.
+        is_slow: Bends may begin and end within sight: others are tried too (`turned`).
+    """
+    table = narrowed(prior, lane, dt_s, sideways_mps)
+    lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
+    starts = lane[None]
+    if is_slow:
+        starts = np.stack([lane, widely_best(evidence, turned(lane, prior, table, size[1]), table)])
+    lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
+    lanes, _ = refined(evidence, lanes[int(values.argmax())], table, size, wide=False, scale=0.5, beside=0.0)
+    return lanes[0], float(judged(evidence, lanes, prior.table)[0])
 
 
 def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:

@@ -243,9 +243,10 @@ def test_other_bends_keep_the_near_row() -> None:
     assert np.ptp(kept[:, MIDDLE]) <= 2.0 * 0.1 / 1.65 + 1e-9  # and the lane does not jump
 
 
-def test_a_ramp_is_followed_from_its_beginning_to_its_end() -> None:
+@pytest.mark.parametrize("with_motion", [True, False])
+def test_a_ramp_is_followed_from_its_beginning_to_its_end(with_motion: bool) -> None:
     """Radius 23 m, with spirals of 25 m: both boundaries where they are, to 0.2 m at 8 m, in every frame."""
-    seen = watched(drive := planned("ramp", 200, 16.0), drive.frames())
+    seen = watched(drive := planned("ramp", 200, 16.0), drive.frames(), with_motion=with_motion)
     found, true = places_m(seen)
     assert np.abs(found - true).max() < 0.2
     assert (np.nan_to_num(seen.share, nan=1.0) >= VISUAL_SHARE).mean() > 0.99
